@@ -1,11 +1,8 @@
-# The images of the services, one target each. compose.yaml builds them and says which of pyproject's extras (EXTRA; more
-# than one with commas) an image needs; with compose.gpu.yaml the render service's is for NVIDIA GPUs: wheels only, no CUDA
-# toolkit, no compiler.
+# The images of the services, one target each. compose.yaml builds them with the extras of pyproject.toml that each needs
+# (EXTRA; several with commas), and compose.gpu.yaml builds the render service for NVIDIA GPUs: wheels only, no CUDA toolkit,
+# no compiler.
 ARG PYTHON_IMAGE=python:3.11-slim-bookworm
 ARG NODE_IMAGE=node:20-slim
-
-# Wheels to use instead of the registry's; compose.yaml can replace this stage with a folder.
-FROM scratch AS wheels
 
 FROM ${NODE_IMAGE} AS page
 WORKDIR /src/web
@@ -16,42 +13,39 @@ RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root
 COPY web ./
 RUN npm run --silent build
 
-FROM ${PYTHON_IMAGE} AS wheel
-ENV PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore
+# uv, and what builds the package, as uv.lock has them.
+FROM ${PYTHON_IMAGE} AS uv
+ENV PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore UV_LINK_MODE=copy UV_PYTHON_DOWNLOADS=never
 WORKDIR /src
-COPY locks/build.txt locks/
-RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root/.cache/pip \
-    if [ -s /run/ca.crt ]; then export PIP_CERT=/run/ca.crt; fi; \
-    pip install -q --require-hashes -r locks/build.txt
-COPY pyproject.toml README.md LICENSE ./
+COPY pyproject.toml uv.lock ./
+COPY deploy/uv_requirement.py deploy/
+RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root/.cache \
+    if [ -s /run/ca.crt ]; then export PIP_CERT=/run/ca.crt SSL_CERT_FILE=/run/ca.crt; fi; \
+    python deploy/uv_requirement.py >/uv.txt && pip install -q --require-hashes -r /uv.txt \
+    && uv export -q --frozen --only-group build --output-file /build.txt \
+    && uv pip install -q --system --require-hashes -r /build.txt
+
+FROM uv AS wheel
+COPY README.md LICENSE ./
 COPY services services
-RUN pip wheel -q --no-deps --no-build-isolation --wheel-dir /wheel .
+RUN uv build -q --wheel --no-build-isolation --out-dir /wheel
 
 # An environment with what a service runs with and no more: neither pip nor what builds the wheel, and no tests.
-FROM ${PYTHON_IMAGE} AS build
-ENV PIP_DISABLE_PIP_VERSION_CHECK=1
+FROM uv AS build
 RUN python -m venv --without-pip /opt/tigas
-WORKDIR /src
-COPY constraints.txt ./
-COPY locks locks
-# Dependencies first, so that a change in our code does not reinstall them: what the locks have, whose files are checked,
-# and for GPUs PyTorch, from its own index, which has little else.
+# Dependencies first, so that a change in our code does not reinstall them. WITHOUT: packages of the extras that a service
+# does not need.
 ARG EXTRA
-ARG TORCH_INDEX=https://download.pytorch.org/whl/cu130
-RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root/.cache/pip \
-    --mount=type=bind,from=wheels,target=/wheels \
-    if [ -s /run/ca.crt ]; then export PIP_CERT=/run/ca.crt; fi; \
-    install="pip --python /opt/tigas/bin/python install -q"; \
-    case ${EXTRA:?which extra of pyproject.toml? compose.yaml says it} in *gpu*) \
-        if ls /wheels/torch-*.whl >/dev/null 2>&1; then index="--find-links /wheels"; else index="--index-url ${TORCH_INDEX}"; fi; \
-        ${install} -c constraints.txt ${index} --no-deps torch || exit 1;; \
-    esac; \
-    for extra in $(echo ${EXTRA} | tr , ' '); do ${install} --require-hashes -r locks/${extra}.txt || exit 1; done; \
-    find /opt/tigas/lib -type d -name tests -prune -exec rm -r {} +
-RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root/.cache/pip \
-    --mount=type=bind,from=wheel,source=/wheel,target=/wheel \
-    if [ -s /run/ca.crt ]; then export PIP_CERT=/run/ca.crt; fi; \
-    pip --python /opt/tigas/bin/python install -q -c constraints.txt "$(echo /wheel/*.whl)[${EXTRA}]"
+ARG WITHOUT=
+RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root/.cache \
+    if [ -s /run/ca.crt ]; then export SSL_CERT_FILE=/run/ca.crt; fi; \
+    : ${EXTRA:?which extra of pyproject.toml? See compose.yaml}; \
+    uv export -q --frozen --no-default-groups --no-emit-project $(printf ' --extra %s' $(echo ${EXTRA} | tr , ' ')) \
+        ${WITHOUT:+$(printf ' --prune %s' $(echo ${WITHOUT} | tr , ' '))} --output-file /dependencies.txt \
+    && uv pip install -q --python /opt/tigas/bin/python --require-hashes -r /dependencies.txt \
+    && find /opt/tigas/lib -type d -name tests -prune -exec rm -r {} +
+RUN --mount=type=bind,from=wheel,source=/wheel,target=/wheel \
+    uv pip install -q --python /opt/tigas/bin/python --no-deps /wheel/*.whl
 
 FROM build AS build-with-page
 RUN --mount=type=bind,from=page,source=/src/services/render/tigas_render/static,target=/page \

@@ -1,12 +1,11 @@
 # Newcomers need only two commands: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo gpu test kernels test-web-units test-python test-pages test-timed-pages chromium test-slow test-compose fuzz lint lint-python lint-web lint-compose lock format bench compare bench-gpu bench-hostile bench-load release images clean
+.PHONY: help demo gpu lab test kernels test-all test-web-units test-python test-slow test-alone test-extended fuzz lint lint-python lint-web lint-compose lint-github lock format docs bench compare bench-gpu bench-hostile bench-load dist release images clean
 
 PYTHON ?= python3
-# PyTorch's package index. Without an NVIDIA GPU, save gigabytes with
-#   make demo TORCH_INDEX=https://download.pytorch.org/whl/cpu
-TORCH_INDEX ?=
+# The index of PyTorch's CPU build.
+TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 # Another models directory than models/. The built-in demo scene is always available.
 SCENES ?=
 
@@ -18,27 +17,32 @@ EXAMPLES ?= 1000
 
 VENV := .venv/bin
 PIP := $(VENV)/pip install --disable-pip-version-check
+UV_SYNC := $(VENV)/uv sync --frozen --inexact --no-default-groups
 STATIC := services/render/tigas_render/static/index.html
 
 help:
 	@echo "make demo          install dependencies, start the demo and print its URL"
-	@echo "make test          install dependencies and run all tests, including browser tests, except slow and container tests"
-	@echo "make test-slow     run the tests that take long and guard what changes seldom (about 8 minutes)"
-	@echo "make test-compose  start the containers, test them over the shaped link and remove them"
+	@echo "make test          install dependencies and run the fast tests (at most 6 minutes)"
+	@echo "make test-all      run nearly all tests: also browsers, the shaped link and containers (at most 25 minutes)"
+	@echo "make test-extended run the longest tests, of what changes seldom"
 	@echo "make fuzz          try EXAMPLES=1000 random inputs in each fuzzer (about 20 minutes)"
 	@echo "make compare       compare one JPEG per pose with low-latency DASH over a shaped link, into results/ (about 10 minutes, needs root)"
 	@echo "make lint          check types, style and generated files"
 	@echo "make bench         measure speed and memory against baselines (about 10 minutes)"
-	@echo "make bench-hostile measure a polite viewer while somebody else attacks (about 30 minutes; needs root for all of it)"
+	@echo "make bench-hostile measure a polite viewer while somebody else attacks (over half an hour; needs root for all of it)"
 	@echo "make bench-load    find how many viewers the render service serves, and what becomes of twice as many (about 3 minutes)"
 	@echo "make gpu           install GPU support for NVIDIA, as in: make gpu demo"
+	@echo "make lab           install experiments and their store, reports and training, as in: make lab demo"
 	@echo "make bench-gpu     measure GPU rendering (needs a GPU)"
-	@echo "make lock          write the locks after a change of pyproject.toml or constraints.txt"
+	@echo "make lock          update uv.lock after a change of pyproject.toml"
 	@echo "make release       build wheel and source archive with the page in them, and lists of all that they need (SBOM), into dist/, and images"
 	@echo "make format        format the code and fix what can be fixed automatically"
+	@echo "make docs          build the documentation site into site/"
 	@echo "make clean         remove installed dependencies, build outputs and caches"
 
-demo: .venv/.ready $(STATIC)
+# The Python side, including the rasteriser's kernels, is prepared while the page is built.
+demo:
+	@$(MAKE) --no-print-directory -j2 kernels $(STATIC)
 	@if $(VENV)/tigas lab check $(ARGS); then \
 		echo "== behind a shaped link: replay traces from the page's network panel"; \
 		exec $(VENV)/tigas lab up --traces traces/network $(if $(SCENES),--scenes $(SCENES)) $(ARGS); \
@@ -47,26 +51,18 @@ demo: .venv/.ready $(STATIC)
 		exec $(VENV)/tigas demo -- $(if $(SCENES),--scenes $(SCENES)) $(ARGS); \
 	fi
 
-# Browser tests that measure time: one by one. Those in tests/web cannot share a process with the tests before them.
-TIMED_PAGES := $(addprefix tests/web/test_,adaptation.py connection.py dash_reprojection.py modes.py motion_to_photon.py refinement.py \
-	reprojection.py)
-ONE_BY_ONE := tests/experiments/run/test_bridge.py $(TIMED_PAGES)
-# Tests in network namespaces: one by one, since some use the same lab, and beside others, since they wait most of the time;
-# after them others that wait, for as long as the rest takes.
-BESIDE := tests/testbed tests/experiments/commands/test_compare_testbed.py tests/cluster tests/dash tests/enhance
-# Whole services and browsers share two cores here. A test that a busy machine fails is run once more, and the summary names it.
-PYTEST = $(VENV)/python -m pytest --reruns 1
+PYTEST = $(VENV)/python -m pytest
 
-# `make -k test` goes on to the next group after a failure.
-test: test-web-units test-python test-pages test-timed-pages
+# Two tiers, and the longest tests apart. `make -k test-all` goes on after a failure.
+test: test-web-units test-python
 
-test-python: kernels
+test-all: test test-slow test-alone
 
-test-python test-pages test-timed-pages: .venv/.ready $(STATIC) chromium
+test-python test-slow test-alone: .venv/.ready $(STATIC) kernels
 
-# Once: otherwise all of the tests' processes would compile them at the same time.
-kernels: .venv/.ready
-	@echo "== CPU rasteriser: kernels"
+# Compiled once: otherwise every test process would compile them at the same time.
+kernels: .venv/.demo
+	@echo "== CPU rasteriser: compiling its kernels (once)"
 	@$(VENV)/python -c "from tigas_render.raster.cpu import CpuRasterizer; CpuRasterizer().warm_up()"
 
 test-web-units: web/node_modules/.ready
@@ -74,35 +70,27 @@ test-web-units: web/node_modules/.ready
 	@cd web && npm test --silent
 
 test-python:
-	@echo "== Python tests, on two cores; beside them those that wait most of the time, whose results follow"
-	@log=$$(mktemp); $(PYTEST) $(BESIDE) >$$log 2>&1 & beside=$$!; \
-	$(PYTEST) -n 2 --dist loadfile $(patsubst %,--ignore=%,tests/web tests/experiments/run/test_bridge.py $(BESIDE)); others=$$?; \
-	wait $$beside; beside=$$?; cat $$log; rm $$log; exit $$((others || beside))
+	@echo "== Python tests, on two cores"
+	@$(PYTEST) -n 2 --dist loadfile
 
-test-pages:
-	@echo "== Browser tests, on two cores"
-	@$(PYTEST) -n 2 --dist loadfile tests/web $(TIMED_PAGES:%=--ignore=%)
+# In the order of the folders: a process that has driven browsers in tests/web runs no asyncio tests any more.
+test-slow:
+	@echo "== slow tests, on two cores"
+	@$(PYTEST) --durations=15 -n 2 --dist loadfile --no-loadscope-reorder -m 'slow and not alone and not extended'
 
-test-timed-pages:
-	@echo "== Browser tests that measure time, one by one"
-	@$(PYTEST) $(ONE_BY_ONE)
+test-alone:
+	@echo "== tests that measure time or use fixed ports, one by one"
+	@$(PYTEST) -m 'alone and not extended'
 
-chromium:
-	@command -v chromium >/dev/null || { echo "The browser tests need Chromium: sudo apt-get install chromium"; exit 1; }
-
-test-slow: .venv/.ready $(STATIC) chromium
-	@$(PYTEST) -m slow --ignore=tests/web
-	@$(PYTEST) -m slow tests/web
-
-test-compose: .venv/.ready
-	@$(VENV)/python -m pytest tests/compose -m compose -s
+test-extended: .venv/.ready $(STATIC)
+	@$(PYTEST) -m extended
 
 fuzz: .venv/.ready web/node_modules/.ready
 	@cd web && VITE_FUZZ_EXAMPLES=$(EXAMPLES) npx vitest run --test-timeout=0 fuzz
 	@TIGAS_FUZZ_EXAMPLES=$(EXAMPLES) $(VENV)/python -m pytest tests/fuzz --timeout=0 --tb=short $(ARGS)
 
 # `make -j2 lint` does both sides at once.
-lint: lint-python lint-web lint-compose
+lint: lint-python lint-web lint-compose lint-github
 
 lint-python: .venv/.ready
 	@echo "== ruff, mypy"
@@ -116,24 +104,31 @@ lint-compose:
 	@echo "== compose.yaml, compose.cluster.yaml"
 	@if docker compose version >/dev/null 2>&1; then docker compose --profile monitoring config -q && docker compose -f compose.cluster.yaml config -q; else echo "not checked: Docker or its Compose plugin is missing"; fi
 
+lint-github: .venv/.ready
+	@echo "== .github"
+	@$(VENV)/check-jsonschema --quiet --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	@$(VENV)/check-jsonschema --quiet --builtin-schema vendor.dependabot .github/dependabot.yml
+	@$(VENV)/check-jsonschema --quiet --builtin-schema vendor.github-issue-forms .github/ISSUE_TEMPLATE/[!c]*.yml
+
 format: .venv/.ready web/node_modules/.ready
 	@$(VENV)/ruff check --fix . ; $(VENV)/ruff format .
 	@cd web && npm run --silent fix
 
-lock: .venv/.ready
-	@$(VENV)/python -m locks.update
+docs: .venv/.ready
+	@NO_MKDOCS_2_WARNING=1 $(VENV)/mkdocs build --quiet && echo "The documentation is in site/index.html."
 
-compare: .venv/.ready $(STATIC)
-	@$(VENV)/tigas compare $(foreach network,$(NETWORKS),--network $(network)) --profile budget --profile 2 $(if $(SCENES),--scenes $(SCENES)) $(ARGS)
+lock: .venv/.demo
+	@$(VENV)/uv lock
 
-bench: .venv/.ready $(STATIC)
+compare: .venv/.lab $(STATIC)
+	@$(if $(SCENES),TIGAS_RENDER_SCENES=$(SCENES)) $(VENV)/tigas compare $(foreach network,$(NETWORKS),--network $(network)) --profile budget --profile 2 $(ARGS)
+
+bench: .venv/.ready
 	@$(VENV)/python -m benchmarks.raster
-	@$(VENV)/python -m benchmarks.footprint
 	@$(VENV)/python -m benchmarks.transport
 	@$(VENV)/python -m benchmarks.quic_cost
 	@$(VENV)/python -m benchmarks.memory
 	@$(VENV)/python -m benchmarks.dash
-	@$(VENV)/python -m benchmarks.sampling
 
 bench-load: .venv/.ready
 	@$(VENV)/python -m benchmarks.load $(ARGS)
@@ -146,46 +141,67 @@ bench-hostile: .venv/.ready
 
 gpu: .venv/.gpu
 
-.venv/.gpu: .venv/.ready
-	@$(PIP) -q --require-hashes -r locks/gpu.txt
-	@$(PIP) -q -c constraints.txt --no-build-isolation -e '.[gpu]'
-	@$(VENV)/python -c 'import sys, torch; sys.exit(torch.version.cuda is None)' || { echo "The installed PyTorch has no CUDA support: run make clean, then make gpu without TORCH_INDEX"; exit 1; }
-	@touch $@
+lab: .venv/.lab
 
-# First what the lock has, whose files are checked, then the project with what is left: PyTorch, and the CUDA libraries of one for GPUs.
-.venv/.ready: pyproject.toml constraints.txt locks/dev.txt
+# Dependencies come from uv.lock, with their hashes checked. uv itself is installed by pip, from its entry in the lock.
+.venv/.demo: pyproject.toml uv.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "TIGAS needs Python 3.11 or newer: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
-	@echo "== Python environment in .venv (the first install takes minutes: PyTorch is large)"
+	@echo "== Python environment in .venv"
 	@$(PYTHON) -m venv .venv || { echo "Python cannot create virtual environments: sudo apt-get install python3-venv"; exit 1; }
-	@$(if $(TORCH_INDEX),$(PIP) -q -c constraints.txt --index-url $(TORCH_INDEX) --no-deps torch)
-	@set -o pipefail; { $(PIP) --progress-bar on --require-hashes -r locks/dev.txt && \
-		$(PIP) --progress-bar on -c constraints.txt --no-build-isolation -e '.[dev]'; } | grep -E '^(Collecting|Downloading|Successfully)' || { echo "pip failed: run it again to see why"; exit 1; }
+	@$(PIP) --require-hashes -r <($(VENV)/python deploy/uv_requirement.py)
+	@$(UV_SYNC) --group build --extra render --extra dash --extra shaper
 	@touch $@
 
-web/node_modules/.ready: web/package.json web/package-lock.json
+.venv/.gpu: .venv/.demo
+	@$(UV_SYNC) --extra gpu --reinstall-package torch
+	@touch $@
+
+# PyTorch and the packages that only its CUDA build needs.
+CUDA = $(shell sed -nE 's/^name = "(torch|triton|cuda-.*|nvidia-.*)"$$/\1/p' uv.lock)
+TORCH = torch==$(shell sed -n '/^name = "torch"$$/{n;s/version = "\(.*\)"/\1/p}' uv.lock)
+
+.venv/.lab: .venv/.demo
+	@echo "== Python environment in .venv: experiments, reports and training"
+	@$(UV_SYNC) --extra lab $(CUDA:%=--no-install-package %)
+	@$(PIP) --no-deps --retries 1 --extra-index-url $(TORCH_INDEX) $(TORCH)
+	@touch $@
+
+.venv/.ready: .venv/.lab
+	@echo "== Python environment in .venv: tests"
+	@$(UV_SYNC) --extra cluster --group dev
+	@touch $@
+
+# Only what builds the page, without source maps and debug builds, which are half of it.
+web/node_modules/.build: web/package.json web/package-lock.json
 	@node -e 'const [major, minor] = process.versions.node.split("."); process.exit(major > 22 || (major == 22 && minor >= 12) || (major == 20 && minor >= 19) ? 0 : 1)' 2>/dev/null || { echo "The web client needs Node.js 20.19, or 22.12 or newer: https://nodejs.org"; exit 1; }
-	@echo "== web client: dependencies"
-	@cd web && npm ci --no-audit --no-fund --loglevel=error
+	@echo "== web client: dependencies of the page"
+	@cd web && npm ci --omit=dev --omit=peer --no-audit --no-fund --loglevel=error
+	@find web/node_modules -name '*.map' -delete -o -path '*/playcanvas/build/*.dbg*' -delete -o -path '*/playcanvas/build/*.prf*' -delete
 	@touch $@
 
-$(STATIC): web/node_modules/.ready $(shell find web/src web/public web/index.html web/vite.config.ts -type f 2>/dev/null)
+web/node_modules/.ready: web/node_modules/.build
+	@echo "== web client: dependencies of tests and checks"
+	@cd web && npm ci --no-audit --no-fund --loglevel=error
+	@touch web/node_modules/.build $@
+
+$(STATIC): web/node_modules/.build $(shell find web/src web/public web/index.html web/vite.config.ts -type f 2>/dev/null)
 	@echo "== web client: build"
 	@cd web && npm run --silent build
 	@touch $@
 
-# What the images install, by extra: their locks, and PyTorch, which is in none, for those on GPUs; and what the page has in it.
-SBOM_EXTRAS := cluster gpu render shaper store webrtc
-SBOM := PYTHONWARNINGS=ignore $(VENV)/uv tool run --quiet --from cyclonedx-bom==7.5.0 cyclonedx-py requirements - --pyproject pyproject.toml --output-reproducible
-TORCH_EXTRAS := gpu
+# The extras that images install.
+SBOM_EXTRAS := cluster dash gpu lab render shaper
 VERSION = $(shell $(VENV)/python -c 'import tomllib; print(tomllib.load(open("pyproject.toml", "rb"))["project"]["version"])')
 
-release: .venv/.ready $(STATIC)
+dist: .venv/.demo $(STATIC)
 	@rm -rf dist
-	@$(VENV)/uv build --quiet --out-dir dist
-	@set -o pipefail; $(foreach extra,$(SBOM_EXTRAS),{ cat locks/$(extra).txt; $(if $(filter $(extra),$(TORCH_EXTRAS)),grep ^torch== constraints.txt;) } | $(SBOM) -o dist/tigas-$(extra).cdx.json &&) true
+	@$(VENV)/uv build --quiet --no-build-isolation --out-dir dist
+	@$(foreach extra,$(SBOM_EXTRAS),$(VENV)/uv export --frozen --quiet --no-default-groups --extra $(extra) --format cyclonedx1.5 --preview-features sbom-export --output-file dist/tigas-$(extra).cdx.json >/dev/null &&) true
 	@cd web && npm sbom --package-lock-only --omit dev --sbom-format cyclonedx >../dist/tigas-page.cdx.json
-	@$(VENV)/python -m pytest tests/test_release.py
 	@ls dist
+
+release: .venv/.ready dist
+	@$(VENV)/python -m pytest tests/test_release.py
 	@if docker info >/dev/null 2>&1 && docker compose version >/dev/null 2>&1; then $(MAKE) --no-print-directory images; else echo "The images are not built: Docker or its Compose plugin is missing, or does not run."; fi
 
 images:
@@ -194,4 +210,4 @@ images:
 	@docker image ls --filter 'reference=tigas-*:$(VERSION)'
 
 clean:
-	rm -rf .venv dist web/node_modules services/render/tigas_render/static .mypy_cache .ruff_cache .pytest_cache
+	rm -rf .venv dist site web/node_modules services/render/tigas_render/static .mypy_cache .ruff_cache .pytest_cache

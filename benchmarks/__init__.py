@@ -1,1 +1,1 @@
-"""What `make bench` and `make bench-gpu` run, and measurements that documents cite: `python -m benchmarks.NAME`."""
+"""Benchmarks of `make bench` and `make bench-gpu`, and measurements cited by documents: `python -m benchmarks.NAME`."""

@@ -1,13 +1,12 @@
-"""The packager before the real render service: does it keep its frame rate, how late are its chunks, does it grow?
+"""The packager in front of the real render service: its frame rate, the delay of its chunks, and its memory.
 
     python -m benchmarks.dash [--seconds 60] [--width 640] [--height 360]
 
-A viewer looks around in the demo scene; the best representation of the stream is read as a player reads it. A chunk's
-delay is counted from the tick that it belongs to (its media time on the wall clock) until its last byte was read here.
-The baseline, in the same run, is FFmpeg's own muxer for fragmented MP4 (`frag_every_frame`), which gives a frame out
-when it gets the next one. Memory is that of the packager's process: over the session, and after ten more were opened
-and dropped, sixteen times over: the first ones leave what the allocator keeps for the next, the last ones must add
-nothing.
+A viewer looks around in the demo scene; the best representation of the stream is read like a player does. A chunk's
+delay is the time from its tick (its media time on the wall clock) until its last byte was read here. The baseline, in
+the same run, is FFmpeg's own muxer for fragmented MP4 (`frag_every_frame`), which outputs a frame when it gets the next
+one. Memory is that of the packager's process: over the session, and after opening and dropping ten more, sixteen times:
+the first ones leave memory in the allocator for the next, the last ones must add none.
 """
 
 from __future__ import annotations
@@ -16,6 +15,7 @@ import argparse
 import asyncio
 import json
 import math
+import os
 import statistics
 import struct
 import subprocess
@@ -32,7 +32,7 @@ import httpx
 import psutil
 from websockets.asyncio.client import connect
 
-from tigas_common.processes import end, tigas
+from tigas_common.processes import running, tigas
 
 RATE = 30
 WARM_UP_S = 10
@@ -41,13 +41,10 @@ LIMIT_MB = 5
 
 
 @contextmanager
-def service(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
-    """A `tigas` command for as long as the context lasts."""
-    process = subprocess.Popen(tigas(*arguments), stdout=subprocess.DEVNULL, start_new_session=True)
-    try:
+def service(*arguments: str, **environment: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Run a `tigas` command, as a context manager."""
+    with running(tigas(*arguments), 10, stdout=subprocess.DEVNULL, env=os.environ | environment) as process:
         yield process
-    finally:
-        end(process, 10)
 
 
 async def answers(http: httpx.AsyncClient) -> None:
@@ -62,7 +59,7 @@ async def answers(http: httpx.AsyncClient) -> None:
 
 
 def session_request(width: int, height: int) -> dict[str, Any]:
-    """The demo scene from its door, in the representations that the viewer has, too: the packager's own choice."""
+    """The demo scene from its door, in the packager's default representations."""
     view = {"fx": width / 2, "fy": width / 2, "cx": width / 2, "cy": height / 2, "width": width, "height": height}
     pose = {"position": [0, -1.75, -6], "quaternion": [0, 0, 0, 1]}
     return {"scene": "courtyard", **pose, **view, "frame_rate": RATE}
@@ -70,7 +67,7 @@ def session_request(width: int, height: int) -> dict[str, Any]:
 
 @asynccontextmanager
 async def walking(port: int, session: dict[str, Any]) -> AsyncIterator[None]:
-    """A viewer that looks around for as long as the context lasts, at 60 poses a second."""
+    """A viewer that looks around at 60 poses per second, as a context manager."""
 
     async def walk() -> None:
         async with connect(f"ws://127.0.0.1:{port}{session['poses']}") as socket:
@@ -140,7 +137,7 @@ def muxer_delays(width: int, height: int, frames: int) -> list[float]:
         for packet in stream.encode(frame):
             container.mux(packet)
         if number > 1 and len(given) > before:
-            delays.append(1000 * (given[-1] - asked[number - 1]))  # what came out is the frame before
+            delays.append(1000 * (given[-1] - asked[number - 1]))  # the output is the previous frame
     container.close()
     return delays
 
@@ -161,7 +158,7 @@ async def main() -> int:
     with (
         service("render", "--http", f"127.0.0.1:{render_port}", "--quic", "off"),
         service("dash", "--render", f"http://127.0.0.1:{render_port}", "--http", f"127.0.0.1:{port}",
-                "--idle-s", "2", "--max-sessions", "20", "--encoder", "libx264") as packager,
+                "--max-sessions", "20", TIGAS_DASH_IDLE_S="2", TIGAS_DASH_ENCODER="libx264") as packager,
     ):  # fmt: skip
         async with (
             httpx.AsyncClient(base_url=f"http://127.0.0.1:{render_port}") as render,

@@ -1,9 +1,9 @@
-"""The CUDA rasteriser on this machine: accuracy, time from pose to JPEG, stages, throughput, and gsplat beside it.
+"""The CUDA rasteriser on this machine: time from pose to JPEG, stages, throughput, and gsplat as the baseline.
 
     python -m benchmarks.gpu [--device cuda:0] [--seconds 5] [--gsplat]
 
-Real scenes come from ../shared (or TIGAS_SHARED); without them the built-in demo scene takes their place. --gsplat adds
-what people would use otherwise, in the same run: gsplat, a copy to the host, and Pillow. It needs gsplat and nvcc.
+Real scenes come from ../shared (or TIGAS_SHARED), with the built-in demo scene as a fallback. --gsplat adds the usual
+alternative, in the same run: gsplat, a copy to the host, and Pillow. It needs gsplat and nvcc.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -27,21 +26,18 @@ import torch
 import uvloop
 from PIL import Image as PillowImage
 
-from benchmarks.gpu_load import View, throughput
-from tests.render.raster.views import gsplat_frames, psnr
+from benchmarks.gpu_load import throughput
+from benchmarks.views import centred_lens, look, start_view
 from tigas_common.pose import Pose
 from tigas_render.cache import cache_directory
 from tigas_render.gaussians import Gaussians
-from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
+from tigas_render.raster.base import Camera
 from tigas_render.raster.calls import Calls
-from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.raster.cuda.rasterizer import CudaRasterizer
 from tigas_render.raster.cuda.scene import CudaScene
 from tigas_render.raster.devices import why_no_cuda
-from tigas_render.raster.host_image import Pixels
-from tigas_render.scenes.demo import DEMO_METADATA, demo_scene
+from tigas_render.scenes.demo import DEMO_SOURCE
 from tigas_render.scenes.ply import load_ply
-from tigas_render.scenes.start_camera import derive_camera
 
 SHARED = Path(os.environ.get("TIGAS_SHARED", Path(__file__).resolve().parents[2] / "shared"))
 SOURCES = {
@@ -73,35 +69,32 @@ def main() -> None:
     bandwidth = copy_bandwidth()
     print(f"{torch.cuda.get_device_name(index)}: ready after {time.perf_counter() - started:.1f} s;", end=" ")
     print(f"a copy on the device moves {bandwidth / 1e12:.2f} TB/s (read and written)")
-    print("\nAccuracy, PSNR in dB")
-    accuracy(rasterizer, scenes)
     if "flowers" in scenes:
-        gaussians, view = scenes["flowers"]
-        scenes |= {f"flowers x {copies}": (densified(gaussians, copies), view) for copies in COPIES}
+        gaussians, pose = scenes["flowers"]
+        scenes |= {f"flowers x {copies}": (densified(gaussians, copies), pose) for copies in COPIES}
     print(f"\nPose to JPEG bytes on the host, ms, quality {QUALITY}")
     prepared = {name: rasterizer.prepare(gaussians) for name, (gaussians, _) in scenes.items()}
-    own = latencies(rasterizer, prepared, {name: view for name, (_, view) in scenes.items()})
+    poses = {name: pose for name, (_, pose) in scenes.items()}
+    own = latencies(rasterizer, prepared, poses)
     if arguments.gsplat:
         print("\ngsplat, copy, Pillow, ms at 1280 x 720")
-        for name, (gaussians, view) in scenes.items():
-            theirs = gsplat_latency(gaussians, view)
+        for name, (gaussians, pose) in scenes.items():
+            theirs = gsplat_latency(gaussians, pose)
             print(f"  {name:12} p50 {theirs:6.2f}   {theirs / own[name]:.2f} times ours")
     print("\nStages, microseconds, each kernel launched by itself")
-    stages(rasterizer, prepared, {name: view for name, (_, view) in scenes.items()}, bandwidth)
+    stages(rasterizer, prepared, poses, bandwidth)
     name = "flowers" if "flowers" in scenes else "courtyard"
     print(f"\nEngine, {name}, profile 1")
-    uvloop.run(throughput(rasterizer, prepared[name], scenes[name][1], arguments.seconds))
+    uvloop.run(throughput(rasterizer, prepared[name], poses[name], arguments.seconds))
 
 
 # --- scenes ---
 
 
-def load_scenes(folder: Path) -> dict[str, tuple[Gaussians, View]]:
-    """The real scenes if they are there, and the demo scene."""
-    demo = demo_scene()
-    start = derive_camera(demo.means, demo.opacities, demo.scales, DEMO_METADATA.up)
-    start = DEMO_METADATA.camera or start
-    scenes = {"courtyard": (demo, View(Pose.look_at(start.position, start.look_at, DEMO_METADATA.up)))}
+def load_scenes(folder: Path) -> dict[str, tuple[Gaussians, Pose]]:
+    """The demo scene and, if they are there, the real ones, with where each is looked at from."""
+    demo = DEMO_SOURCE.load()
+    scenes = {"courtyard": (demo, look(start_view(demo, builtin=True)))}
     cameras_file = SHARED / "scenes" / "cameras.json"
     if not cameras_file.is_file():
         return scenes
@@ -111,67 +104,35 @@ def load_scenes(folder: Path) -> dict[str, tuple[Gaussians, View]]:
         sources = [str(SHARED / "scenes" / file) for file in files]
         command = [sys.executable, str(SHARED / "tools" / "splat_convert.py"), str(ply), *sources, "--deg", degree]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-        position, target, up = (tuple(cameras[name][key]) for key in ("position", "look_at", "up"))
-        scenes[name] = load_ply(ply), View(Pose.look_at(position, target, up))
+        scenes[name] = load_ply(ply), look(cameras[name])
         ply.unlink()
     return scenes
 
 
 def densified(gaussians: Gaussians, copies: int) -> Gaussians:
     """Each Gaussian `copies` times, moved by 0.7 of its deviations, and as much smaller as keeps the scene's look."""
-    from tigas_render.raster.reference import _rotation_matrices
+    from reference.rasterizer import rotation_matrices
 
     means, scales, quaternions, opacities, sh = (array.repeat(copies, 0) for array in gaussians.arrays)
     moved = np.float32(0.7) * np.random.default_rng(0).standard_normal(means.shape, np.float32) * scales
-    means += np.einsum("nij,nj->ni", _rotation_matrices(torch.from_numpy(quaternions)).numpy(), moved)
+    means += np.einsum("nij,nj->ni", rotation_matrices(torch.from_numpy(quaternions)).numpy(), moved)
     return Gaussians(means, scales * np.float32(copies**-0.33), quaternions, opacities, sh)
-
-
-# --- accuracy ---
-
-
-def accuracy(rasterizer: CudaRasterizer, scenes: dict[str, tuple[Gaussians, View]]) -> None:
-    renders = SHARED / "reference" / "gsplat_renders.npz"
-    if renders.exists():
-        with np.load(renders) as reference:
-            for name in SOURCES:
-                scene = rasterizer.prepare(scenes[name][0])
-                views = gsplat_frames(reference, name)
-                worst = min(psnr(pixels(rasterizer, scene, camera), frame) for camera, frame in views)
-                print(f"  {name}: worst of gsplat's frames {worst:.1f}")
-    demo, view = scenes["courtyard"]
-    cpu = CpuRasterizer()
-    for degree in range(4):
-        sh = np.zeros((len(demo), (degree + 1) ** 2, 3), np.float32)
-        sh[:, : demo.sh.shape[1]] = demo.sh[:, : sh.shape[1]]
-        if degree > demo.sh_degree:
-            sh[:, demo.sh.shape[1] :] = np.random.default_rng(degree).normal(0, 0.1, sh[:, demo.sh.shape[1] :].shape)
-        shaded = replace(demo, sh=sh)
-        camera = view.camera(1280, 720)
-        agreement = psnr(*(pixels(r, r.prepare(shaded), camera) for r in (rasterizer, cpu)))
-        print(f"  courtyard, SH degree {degree}: against the CPU rasteriser {agreement:.1f}")
-
-
-def pixels(rasterizer: Rasterizer, scene: PreparedScene, camera: Camera) -> Pixels:
-    with rasterizer.render(scene, camera, "png") as image:
-        return np.asarray(PillowImage.open(io.BytesIO(image.encode("png", 0))).convert("RGB"))
 
 
 # --- latency ---
 
 
-def latencies(rasterizer: CudaRasterizer, prepared: dict[str, CudaScene], views: dict[str, View]) -> dict[str, float]:
+def latencies(rasterizer: CudaRasterizer, prepared: dict[str, CudaScene], poses: dict[str, Pose]) -> dict[str, float]:
     """p50 at the first rung, by scene."""
     first = {}
     print("  " + " " * 12 + "".join(f"{width:>9} x {height:<4}" for width, height in RUNGS))
     for name, scene in prepared.items():
         row = []
         for width, height in RUNGS:
-            camera = views[name].camera(width, height)
+            camera = Camera(poses[name], centred_lens(width, height))
 
             def frame(scene: CudaScene = scene, camera: Camera = camera) -> int:
-                with rasterizer.render(scene, camera) as image:
-                    return len(image.encode("jpeg", QUALITY))
+                return len(rasterizer.render(scene, camera, quality=QUALITY).content)
 
             times = timed(frame)
             row.append((statistics.median(times), times[int(0.95 * len(times))], frame()))
@@ -193,15 +154,14 @@ def timed(frame: Callable[[], object], repeats: int = REPEATS) -> list[float]:
     return sorted(times)
 
 
-def gsplat_latency(gaussians: Gaussians, view: View) -> float:
+def gsplat_latency(gaussians: Gaussians, pose: Pose) -> float:
     """p50 in milliseconds of gsplat's rasterisation, the copy to the host, and Pillow's JPEG."""
     import gsplat
 
-    camera = view.camera(*RUNGS[0])
-    k = camera.intrinsics
-    rotation = torch.tensor(camera.pose.rotation).T
+    k = centred_lens(*RUNGS[0])
+    rotation = torch.tensor(pose.rotation).T
     matrix = torch.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = rotation, -rotation @ torch.tensor(camera.pose.position)
+    matrix[:3, :3], matrix[:3, 3] = rotation, -rotation @ torch.tensor(pose.position)
     tensors = [
         torch.from_numpy(array).cuda()
         for array in (gaussians.means, gaussians.quaternions, gaussians.scales, gaussians.opacities, gaussians.sh)
@@ -234,7 +194,7 @@ def copy_bandwidth() -> float:
 
 
 def device_time(work: Callable[[], object], stream: torch.cuda.Stream) -> float:
-    """Microseconds that the device spends on what `work` queues on a stream."""
+    """Microseconds of device time for the work that `work` queues on a stream."""
     start, end = (torch.cuda.Event(enable_timing=True) for _ in range(2))  # type: ignore[no-untyped-call]
     start.record(stream)
     work()
@@ -244,11 +204,11 @@ def device_time(work: Callable[[], object], stream: torch.cuda.Stream) -> float:
 
 
 def stages(
-    rasterizer: CudaRasterizer, prepared: dict[str, CudaScene], views: dict[str, View], bandwidth: float
+    rasterizer: CudaRasterizer, prepared: dict[str, CudaScene], poses: dict[str, Pose], bandwidth: float
 ) -> None:
     for name, scene in prepared.items():
         for width, height in (RUNGS[0], RUNGS[3]):
-            stages_of_one(rasterizer, name, scene, views[name].camera(width, height), bandwidth)
+            stages_of_one(rasterizer, name, scene, Camera(poses[name], centred_lens(width, height)), bandwidth)
 
 
 def make_all(calls: tuple[Calls, ...]) -> None:
@@ -258,8 +218,7 @@ def make_all(calls: tuple[Calls, ...]) -> None:
 
 def stages_of_one(rasterizer: CudaRasterizer, name: str, scene: CudaScene, camera: Camera, bandwidth: float) -> None:
     width, height = camera.intrinsics.width, camera.intrinsics.height
-    with rasterizer.render(scene, camera) as image:
-        image.encode("jpeg", QUALITY)  # the buffers have grown
+    rasterizer.render(scene, camera)  # enlarges the buffers
     workspace = rasterizer.take_workspace()
     stream = workspace.torch_stream
     side = workspace.prepare(scene, camera, "jpeg").side

@@ -9,25 +9,14 @@ import math
 import time
 from dataclasses import dataclass
 
+from benchmarks.views import centred_lens
 from tigas_common.errors import Overloaded, Superseded
-from tigas_common.pose import Intrinsics, Pose
+from tigas_common.pose import Pose
 from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest
-from tigas_render.engine import Engine
+from tigas_render.engine.engine import Engine
+from tigas_render.engine.metrics import EngineMetrics
 from tigas_render.frame import Client
-from tigas_render.metrics import EngineMetrics
-from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
-
-
-@dataclass(frozen=True)
-class View:
-    """Where a scene is looked at from."""
-
-    pose: Pose
-    vertical_fov: float = 60.0
-
-    def camera(self, width: int, height: int) -> Camera:
-        focal = height / 2 / math.tan(math.radians(self.vertical_fov) / 2)
-        return Camera(self.pose, Intrinsics(focal, focal, width / 2, height / 2, width, height))
+from tigas_render.raster.base import PreparedScene, Rasterizer
 
 
 @dataclass(frozen=True)
@@ -54,8 +43,8 @@ class OneScene:
         return False
 
 
-async def throughput(rasterizer: Rasterizer, scene: PreparedScene, view: View, seconds: float) -> None:
-    requests = itertools.cycle(orbit(view))
+async def throughput(rasterizer: Rasterizer, scene: PreparedScene, pose: Pose, seconds: float) -> None:
+    requests = itertools.cycle(orbit(pose))
     gc.collect()
     gc.freeze()  # as the service does
     for clients in (8, 32, 64):
@@ -70,14 +59,14 @@ async def throughput(rasterizer: Rasterizer, scene: PreparedScene, view: View, s
             print(f"  {share:.0%} of that, {share * best:.0f} frames/s from 200 clients: {ranks}; {lost} refused")
 
 
-def orbit(view: View) -> list[RenderRequest]:
+def orbit(pose: Pose) -> list[RenderRequest]:
     """Views around the start, a little to each side."""
-    lens = view.camera(1280, 720).intrinsics
-    forward = tuple(row[2] for row in view.pose.rotation)
+    lens = centred_lens(1280, 720)
+    forward = tuple(row[2] for row in pose.rotation)
     azimuth = math.degrees(math.atan2(forward[0], forward[2]))
     elevation = math.degrees(math.asin(-forward[1]))
     return [
-        RenderRequest.at("scene", Pose.from_euler(*angles, 0.0, view.pose.position), lens, profile=1)
+        RenderRequest.at("scene", Pose.from_euler(*angles, 0.0, pose.position), lens, profile=1)
         for step in range(100)
         for angles in [(azimuth + 5 * math.sin(step), elevation + 3 * math.cos(step))]
     ]
@@ -86,7 +75,7 @@ def orbit(view: View) -> list[RenderRequest]:
 async def closed_loop(
     engine: Engine, requests: itertools.cycle[RenderRequest], clients: int, seconds: float
 ) -> tuple[int, float]:
-    """Frames that clients get who ask for the next one as soon as they have one."""
+    """Frames received by clients that request the next one as soon as they have one."""
     end = time.perf_counter() + seconds
     done = 0
 
@@ -104,7 +93,7 @@ async def closed_loop(
 async def open_loop(
     engine: Engine, requests: itertools.cycle[RenderRequest], rate: float, seconds: float
 ) -> tuple[list[float], int]:
-    """Milliseconds of frames that are asked for at a fixed rate, whether or not the ones before are there."""
+    """Milliseconds of frames requested at a fixed rate, independent of earlier answers."""
     times: list[float] = []
     lost = 0
 

@@ -1,10 +1,10 @@
-"""The processor time of a QUIC connection that sends frames: ours against aioquic's own, without sockets.
+"""Processor time of a QUIC connection that sends frames: ours against aioquic's own, without sockets.
 
     python -m benchmarks.quic_cost [--blocks 10] [--frames 30] [--bytes 23000 197000]
 
-A client of aioquic's asks for a frame every 20 ms of a simulated clock and reads it, 1 ms away from either server; only
-what the servers do is timed. They take turns block by block; a block counts with its median, which other processes on
-the machine disturb little.
+A client of aioquic's requests a frame every 20 ms of a simulated clock and reads it, 1 ms away from either server; only
+the servers are timed. They take turns block by block; a block counts with its median, which is robust against other
+processes on the machine.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from aioquic.quic.connection import QuicConnection
 
 from benchmarks.frame_cost import interval
 from tigas_common.certificate import Certificate
+from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 from tigas_render.transport.cids import ALONE
-from tigas_render.transport.congestion import algorithm
-from tigas_render.transport.quic import ServerQuicConnection
+from tigas_render.transport.congestion import LIMITED_RENO
 
 CLIENT, SERVER = ("192.0.2.1", 1000), ("192.0.2.2", 2000)
 DELAY = 0.0005
@@ -55,7 +55,7 @@ class Pair:
                 alpn_protocols=["bench"],
                 certificate=CERTIFICATE.x509,
                 private_key=CERTIFICATE.private_key,
-                congestion_control_algorithm=algorithm("reno") if name == "ours" else "reno",
+                congestion_control_algorithm=LIMITED_RENO if name == "ours" else "reno",
                 max_datagram_size=1452,
             ),
             "original_destination_connection_id": self.client.original_destination_connection_id,

@@ -1,11 +1,11 @@
-"""Trains the page's linear predictor of poses on movements of people, and writes its coefficients.
+"""Trains the page's linear predictor of poses on recorded movements, and writes its coefficients.
 
     python -m benchmarks.train_predictor MOVEMENT.csv … [--out web/src/predict/coefficients.json]
 
-Movements are in metres, as `tigas movement import --anchor start --settings …` writes them; docs/prediction.md tells
-which ones the shipped coefficients are from, and how good they are on those of others. At each recorded pose the change
-ahead is a weighted sum of the last changes (ridge regression), by axes of the head: nothing there depends on where a
-person stands or looks, and no sum is of anything but its own axis. Positions may be in any unit when it is used.
+Movements are in metres, as written by `tigas movement import --anchor start --settings …`; docs/adaptation.md lists the
+recordings behind the shipped coefficients, and their accuracy on others. At each recorded pose the change ahead is a
+weighted sum of the last changes (ridge regression), by axes of the head: independent of position and orientation, and
+of the other axes. In use, positions may have any unit.
 """
 
 from __future__ import annotations
@@ -20,18 +20,22 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tigas_experiments.movement.errors import MovementError
-from tigas_experiments.movement.table import Floats
+from tigas_experiments.movement.table import Floats, MovementError
 from tigas_experiments.movement.trace import GAP_MS, MovementTrace
 
 OUT = Path("web/src/predict/coefficients.json")
 STEP_MS = 20.0
 STEPS = 8
 """Of the last changes; in 160 ms is all that helped in any experiment."""
+PAST_MS = tuple(-STEP_MS * step for step in range(1, STEPS + 1))
 HORIZONS_MS = (20.0, 40.0, 60.0, 80.0, 100.0, 150.0, 200.0, 250.0, 300.0, 400.0, 500.0)
 RIDGE = 1e-6
-"""Of the mean square of what is weighted."""
+"""Relative to the mean square of the weighted values."""
 DECIMALS = 4
+
+
+Weights = dict[str, list[list[list[float]]]]
+"""`turned` and `moved`: [axis][horizon][step]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +61,7 @@ def changes(way: MovementTrace, offsets_ms: Sequence[float], now_ms: Floats) -> 
 
 
 def moments(way: MovementTrace, before_ms: float, after_ms: float) -> Floats:
-    """The recorded times with so much around them, none of it a gap."""
+    """The recorded times with this much around them and no gap."""
     times = way.times_ms
     now: Floats = times[(times - before_ms >= times[0]) & (times + after_ms <= times[-1])]
     gaps = np.flatnonzero(np.diff(times) > GAP_MS)
@@ -66,18 +70,35 @@ def moments(way: MovementTrace, before_ms: float, after_ms: float) -> Floats:
     return now
 
 
-def train(ways: Sequence[MovementTrace]) -> dict[str, list[list[list[float]]]]:
-    """The weights `turned` and `moved`: [axis][horizon][step]. Raises MovementError."""
-    past = [-STEP_MS * step for step in range(1, STEPS + 1)]
+def train(ways: Sequence[MovementTrace]) -> Weights:
+    """Weights by ridge regression. Raises MovementError."""
     now = [moments(way, STEP_MS * STEPS, HORIZONS_MS[-1]) for way in ways]
     if not any(len(times) for times in now):
         raise MovementError("The movements are too short to learn from.")
-    known = [changes(way, past, times) for way, times in zip(ways, now, strict=True)]
+    known = [changes(way, PAST_MS, times) for way, times in zip(ways, now, strict=True)]
     ahead = [changes(way, HORIZONS_MS, times) for way, times in zip(ways, now, strict=True)]
     return {
         "turned": _weights([one.turned for one in known], [one.turned for one in ahead]),
         "moved": _weights([one.moved for one in known], [one.moved for one in ahead]),
     }
+
+
+def expected(way: MovementTrace, now_ms: Floats, ahead_ms: float, weights: Weights) -> tuple[Floats, Floats]:
+    """Positions [N, 3] and quaternions [N, 4] that `linear` expects at `now_ms` [N] for `ahead_ms` later."""
+    past = changes(way, PAST_MS, now_ms)
+    horizons = (0.0, *HORIZONS_MS)
+
+    def change(of: Floats, kind: str) -> Floats:
+        learned = np.array(weights[kind])  # [axis, horizon, step]
+        learned = np.concatenate((np.zeros((3, 1, STEPS)), learned), axis=1)
+        between = np.array([[np.interp(ahead_ms, horizons, steps) for steps in axis.T] for axis in learned])
+        summed: Floats = np.einsum("nka,ak->na", of, between)
+        return summed
+
+    positions, quaternions = way.poses_at(now_ms)
+    head = Rotation.from_quat(quaternions)
+    turned = head * Rotation.from_rotvec(change(past.turned, "turned"))
+    return positions + head.apply(change(past.moved, "moved")), turned.as_quat()
 
 
 def _weights(known: Sequence[Floats], ahead: Sequence[Floats]) -> list[list[list[float]]]:

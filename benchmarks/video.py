@@ -1,35 +1,38 @@
-"""What a viewer's video costs and buys beside JPEGs: bytes at equal picture, processor time, key frames and switches.
+"""Cost and gain of a viewer's video against JPEGs: bytes at equal quality, processor time, key frames and
+switches.
 
-    python -m benchmarks.video walk.csv [more.csv …] [--scene NAME=PLY …] [--cameras cameras.json] [--plot FILE.svg]
+    python -m benchmarks.video walk.csv [more.csv …] [--scene NAME=PLY …] [--cameras cameras.json]
 
 Renders a stretch of each movement in each scene at every size, and encodes it as JPEGs of several qualities and as
-videos of several bit rates, for each of x264's presets, and by VP9 and AV1 as fast as they can; every picture is
-compared with its own render before any compression. Times are processor time. Prints Markdown;
-docs/video.md has the results.
+videos of several bit rates, for each of x264's presets; every picture is compared with its own render before any
+compression. Times are processor time. Prints Markdown; docs/results/2026-11-video.md has results.
 """
 
 from __future__ import annotations
 
+import math
+import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 from typing import Annotated
 
 import av
 import numpy as np
 import psutil
-import typer
 from PIL import Image
+from pydantic import Field
+from scipy.interpolate import PchipInterpolator
 
-from benchmarks.formats.codecs import Picture, decoded
-from benchmarks.formats.measure import Sample
-from benchmarks.formats.report import at_picture, bjontegaard, psnr
-from benchmarks.reprojection import scene_info, walked
-from benchmarks.views import centred_lens, chosen
+from benchmarks.formats import Picture, decoded
+from benchmarks.views import View, centred_lens, chosen
+from tigas_common.command import POSITIONAL, Command, Metavar, parse
 from tigas_common.pose import Pose
-from tigas_render.encode.h264 import FRAMES_PER_S, PRESET, H264Encoder, Preset
+from tigas_common.wire.render import SceneInfo, StartCamera
+from tigas_experiments.movement.placement import placed
+from tigas_experiments.movement.trace import MovementTrace
+from tigas_render.encode.h264 import PRESET, H264Encoder, Preset
 from tigas_render.encode.jpeg import encode_jpeg
 from tigas_render.encode.yuv420p import KB, KR, encode_yuv420p
 from tigas_render.raster.base import Camera, PreparedScene
@@ -41,11 +44,6 @@ DISPLAY = 1280
 QUALITIES = (10, 35, 65, 90)
 BITS_PER_PIXEL = (0.025, 0.06, 0.15, 0.4, 1.0)
 PRESETS: tuple[Preset, ...] = ("ultrafast", "superfast", "veryfast")
-OTHERS: Mapping[str, tuple[str, Mapping[str, str]]] = {
-    "VP9": ("libvpx-vp9", {"deadline": "realtime", "cpu-used": "8", "lag-in-frames": "0", "row-mt": "0"}),
-    "AV1": ("libsvtav1", {"preset": "12", "svtav1-params": "pred-struct=1:rc=2:lp=1:lookahead=0"}),
-}
-"""Other encoders, and what is the fastest that they have for a picture at a time."""
 SETTLED = 10
 """Frames before which nothing is counted: a walk does not begin every second."""
 NEAR_DB = 0.3
@@ -70,6 +68,38 @@ class Coded:
 
 
 Run = list[Coded]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Several runs at one setting."""
+
+    quality: float
+    """JPEG's, or bits a pixel."""
+    size: int
+    """Bytes of a frame."""
+    psnr_db: float
+    encode_ms: float
+
+
+def walked(path: Path, name: str, view: View) -> MovementTrace:
+    """A movement's file, placed in a scene as experiments place it."""
+    (x, y, z), (a, b, c), (i, j, k) = view["position"], view["look_at"], view["up"]
+    info = SceneInfo(
+        id=name, name=name, state="loaded", error=None, gaussians=None, sh_degree=None, file_bytes=0, memory_bytes=0,
+        preview="", up=(i, j, k), camera=StartCamera(position=(x, y, z), look_at=(a, b, c)), background=(0, 0, 0),
+    )  # fmt: skip
+    points = placed(MovementTrace.read(path), info)
+    times, positions, quaternions = (
+        np.array([point[key] for point in points]) for key in ("t_ms", "position", "quaternion")
+    )
+    return MovementTrace(times, positions, quaternions, "scene", "scene")
+
+
+def poses(walk: MovementTrace, times_ms: Sequence[float]) -> Iterator[Pose]:
+    """Where the viewer is at each of these times."""
+    for (x, y, z), (qx, qy, qz, qw) in zip(*(each.tolist() for each in walk.poses_at(times_ms)), strict=True):
+        yield Pose.from_quaternion((x, y, z), (qx, qy, qz, qw))
 
 
 def stretch(
@@ -117,81 +147,66 @@ def video(
     return run
 
 
-def other_video(pictures: Sequence[Picture], bits: float, name: str, options: Mapping[str, str]) -> Run:
-    """All pictures as one video by another encoder, at a constant rate."""
-    height, width = pictures[0].shape[:2]
-    encoder = av.CodecContext.create(name, "w")
-    assert isinstance(encoder, av.VideoCodecContext)
-    encoder.width, encoder.height, encoder.pix_fmt = width, height, "yuv420p"
-    encoder.time_base, encoder.framerate = Fraction(1, FRAMES_PER_S), Fraction(FRAMES_PER_S)
-    encoder.bit_rate = round(bits * FRAMES_PER_S)
-    encoder.gop_size, encoder.thread_count = 2**20, 1
-    rate = str(encoder.bit_rate)
-    encoder.options = {**options, "minrate": rate, "maxrate": rate, "bufsize": str(encoder.bit_rate // 4)}
-    decoder = av.CodecContext.create("vp9" if name == "libvpx-vp9" else "libdav1d", "r")
-    assert isinstance(decoder, av.VideoCodecContext)
-    decoder.thread_count = 1
-    decoder.options = {} if name == "libvpx-vp9" else {"max_frame_delay": "1"}
-    run = []
-    for number, picture in enumerate(pictures):
-
-        def encode(number: int = number, picture: Picture = picture) -> bytes:
-            rows = np.frombuffer(encode_yuv420p(picture), np.uint8).reshape(height * 3 // 2, width)
-            frame = av.VideoFrame.from_ndarray(rows, format="yuv420p")
-            frame.pts, frame.time_base = number, encoder.time_base
-            (packet,) = encoder.encode(frame)
-            return bytes(packet)
-
-        body, ms = _timed(encode)
-        (frame,) = decoder.decode(av.Packet(body))
-        run.append(Coded(len(body), _error(_shown(frame), picture), ms))
-    return run
-
-
-def sample(codec: str, width: int, quality: float, runs: Sequence[Run]) -> Sample:
-    """What runs have in common: mean size and time, PSNR of the mean error."""
+def sample(quality: float, runs: Sequence[Run]) -> Sample:
+    """Common figures of runs: mean size and time, PSNR of the mean error."""
     frames = [frame for run in runs for frame in run[SETTLED:]]
     size, error, ms = (
         float(np.mean([getattr(one, name) for one in frames])) for name in ("size", "error", "encode_ms")
     )
-    return Sample(codec, width, quality, round(size), _psnr(error), 0.0, ms)
+    return Sample(quality, round(size), _psnr(error), ms)
 
 
 def curves(size: tuple[int, int], walks: Sequence[Sequence[Picture]]) -> dict[str, list[Sample]]:
     """By codec, from poor to good."""
-    width, pixels = size[0], size[0] * size[1]
-    found = {"JPEG": [sample("JPEG", width, quality, [jpegs(one, quality) for one in walks]) for quality in QUALITIES]}
+    pixels = size[0] * size[1]
+    found = {"JPEG": [sample(quality, [jpegs(one, quality) for one in walks]) for quality in QUALITIES]}
     for preset in PRESETS:
         found[f"H.264 {preset}"] = [
-            sample(preset, width, rate, [video(one, rate * pixels, preset) for one in walks]) for rate in BITS_PER_PIXEL
+            sample(rate, [video(one, rate * pixels, preset) for one in walks]) for rate in BITS_PER_PIXEL
         ]
-    for name, (encoder, options) in OTHERS.items():
-        found[name] = [
-            sample(name, width, rate, [other_video(one, rate * pixels, encoder, options) for one in walks])
-            for rate in BITS_PER_PIXEL
-        ]
-    return {name: sorted(one, key=psnr) for name, one in found.items()}
+    return {name: sorted(one, key=lambda each: each.psnr_db) for name, one in found.items()}
+
+
+def at_picture(samples: Sequence[Sample], wanted_db: float) -> tuple[float, float]:
+    """Bytes and milliseconds at the wanted quality; those of the curve's end if it is better."""
+    known = [each.psnr_db for each in samples]
+    size = np.interp(wanted_db, known, np.log([each.size for each in samples]))
+    return math.exp(size), float(np.interp(wanted_db, known, [each.encode_ms for each in samples]))
+
+
+def bjontegaard(anchor: Sequence[Sample], other: Sequence[Sample]) -> float:
+    """How many more bytes the other needs at equal picture, as a share (VCEG-M33, with monotone cubic pieces).
+
+    Averaged over the picture's range that both have.
+    """
+    low = max(anchor[0].psnr_db, other[0].psnr_db)
+    high = min(anchor[-1].psnr_db, other[-1].psnr_db)
+    means = []
+    for samples in (anchor, other):
+        rate = PchipInterpolator([each.psnr_db for each in samples], np.log([each.size for each in samples]))
+        means.append(float(rate.integrate(low, high)) / (high - low))
+    return math.exp(means[1] - means[0]) - 1
 
 
 def rate_table(found: dict[tuple[int, int], dict[str, list[Sample]]]) -> Iterator[str]:
-    """What each preset needs for the picture of the ladder's JPEG."""
+    """Cost of each preset at the quality of the ladder's JPEG."""
     yield "| size | | kB a frame | saved | on the whole curve | encode, ms | viewers a core at 60/s |"
     yield "|---|---|---|---|---|---|---|"
     for (width, height), codecs in found.items():
         for quality in SIZES[width, height]:
             jpeg = _of_quality(codecs["JPEG"], quality)
             for name, curve in codecs.items():
-                size, ms = at_picture(curve, psnr, jpeg.psnr_db)
+                size, ms = at_picture(curve, jpeg.psnr_db)
                 cells = [f"JPEG q{quality}, {jpeg.psnr_db:.1f} dB", f"{size / 1000:.2f}", "", ""]
                 if name != "JPEG":
-                    whole = -bjontegaard(codecs["JPEG"], curve, psnr)
+                    whole = -bjontegaard(codecs["JPEG"], curve)
                     cells = [name, f"{size / 1000:.2f}", f"{1 - size / jpeg.size:.0%}", f"{whole:.0%}"]
                 cells += [f"{ms:.2f}", f"{1000 / 60 / ms:.0f}"]
                 yield f"| {width}×{height} | {' | '.join(cells)} |"
 
 
 def break_table(size: tuple[int, int], walks: Sequence[Sequence[Picture]], bits: float) -> Iterator[str]:
-    """What one more key frame costs, and another encoder, against the same frames without."""
+    """Cost of an additional key frame, and of another encoder, against the same frames without."""
     at = len(walks[0]) // 2
     plain = [video(one, bits) for one in walks]
     for name, runs in (
@@ -221,60 +236,46 @@ def memory_mb(size: tuple[int, int], pictures: Sequence[Picture], bits: float) -
     return (process.memory_info().rss - before) / ENCODERS / 1e6
 
 
-def plot(found: dict[tuple[int, int], dict[str, list[Sample]]], file: Path) -> None:
-    """PSNR over bytes, a panel for each size."""
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(1, len(found), figsize=(4 * len(found), 3.4), layout="constrained")
-    for axis, ((width, height), codecs) in zip(np.atleast_1d(axes), found.items(), strict=True):
-        for name, curve in codecs.items():
-            axis.plot([one.size / 1000 for one in curve], [one.psnr_db for one in curve], marker=".", label=name)
-        axis.set(title=f"{width}×{height}", xlabel="kB a frame", xscale="log")
-        axis.grid(alpha=0.3)
-    np.atleast_1d(axes)[0].set_ylabel("PSNR, dB")
-    np.atleast_1d(axes)[0].legend(fontsize="small")
-    figure.savefig(file)
-
-
-def main(
-    movements: Annotated[list[Path], typer.Argument(metavar="MOVEMENT…")],
-    scene: Annotated[list[str] | None, typer.Option(metavar="NAME=PLY", help="Without: the courtyard.")] = None,
-    cameras: Annotated[Path | None, typer.Option(help="JSON with a start camera for each scene.")] = None,
-    frames: Annotated[int, typer.Option(min=30, help="Of each movement in each scene.")] = 60,
-    rate: Annotated[float, typer.Option(min=1, help="Frames a second.")] = 60,
-    begin_s: Annotated[float, typer.Option(min=0, help="Where in a movement the stretch begins.")] = 5,
-    svg: Annotated[Path | None, typer.Option("--plot", help="Where to draw the curves.")] = None,
-) -> None:
+class Video(Command):
     """Measure, and print tables."""
-    rasterizer = CpuRasterizer()
-    times = 1000 * (begin_s + np.arange(frames) / rate)
-    places = [
-        (rasterizer.prepare(gaussians), [walked(path, scene_info(name, view)) for path in movements])
-        for name, gaussians, view in chosen(scene, cameras)
-    ]
-    found, breaks, memory = {}, list[str](), list[str]()
-    for size in SIZES:
-        typer.echo(f"{size[0]}×{size[1]} …", err=True)
-        walks = [
-            stretch(rasterizer, scene, [walk.pose(float(at)) for at in times], size)
-            for scene, own in places
-            for walk in own
+
+    movements: Annotated[tuple[Path, ...], POSITIONAL, Metavar("MOVEMENT")]
+    """Movement traces."""
+    scenes: Annotated[tuple[str, ...], Metavar("NAME=PLY")] = ()
+    """Scene; the courtyard unless given."""
+    cameras: Path | None = None
+    """JSON with a start camera for each scene."""
+    frames: Annotated[int, Field(ge=30)] = 60
+    """Frames of each movement in each scene."""
+    rate: Annotated[float, Field(ge=1)] = 60
+    """Frames a second."""
+    begin_s: Annotated[float, Field(ge=0)] = 5
+    """Position in a movement where the stretch begins."""
+
+    def run(self) -> None:
+        rasterizer = CpuRasterizer()
+        times = [1000 * (self.begin_s + number / self.rate) for number in range(self.frames)]
+        places = [
+            (rasterizer.prepare(gaussians), [walked(path, name, view) for path in self.movements])
+            for name, gaussians, view in chosen(list(self.scenes), self.cameras)
         ]
-        found[size] = curves(size, walks)
-        for quality in SIZES[size]:
-            wanted = _of_quality(found[size]["JPEG"], quality).psnr_db
-            bits = 8 * at_picture(found[size][f"H.264 {PRESET}"], psnr, wanted)[0]
-            breaks += break_table(size, walks, bits)
-        memory.append(f"{size[0]}×{size[1]}: {memory_mb(size, walks[0], bits):.1f} MB")
-    for line in rate_table(found):
-        typer.echo(line)
-    typer.echo("\n| | | its bytes / usual | largest of ten / usual | lower by, dB | frames until near | encode, ms |")
-    typer.echo("|---|---|---|---|---|---|---|")
-    for line in breaks:
-        typer.echo(line)
-    typer.echo(f"\nMemory of an encoder: {', '.join(memory)}.")
-    if svg is not None:
-        plot(found, svg)
+        found, breaks, memory = {}, list[str](), list[str]()
+        for size in SIZES:
+            print(f"{size[0]}×{size[1]} …", file=sys.stderr)
+            walks = [stretch(rasterizer, scene, poses(walk, times), size) for scene, own in places for walk in own]
+            found[size] = curves(size, walks)
+            for quality in SIZES[size]:
+                wanted = _of_quality(found[size]["JPEG"], quality).psnr_db
+                bits = 8 * at_picture(found[size][f"H.264 {PRESET}"], wanted)[0]
+                breaks += break_table(size, walks, bits)
+            memory.append(f"{size[0]}×{size[1]}: {memory_mb(size, walks[0], bits):.1f} MB")
+        for line in rate_table(found):
+            print(line)
+        print("\n| | | its bytes / usual | largest of ten / usual | lower by, dB | frames until near | encode, ms |")
+        print("|---|---|---|---|---|---|---|")
+        for line in breaks:
+            print(line)
+        print(f"\nMemory of an encoder: {', '.join(memory)}.")
 
 
 def _of_quality(curve: Sequence[Sample], quality: int) -> Sample:
@@ -317,4 +318,4 @@ def _psnr(error: float) -> float:
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    parse(Video, "benchmarks.video", sys.argv[1:]).run()

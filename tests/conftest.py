@@ -1,21 +1,42 @@
-"""Fixtures for every test."""
+"""Tiers of the tests, the summary of skipped tests, and fixtures for every test."""
 
 from __future__ import annotations
 
 import signal
+from collections import Counter
 
 import pytest
 from hypothesis import settings
+
+from tests.prerequisites import ROOT
+
+SLOW_FOLDERS = tuple(ROOT / "tests" / name for name in ("compose", "testbed", "web"))
+"""Containers, network namespaces and browsers: all tests there are slow."""
 
 
 def pytest_configure() -> None:
     """Let properties take their time, and answer Ctrl+C.
 
-    In the background of a script it is ignored, and so it would be by all that the tests start.
+    A script's background job ignores it, and so would every process that the tests start.
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
     settings.register_profile("tigas", deadline=None)  # a busy machine is slow
     settings.load_profile("tigas")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark whole folders as slow, before `-m` selects."""
+    for item in items:
+        if any(folder in item.path.parents for folder in SLOW_FOLDERS):
+            item.add_marker(pytest.mark.slow)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Summarise skipped tests in one line for each missing prerequisite."""
+    skipped = Counter(report.longrepr[2].removeprefix("Skipped: ") for report in terminalreporter.getreports("skipped"))
+    for reason, count in skipped.most_common():
+        terminalreporter.write_line(f"SKIPPED {count} tests that need {reason}", yellow=True)
 
 
 @pytest.fixture

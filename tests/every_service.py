@@ -18,6 +18,7 @@ from tests.render.fakes import FakeRasterizer
 from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime
 from tigas_cluster.director import create_director
 from tigas_cluster.fleet import HostAddress, HostState
+from tigas_common.address import Address
 from tigas_common.origins import OriginPolicy
 from tigas_common.topology import PAGE_ORIGINS
 from tigas_common.wire.shaper import LinkSetting
@@ -25,15 +26,16 @@ from tigas_dash.app import create_app as dash_app
 from tigas_dash.clock import Clock
 from tigas_dash.sessions import Sessions
 from tigas_dash.source import RenderClient
+from tigas_dash.webrtc.service import WebRtc
 from tigas_experiments.store.app import Store
 from tigas_experiments.store.app import create_app as store_app
 from tigas_experiments.store.experiments import Experiments
-from tigas_experiments.store.materialisations import Materialisations
 from tigas_experiments.store.movements import Movements
 from tigas_experiments.store.reports import Reports
+from tigas_experiments.store.rerendering import Rerendering
 from tigas_experiments.store.workspace import Workspace
-from tigas_render.app import create_app as render_app
-from tigas_render.service import RenderService
+from tigas_render.server.app import create_app as render_app
+from tigas_render.server.service import RenderService
 from tigas_render.settings import RenderSettings
 from tigas_shaper.api import create_app as shaper_app
 from tigas_shaper.player import Player
@@ -57,18 +59,21 @@ async def dash(folder: Path) -> AsyncIterator[ASGIApp]:
     async with (
         httpx.AsyncClient(base_url="http://127.0.0.1:9", trust_env=False) as nobody,
         Sessions(RenderClient(nobody), "libx264", Clock(), limit=1, idle_s=LONG_S).running() as sessions,
+        WebRtc.running(RenderClient(nobody), Address("127.0.0.1", 0), Clock()) as webrtc,
     ):
-        yield dash_app(sessions, OriginPolicy())
+        yield dash_app(sessions, OriginPolicy(), webrtc)
 
 
 @asynccontextmanager
 async def shaper(folder: Path) -> AsyncIterator[ASGIApp]:
-    """Without a link."""
+    """Over a link that is made up, with the traces of a directory."""
     link = FakeLink(time := FakeTime())
     player = Player(link, LinkSetting(100_000, 50_000), clock=time.clock, sleep=time.sleep)
-    running = Shaper(link, FakeGateway(), player, TraceLibrary(None))  # type: ignore[arg-type]
-    yield shaper_app(running, OriginPolicy(pages=PAGE_ORIGINS, programs=False))
-    player.close()
+    running = Shaper(link, FakeGateway(), player, TraceLibrary(folder))  # type: ignore[arg-type]
+    try:
+        yield shaper_app(running, OriginPolicy(pages=PAGE_ORIGINS, programs=False))
+    finally:
+        player.close()
 
 
 @asynccontextmanager
@@ -77,7 +82,7 @@ async def store(folder: Path) -> AsyncIterator[ASGIApp]:
     with Workspace.opened(folder) as workspace:
         experiments = Experiments(folder, workspace)
         reports, kept = Reports(experiments, workspace, in_a_thread), Movements(folder)
-        materialisations = Materialisations(experiments, NOBODY)
+        materialisations = Rerendering(experiments, NOBODY)
         made = Store(workspace, experiments, reports, kept, (), MACHINE, in_a_thread, materialisations)
         yield store_app(made, OriginPolicy())
 

@@ -1,4 +1,4 @@
-"""What lies where a file should be and is none: whoever opens it as a file may wait or read for ever."""
+"""Special files in place of regular ones: opening or reading them may block forever."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a service tells at `/metrics`, as Prometheus reads it."""
+"""A service's `/metrics`, parsed like Prometheus does."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Figures:
 
     @property
     def names(self) -> set[str]:
-        """What can be asked for, of counters and histograms by the names of their samples; some have none yet."""
+        """Names of all samples, of counters and histograms as well; some have no value yet."""
         suffixes = {"counter": ("_total",), "histogram": ("_bucket", "_count", "_sum")}
         return {
             f"{family.name}{suffix}" for family in self.families.values() for suffix in suffixes.get(family.type, ("",))

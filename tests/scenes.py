@@ -1,4 +1,4 @@
-"""Scenes that nobody has to load."""
+"""Scenes that need no loading."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from tigas_common.wire.render import SceneInfo, StartCamera
 
 
 def scene(up: tuple[float, float, float] = (0.0, -1.0, 0.0), camera: StartCamera | None = None) -> SceneInfo:
-    """One that is loaded."""
+    """A loaded one."""
     return SceneInfo(
         id="s",
         name="s",

@@ -6,13 +6,12 @@ They are looked for in `../shared` beside the repository, or where TIGAS_SHARED 
 from __future__ import annotations
 
 import functools
-import os
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-import pytest
+from tests.prerequisites import CAPTURED_SCENES, SHARED
 
 SOURCES: dict[str, tuple[int, tuple[str, ...]]] = {
     "guitar": (0, ("guitar.compressed.ply",)),
@@ -25,10 +24,9 @@ SOURCES: dict[str, tuple[int, tuple[str, ...]]] = {
 
 def shared_file(*parts: str) -> Path:
     """A file of the shared data; skips the test where it is absent."""
-    root = Path(os.environ.get("TIGAS_SHARED", Path(__file__).resolve().parents[2] / "shared"))
-    path = root.joinpath(*parts)
+    path = SHARED.joinpath(*parts)
     if not path.exists():
-        pytest.skip(f"the shared test data is absent: {path}")
+        CAPTURED_SCENES.skip()
     return path
 
 

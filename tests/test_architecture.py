@@ -1,4 +1,7 @@
-"""Imports run one way, no service imports another, and docs/architecture.md draws them. Imports for types count."""
+"""Imports run one way, no service imports another, and docs/architecture.md draws them. Imports for types count.
+
+Tests and benchmarks may import every service and `reference`, but not one another.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 SERVICES = sorted(path.name for path in ROOT.glob("services/*/tigas*"))
 ARCHITECTURE = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
 
-graph = build_graph(*SERVICES, cache_dir=None)
+graph = build_graph(*SERVICES, "benchmarks", "reference", "tests", cache_dir=None)
 
 
 def test_every_service_is_looked_at() -> None:
@@ -32,7 +35,38 @@ def test_a_service_imports_only_itself_and_what_is_common(service: str) -> None:
     assert foreign == set()
 
 
-@pytest.mark.parametrize("package", sorted(name for name in graph.modules if graph.find_children(name)))
+def test_benchmarks_import_no_tests_and_only_their_own_tests_import_them() -> None:
+    across = {
+        f"{module} imports {imported}"
+        for module in graph.modules
+        for imported in graph.find_modules_directly_imported_by(module)
+        if (module.split(".")[0], imported.split(".")[0]) in (("benchmarks", "tests"), ("tests", "benchmarks"))
+        and not module.startswith("tests.benchmarks.")
+    }
+    assert across == set()
+
+
+def test_the_reference_imports_services_alone() -> None:
+    imported = {
+        name.partition(".")[0]
+        for module in graph.find_descendants("reference")
+        for name in graph.find_modules_directly_imported_by(module)
+    }
+    assert imported <= {"reference", *SERVICES}
+
+
+def test_modules_form_no_circle() -> None:
+    imports = networkx.DiGraph(
+        (module, imported) for module in graph.modules for imported in graph.find_modules_directly_imported_by(module)
+    )
+    assert [sorted(circle) for circle in networkx.strongly_connected_components(imports) if len(circle) > 1] == []
+
+
+@pytest.mark.parametrize(
+    "package",
+    # the folders in tests use one another's stand-ins
+    sorted(name for name in graph.modules if graph.find_children(name) and name != "tests"),
+)
 def test_a_packages_modules_and_folders_form_no_circle(package: str) -> None:
     importers_of_init = graph.find_modules_that_directly_import(package) & graph.find_descendants(package)
     closing = {(module, package) for module in importers_of_init} | graph.nominate_cycle_breakers(package)

@@ -1,4 +1,4 @@
-"""What other web pages can do with the services on a visitor's machine, and under a name that they made lead there."""
+"""Attempts of other web pages on the services of a visitor's machine, directly and by DNS rebinding."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ EVIL = {"Origin": "https://evil.example"}
 NOBODY = {"Origin": "null"}
 """A page in a sandbox."""
 IMAGE = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors", "Sec-Fetch-Dest": "image"}
-"""What another page embeds has no Origin."""
+"""Embedded resources have no Origin."""
 FRAME = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "iframe"}
 REBOUND = {"Host": "evil.example:8080", "Origin": "http://evil.example:8080"}
-"""Another page whose name leads to this machine by now: DNS rebinding."""
+"""Another page with a name that now resolves to this machine: DNS rebinding."""
 
 REQUESTS = {
     "render": (

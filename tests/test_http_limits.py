@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import socket
 import time
 from collections.abc import AsyncIterator, Callable
@@ -15,10 +16,12 @@ import pytest
 
 from tests.common.raw_client import ASK, PATIENCE_S, connected
 from tests.every_service import SERVICES
+from tests.prerequisites import LINUX
 from tigas_common.address import Address
+from tigas_common.command import load
+from tigas_common.errors import UsageError
 from tigas_common.http_limits import HttpLimits
 from tigas_common.runner import serve_http
-from tigas_common.settings import load_settings
 from tigas_dash.settings import DashSettings
 from tigas_render.settings import RenderSettings
 
@@ -45,7 +48,7 @@ def service(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def serve(service: str, tmp_path: Path) -> Serve:
-    """Serves it with limits; those that are left out have no effect in a test."""
+    """Serves it with limits; omitted ones have no effect in a test."""
 
     @asynccontextmanager
     async def serving(**limits: Any) -> AsyncIterator[int]:
@@ -85,7 +88,7 @@ async def test_a_connection_that_asks_nothing_more_is_closed(serve: Serve) -> No
         assert await client.ended() == b""
 
 
-@pytest.mark.skipif(not hasattr(socket, "TCP_USER_TIMEOUT"), reason="only Linux cuts such readers off")
+@LINUX.mark
 async def test_a_client_that_reads_nothing_loses_its_connection(serve: Serve) -> None:
     async with serve(unread_s=0.5) as port:
         with socket.socket() as stuck:
@@ -120,7 +123,15 @@ def test_one_address_cannot_take_every_connection() -> None:
 
 def test_limits_are_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "tigas.toml").write_text("[dash.http_limits]\nheader_s = 3\n[render]\nidle_minutes = 1\n")
-    assert load_settings(DashSettings, {}).http_limits == HttpLimits(header_s=3)
+    (tmp_path / "tigas.toml").write_text("[dash.http_limits]\nconnections = 3\n[render]\nidle_minutes = 1\n")
+    assert HttpLimits.of(load(DashSettings, {}).http_limits) == HttpLimits(connections=3)
     monkeypatch.setenv("TIGAS_RENDER_HTTP_LIMITS", '{"connections": 9}')
-    assert load_settings(RenderSettings, {}).http_limits == HttpLimits(connections=9)
+    assert HttpLimits.of(load(RenderSettings, {}).http_limits) == HttpLimits(connections=9)
+
+
+@pytest.mark.parametrize("table", ["http_limits.header_s", "quic_limits.idle_timeout"])
+def test_constants_are_no_settings(table: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tigas.toml").write_text(f"[render]\n{table} = 3\n")
+    with pytest.raises(UsageError, match=f"^{re.escape(table)}: Extra inputs are not permitted"):
+        load(RenderSettings, {})

@@ -1,10 +1,9 @@
-"""What every service tells Prometheus."""
+"""Metrics of every service."""
 
 from __future__ import annotations
 
 import platform
 import re
-import shutil
 from importlib.metadata import version
 from pathlib import Path
 
@@ -13,12 +12,12 @@ import httpx
 import pytest
 
 from tests.every_service import SERVICES
+from tests.prerequisites import PROMTOOL
 from tests.prometheus import figures
 from tests.render.fakes import render_request
 
 pytestmark = pytest.mark.anyio
-DOCS = (Path(__file__).parents[1] / "docs/metrics.md").read_text(encoding="utf-8")
-PROMTOOL = shutil.which("promtool")
+DOCS = (Path(__file__).parents[1] / "docs/deploy.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", SERVICES)
@@ -84,7 +83,7 @@ async def test_every_metric_is_documented(name: str, tmp_path: Path) -> None:
     } <= documented
 
 
-@pytest.mark.skipif(PROMTOOL is None, reason="promtool is missing: install Debian's package prometheus")
+@PROMTOOL.mark
 @pytest.mark.parametrize("name", SERVICES)
 async def test_names_follow_prometheus_conventions(name: str, tmp_path: Path) -> None:
     async with (
@@ -92,6 +91,5 @@ async def test_names_follow_prometheus_conventions(name: str, tmp_path: Path) ->
         httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://localhost") as http,
     ):
         told = await figures(http)
-    assert PROMTOOL is not None
-    lint = await anyio.run_process([PROMTOOL, "check", "metrics"], input=told.text.encode(), check=False)
+    lint = await anyio.run_process(["promtool", "check", "metrics"], input=told.text.encode(), check=False)
     assert (lint.returncode, lint.stdout + lint.stderr) == (0, b"")

@@ -1,9 +1,11 @@
-"""Each service describes itself, and what it takes and answers is what it describes."""
+"""Each service has an API description, which matches its requests and answers."""
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
+import threading
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -18,6 +20,7 @@ from tests.every_service import SERVICES
 from tests.experiments.store.conftest import upload
 from tests.experiments.store.test_sample_uploads import JPEG, index
 from tests.render.fakes import render_request
+from tigas_common import openapi
 
 pytestmark = pytest.mark.anyio
 
@@ -43,7 +46,7 @@ def check(document: dict[str, Any], content: dict[str, Any], media: str, body: b
 
 
 def check_exchange(document: dict[str, Any], answer: httpx.Response) -> None:
-    """That the request is described, and that this answer is one that it may have."""
+    """The request is described, and so is this answer."""
     request = answer.request
     operation = document["paths"][documented(document, request.url.path)][request.method.lower()]
     parameters = {each["name"] for each in operation["parameters"] if each["in"] == "query"}
@@ -60,7 +63,7 @@ def check_exchange(document: dict[str, Any], answer: httpx.Response) -> None:
 
 @asynccontextmanager
 async def asking(name: str, folder: Path) -> AsyncIterator[tuple[httpx.AsyncClient, dict[str, Any]]]:
-    """A client that compares whatever it asks of a service with the service's description, and that."""
+    """A client that checks every request and answer against the service's description."""
 
     async def compare(answer: httpx.Response) -> None:
         if answer.request.url.path != "/openapi.json":
@@ -159,6 +162,30 @@ async def test_a_services_root_lists_what_it_describes(name: str, tmp_path: Path
     listed = {line.split()[1] for line in root.text.splitlines() if re.match(r"[A-Z]+ +/", line)}
     assert listed == document["paths"].keys() - {"/"}
     assert all(line.strip() for line in root.text.splitlines()[2:]), "a route without a docstring"
+
+
+@pytest.mark.parametrize("name", ASK)
+async def test_a_description_is_made_once_and_sent_once(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[int] = []
+
+    def describe(*_: object) -> dict[str, Any]:
+        made.append(threading.get_ident())
+        return {}
+
+    monkeypatch.setattr(openapi, "describe", describe)
+    async with (
+        SERVICES[name](tmp_path) as app,
+        httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://localhost:8080") as client,
+    ):
+        answers = await asyncio.gather(*(client.get("/openapi.json") for _ in range(20)))
+        assert {answer.status_code for answer in answers} == {200}
+        tag = answers[0].headers["ETag"]
+        again = await client.get("/openapi.json", headers={"If-None-Match": tag})
+    assert (again.status_code, again.content, again.headers["ETag"]) == (304, b"", tag)
+    assert len(made) == 1
+    assert made != [threading.get_ident()], "the event loop waited for it"
 
 
 async def test_requests_are_described_with_all_that_they_may_have(tmp_path: Path) -> None:

@@ -1,11 +1,11 @@
-"""One polite viewer before, during and after each attack from one other address: does it keep what it had?
+"""One polite viewer before, during and after each attack from another address.
 
     python -m benchmarks.hostile [--only NAME]... [--seconds 10] [--device cuda]
 
-Each attack meets services that were just started, on loopback, over a small scene. The viewer asks for 30
-frames/s at the lowest rung from 127.0.0.2, the attacker comes from 127.0.0.3. Goal, for everybody who is polite: a p95
-during the attack of at most twice the p95 alone and 20 ms, memory within 5 % of what it was 30 s later, nothing lost.
-Exits with 1 if an attack misses it. Linux; without root the attacks on the shaper are left out, which needs it.
+Each attack targets newly started services on loopback, over a small scene. The viewer requests 30 frames/s at the
+lowest rung from 127.0.0.2, the attacker comes from 127.0.0.3. Goal, for every polite client: a p95 during the attack of
+at most twice the p95 alone and 20 ms, memory within 5 % of its initial value 30 s later, nothing lost. Exits with 1 if
+an attack misses it. Linux; attacks on the shaper need root and are left out without it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ ISOLATED = "--isolated"
 
 
 def show(outcomes: list[Outcome]) -> Table:
-    """A row for everybody who was polite during each attack."""
+    """A row for every polite client during each attack."""
     table = Table(title="Polite p50 / p95 in ms, lost, and memory of the attacked service in MB")
     table.add_column("attack", no_wrap=True)
     table.add_column("polite", no_wrap=True)
@@ -64,7 +64,7 @@ def main() -> int:
     parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="what the render service renders with")
     parser.add_argument(ISOLATED, action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the services end, too
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the services end as well
     if os.geteuid() == 0 and not arguments.isolated:
         isolate([sys.executable, "-m", "benchmarks.hostile", ISOLATED, *sys.argv[1:]])
     if arguments.isolated:
@@ -89,7 +89,7 @@ def main() -> int:
                 done = ", ".join(f"{count:,} {what}" for what, count in sorted(outcome.done.items())) or "unknown"
                 console.print(f"{attack.name}: {done}", highlight=False)
                 progress.advance(task)
-    finally:  # what was measured before somebody stopped it counts, too
+    finally:  # results before an interruption count
         console.print(show(outcomes))
         console.print(
             f"Commit {this_commit() or 'unknown'}, {platform.machine()}, {os.cpu_count()} cores: {len(cores.services)} "

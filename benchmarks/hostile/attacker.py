@@ -1,15 +1,8 @@
-"""The attacker, in a process of its own and from one address: carries out one attack until it is told to stop.
-
-Prints a line when it begins, and at the end what it has done: an attack that did nothing proves nothing.
-"""
+"""The attacker: tools shared by all attacks, all from one address."""
 
 from __future__ import annotations
 
 import asyncio
-import json
-import os
-import signal
-import sys
 from collections import Counter
 from collections.abc import Awaitable, Callable
 from contextlib import AbstractAsyncContextManager
@@ -29,11 +22,11 @@ PAUSE_S = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Attacker:
-    """What every attack has at hand."""
+    """Tools shared by all attacks."""
 
     ports: Ports
     done: Counter[str] = field(default_factory=Counter)
-    """What it has done, and what came of it."""
+    """Counters of its actions and their results."""
 
     def connect(self, **configuration: Any) -> AbstractAsyncContextManager[Client]:
         """An HTTP/3 connection to the render service."""
@@ -45,7 +38,7 @@ class Attacker:
         return await asyncio.open_connection("127.0.0.1", port, local_addr=(ADDRESS, 0))
 
     async def post(self, port: int, path: str, body: bytes, *headers: str) -> tuple[int, bytes]:
-        """The status and body of an answer over HTTP/1.1 and a connection of its own."""
+        """The status and body of an answer over HTTP/1.1 and a new connection."""
         reader, writer = await self.open(port)
         try:
             writer.write(head("POST", port, path, f"Content-Length: {len(body)}", "Connection: close", *headers))
@@ -59,7 +52,7 @@ class Attacker:
             writer.close()
 
     async def again(self, attempt: Callable[[], Awaitable[object]], copies: int = 1) -> None:
-        """Make an attempt again and again, so many at a time, whatever the service does about it."""
+        """Repeat an attempt with this concurrency, whatever the service's reaction."""
 
         async def one_after_another() -> None:
             while True:
@@ -75,25 +68,3 @@ class Attacker:
 def head(method: str, port: int, path: str, *headers: str) -> bytes:
     """The head of a request over HTTP/1.1."""
     return "\r\n".join((f"{method} {path} HTTP/1.1", f"Host: 127.0.0.1:{port}", *headers, "", "")).encode()
-
-
-async def main(attack: Callable[[Attacker], Awaitable[None]], ports: Ports) -> None:
-    """Carry out an attack until SIGTERM, and then go without a word to the services."""
-    attacker = Attacker(ports)
-
-    def stop(*_: object) -> None:
-        print(json.dumps(attacker.done), flush=True)
-        os._exit(0)
-
-    signal.signal(signal.SIGTERM, stop)  # the loop may be too busy to hear of it
-    print("begun", flush=True)
-    await attack(attacker)
-
-
-if __name__ == "__main__":
-    from benchmarks.hostile.attacks import ATTACKS
-
-    os.sched_setaffinity(0, set(map(int, sys.argv[2].split(","))))
-    os.nice(19)
-    (chosen,) = (one for one in ATTACKS if one.name == sys.argv[3])
-    asyncio.run(main(chosen.run, Ports.parse(sys.argv[1])))

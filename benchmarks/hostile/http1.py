@@ -17,17 +17,17 @@ MESSAGE = b'{"seq": 1, "position": [' + b"0," * 7_500_000 + b"0]}"
 """15 MB."""
 SLOWLY_S = 2.0
 CONNECTIONS = 2000
-"""More than a process may have open unless it is told otherwise."""
+"""More than a process's default limit of open files."""
 
 
 async def slow_headers(service: Name, attacker: Attacker) -> None:
-    """Two thousand connections whose request never ends: a byte now and then."""
+    """Two thousand connections with an endless request: a byte from time to time."""
     port = getattr(attacker.ports, service)
     await _dribble(attacker, port, f"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nX-Slow: ".encode())
 
 
 async def slow_bodies(attacker: Attacker) -> None:
-    """Two thousand requests whose body never ends."""
+    """Two thousand requests with an endless body."""
     port = attacker.ports.render
     await _dribble(attacker, port, head("POST", port, "/render", "Content-Length: 10000"))
 
@@ -53,6 +53,27 @@ async def page_flood(attacker: Attacker) -> None:
     """Frames over 64 connections of HTTP/1.1, as fast as they come."""
     port = attacker.ports.render
     await attacker.again(lambda: attacker.post(port, "/render", LOW), copies=64)
+
+
+async def get_flood(path: str, attacker: Attacker) -> None:
+    """A costly answer over 16 connections, again and again."""
+    port = attacker.ports.render
+
+    async def attempt() -> None:
+        reader, writer = await attacker.open(port)
+        try:
+            while True:
+                writer.write(head("GET", port, path))
+                fields = await reader.readuntil(b"\r\n\r\n")
+                attacker.done[f"status {int(fields.split(b' ', 2)[1])}"] += 1
+                length = fields.lower().split(b"content-length: ", 1)[1].split(b"\r\n", 1)[0]
+                await reader.readexactly(int(length))
+        except asyncio.IncompleteReadError as error:
+            raise ConnectionResetError from error
+        finally:
+            writer.close()
+
+    await attacker.again(attempt, copies=16)
 
 
 async def unload_scene(attacker: Attacker) -> None:
@@ -98,7 +119,7 @@ async def large_messages(attacker: Attacker) -> None:
 
 
 async def watchers(attacker: Attacker) -> None:
-    """Two hundred connections that watch the link and read nothing of it."""
+    """Two hundred connections that watch the link without reading."""
     port = attacker.ports.shaper
 
     async def attempt() -> None:

@@ -16,7 +16,8 @@ from aioquic.h3.connection import FrameType, StreamType, encode_frame
 from aioquic.quic.connection import QuicConnection
 
 from benchmarks.hostile.attacker import ADDRESS, Attacker
-from benchmarks.hostile.client import Client, configuration, connect_as, request
+from benchmarks.hostile.client import Client, connect_as, request
+from tigas.http3 import configuration
 
 LOW = json.dumps(request(profile=3)).encode()
 HIGH = json.dumps(request(1280, 720, profile=0)).encode()
@@ -73,7 +74,7 @@ async def endless_frames(attacker: Attacker) -> None:
 
 
 async def endless_settings(attacker: Attacker) -> None:
-    """Control streams whose first frame promises a gibibyte and never ends."""
+    """Control streams with a first frame that announces a gibibyte and never ends."""
 
     async def attempt() -> None:
         async with connect_as(QuicConnectionProtocol, attacker.ports.quic, ADDRESS) as connection:
@@ -100,7 +101,7 @@ async def request_flood(attacker: Attacker) -> None:
             session = await client.session()
 
             async def ask() -> None:
-                attacker.done[f"status {await client.frame(session, LOW)}"] += 1
+                attacker.done[f"status {await client.frame_status(session, LOW)}"] += 1
 
             await asyncio.gather(*(_until_closed(client, ask) for _ in range(60)))
 
@@ -127,14 +128,14 @@ async def datagram_flood(attacker: Attacker) -> None:
 
 
 async def slow_readers(attacker: Attacker) -> None:
-    """Large pictures that are asked for and not read."""
+    """Large pictures that are requested and not read."""
 
     async def attempt() -> None:
         async with attacker.connect(max_data=GIBIBYTE, max_stream_data=4096) as client:
             client.quic._write_stream_limits = lambda *_, **__: None  # type: ignore[method-assign]
             session = await client.session()
             for _ in range(60):
-                client.send(session, PICTURE)
+                client.open_stream(session, PICTURE)
                 attacker.done["requests"] += 1
                 await asyncio.sleep(0.1)
             await _until_closed(client, lambda: asyncio.sleep(1))
@@ -150,7 +151,7 @@ async def sixteen_megapixels(attacker: Attacker) -> None:
             session = await client.session()
 
             async def ask() -> None:
-                attacker.done[f"status {await client.frame(session, LARGEST)}"] += 1
+                attacker.done[f"status {await client.frame_status(session, LARGEST)}"] += 1
 
             await asyncio.gather(*(_until_closed(client, ask) for _ in range(4)))
 
@@ -169,7 +170,7 @@ async def many_sessions(attacker: Attacker) -> None:
                 attacker.done["sessions"] += 1
 
                 async def ask() -> None:
-                    attacker.done[f"status {await client.frame(session, HIGH)}"] += 1
+                    attacker.done[f"status {await client.frame_status(session, HIGH)}"] += 1
 
                 await _until_closed(client, ask)
 
@@ -186,15 +187,67 @@ async def abandoned_streams(attacker: Attacker) -> None:
             session = await client.session()
 
             async def ask() -> None:
-                streams = [client.send(session, HIGH) for _ in range(10)]
+                streams = [client.open_stream(session, HIGH) for _ in range(10)]
                 await asyncio.sleep(0.01)
                 for stream_id in streams:
-                    client.cancel(stream_id)
+                    client.stop(stream_id)
                 attacker.done["cancelled"] += len(streams)
 
             await _until_closed(client, ask)
 
     await attacker.again(attempt, copies=4)
+
+
+async def stream_resets(attacker: Attacker) -> None:
+    """Streams that are opened and reset at once, so that they may be opened again."""
+
+    async def attempt() -> None:
+        async with attacker.connect() as client:
+            session = await client.session()
+            attacker.done["connections"] += 1
+
+            async def ask() -> None:
+                client.reset(client.open_stream(session, b"", end=False))
+                attacker.done["reset"] += 1
+                await asyncio.sleep(0.001)
+
+            await _until_closed(client, ask)
+
+    await attacker.again(attempt, copies=8)
+
+
+async def datagram_pictures(attacker: Attacker) -> None:
+    """Large pictures by datagram, to clients that take only small datagrams."""
+
+    async def attempt() -> None:
+        async with attacker.connect(max_datagram_frame_size=128) as client:
+            session = await client.session()
+
+            async def ask() -> None:
+                client.h3.send_datagram(session, PICTURE)
+                client.transmit()
+                attacker.done["requests"] += 1
+                await asyncio.sleep(0.01)
+
+            await _until_closed(client, ask)
+
+    await attacker.again(attempt, copies=4)
+
+
+async def new_videos(attacker: Attacker) -> None:
+    """Sessions that ask for key frames at bit rates that change, and are given up for new ones."""
+
+    async def attempt() -> None:
+        async with attacker.connect() as client:
+            for _ in range(4):
+                session = await client.session()
+                attacker.done["sessions"] += 1
+                for seq in range(1, 61):
+                    video = {"bitrate_kbps": 50 if seq % 2 else 100_000, "key": True}
+                    body = json.dumps(request(1280, 720, format="h264", profile=0, seq=seq, video=video)).encode()
+                    attacker.done[f"status {await client.frame_status(session, body)}"] += 1
+
+    await attacker.again(attempt, copies=6)
 
 
 async def unfinished_requests(attacker: Attacker) -> None:
@@ -204,7 +257,7 @@ async def unfinished_requests(attacker: Attacker) -> None:
         async with attacker.connect() as client:
             session = await client.session()
             while True:
-                client.send(session, LOW[:-1] + b" " * 12_000, end=False)
+                client.open_stream(session, LOW[:-1] + b" " * 12_000, end=False)
                 attacker.done["requests"] += 1
                 await asyncio.sleep(0.05)
 
@@ -212,7 +265,7 @@ async def unfinished_requests(attacker: Attacker) -> None:
 
 
 async def handshake_flood(attacker: Attacker) -> None:
-    """First packets of connections that nobody goes on with, from a thousand ports."""
+    """First packets of abandoned connections, from a thousand ports."""
     sockets = []
     for _ in range(1000):
         sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -244,7 +297,7 @@ async def connection_hoard(attacker: Attacker) -> None:
             async with opening:
                 client = await stack.enter_async_context(attacker.connect())
             attacker.done["connections"] += 1
-            while not client.closed:
+            while not client.is_closed:
                 client.quic.send_ping(1)
                 client.transmit()
                 await asyncio.sleep(5)
@@ -254,5 +307,5 @@ async def connection_hoard(attacker: Attacker) -> None:
 
 async def _until_closed(client: Client, action: Callable[[], Awaitable[object]]) -> None:
     """Do something again and again while there is a connection."""
-    while not client.closed:
+    while not client.is_closed:
         await action()

@@ -25,14 +25,14 @@ RECOVERY_S = 30.0
 """After the attack, until memory must be back."""
 SAMPLE_S = 0.25
 TIMES_ALONE, MORE_MS = 2, 20
-"""The goal: the polite's p95 during an attack is at most so many times its p95 alone, and so many milliseconds."""
+"""The goal: the polite clients' p95 during an attack, as a multiple of their p95 alone, and in milliseconds."""
 MEMORY_BACK = 1.05
-"""The goal: memory afterwards, as a share of what it was."""
+"""The goal: memory afterwards, relative to the memory before."""
 
 
 @dataclass(frozen=True, slots=True)
 class Times:
-    """How long the answers to one of the polite took, of everything asked for in one phase; milliseconds."""
+    """Response times of one polite client in one phase, in milliseconds."""
 
     asked: int
     lost: int
@@ -41,7 +41,7 @@ class Times:
 
     @classmethod
     def of(cls, times: Sequence[float | None]) -> Times:
-        """What never came counts as endless."""
+        """Missing answers count as infinite."""
         ordered = sorted(math.inf if one is None else one for one in times)
         if not ordered:
             return cls(0, 0, math.nan, math.nan)
@@ -60,7 +60,7 @@ class Polite:
 
     @property
     def faults(self) -> Iterator[str]:
-        """What the goal asks for and was not so."""
+        """Missed parts of the goal."""
         if not self.during.p95 <= TIMES_ALONE * self.before.p95 + MORE_MS:
             yield "slow"
         if lost := self.during.lost + self.after.lost:
@@ -77,14 +77,14 @@ class Memory:
 
     @property
     def faults(self) -> Iterator[str]:
-        """What the goal asks for and was not so."""
+        """Missed parts of the goal."""
         if self.after > MEMORY_BACK * self.before:
             yield f"+{100 * (self.after / self.before - 1):.0f} % memory"
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What one attack did."""
+    """Results of one attack."""
 
     attack: Attack
     polite: tuple[Polite, ...]
@@ -92,11 +92,11 @@ class Outcome:
     died: tuple[str, ...]
     """Services that ended."""
     done: dict[str, int]
-    """What the attacker counted."""
+    """The attacker's counters."""
 
     @property
     def faults(self) -> Iterator[str]:
-        """What concerns the services rather than one of the polite."""
+        """Results of the services, not of one polite client."""
         yield from (f"{name} died" for name in self.died)
         yield from self.memory.faults
 
@@ -108,7 +108,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Cores:
-    """Who runs where. Its own use of a core is the least that an attacker does: it must not count as harm."""
+    """Cores of each process. An attacker's own use of a core must not count as harm."""
 
     services: frozenset[int]
     clients: frozenset[int]
@@ -121,7 +121,7 @@ class Cores:
 
 
 def measure(attack: Attack, seconds: float, cores: Cores, device: str, now: Callable[[str], None]) -> Outcome:
-    """Carry out one attack against services that are new; `now` hears what is going on."""
+    """Carry out one attack against new services; `now` is called with the progress."""
     with tempfile.TemporaryDirectory(prefix="tigas-hostile-") as name:
         folder, ports = Path(name), Ports.free()
         now("starting")
@@ -144,7 +144,7 @@ def measure(attack: Attack, seconds: float, cores: Cores, device: str, now: Call
                 _await(polite, lambda: any(line[2] for line in _lines(folder / "polite")))
                 wait("warming up", WARM_UP_S)
                 before = wait("before", seconds)
-                with _process("attacker", ports, cores, folder / "attacker", attack.name) as attacker:
+                with _process("attacks", ports, cores, folder / "attacker", attack.name) as attacker:
                     _await(attacker, lambda: (folder / "attacker").read_bytes().startswith(b"begun"))
                     during = wait("attack", seconds)
                 after = wait("after", RECOVERY_S)
@@ -212,12 +212,12 @@ def _check(process: subprocess.Popen[bytes]) -> None:
 
 
 def _lines(output: Path) -> list[Any]:
-    """What the polite have reported."""
+    """The polite clients' reports."""
     return [json.loads(line) for line in output.read_text().splitlines(True) if line.endswith("]\n")]
 
 
 def _done(output: Path) -> dict[str, int]:
-    """What the attacker counted; nothing if it had to be killed."""
+    """The attacker's counters; empty if it had to be killed."""
     for line in output.read_text().splitlines():
         if line.startswith("{"):
             done: dict[str, int] = json.loads(line)

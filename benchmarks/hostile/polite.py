@@ -1,8 +1,7 @@
-"""The polite, in a process of their own: a viewer at 30 frames/s, and whoever comes anew meanwhile.
+"""The polite clients, in a separate process: a viewer at 30 frames/s, and newcomers.
 
-Prints one line of JSON for everything that was asked for: who asked, when, and the milliseconds until all of it was
-there, or null if it never came or was refused. Times are counted from when it was due, so that nothing is hidden by
-asking late.
+Prints one line of JSON for each request: the client, the due time, and the milliseconds until the complete answer, or
+null if it never came or was refused. Times are counted from the due time, so that late requests hide nothing.
 """
 
 from __future__ import annotations
@@ -20,11 +19,11 @@ from benchmarks.hostile.services import Ports
 ADDRESS = "127.0.0.2"
 RATE = 30
 IN_FLIGHT = 8
-"""Frames that the viewer waits for at once; a frame that is due while so many are missing counts as lost."""
+"""Maximum frames in flight of the viewer; a frame that is due beyond it counts as lost."""
 PATIENCE_S = 10.0
 LOW = json.dumps(request(profile=3)).encode()
 PATHS = {"page": "/config.json", "dash": "/time", "store": "/experiments", "shaper": "/status"}
-"""What somebody who comes to a service asks for, over a new connection of HTTP/1.1."""
+"""First request of a new visitor of each service, over a new connection of HTTP/1.1."""
 COMES_EVERY_S = 0.5
 
 
@@ -54,7 +53,7 @@ async def viewer(ports: Ports) -> None:
         nonlocal client, due
         async with connect(ports.quic, ADDRESS) as client:
             session = await client.session()
-            while not client.closed:
+            while not client.is_closed:
                 due = max(due + 1 / RATE, time.monotonic() - PATIENCE_S)
                 await asyncio.sleep(due - time.monotonic())
                 if len(running) >= IN_FLIGHT:
@@ -73,8 +72,8 @@ async def viewer(ports: Ports) -> None:
 
 
 async def frame(client: Client, session: int) -> bool:
-    """Whether a frame came."""
-    return await client.frame(session, LOW) == 200
+    """Whether a frame arrived."""
+    return await client.frame_status(session, LOW) == 200
 
 
 async def newcomer(ports: Ports) -> bool:
@@ -95,7 +94,7 @@ async def visitor(port: int, path: str) -> bool:
 
 
 async def again_and_again(who: str, ask: Callable[[], Awaitable[bool]]) -> None:
-    """Somebody new every so often, however long the earlier ones wait."""
+    """A newcomer at a fixed interval, however long the earlier ones wait."""
     async with asyncio.TaskGroup() as group:
         due = time.monotonic()
         while True:

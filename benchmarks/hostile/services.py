@@ -1,4 +1,4 @@
-"""The real services on loopback, each a process of its own, over a scene that is small enough for one core."""
+"""The real services on loopback, each in its own process, over a scene small enough for one core."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ import httpx
 import numpy as np
 import psutil
 
+from reference.ply import write_ply
 from tigas_common.processes import end, tigas
 from tigas_render.gaussians import Gaussians
-from tigas_render.scenes.ply import write_ply
 
 Name = Literal["render", "dash", "store", "shaper"]
 GAUSSIANS = 5_000
@@ -29,7 +29,7 @@ START_S = 120
 OPEN_FILES = 1024
 """Of a process, as most systems begin it."""
 ACCESS, SERVICE = "10.9.1.1/24", "10.9.2.1/24"
-"""The addresses of the two interfaces that the shaper stands between; nobody is behind them."""
+"""The addresses of the shaper's two interfaces; there are no hosts behind them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Ports:
 
     @classmethod
     def free(cls) -> Self:
-        """Ports that nobody listens on now."""
+        """Free ports."""
         with ExitStack() as stack:
             numbers = []
             for kind in (socket.SOCK_DGRAM, *[socket.SOCK_STREAM] * 4):
@@ -55,7 +55,7 @@ class Ports:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """What `str` gave."""
+        """Parse the output of `str`."""
         return cls(**json.loads(text))
 
     def __str__(self) -> str:
@@ -94,7 +94,7 @@ class Service:
 def running(
     wanted: Sequence[Name], ports: Ports, folder: Path, cores: set[int], device: str
 ) -> Iterator[dict[Name, Service]]:
-    """The render service, on a device, and those of the others that are wanted, on these cores, until the end."""
+    """Run the render service on a device, and the other wanted services, on these cores, as a context manager."""
     write_scene(folder / "models" / SCENE / f"{SCENE}.ply")
     commands = _commands(ports, folder, device)
     with ExitStack() as stack:
@@ -129,8 +129,8 @@ def _commands(ports: Ports, folder: Path, device: str) -> dict[Name, list[str]]:
     return {
         "render": tigas("render", "--scenes", models, "--device", device, "--quic", f"127.0.0.1:{ports.quic}",
                         *listens(ports.render)),
-        "dash": tigas("dash", "--render", render, "--encoder", "libx264", *listens(ports.dash)),
-        "store": tigas("store", "--results", results, "--movements", models, *listens(ports.store)),
+        "dash": tigas("dash", "--render", render, *listens(ports.dash)),
+        "store": tigas("store", "--results", results, *listens(ports.store)),
         "shaper": tigas("shaper", "--access", "access", "--service", "service", "--forward", "tcp:8080=10.9.2.2:8080",
                         *listens(ports.shaper)),
     }  # fmt: skip
@@ -140,10 +140,14 @@ def _commands(ports: Ports, folder: Path, device: str) -> dict[Name, list[str]]:
 def _service(name: Name, command: list[str], folder: Path, cores: set[int]) -> Iterator[Service]:
     mine, files = os.sched_getaffinity(0), resource.getrlimit(resource.RLIMIT_NOFILE)
     with (folder / f"{name}.log").open("ab") as log:
-        os.sched_setaffinity(0, cores)  # what is started inherits both
+        os.sched_setaffinity(0, cores)  # child processes inherit both
         resource.setrlimit(resource.RLIMIT_NOFILE, (min(OPEN_FILES, files[1]), files[1]))
         try:
-            process = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)
+            environment = os.environ | {
+                "TIGAS_DASH_ENCODER": "libx264",
+                "TIGAS_STORE_MOVEMENTS": str(folder / "models"),
+            }
+            process = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True, env=environment)
         finally:
             os.sched_setaffinity(0, mine)
             resource.setrlimit(resource.RLIMIT_NOFILE, files)
@@ -166,7 +170,7 @@ def _healthy(service: Service, port: int) -> None:
 
 
 def isolate(command: list[str]) -> None:
-    """Begin again in a network namespace of one's own, where the shaper can shape and no port is taken; needs root."""
+    """Restart in a new network namespace, where the shaper can shape and all ports are free; needs root."""
     os.execvp("unshare", ["unshare", "--net", "--", *command])
 
 

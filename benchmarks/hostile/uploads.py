@@ -13,7 +13,7 @@ JSON = "Content-Type: application/json"
 
 
 async def error_bomb(attacker: Attacker) -> None:
-    """A megabyte with half a million mistakes, each of which could become an error of its own."""
+    """A megabyte with half a million mistakes, each of which could become a separate error."""
     await _upload(attacker, b'{"link": [' + b"{}," * (MEGABYTE // 3) + b"{}]}")
 
 

@@ -1,4 +1,4 @@
-"""What each service does once before it is measured: what the first use leaves in memory is no harm of an attack."""
+"""Exercises each service once before it is measured: memory left by the first use is no harm of an attack."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _streams(http: httpx.Client) -> None:
 
 
 def _upload(http: httpx.Client) -> None:
-    """One as large as usual, and refused: it has started the process that checks."""
+    """An upload of usual size that is refused: it has started the checking process."""
     made = http.post("/experiments", json={"name": "warm-up", "plan": {"seed": 1}}).raise_for_status().json()["id"]
     run = {"link": [dict.fromkeys(LINK, 1.0)] * LINKS}
     assert http.post(f"/experiments/{made}/runs", json=run).status_code == 400

@@ -1,1 +1,1 @@
-"""How many viewers a render service serves: viewers over HTTP/3 from several processes, and what they met."""
+"""Capacity of a render service: viewers over HTTP/3 from several processes, and their frames."""

@@ -1,14 +1,14 @@
-"""How many viewers does a render service serve, and what becomes of those who are too many?
+"""The number of viewers that a render service can serve, and its behaviour under overload.
 
     python -m benchmarks.load [--render "--device cuda --scenes models"] [--scene flowers] [--profile 2] [--fps 30]
-    python -m benchmarks.load --url http://127.0.0.1:8080           a service that runs already
-    python -m benchmarks.load --instant 23000                       frames of so many bytes that nobody renders
+    python -m benchmarks.load --url http://127.0.0.1:8080           a running service
+    python -m benchmarks.load --instant 23000                       synthetic frames of this many bytes
     python -m benchmarks.load --viewers 1 4 --render ... --baseline "--edges 1"
 
-Viewers in several processes walk through a scene, each at a pace of its own, and cancel what a newer frame has
-overtaken. Finds the largest number of viewers whose 95th percentile is within the limit while all their frames are
-served, and goes on to 1.5 and 2 times as many; with --viewers, measures these numbers; with --baseline, beside a second
-service with other options, in turns. Writes load.json and load.svg into --out. docs/load.md says how to read them.
+Viewers in several processes walk through a scene, each at its own pace, and cancel frames overtaken by newer ones.
+Finds the largest number of viewers with a 95th percentile within the limit and all frames served, and continues with
+1.5 and 2 times as many; with --viewers, measures these numbers; with --baseline, alternates with a second service with
+other options. Writes load.json and load.svg into --out. docs/deploy.md explains how to read them.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from benchmarks.load.routes import make_plan
 from benchmarks.load.server import Server, started
 from benchmarks.load.step import Step
 from tigas_common.errors import StartError
-from tigas_experiments.movement.errors import MovementError
+from tigas_experiments.movement.table import MovementError
 from tigas_experiments.records.machine import this_machine
 
 MOVEMENTS = sorted((Path(__file__).parents[2] / "traces/movement").glob("*.csv"))
@@ -68,7 +68,7 @@ def main() -> int:
     arguments = parser.parse_args()
     if arguments.url and (arguments.render or arguments.instant is not None or arguments.baseline is not None):
         parser.error("--url is a service that runs already: it takes no options of one that is started.")
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that what was started ends, too
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that child processes end as well
     try:
         return run(arguments)
     except (StartError, MovementError, RuntimeError) as error:
@@ -119,7 +119,7 @@ def run(arguments: argparse.Namespace) -> int:
                     lines, complete = verdict(capacity), capacity.found
                     figures["capacity"] = {name: getattr(capacity, name) for name in ("viewers", "found", "limit_ms")}
                     draw(capacity, arguments.fps, title, arguments.out / "load.svg")
-        finally:  # what was measured before somebody stopped it counts, too
+        finally:  # results before an interruption count
             progress.stop()
             machine = this_machine()
             console.print(table(steps, title))

@@ -22,11 +22,11 @@ WEBTRANSPORT_CANCELLED = 0x52E4A40FA8DB
 """WebTransport's application error 0 as an HTTP/3 error code."""
 REQUEST_CANCELLED = 0x010C
 WEBTRANSPORT_STREAM = b"\x40\x41"
-"""What a bidirectional stream of a session begins with, before the session's id."""
+"""First bytes of a session's bidirectional stream, before the session's id."""
 
 
 class Listener(Protocol):
-    """Who hears of a connection."""
+    """Callbacks of a connection."""
 
     def opened(self) -> None:
         """Frames may be asked for."""
@@ -54,7 +54,7 @@ class Client:
         self._h3: ViewerH3Connection | None = None
         self._session: int | None = None
         self._head = b""
-        """What each request begins with."""
+        """First bytes of each request."""
         self._is_open = self._is_over = False
         self._timer: asyncio.TimerHandle | None = None
         self._timer_at = math.inf

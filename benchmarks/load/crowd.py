@@ -1,4 +1,4 @@
-"""The processes of viewers, as the one that measures sees them."""
+"""The viewers' processes, from the measuring process."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tigas_common.processes import with_parent
 
 END_S = 5
 FULL_S = 7.0
-"""A service in which nobody has come in for so long is full: those whom it turned away have tried again."""
+"""A service without a new session for this many seconds is full: refused viewers have tried again by then."""
 ASK_EVERY_S = 0.25
 
 
@@ -45,10 +45,11 @@ class Crowds:
         self._ending.close()
 
     def measure(self, viewers: int, warm_up_s: float, seconds: float, wait: Callable[[float], None]) -> Observed:
-        """What so many viewers meet within `seconds`, once they are there and have looked around for `warm_up_s`.
+        """Observations of this many viewers over `seconds`, once they are connected and have looked around for
+        `warm_up_s`.
 
-        `wait` waits until a time of the monotonic clock: at first the begin, then the end of what is measured.
-        Raises RuntimeError if a process has ended.
+        `wait` waits until a time of the monotonic clock: first the start, then the end of the measurement. Raises
+        RuntimeError if a process has ended.
         """
         self._tell(f"viewers {viewers}")
         self._arrive(viewers)
@@ -60,7 +61,7 @@ class Crowds:
         return Observed.together([Observed.from_json(line) for line in self._answers()])
 
     def _arrive(self, viewers: int) -> None:
-        """Wait until all have a session, or nobody has come in for so long that the service is taken to be full."""
+        """Wait until all have a session, or the service counts as full."""
         inside, since = -1, time.monotonic() + max(0, viewers - self._viewers) / ARRIVALS_PER_S
         self._viewers = viewers
         while inside < viewers and time.monotonic() < since + FULL_S:

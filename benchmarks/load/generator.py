@@ -1,7 +1,7 @@
-"""A process of viewers. The first line of its input is a Plan; then come commands, one a line.
+"""A process of viewers. The first line of its input is a Plan; then follow commands, one per line.
 
-`viewers N` lets so many be there, of all processes together. `inside` answers how many have a session. `measure BEGIN
-END`, in seconds of the monotonic clock, answers with an Observed once that is over. It ends with its input.
+`viewers N` sets the number of viewers in all processes together. `inside` answers with the number of sessions. `measure
+BEGIN END`, in seconds of the monotonic clock, answers with an Observed afterwards. It ends with its input.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ class Crowd:
     """The viewers of one process."""
 
     def __init__(self, plan: Plan, place: int, places: int) -> None:
-        """place: this process's, from 0, among so many; viewers are dealt out to them."""
+        """place: index of this process among all of them; viewers are distributed round robin."""
         self._plan = plan
         self._place, self._places = place, places
         self._viewers: list[Viewer] = []
         self._arrivals: list[asyncio.TimerHandle] = []
 
     def set(self, count: int) -> None:
-        """Let so many viewers be there, of all processes together; those who are new come one after the other."""
+        """Set the number of viewers in all processes together; new ones start one after the other."""
         mine = len(range(self._place, count, self._places))
         for arrival in self._arrivals:
             arrival.cancel()
@@ -56,7 +56,7 @@ class Crowd:
         return sum(viewer.dropped for viewer in self._viewers)
 
     async def measure(self, begin: float, end: float) -> Observed:
-        """What they meet in a time to come."""
+        """Their observations in a future interval."""
         await asyncio.sleep(begin - time.monotonic())
         for viewer in self._viewers:
             viewer.ended.clear()
@@ -71,7 +71,7 @@ class Crowd:
 
 
 async def main(place: int, places: int) -> None:
-    """Do as the input says."""
+    """Execute the commands of the input."""
     reader = asyncio.StreamReader(limit=1 << 26)
     await asyncio.get_running_loop().connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
     crowd = Crowd(Plan.from_json((await reader.readline()).decode()), place, places)

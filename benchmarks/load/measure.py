@@ -1,4 +1,4 @@
-"""Measures a service: at given numbers of viewers, at the largest that it serves and beyond, or beside another."""
+"""Measures a service: at given numbers of viewers, at its capacity and beyond, or against another one."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from benchmarks.load.crowd import Crowds
 from benchmarks.load.search import search
 from benchmarks.load.server import Server
 from benchmarks.load.step import Interval, Step
-from tigas_experiments.report.blocks import Estimate
+from tigas_experiments.report.estimates import Estimate
 
 BEYOND = (1.5, 2.0)
-"""Times the number of viewers that can be served: what is offered afterwards."""
+"""Loads offered after the search, relative to the capacity."""
 LEAST_SERVED = 0.9995
-"""What counts as all of them: 100.0 %."""
+"""Share of served frames that rounds to 100.0 %."""
 
 Told = Callable[[Step], None]
 Waits = Callable[[str, float], None]
@@ -37,11 +37,11 @@ class Subject:
 
     server: Server
     device: str
-    """What it renders with."""
+    """Its rendering device."""
     crowds: Crowds
 
     def step(self, viewers: int, timing: Timing, wait: Waits) -> Step:
-        """So many viewers, measured once. Raises RuntimeError if a process of viewers ends."""
+        """Measure this number of viewers once. Raises RuntimeError if a process of viewers ends."""
         cpu: list[float | None] = []
 
         def measured(until: float) -> None:
@@ -63,7 +63,7 @@ class Capacity:
     viewers: int = 0
     """The largest that held; 0 if none did."""
     found: bool = False
-    """Whether more were tried, and the service was what could not do it."""
+    """Whether more viewers were tried, and the service was the bottleneck."""
     steps: list[Step] = field(default_factory=list)
     beyond: list[Step] = field(default_factory=list)
     """At that number once more, and above it."""
@@ -76,7 +76,7 @@ class Capacity:
 def measure_capacity(
     subject: Subject, capacity: Capacity, first: int, most: int, steps: int, timing: Timing, told: Told, wait: Waits
 ) -> None:
-    """Find it, in at most so many steps, and go on to what is more than that. `capacity` is filled while it is done."""
+    """Find the capacity in at most this many steps, and measure overload. Fills `capacity` while running."""
     looking = search(first, most)
     viewers = next(looking)
     for _ in range(steps):
@@ -109,7 +109,7 @@ class Ratio:
 
     @classmethod
     def of(cls, pairs: Sequence[tuple[float, float]]) -> Ratio | None:
-        """Of what was measured in turns; None if there is nothing to divide."""
+        """Ratios of alternating measurements; None without data."""
         logarithms = [math.log(one / other) for one, other in pairs if one > 0 and other > 0]
         estimate = Estimate.over(logarithms)
         if estimate is None:
@@ -124,7 +124,7 @@ class Comparison:
 
     viewers: int
     pairs: tuple[tuple[Step, Step], ...]
-    """The one that is looked at, and the baseline."""
+    """The measured service and the baseline."""
 
     def ratio(self, figure: Callable[[Step], float]) -> Ratio | None:
         """Of a figure."""
@@ -134,7 +134,7 @@ class Comparison:
 def compare(
     subject: Subject, baseline: Subject, viewers: int, pairs: int, timing: Timing, told: Told, wait: Waits
 ) -> Comparison:
-    """So many pairs of steps; who is first changes from pair to pair."""
+    """Measure this many pairs of steps, alternating the order."""
     measured = []
     for number in range(pairs):
         steps: dict[int, Step] = {}

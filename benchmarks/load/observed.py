@@ -1,4 +1,4 @@
-"""What viewers met in a stretch of time: as a process of them reports it, and of all processes together."""
+"""Observations of viewers in an interval: of one process, and of all processes together."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Observed:
     served: list[tuple[float, float]]
     """When each frame that was served was due, from the begin, and how long it took."""
     there: list[float]
-    """When the last bytes of frames came, from the begin, whenever those were due."""
+    """Arrival times of frames' last bytes since the start, for any due time."""
     bytes: int
     """Of all that was served."""
     outside: int
@@ -33,7 +33,7 @@ class Observed:
     cpu: list[float]
     """Of each process: seconds that it computed."""
     dropped: int
-    """Datagrams that came and were not read in time."""
+    """Datagrams received and dropped by the socket."""
 
     @classmethod
     def of(
@@ -82,7 +82,7 @@ class Observed:
 
     @classmethod
     def from_json(cls, text: str) -> Self:
-        """What `to_json` gave."""
+        """Parse the output of `to_json`."""
         given = json.loads(text)
         return cls(**{**given, "served": [(at, took) for at, took in given["served"]]})
 

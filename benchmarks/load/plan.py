@@ -1,4 +1,4 @@
-"""What the viewers of a measurement ask for, as it is handed to the processes that play them."""
+"""Parameters of the viewers of a measurement, passed to their processes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Literal, Self
 Transport = Literal["webtransport", "post", "mixed"]
 
 ARRIVALS_PER_S = 40.0
-"""New viewers that come in a second, to all processes together."""
+"""New viewers per second, in all processes together."""
 PATIENCE_S = 1.0
 """How long after the end of a measurement the last frames are waited for."""
 
@@ -41,6 +41,6 @@ class Plan:
 
     @classmethod
     def from_json(cls, text: str) -> Self:
-        """What `to_json` gave."""
+        """Parse the output of `to_json`."""
         given = json.loads(text)
         return cls(**{**given, "routes": tuple(map(tuple, given["routes"]))})

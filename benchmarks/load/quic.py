@@ -1,8 +1,8 @@
-"""aioquic's client connection without what a hundred viewers on a few cores cannot pay.
+"""aioquic's client connection, made cheap enough for a hundred viewers on a few cores.
 
-Two things are short: packets that hold nothing but the end of an answer's stream, whose bytes are counted and not kept,
-and packets that hold nothing but an acknowledgement. All else is aioquic's own. Reaches into aioquic's private
-attributes, as `tigas_render.transport.quic` does.
+Two things have a short path: packets with only the end of an answer's stream, counted and not kept, and packets with
+only an acknowledgement. Everything else is aioquic's own. It uses aioquic's private attributes, like
+`tigas_render.transport.aioquic_ext.quic`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ MAX_ACK_BYTES = 64
 
 
 def configuration() -> QuicConfiguration:
-    """A viewer's, who trusts every certificate."""
+    """A viewer's configuration, which trusts every certificate."""
     return QuicConfiguration(
         alpn_protocols=H3_ALPN,
         max_datagram_frame_size=65536,

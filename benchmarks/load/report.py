@@ -1,4 +1,4 @@
-"""What was measured, as a table of text, as JSON, and as a chart."""
+"""Results as a text table, as JSON, and as a chart."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _interval(interval: Interval, digits: int) -> str:
 
 
 def verdict(capacity: Capacity) -> list[str]:
-    """What was found, a sentence each."""
+    """Findings, a sentence each."""
     peak = max((step.frames_per_s for step in (*capacity.steps, *capacity.beyond)), default=0.0)
     return [_most(capacity), *(_beyond(step, capacity.viewers, peak) for step in capacity.beyond)]
 
@@ -115,7 +115,7 @@ def comparison_lines(comparison: Comparison) -> list[str]:
 
 
 def write_json(path: Path, steps: Sequence[Step], figures: dict[str, Any]) -> None:
-    """All of it, for programs; what is unknown is null."""
+    """All results for programs; unknown values are null."""
     told = [{**asdict(step), "served": step.served, "bottleneck": step.bottleneck} for step in steps]
     path.write_text(json.dumps(_plain({**figures, "steps": told}), indent=1) + "\n", encoding="utf-8")
 

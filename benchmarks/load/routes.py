@@ -1,4 +1,4 @@
-"""Where viewers of a scene are and what they see: movements, as poses of frames at their own rate."""
+"""Movements of the viewers in a scene, as poses of frames at their own rate."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.load.plan import Plan, Transport
-from tigas_common.standpoints import intrinsics
+from tigas_common.sample_cameras import intrinsics
 from tigas_common.wire.render import RenderRequest, SceneInfo
-from tigas_experiments.movement.placing import placed
+from tigas_experiments.movement.placement import placed
 from tigas_experiments.movement.trace import MovementTrace
 
 WIDTH, HEIGHT = 1280, 720
@@ -31,7 +31,7 @@ def make_plan(
     depth: bool = False,
     deadline_ms: float | None = None,
 ) -> Plan:
-    """What viewers of a scene ask a service at an address for. Raises MovementError."""
+    """The viewers' requests for a scene of a service. Raises MovementError."""
     view: dict[str, Any] = {"scene": scene.id, **asdict(intrinsics(WIDTH, HEIGHT)), "profile": profile}
     if depth:
         view["depth"] = True

@@ -9,9 +9,9 @@ PRECISION = 0.05
 
 
 def search(first: int, most: int) -> Generator[int, bool, int]:
-    """Yields numbers of viewers to try, and is sent whether so many are served as they should be.
+    """Yields numbers of viewers to try, and is sent whether each is served properly.
 
-    Returns the largest that was, 0 if none was. Tries none above `most`, and none twice.
+    Returns the largest served number, 0 if there was none. Tries none above `most`, and none twice.
     """
     good, bad, count = 0, most + 1, min(first, most)
     doubling = True

@@ -1,4 +1,4 @@
-"""The render service that is measured: one that runs already, or one that is started with options of one's own."""
+"""The measured render service: a running one, or one started with given options."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import httpx
 import psutil
 
 from tigas_common.errors import StartError
-from tigas_common.processes import end, tigas, with_parent
+from tigas_common.processes import running, tigas
 from tigas_common.wire.render import SceneInfo, ServerConfig
 
 START_S = 180
@@ -23,7 +23,7 @@ START_S = 180
 LOAD_S = 300
 STOP_S = 10
 OPEN = "Open "
-"""What the line with the service's URL begins with."""
+"""Prefix of the line with the service's URL."""
 HERE = ("--http", "127.0.0.1:0", "--quic", "127.0.0.1:0")
 
 
@@ -47,7 +47,7 @@ class Server:
             raise StartError(f"{self.name} at {self.url} does not answer: {error or type(error).__name__}.") from None
 
     def config(self) -> ServerConfig:
-        """What it says of itself. Raises StartError."""
+        """Its configuration. Raises StartError."""
         with self._http() as http:
             return ServerConfig.model_validate_json(http.get("/config.json").raise_for_status().content)
 
@@ -83,17 +83,15 @@ class Server:
 @contextmanager
 def started(name: str, options: Sequence[str]) -> Iterator[Server]:
     """`tigas render` on free ports of this machine, until the context ends. Raises StartError."""
-    with tempfile.NamedTemporaryFile(prefix="tigas-load-", suffix=".log") as log:
-        command = with_parent(tigas("render", *HERE, *options))
-        process = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)
-        try:
-            yield Server(name, _url(process, Path(log.name)), psutil.Process(process.pid))
-        finally:
-            end(process, STOP_S)
+    with (
+        tempfile.NamedTemporaryFile(prefix="tigas-load-", suffix=".log") as log,
+        running(tigas("render", *HERE, *options), STOP_S, stdout=log, stderr=log) as process,
+    ):
+        yield Server(name, _url(process, Path(log.name)), psutil.Process(process.pid))
 
 
 def _url(process: subprocess.Popen[bytes], log: Path) -> str:
-    """What the service says once it serves. Raises StartError."""
+    """The service's output once it serves. Raises StartError."""
     late = time.monotonic() + START_S
     while time.monotonic() < late:
         lines = log.read_text(errors="replace").splitlines()

@@ -1,4 +1,4 @@
-"""One step of a measurement: so many viewers, what they met, and whether their own processes kept up."""
+"""One step of a measurement: a number of viewers, their observations, and whether their own processes kept up."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from benchmarks.load.observed import Observed
 from benchmarks.load.viewer import SERVED
 
 LEAST_SPANS = 6
-"""For an interval: if nothing but chance decided each span's sign, fewer would agree in more than 5 % of all cases."""
+"""Minimum spans of an interval: with fewer, all of them have the same sign by chance in more than 5 % of all cases."""
 SPAN_MS = 500.0
-"""Latencies of neighbouring frames depend on one another, those of one span and the next hardly."""
+"""Length of a span: latencies of neighbouring frames are correlated, those of neighbouring spans hardly."""
 RESAMPLES = 400
 SEED = 1
 MOST_CPU = 0.85
-"""A process of viewers that computes for a larger share of the time is itself what everybody waits for."""
+"""A viewers' process that is busy for a larger share of the time is itself the bottleneck."""
 MOST_LAG_MS, MOST_LAG_SHARE = 5.0, 0.1
 """So late the viewers' processes may be, as a 95th percentile: in milliseconds, or as a share of the frames' own."""
 MOST_DROPPED = 0.002
@@ -28,7 +28,7 @@ DATAGRAM = 1400
 
 Floats = NDArray[np.float64]
 Interval = tuple[float, float]
-"""That the value lies in with a probability of 95 %, by a bootstrap over spans; nan with too few."""
+"""The 95 % interval of the value, by a bootstrap over spans; nan with too few."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,20 +40,20 @@ class Generator:
     cpu_ms: float
     """Processor time of all of them for a frame, in milliseconds."""
     lag_p95_ms: float
-    """How late they were: in sending requests, and in reading what had come."""
+    """Delays of sending requests, and of reading received data."""
     dropped: float
-    """The share of datagrams that came and were not read in time, about."""
+    """Approximate share of received datagrams that were dropped by the socket."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Figures of so many viewers at a time."""
+    """Figures of a number of viewers."""
 
     viewers: int
     outside: int
     """Viewers without a session at the end: turned away, or thrown out."""
     due: int
-    """Frames that these viewers wanted."""
+    """Frames wanted by these viewers."""
     fates: dict[str, int]
     """How many of them ended how; see `viewer.Due`."""
     p50_ms: float
@@ -62,7 +62,7 @@ class Step:
     """From sending a request to the last byte, of frames that were served."""
     p95_interval: Interval
     frames_per_s: float
-    """That came while it was measured, whenever they were due."""
+    """Frames received during the measurement, for any due time."""
     frames_interval: Interval
     mbit_per_s: float
     kilobytes: float
@@ -73,7 +73,7 @@ class Step:
 
     @property
     def served(self) -> float:
-        """The share of frames that came."""
+        """The share of frames received."""
         return self.fates.get(SERVED, 0) / self.due if self.due else 0.0
 
     @property
@@ -83,7 +83,7 @@ class Step:
 
     @property
     def bottleneck(self) -> str | None:
-        """Why somebody who waited long may have waited for the viewers' own processes; None if they kept up."""
+        """Reason to blame the viewers' own processes for long waits; None if they kept up."""
         if self.generator.cpu > MOST_CPU:
             return f"a process of viewers computed {self.generator.cpu:.0%} of the time"
         if self.generator.lag_p95_ms > max(MOST_LAG_MS, MOST_LAG_SHARE * self.p95_ms):
@@ -94,7 +94,7 @@ class Step:
 
     @classmethod
     def of(cls, viewers: int, seconds: float, observed: Observed, server_cpu_s: float | None) -> Self:
-        """From what was observed in so many seconds."""
+        """From observations over this many seconds."""
         spans = max(1, round(1000 * seconds / SPAN_MS))
         due = sum(observed.fates.values())
         took = _by_span(observed.served, spans, 1000 * seconds)
@@ -131,7 +131,7 @@ def _by_span(served: list[tuple[float, float]], spans: int, length_ms: float) ->
 
 
 def _percentiles(spans: list[Floats]) -> list[tuple[float, Interval]]:
-    """The 50th and the 95th of all spans together, each with its interval; nan if there is nothing."""
+    """The 50th and 95th percentile of all spans together, each with its interval; nan without data."""
     whole = np.concatenate(spans)
     if not len(whole):
         return [(math.nan, (math.nan, math.nan))] * 2

@@ -1,4 +1,4 @@
-"""A viewer's UDP socket: whole batches at a time where the kernel keeps together what was sent together (UDP_GRO)."""
+"""A viewer's UDP socket: reads whole batches if the kernel keeps them together (UDP_GRO)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MAX_DATAGRAM = 65_535
 MAX_READS = 16
 """Batches that one viewer reads before others have their turn."""
 BUFFER = 4 << 20
-"""Bytes asked of the kernel for what a viewer has not read yet."""
+"""Requested receive buffer in bytes."""
 
 
 class ViewerSocket:
@@ -73,7 +73,7 @@ class ViewerSocket:
                 yield data[start : start + size], arrived
 
     def send(self, data: bytes) -> None:
-        """Send, or drop what the kernel has no room for, which QUIC sees as loss. Raises ConnectionError."""
+        """Send, or drop if the kernel has no room, which QUIC treats as loss. Raises ConnectionError."""
         with contextlib.suppress(BlockingIOError):
             self._socket.send(data)
 
@@ -83,7 +83,7 @@ class ViewerSocket:
 
 
 def _number(ancillary: list[tuple[int, int, bytes]], level: int, kind: int) -> int:
-    """What a control message says, such as of what sizes a batch is made; 0 without one."""
+    """The value of a control message, such as the segment size of a batch; 0 without one."""
     for its_level, its_kind, data in ancillary:
         if (its_level, its_kind) == (level, kind):
             return int(NUMBER.unpack_from(data)[0])

@@ -1,4 +1,4 @@
-"""One viewer: a movement at a pace of its own, and what became of every frame that was due."""
+"""One viewer: a movement at its own pace, and the outcome of every due frame."""
 
 from __future__ import annotations
 
@@ -12,28 +12,29 @@ from benchmarks.load.client import Client
 from benchmarks.load.plan import Plan
 
 IN_FLIGHT = 8
-"""Frames that a viewer waits for at once; one that is due while so many are missing is not asked for."""
+"""Maximum frames in flight of a viewer; a frame that is due beyond it is not requested."""
 COMES_AGAIN_S = 1.0
-"""Whoever is turned away or thrown out comes again after so long, unless the service names another time."""
+"""Seconds until a refused or disconnected viewer returns, unless the service sets another time."""
 SERVED = "served"
 FATES = {200: SERVED, 409: "superseded", 429: "refused", 503: "overloaded", 504: "late"}
 """By an answer's status; with any other, it has `failed`."""
 LATE = ("superseded", "late")
 AFTER_REFUSAL_S = 0.15
-"""A viewer who is refused for another reason asks for nothing for so long, as the page does."""
+"""A viewer refused for another reason pauses for this many seconds, like the page."""
 GOLDEN = 0.618034
 """Multiples of it, modulo 1, are spread evenly, however many there are."""
 
 
 @dataclass(frozen=True, slots=True)
 class Due:
-    """What became of a frame that was due. Times are seconds of the monotonic clock."""
+    """Outcome of a due frame. Times are seconds of the monotonic clock."""
 
     at: float
     fate: str
-    """`served`; `overtaken` by a newer frame, so that the viewer cancelled it; `superseded`, `late`, `overloaded`,
-    `refused` or `failed`, as the service says; `reset`, or `lost` with the connection; or not even asked for: too many
-    are `waiting`, the viewer was `paced` by the service's rate or just refused, or it was `outside`, without a session.
+    """`served`; `overtaken` by a newer frame, and cancelled by the viewer; `superseded`, `late`, `overloaded`,
+    `refused` or `failed`, as reported by the service; `reset`, or `lost` with the connection; or not requested: too
+    many are `waiting`, the viewer was `paced` by the service's rate or just refused, or it was `outside`, without a
+    session.
     """
     took: float = math.nan
     """From sending the request to the last byte, if there was an answer."""
@@ -53,12 +54,12 @@ class _Asked:
 
 
 class Viewer:
-    """Somebody who looks at the scene from when they come until they leave."""
+    """A viewer of the scene from its arrival until it leaves."""
 
     def __init__(self, plan: Plan, number: int) -> None:
         """number: of all viewers, from 0; gives an address, a movement and a place in it."""
         self.ended: list[Due] = []
-        """What has ended since somebody emptied the list."""
+        """Outcomes since the list was last cleared."""
         self.is_inside = False
         """Whether it may ask for frames."""
         self._plan = plan
@@ -98,11 +99,11 @@ class Viewer:
 
     @property
     def dropped(self) -> int:
-        """Datagrams that came over this connection and were not read in time."""
+        """Datagrams received over this connection and dropped by the socket."""
         return 0 if self._client is None else self._client.dropped
 
     def waiting(self) -> list[float]:
-        """When the frames were due that are asked for and have not ended."""
+        """Due times of the frames in flight."""
         return [asked.due for asked in self._asked.values()]
 
     def _connect(self) -> None:
@@ -135,7 +136,7 @@ class Viewer:
     # -- hearing of the connection -----------------------------------------------------------------------------------
 
     def opened(self) -> None:
-        """Frames may be asked for."""
+        """Frames may be requested."""
         self.is_inside = True
 
     def answered(self, stream_id: int, status: int, header: dict[str, Any], size: int, arrived: float) -> None:
@@ -154,7 +155,7 @@ class Viewer:
             self._not_before = now + AFTER_REFUSAL_S
 
     def _overtake(self, seq: int) -> None:
-        """Nobody wants the frames before the one that is there."""
+        """Cancel the frames before the received one."""
         assert self._client is not None
         for stream_id, asked in list(self._asked.items()):
             if asked.seq < seq and self._asked.pop(stream_id, None) is not None:

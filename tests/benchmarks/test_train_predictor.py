@@ -1,4 +1,4 @@
-"""What the linear predictor of the page learns."""
+"""Training of the page's linear predictor."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from benchmarks.train_predictor import HORIZONS_MS, STEP_MS, STEPS, changes, main, moments, train
-from tigas_experiments.movement.errors import MovementError
+from benchmarks.train_predictor import STEP_MS, expected, main, moments, train
 from tigas_experiments.movement.generated import generate
+from tigas_experiments.movement.table import MovementError
 from tigas_experiments.movement.trace import MovementTrace
 
 AHEAD_MS = 300.0
@@ -19,13 +20,12 @@ def test_foresees_another_walk_of_the_kind_it_learned_from_better_than_constant_
     weights = train([generate("look-around", 20, seed) for seed in range(3)])
     way = generate("look-around", 20, 7)
     now = moments(way, 500, 500)
-    known = changes(way, [-STEP_MS * step for step in range(1, STEPS + 1)], now).turned
-    truth = changes(way, [AHEAD_MS], now).turned[:, 0]
-    learned = np.array(weights["turned"])[:, HORIZONS_MS.index(AHEAD_MS)]
-    foreseen = np.einsum("nka,ak->na", known, learned)
-    velocity = -known[:, 0] * AHEAD_MS / STEP_MS
-    error, straight, none = (np.linalg.norm(guess - truth, axis=1).mean() for guess in (foreseen, velocity, 0 * truth))
-    assert error < straight / 2 < none / 4
+    truth = Rotation.from_quat(way.poses_at(now + AHEAD_MS)[1])
+    before, here = (Rotation.from_quat(way.poses_at(times)[1]) for times in (now - STEP_MS, now))
+    straight = here * Rotation.from_rotvec((before.inv() * here).as_rotvec() * AHEAD_MS / STEP_MS)
+    foreseen = Rotation.from_quat(expected(way, now, AHEAD_MS, weights)[1])
+    error, going_on, none = ((guess.inv() * truth).magnitude().mean() for guess in (foreseen, straight, here))
+    assert error < going_on / 2 < none / 4
 
 
 def test_moments_keep_clear_of_the_ends_and_of_gaps() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime
@@ -55,12 +54,6 @@ async def test_frames_come_over_http3_and_are_the_same_over_http1(served: Served
     assert (quick.protocol, slow.protocol) == ("HTTP/3", "HTTP/1.1")
     assert (quick.body, quick.content_type) == (slow.body, "image/png")
     assert quick.timing.render > 0
-
-
-async def test_without_aioquic_frames_come_over_http1(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "aioquic", None)
-    async with tigas.AsyncClient(served.url) as client:
-        assert (await client.frame(AHEAD, **WALL)).protocol == "HTTP/1.1"
 
 
 async def test_a_server_with_another_certificate_is_asked_nothing(served: Served) -> None:

@@ -19,7 +19,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def run_cells(notebook: Path, **parameters: object) -> None:
-    """Run a notebook as a kernel would, with other values for what its cell `parameters` sets."""
+    """Run a notebook like a kernel, with other values for its cell `parameters`."""
     scope: dict[str, Any] = {}
     for number, cell in enumerate(json.loads(notebook.read_text(encoding="utf-8"))["cells"]):
         if cell["cell_type"] == "code":

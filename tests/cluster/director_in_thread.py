@@ -1,4 +1,4 @@
-"""A director beside a test that does not run on an event loop."""
+"""A director in a thread, for tests without an event loop."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PATIENCE_S = 30
 
 @dataclass
 class RunningDirector:
-    """Served over HTTP for as long as the context lasts that made it."""
+    """A director served over HTTP by a context manager."""
 
     url: str
     _fleet: PolledFleet

@@ -1,4 +1,4 @@
-"""Hosts that are made up."""
+"""Made-up hosts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tigas_common.wire.render import DEFAULT_LADDER, ServerConfig
 def load(
     viewers: int = 0, *, full: float | None = None, queue_age_s: float = 0.0, scenes: tuple[str, ...] = ()
 ) -> HostLoad:
-    """What a host says of itself."""
+    """A host's report."""
     config = ServerConfig(
         version="1",
         ladder=DEFAULT_LADDER,
@@ -41,7 +41,7 @@ def host(
 
 
 class FakeFleet(Fleet):
-    """As the test says."""
+    """A fleet controlled by the test."""
 
     def __init__(self, *states: HostState) -> None:
         self.states: list[HostState] = list(states)

@@ -1,4 +1,4 @@
-"""Which cluster is joined, and what is said where there is none."""
+"""The choice of a cluster, and the messages without one."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ import socket
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from tigas_cluster.cli import cluster
+from tests.command import tigas
 from tigas_cluster.connection import named_cluster
 from tigas_cluster.own_ray import OwnRay
 from tigas_common.errors import StartError
@@ -40,7 +39,7 @@ def test_what_is_no_head_is_refused_in_a_sentence(monkeypatch: pytest.MonkeyPatc
 @pytest.mark.parametrize("command", ["up", "status"])
 def test_without_ray_the_extra_is_named(monkeypatch: pytest.MonkeyPatch, command: str) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    run = CliRunner().invoke(cluster, [command])
+    run = tigas("cluster", command)
     assert (run.exit_code, run.stderr) == (
         1,
         f"A cluster needs Ray, which is not installed: {install_command('cluster')}\n",
@@ -50,7 +49,7 @@ def test_without_ray_the_extra_is_named(monkeypatch: pytest.MonkeyPatch, command
 def test_the_status_of_no_cluster_is_a_sentence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    run = CliRunner().invoke(cluster, ["status"])
+    run = tigas("cluster", "status")
     assert run.exit_code == 1
     assert run.stderr.startswith("No cluster runs on this machine: `tigas cluster up` starts one")
 

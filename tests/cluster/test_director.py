@@ -1,4 +1,4 @@
-"""What the director answers, over hosts that are made up."""
+"""The director's answers, over made-up hosts."""
 
 from __future__ import annotations
 
@@ -15,11 +15,6 @@ from tigas_common.placement import ranked
 pytestmark = pytest.mark.anyio
 
 FIRST, SECOND = ranked("garden", ("a", "b"))
-
-
-@pytest.fixture
-def fleet() -> FakeFleet:
-    return FakeFleet(host("a"), host("b"))
 
 
 @pytest.fixture

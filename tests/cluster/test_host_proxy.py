@@ -1,14 +1,13 @@
-"""What the director hands on to hosts."""
+"""Requests proxied by the director to hosts."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
 
 import httpx
 import pytest
 
-from tests.cluster.hosts import FakeFleet, asking_director, host
+from tests.cluster.hosts import FakeFleet, host
 from tests.render.fakes import render_request
 from tigas_cluster import host_proxy
 from tigas_common.placement import ranked
@@ -20,7 +19,7 @@ PAGE = "<!doctype html>"
 
 
 class Hosts(httpx.AsyncBaseTransport):
-    """Each says who it is; the dead refuse, and the silent never answer."""
+    """Each answers with its name; dead ones refuse, and silent ones never answer."""
 
     def __init__(self) -> None:
         self.dead: set[str] = set()
@@ -50,17 +49,6 @@ def hosts() -> Hosts:
     return Hosts()
 
 
-@pytest.fixture
-def fleet() -> FakeFleet:
-    return FakeFleet(host("a"), host("b"))
-
-
-@pytest.fixture
-async def client(fleet: FakeFleet, hosts: Hosts) -> AsyncIterator[httpx.AsyncClient]:
-    async with asking_director(fleet, transport=hosts) as client:
-        yield client
-
-
 async def test_a_scene_is_asked_for_where_its_viewers_are_sent(client: httpx.AsyncClient) -> None:
     assert (await client.get("/scenes/garden/preview")).text == FIRST
     assert (await client.post(f"/scenes/garden/load?host={SECOND}")).text == SECOND
@@ -69,10 +57,10 @@ async def test_a_scene_is_asked_for_where_its_viewers_are_sent(client: httpx.Asy
 
 async def test_a_download_is_resumed_at_the_host_that_began_it(client: httpx.AsyncClient, hosts: Hosts) -> None:
     resumed = {"Range": "bytes=10-", "If-Range": '"1"'}
-    answer = await client.get("/scenes/garden/download/ply", headers=resumed)
+    answer = await client.get("/scenes/garden/download/compressed", headers=resumed)
     assert (answer.text, answer.headers["etag"]) == (FIRST, '"1"')
     assert {name: hosts.asked[-1].headers[name] for name in resumed} == resumed
-    await client.head("/scenes/garden/download/ply")
+    await client.head("/scenes/garden/download/compressed")
     assert hosts.asked[-1].method == "HEAD"
 
 

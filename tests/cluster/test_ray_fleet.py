@@ -1,8 +1,9 @@
-"""Hosts are started, followed, drained and replaced, over a Ray that is made up."""
+"""Hosts are started, followed, drained and replaced, over a made-up Ray."""
 
 from __future__ import annotations
 
 import asyncio
+import threading
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 
 import httpx
@@ -78,7 +79,7 @@ class FakeCluster(Cluster, httpx.AsyncBaseTransport):
 
 @pytest.fixture(autouse=True)
 def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same in a tenth of the time, so that nobody waits."""
+    """The same ten times as fast."""
     monkeypatch.setattr(ray_fleet, "LOOK_S", 0.02)
     for name in ("POLL_S", "GONE_S", "ANSWER_S"):
         monkeypatch.setattr(polled_fleet, name, getattr(polled_fleet, name) / 10)
@@ -150,6 +151,31 @@ async def test_hosts_outlive_the_fleet_unless_they_are_ended(fleet: RayFleet, cl
     await fleet.__aexit__()
     assert len(cluster.running) == 2
     await fleet.end()
+    assert cluster.running == {}
+    assert cluster.asked_for[-1] == 0
+
+
+async def test_a_host_that_is_created_while_the_others_end_is_ended_too(
+    cluster: FakeCluster, clock: Clock, said: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    starting, stopping = threading.Event(), threading.Event()
+    start, stop = cluster.start, cluster.stop
+
+    def start_late(name: str, node: Node) -> None:
+        starting.set()
+        assert stopping.wait(20)
+        start(name, node)
+
+    def stop_early(hosts: Mapping[str, str]) -> None:
+        stop(hosts)
+        stopping.set()
+
+    monkeypatch.setattr(cluster, "start", start_late)
+    monkeypatch.setattr(cluster, "stop", stop_early)
+    async with looked_after(cluster, clock, said, "1") as fleet:
+        await until(starting.is_set)
+        await fleet.end()
+    await asyncio.get_running_loop().shutdown_default_executor()
     assert cluster.running == {}
     assert cluster.asked_for[-1] == 0
 

@@ -1,4 +1,4 @@
-"""How many hosts there are to be: more at once, fewer slowly, and nobody is thrown out."""
+"""The number of hosts: more at once, fewer slowly, and no viewer is disconnected."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ CALM_S, GRACE_S = 300.0, 600.0
 
 
 class Scene:
-    """A scaler, its clock, and what hosts say."""
+    """A scaler, its clock, and the hosts' reports."""
 
     def __init__(self, lowest: int = 1, highest: int = 8) -> None:
         self.now = 0.0
         self.scaler = Scaler(HostRange(lowest, highest), CALM_S, GRACE_S, lambda: self.now)
 
     def after(self, seconds: float, *hosts: HostState, starting: int = 0) -> Plan:
-        """What is planned once hosts have been like this for so long."""
+        """The plan after the hosts have been in this state for some time."""
         self.scaler.plan(hosts, starting)
         self.now += seconds
         return self.scaler.plan(hosts, starting)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
 from dataclasses import replace
 
 import httpx
 import pytest
 
-from tests.cluster.hosts import FakeFleet, asking_director, host, load
+from tests.cluster.hosts import FakeFleet, load
 from tigas_cluster import scenes as scenes_module
 from tigas_common.errors import SceneInUse, problem
 from tigas_common.wire.render import SceneInfo
@@ -37,7 +36,7 @@ def scene(id: str, state: str, memory_bytes: int = 0) -> SceneInfo:
 
 
 class Hosts(httpx.AsyncBaseTransport):
-    """Have these scenes, by host; what is unloaded is no longer loaded."""
+    """Have these scenes, by host; unloading is effective."""
 
     def __init__(self) -> None:
         self.scenes = {
@@ -51,7 +50,7 @@ class Hosts(httpx.AsyncBaseTransport):
         }
         self.silent: set[str] = set()
         self.used: set[str] = set()
-        """Hosts where somebody views what is to be unloaded."""
+        """Hosts with viewers of the scene to unload."""
         self.asked: list[tuple[str, str]] = []
 
     async def handle_async_request(self, request: httpx.Request) -> httpx.Response:
@@ -69,17 +68,6 @@ class Hosts(httpx.AsyncBaseTransport):
 @pytest.fixture
 def hosts() -> Hosts:
     return Hosts()
-
-
-@pytest.fixture
-def fleet() -> FakeFleet:
-    return FakeFleet(host("a"), host("b"))
-
-
-@pytest.fixture
-async def client(fleet: FakeFleet, hosts: Hosts) -> AsyncIterator[httpx.AsyncClient]:
-    async with asking_director(fleet, transport=hosts) as client:
-        yield client
 
 
 async def listed(client: httpx.AsyncClient) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""A client of HTTP/1.1 that says exactly what a test wants, and no more."""
+"""A client of HTTP/1.1 that sends exactly the bytes of a test."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class RawClient:
         return Answer(int(head[0].split(" ")[1]), body)
 
     async def ended(self) -> bytes:
-        """Wait until the server has closed the connection; gives what it said before that."""
+        """Wait until the server has closed the connection; returns the bytes received before that."""
         async with asyncio.timeout(PATIENCE_S):
             try:
                 return await self.reader.read()
@@ -55,7 +55,7 @@ class RawClient:
 
 @asynccontextmanager
 async def connected(port: int, source: str = "127.0.0.1") -> AsyncIterator[RawClient]:
-    """A connection from this address for as long as the context lasts."""
+    """A connection from this address, as a context manager."""
     async with asyncio.timeout(PATIENCE_S):
         reader, writer = await asyncio.open_connection("127.0.0.1", port, local_addr=(source, 0))
     try:

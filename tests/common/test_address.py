@@ -1,4 +1,4 @@
-"""Who is told that a service is open to the network."""
+"""The warning about a service open to the network."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ HOME, EVERYWHERE = Address("127.0.0.1", 80), Address("0.0.0.0", 80)
     ("addresses", "isolated", "said"),
     [
         ((HOME,), False, ""),
-        ((HOME, EVERYWHERE), False, "Open to the network on 0.0.0.0:80: whoever reaches this machine"),
+        ((HOME, EVERYWHERE), False, "Open to the network on 0.0.0.0:80: any machine that reaches this one"),
         ((EVERYWHERE,), True, ""),
     ],
 )

@@ -1,4 +1,4 @@
-"""A service is asked again as long as it has no time, and as it says, but not for ever."""
+"""Retries of a busy service, at its own pace and up to a limit."""
 
 from __future__ import annotations
 

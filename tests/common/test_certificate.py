@@ -1,4 +1,4 @@
-"""The certificate is one that browsers accept by its hash, and TLS servers can use."""
+"""Browsers accept the certificate by its hash, and TLS servers can use it."""
 
 from __future__ import annotations
 
@@ -60,6 +60,12 @@ def test_renewal_comes_before_expiry() -> None:
     assert not certificate.needs_renewal(NOW + timedelta(days=9))
     assert certificate.needs_renewal(NOW + timedelta(days=10))
     assert certificate.needs_renewal(certificate.not_after)
+
+
+def test_one_made_while_the_clock_was_ahead_is_renewed_once_it_is_right() -> None:
+    ahead = Certificate.create([], NOW + timedelta(days=2))
+    assert ahead.needs_renewal(NOW)
+    assert not Certificate.create([], NOW).needs_renewal(NOW)
 
 
 def test_a_tls_server_serves_it_and_no_key_stays_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

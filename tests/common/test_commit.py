@@ -1,4 +1,4 @@
-"""Which commit the code is of: as the image says, or as the working tree does."""
+"""The code's commit, from the image or the working tree."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is not installed is named with a command that installs it."""
+"""Missing packages are named with a command that installs them."""
 
 from __future__ import annotations
 

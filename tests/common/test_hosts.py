@@ -1,4 +1,4 @@
-"""What a Host or an Origin names."""
+"""The name in a Host or an Origin."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long requests may take to arrive, where services differ in nothing."""
+"""Time limits of requests, for all services alike."""
 
 from __future__ import annotations
 
@@ -106,18 +106,55 @@ async def test_an_answer_may_take_longer_than_its_request() -> None:
     async with serve_http(app, HERE, limits) as port, connected(port) as streaming, connected(port) as later:
         streaming.say(ASK)
         await streaming.reader.readuntil(b"first")
-        later.say(b"GET")  # whose time is up after the first one's would have been
+        later.say(b"GET")  # due later than the first one's
         assert (await later.answer()).status == 408
         go_on.set()
         assert await streaming.reader.readexactly(6) == b"second"
 
 
 async def echo(scope: Scope, receive: Receive, send: Send) -> None:
-    """A WebSocket that says what it hears."""
+    """A WebSocket that echoes."""
     socket = WebSocket(scope, receive, send)
     await socket.accept()
     while True:
         await socket.send_text(await socket.receive_text())
+
+
+BROKEN = b"POST / HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n"
+
+
+@pytest.mark.parametrize("waits", [True, False], ids=["reads the body", "does not"])
+async def test_a_broken_chunk_is_refused_once_and_the_application_answers_into_the_void(
+    waits: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            while waits and (await receive())["type"] == "http.request":
+                pass
+            await Response("nothing here", 404)(scope, receive, send)
+        except Exception as error:
+            done.set_exception(error)
+        else:
+            done.set_result(None)
+
+    async with serve_http(app, HERE, HttpLimits()) as port, connected(port) as client:
+        client.say(BROKEN + b"-1\r\nx\r\n")
+        answer = await client.answer()
+        assert (answer.status, answer.problem) == (400, "tigas:invalid-request")
+        assert await client.ended() == b""
+        await asyncio.wait_for(done, LONG_S)
+    assert caplog.records == []
+
+
+async def test_a_broken_chunk_after_the_answer_ends_the_connection(caplog: pytest.LogCaptureFixture) -> None:
+    async with serve_http(Response("nothing here", 404), HERE, HttpLimits()) as port, connected(port) as client:
+        client.say(BROKEN)
+        assert (await client.answer()).status == 404
+        client.say(b"-1\r\nx\r\n")
+        assert await client.ended() == b""
+    assert caplog.records == []
 
 
 async def test_a_websocket_has_to_complete_its_handshake_and_then_may_stay() -> None:

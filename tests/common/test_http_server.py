@@ -1,4 +1,4 @@
-"""Who may connect, where services differ in nothing."""
+"""Connection limits, for all services alike."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LONG_S = 60
 
 
 def server_tls() -> ssl.SSLContext:
-    """With a certificate of its own."""
+    """With a generated certificate."""
     tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     Certificate.create(["localhost"], datetime.now(UTC)).load_into(tls)
     return tls
@@ -80,5 +80,5 @@ async def test_a_client_that_does_not_end_tls_keeps_no_connection() -> None:
 
 
 def plain_read(client: ssl.SSLSocket) -> bytes:
-    """What comes, past TLS, which would answer the server's wish to end it."""
+    """Received bytes below TLS, which would answer the server's close."""
     return socket.socket.recv(client, 4096)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import platform
 import subprocess
 import sys
 
-import pytest
+from tests.prerequisites import LINUX
 
 PROGRAM = """
 import threading
@@ -31,7 +30,7 @@ print(resident() - before)
 """
 
 
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only glibc keeps memory, and can be asked for it")
+@LINUX.mark
 def test_what_threads_have_freed_goes_back_to_the_system() -> None:
     grown = int(subprocess.run([sys.executable, "-c", PROGRAM], check=True, capture_output=True, text=True).stdout)
     assert grown < 10_000_000  # of 800 MB

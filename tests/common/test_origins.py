@@ -1,4 +1,4 @@
-"""Which hosts a service answers under, which pages may use it, and what browsers are told with every answer."""
+"""Allowed hosts and pages, and the headers of every answer."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def refusal(policy: OriginPolicy, host: str, origin: str | None = None, *, chang
 def test_a_name_that_anybody_can_make_lead_here_is_refused(host: str, local: bool, on_network: bool) -> None:
     for policy, own in ((LOCAL, local), (OPEN, on_network)):
         assert refusal(policy, host) == (None if own else ForeignHost)
-        page = f"http://{host}"  # whose own host it is, as far as its browser knows
+        page = f"http://{host}"  # the own host, from its browser's point of view
         assert refusal(policy, host, page) == (None if own else ForeignHost)
 
 

@@ -1,4 +1,4 @@
-"""Whatever is wrong with a request's body, its sender hears one sentence about it."""
+"""Any fault in a request's body is reported in one sentence."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ SECONDS, RATE = 30.0, 500.0
 
 
 def survived_s(every_s: float, size: int, until_s: float = 10_000) -> float:
-    """How long somebody is waited for who sends so many bytes every so many seconds."""
+    """Seconds until a sender of this many bytes at this interval times out."""
     patience = Patience(SECONDS, RATE, now=1000.0)
     for part in itertools.count(1):
         now = 1000.0 + part * every_s

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tigas_common import placement
-from tigas_common.placement import NARROW_S, WIDEN_S, Place, Placement, ranked
+from tigas_common.placement import NARROW_S, WIDEN_S, Candidate, Placement, ranked
 
 NAMES = ("a", "b", "c", "d")
 SCENES = [f"scene {number}" for number in range(400)]
@@ -21,12 +21,12 @@ class Clock:
         return self.now
 
 
-def up(*pressed: str, names: tuple[str, ...] = NAMES) -> list[Place]:
-    return [Place(name, name in pressed) for name in names]
+def up(*pressed: str, names: tuple[str, ...] = NAMES) -> list[Candidate]:
+    return [Candidate(name, name in pressed) for name in names]
 
 
-def asked(placed: Placement, clock: Clock, seconds: float, places: list[Place], scene: str = "garden") -> list[str]:
-    """What a scene that is asked for ten times a second has after so long."""
+def asked(placed: Placement, clock: Clock, seconds: float, places: list[Candidate], scene: str = "garden") -> list[str]:
+    """Places of a scene requested ten times per second, after this time."""
     for _ in range(round(10 * seconds)):
         placed.places(scene, places)
         clock.now += 0.1
@@ -143,7 +143,7 @@ def test_a_scene_keeps_its_places_while_fewer_could_not_do_as_much() -> None:
     placed = Placement(clock)
     first, second, *_ = ranked("garden", NAMES)
     asked(placed, clock, WIDEN_S + 0.2, up(first))
-    half_busy = [Place(name, at_ease=False) for name in NAMES]
+    half_busy = [Candidate(name, at_ease=False) for name in NAMES]
     assert asked(placed, clock, 10 * NARROW_S, half_busy) == [first, second]
     assert asked(placed, clock, NARROW_S + 1, up()) == [first]
 

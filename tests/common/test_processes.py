@@ -1,7 +1,8 @@
-"""A service's process ends when it is asked to, or with all that it started; if it dies, it is started again."""
+"""A service's process ends on request together with its children, and is restarted if it dies."""
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -26,7 +27,7 @@ child.wait()
 
 
 def started(argv: list[str]) -> subprocess.Popen[bytes]:
-    """In a session of its own."""
+    """In a separate session."""
     return subprocess.Popen(argv, stdout=subprocess.PIPE, start_new_session=True)
 
 
@@ -65,7 +66,7 @@ def test_what_has_run_for_long_is_started_again_at_once() -> None:
 
 
 class Started:
-    """A service's processes, in the order of their starts. `then` is told how many there are."""
+    """A service's processes, in the order of their starts. `then` is called with their number."""
 
     def __init__(self, argv: list[str], then: Callable[[int], None]) -> None:
         self.processes: list[subprocess.Popen[bytes]] = []
@@ -122,3 +123,29 @@ def test_one_with_wrong_settings_is_not_tried_again(at_once: None) -> None:
     with pytest.raises(StartError, match=r"^The one did not start \(exit status 2\)"):
         keep_running([Service("one", wrong)], threading.Event())
     assert len(wrong.processes) == 1
+
+
+def test_one_that_cannot_be_forked_for_a_moment_is_tried_again(at_once: None) -> None:
+    stop = threading.Event()
+
+    class Refused(Started):
+        def __call__(self) -> subprocess.Popen[bytes]:
+            if len(self.processes) == 1 and not refused:
+                refused.append(True)
+                raise refusal
+            return super().__call__()
+
+    refused: list[bool] = []
+    refusal = BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+    service = Refused(WAITS, lambda starts: service.processes[0].kill() if starts == 1 else stop.set())
+    keep_running([Service("one", service)], stop)
+    assert refused
+    assert len(service.processes) == 2
+
+
+def test_one_that_cannot_be_forked_at_all_is_a_sentence(at_once: None) -> None:
+    def refuse() -> subprocess.Popen[bytes]:
+        raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+
+    with pytest.raises(StartError, match=r"^The one did not start \(no process could be started: Resource temporarily"):
+        keep_running([Service("one", refuse)], threading.Event())

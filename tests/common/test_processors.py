@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tigas_common.processors import usable_processors
+from tigas_common.processors import quotas, usable_processors
 
 MINE = "proc/self/cgroup"
 
@@ -57,10 +57,54 @@ def sixteen(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_no_more_than_control_groups_have_time_for(tmp_path: Path, files: dict[str, str], processors: int) -> None:
-    for name, text in files.items():
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(text)
+    write(tmp_path, files)
     assert usable_processors(tmp_path) == processors
+
+
+@pytest.mark.parametrize(
+    ("files", "counted"),
+    [
+        pytest.param(
+            {
+                MINE: "0::/\n",
+                "sys/fs/cgroup/cpu.max": "250000 100000\n",
+                "sys/fs/cgroup/cpu.stat": "usage_usec 1500000\nnr_periods 40\nnr_throttled 7\n",
+            },
+            [(2.5, 1.5, 7)],
+            id="version 2",
+        ),
+        pytest.param(
+            {
+                MINE: "2:cpu,cpuacct:/a\n",
+                "sys/fs/cgroup/cpu,cpuacct/a/cpu.cfs_quota_us": "200000\n",
+                "sys/fs/cgroup/cpu,cpuacct/a/cpu.cfs_period_us": "100000\n",
+                "sys/fs/cgroup/cpu,cpuacct/a/cpu.stat": "nr_periods 40\nnr_throttled 7\nthrottled_time 9\n",
+                "sys/fs/cgroup/cpu,cpuacct/a/cpuacct.usage": "1500000000\n",
+            },
+            [(2.0, 1.5, 7)],
+            id="version 1",
+        ),
+        pytest.param(
+            {MINE: "0::/\n", "sys/fs/cgroup/cpu.max": "100000 100000\n"}, [(1.0, None, 0)], id="nothing is counted"
+        ),
+        pytest.param(
+            {MINE: "0::/\n", "sys/fs/cgroup/cpu.max": "max 100000\n", "sys/fs/cgroup/cpu.stat": "usage_usec 1\n"},
+            [],
+            id="no limit",
+        ),
+    ],
+)
+def test_what_control_groups_have_used(
+    tmp_path: Path, files: dict[str, str], counted: list[tuple[float, float | None, int]]
+) -> None:
+    write(tmp_path, files)
+    assert [(quota.processors, quota.used_s, quota.throttled) for quota in quotas(tmp_path)] == counted
+
+
+def write(root: Path, files: dict[str, str]) -> None:
+    for name, text in files.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text)
 
 
 def test_this_process_has_one_at_least() -> None:

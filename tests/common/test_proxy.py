@@ -9,7 +9,7 @@ import httpx
 import pytest
 from starlette.types import Message
 
-from tigas_common.proxy import hand_back
+from tigas_common.proxy import hand_back, unless
 
 pytestmark = pytest.mark.anyio
 
@@ -45,3 +45,39 @@ async def test_what_nobody_takes_any_more_is_not_fetched() -> None:
         await hand_back(httpx.Response(200, stream=body), [], receive, send)
     assert parts < 10
     assert body.closed
+
+
+async def test_work_is_cancelled_once_its_end_comes_first() -> None:
+    gone: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+    cancelled = asyncio.Event()
+
+    async def work() -> str:
+        try:
+            await asyncio.Event().wait()
+        finally:
+            cancelled.set()
+        return "never"
+
+    asyncio.get_running_loop().call_soon(gone.set_result, None)
+    assert await unless(gone, work()) is None
+    await cancelled.wait()
+
+
+async def test_work_that_is_done_first_leaves_a_future_alone_and_cancels_a_coroutine() -> None:
+    gone: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+    cancelled = asyncio.Event()
+
+    async def leave() -> None:
+        try:
+            await asyncio.Event().wait()
+        finally:
+            cancelled.set()
+
+    async def work() -> str:
+        await asyncio.sleep(0)
+        return "done"
+
+    assert await unless(gone, work()) == "done"
+    assert not gone.done()
+    assert await unless(leave(), work()) == "done"
+    await cancelled.wait()

@@ -26,7 +26,7 @@ FIRST, SECOND = ranked("garden", ("a", "b"))
 
 
 class Cluster:
-    """A director, and hosts that answer with their names, unless they are gone or busy."""
+    """A director, and hosts that answer with their names, unless they are down or busy."""
 
     def __init__(self) -> None:
         self.fleet = FakeFleet(host("a"), host("b"))
@@ -47,7 +47,7 @@ class Cluster:
 
     @asynccontextmanager
     async def client(self) -> AsyncIterator[httpx.AsyncClient]:
-        """Of the director; it reaches the hosts, too."""
+        """Transport to the director and the hosts."""
         async with create_director(self.fleet, origins=OriginPolicy(), clock=lambda: self.now) as app:
             director = httpx.ASGITransport(app)
 

@@ -1,4 +1,4 @@
-"""Settings come from flag, environment, file and default, in this order, and say what is wrong with them."""
+"""Settings come from flag, environment, file and default, in this order, with clear errors."""
 
 from __future__ import annotations
 
@@ -6,18 +6,19 @@ from pathlib import Path
 from typing import ClassVar
 
 import pytest
-import typer
 from pydantic import Field
 from pydantic_settings import SettingsConfigDict
 
 from tigas_common.address import Address
-from tigas_common.settings import ServiceSettings, load_settings
+from tigas_common.command import load, parse
+from tigas_common.errors import UsageError
+from tigas_common.settings import ServiceSettings
 
 
 class Example(ServiceSettings):
     """A service's settings."""
 
-    model_config = SettingsConfigDict(env_prefix="TIGAS_EXAMPLE_", extra="forbid", frozen=True)
+    model_config = SettingsConfigDict(env_prefix="TIGAS_EXAMPLE_")
     table: ClassVar[str] = "example"
 
     a: int = Field(default=1, gt=0)
@@ -31,14 +32,14 @@ def test_flag_beats_environment_beats_file_beats_default(tmp_path: Path, monkeyp
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TIGAS_EXAMPLE_C", "3")
     monkeypatch.setenv("TIGAS_EXAMPLE_D", "3")
-    settings = load_settings(Example, {"d": 4, "a": None})
+    settings = parse(Example, "example", ["--d", "4"])
     assert (settings.a, settings.b, settings.c, settings.d) == (1, 2, 3, 4)
 
 
 def test_a_named_file_is_read_instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mine.toml").write_text("[example]\na = 7\n")
     monkeypatch.setenv("TIGAS_CONFIG", str(tmp_path / "mine.toml"))
-    assert load_settings(Example, {}).a == 7
+    assert load(Example, {}).a == 7
 
 
 @pytest.mark.parametrize(
@@ -58,14 +59,14 @@ def test_a_wrong_file_is_explained(
     if content is not None:
         path.write_text(content)
     monkeypatch.setenv("TIGAS_CONFIG", str(path))
-    with pytest.raises(typer.BadParameter, match=says):
-        load_settings(Example, {})
+    with pytest.raises(UsageError, match=says):
+        load(Example, {})
 
 
 def test_a_file_for_other_services_sets_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "tigas.toml").write_text("[other]\na = 2\n")
     monkeypatch.chdir(tmp_path)
-    assert load_settings(Example, {}).a == 1
+    assert load(Example, {}).a == 1
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""A service that stops says so to those whose requests it cannot finish."""
+"""A stopping service answers the requests that it cannot finish."""
 
 from __future__ import annotations
 

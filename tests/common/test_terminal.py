@@ -1,4 +1,4 @@
-"""Names that others chose are seen in terminals and logs, and do nothing there."""
+"""Foreign names are visible in terminals and logs, and have no effect there."""
 
 from __future__ import annotations
 
@@ -51,6 +51,6 @@ def test_a_console_takes_names_as_they_are(capsys: pytest.CaptureFixture[str]) -
 
 
 def test_an_expected_error_cannot_paint_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(Exception, match="1"), in_a_sentence(StartError):
+    with pytest.raises(SystemExit, match="1"), in_a_sentence(StartError):
         raise StartError(HOSTILE)
     assert SEEN in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""What cannot import the topology says the same: compose.yaml and the images."""
+"""compose.yaml and the images, which cannot import the topology, agree with it."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from tigas_common.topology import (
     ServiceName,
     page_services,
     reached,
+    upstreams,
 )
 
 ROOT = Path(__file__).parents[2]
@@ -110,3 +111,9 @@ def test_an_image_listens_where_it_is_looked_for(service: str, listens: dict[str
     assert exposed[1].split() == [f"{port.number}{'/udp' if port.protocol == 'udp' else ''}" for port in ports]
     http = next(iter(listens.values()))
     assert f"HEALTH_URL=http://{http.loopback}/healthz" in image
+
+
+def test_a_page_learns_of_no_store_where_none_runs() -> None:
+    assert "store" in json.loads(page_services(shaped=False))
+    assert set(json.loads(page_services(shaped=True, store=False))) == {"dash", "shaper"}
+    assert set(json.loads(upstreams(shaper_host="10.0.0.1", store=False))) == {"dash", "shaper"}

@@ -23,7 +23,7 @@ def little_patience(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def request(parts: AsyncIterator[bytes]) -> Request:
-    """One whose body comes in these parts."""
+    """A request with a body in these parts."""
 
     async def receive() -> Message:
         part = await anext(parts, None)
@@ -33,7 +33,7 @@ def request(parts: AsyncIterator[bytes]) -> Request:
 
 
 async def every(seconds: float, count: int, size: int) -> AsyncIterator[bytes]:
-    """So many parts, so far apart."""
+    """Parts at a fixed interval."""
     for _ in range(count):
         await asyncio.sleep(seconds)
         yield bytes(size)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,17 +10,14 @@ import pytest
 from playwright.sync_api import Page, sync_playwright
 
 from tests.compose.stack import Stack
+from tests.prerequisites import CHROMIUM, DOCKER
 from tests.web.conftest import CHROMIUM_ARGS, DESKTOP, PATIENCE
 from tests.web.scenes import write_scenes
 
 
 def models_of_tests(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A models directory with a small scene; a failed test if there is no Docker."""
-    if (
-        shutil.which("docker") is None
-        or subprocess.run(("docker", "compose", "version"), capture_output=True).returncode
-    ):
-        pytest.fail("docker with its compose plugin is not installed")
+    """A models directory with a small scene."""
+    DOCKER.require()
     models = tmp_path_factory.mktemp("models")
     models.chmod(0o755)  # the container's user is another one
     write_scenes(models)
@@ -56,11 +52,9 @@ def stack(running: Stack) -> Stack:
 @pytest.fixture
 def page() -> Iterator[Page]:
     """An empty page."""
-    chromium: str | Path | None = shutil.which("chromium")
-    if chromium is None:
-        pytest.fail("Chromium is not installed: sudo apt-get install chromium")
+    CHROMIUM.require()
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=CHROMIUM_ARGS)
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=CHROMIUM_ARGS)
         made = browser.new_page(viewport=DESKTOP)
         made.set_default_timeout(2 * PATIENCE)
         yield made

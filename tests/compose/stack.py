@@ -1,4 +1,4 @@
-"""The containers as tests drive them: `docker compose` with a project of its own, always taken down."""
+"""The containers under test: `docker compose` with a separate project, always taken down."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Stack:
         self._environment = {**os.environ, "TIGAS_MODELS": str(models), **environment}
 
     def compose(self, *arguments: str) -> str:
-        """Run `docker compose`; its output. An AssertionError with what it said if it fails."""
+        """Run `docker compose` and return its output. Raises AssertionError with the output on failure."""
         argv = ("docker", "compose", "--progress", "quiet", *self._options, *arguments)
         done = subprocess.run(argv, cwd=ROOT, env=self._environment, capture_output=True, text=True)
         assert done.returncode == 0, f"{' '.join(argv)}: {done.stderr}"
@@ -49,7 +49,7 @@ class Stack:
             self.down()
 
     def up(self, *options: str) -> None:
-        """Start what does not run, and wait until it is healthy."""
+        """Start stopped services, and wait until they are healthy."""
         try:
             self.compose("up", "--detach", "--wait", *options)
         except AssertionError as error:
@@ -64,7 +64,7 @@ class Stack:
         return self.compose("ps", "--all", "--quiet", service).strip()
 
     def inspect(self, service: Service | Machine) -> dict[str, Any]:
-        """What Docker knows of a container."""
+        """Docker's description of a container."""
         found: list[dict[str, Any]] = json.loads(docker("inspect", self.container(service)))
         return found[0]
 
@@ -83,12 +83,12 @@ class Stack:
 
 
 def connected(port: Port, timeout_s: float) -> closing[http.client.HTTPConnection]:
-    """A connection to a published port, for as long as the context lasts."""
+    """A connection to a published port, as a context manager."""
     return closing(http.client.HTTPConnection("localhost", port.number, timeout=timeout_s))
 
 
 def ask(port: Port, method: str, path: str, body: object = None) -> Any:
-    """Ask a service as the page does; what it answers, as an object if it is JSON."""
+    """Request a service like the page; returns its answer, parsed if it is JSON."""
     with connected(port, 20) as connection:
         connection.request(method, path, None if body is None else json.dumps(body), {"Origin": PAGE_ORIGINS[0]})
         answer = connection.getresponse()
@@ -130,8 +130,9 @@ def round_trips_ms(count: int) -> list[float]:
 
 
 def download_kbps(scene: str, width: int, height: int) -> float:
-    """The rate at which an uncompressed frame arrives, of its bytes alone, from the first to the last: rendering does
-    not count, and what waited behind a lost packet cannot make it faster than the link."""
+    """Throughput of an uncompressed frame, from its first to its last byte: without the rendering time, and without
+    bytes held up behind a lost packet, which would make the link look faster.
+    """
     lens = Intrinsics(width, width, width / 2, height / 2, width, height)
     request = RenderRequest.at(scene, Pose.from_euler(0, 0, 0, (0, 0, 0)), lens, format="yuv420p")
     with connected(PAGE, 60) as connection:

@@ -1,7 +1,4 @@
-"""A cluster in containers, as its viewers have it: which host draws, and what happens when it dies.
-
-`make test-compose` runs this; `make test` does not.
-"""
+"""A cluster in containers, from a viewer's point of view: the rendering host, and its failure."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ from tests.testbed.inside import wait_until
 from tests.web.conftest import PATIENCE
 from tests.web.stage import SCENE, frames, wait_for_frames
 
-pytestmark = [pytest.mark.compose, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.alone, pytest.mark.timeout(900)]
 
 ADDRESSES: dict[Machine, str] = {"host-1": "127.0.0.11", "host-2": "127.0.0.12"}
 WATCH = """() => {
@@ -57,7 +54,7 @@ def others(host: Machine) -> Machine:
 
 
 def status(cluster: Stack) -> list[dict[str, Any]]:
-    """What `tigas cluster status` tells, by the head."""
+    """Output of `tigas cluster status`, from the head."""
     return cast(list[dict[str, Any]], json.loads(cluster.inside("head", "tigas cluster status --json")))
 
 

@@ -1,7 +1,4 @@
-"""The containers as a user has them: the page, the link, what is allowed to them, and what happens when one dies.
-
-`make test-compose` runs this; `make test` does not.
-"""
+"""The containers from a user's point of view: the page, the link, permissions, and failures."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ from tests.web.modes import wait_for_stream
 from tests.web.scenes import SMALL
 from tests.web.stage import SCENE, frames, picture, stat, wait_for_frames, wait_until_settled
 
-pytestmark = [pytest.mark.compose, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.alone, pytest.mark.timeout(900)]
 
 PAYLOAD = 1448 / 1514
 """The part of a full packet, as tc counts it, that TCP carries."""
@@ -57,7 +54,7 @@ def test_without_pytorch_page_and_command_say_what_training_needs(stack: Stack, 
     expect(page.locator(".scene-training")).to_contain_text("Training needs PyTorch")
     expect(page.locator(".scene-training button")).to_have_count(0)
     said = stack.inside("render", "tigas enhance train courtyard --out /tmp/networks")
-    assert said == "torch is not installed: pip install 'tigas[enhance]'\n"
+    assert said == "torch is not installed: pip install 'tigas[lab]'\n"
 
 
 def test_the_same_walk_as_a_dash_stream(stack: Stack, page: Page) -> None:

@@ -1,4 +1,4 @@
-"""What compose.yaml and compose.cluster.yaml let a container take and do. Needs no containers."""
+"""Resources and permissions of containers in compose.yaml and compose.cluster.yaml. Needs no containers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tigas_render.settings import RenderSettings
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "compose.yaml").read_text()
-DOCS = (ROOT / "docs/compose.md").read_text()
+DOCS = (ROOT / "docs/deploy.md").read_text()
 DEFAULT = re.compile(r"\$\{(\w+):-([^}]*)\}")
 
 

@@ -19,9 +19,9 @@ from tigas_common.origins import OriginPolicy
 from tigas_common.runner import serve_http
 from tigas_dash.app import create_app
 from tigas_dash.clock import Clock
-from tigas_dash.main import with_webrtc
 from tigas_dash.sessions import Sessions
 from tigas_dash.source import RenderClient
+from tigas_dash.webrtc.service import WebRtc
 
 IDLE_S = 600.0
 
@@ -73,8 +73,8 @@ def pose(seq: int, x: float) -> str:
 
 
 @asynccontextmanager
-async def running_packager(idle_s: float = IDLE_S, limit: int = 3, webrtc: bool = False) -> AsyncIterator[Packager]:
-    """A packager for as long as the context lasts."""
+async def running_packager(idle_s: float = IDLE_S, limit: int = 3) -> AsyncIterator[Packager]:
+    """A packager, as a context manager."""
     anywhere = Address("127.0.0.1", 0)
     render = FakeRender()
     transport = httpx.ASGITransport(render.app, raise_app_exceptions=False)
@@ -84,8 +84,8 @@ async def running_packager(idle_s: float = IDLE_S, limit: int = 3, webrtc: bool 
         sessions = await stack.enter_async_context(
             Sessions(client, "libx264", clock, limit=limit, idle_s=idle_s).running()
         )
-        over_webrtc = await with_webrtc(stack, client, anywhere, clock) if webrtc else None
-        app = create_app(sessions, OriginPolicy(), over_webrtc)
+        webrtc = await stack.enter_async_context(WebRtc.running(client, anywhere, clock))
+        app = create_app(sessions, OriginPolicy(), webrtc)
         port = await stack.enter_async_context(serve_http(app, anywhere, HttpLimits(), websockets=True))
         http = await stack.enter_async_context(httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=10))
         yield Packager(render, sessions, http, port)

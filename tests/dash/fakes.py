@@ -1,4 +1,4 @@
-"""A render service under the test's control: its frames are one grey whose brightness is the camera's x."""
+"""A render service controlled by the test: its frames are grey, with the camera's x as brightness."""
 
 from __future__ import annotations
 

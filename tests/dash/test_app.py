@@ -1,4 +1,4 @@
-"""The packager as its viewers meet it: over HTTP and the pose socket, with a render service that does what it likes."""
+"""The packager from a viewer's point of view: HTTP and the pose socket, with an unreliable render service."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import json
 import socket
 import time
 from typing import Any
+from unittest.mock import Mock
 
 import httpx
 import pytest
@@ -20,6 +21,7 @@ from tests.dash.conftest import Packager, pose, session_request
 from tests.dash.watching import brightness, told, until
 from tigas_common.origins import OriginPolicy
 from tigas_dash.app import create_app
+from tigas_dash.webrtc.service import WebRtc
 
 pytestmark = pytest.mark.anyio
 
@@ -183,7 +185,7 @@ async def test_a_client_that_left_while_its_stream_was_opened_leaves_none_behind
 
     scope = {"type": "http", "method": "POST", "path": "/sessions", "query_string": b""}
     scope["headers"] = [(b"host", b"localhost")]
-    await create_app(packager.sessions, OriginPolicy())(scope, receive, send)
+    await create_app(packager.sessions, OriginPolicy(), Mock(spec=WebRtc))(scope, receive, send)
     assert len(packager.render.requests) == 1
     assert packager.sessions.all() == []
 

@@ -14,7 +14,7 @@ def test_wall_clock_time_follows_the_steady_clock(monkeypatch: pytest.MonkeyPatc
     steady = 1000.0
     monkeypatch.setattr(time, "monotonic", lambda: steady)
     clock = Clock(datetime(2026, 1, 31, 12, tzinfo=UTC), steady)
-    monkeypatch.setattr(time, "time", lambda: 0.0)  # somebody sets the machine's clock
+    monkeypatch.setattr(time, "time", lambda: 0.0)  # the system clock is changed
     steady += 61.5
     assert clock.wall(clock.now()) == datetime(2026, 1, 31, 12, 1, 1, 500_000, tzinfo=UTC)
 

@@ -1,4 +1,4 @@
-"""The bytes of a stream: what ISO/IEC 14496-12 and 23000-19 ask for, and what an independent reader makes of them."""
+"""The bytes of a stream, against ISO/IEC 14496-12 and 23000-19 and an independent reader."""
 
 from __future__ import annotations
 

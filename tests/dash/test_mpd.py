@@ -1,4 +1,4 @@
-"""The manifest says what low-latency players need (ISO/IEC 23009-1, DASH-IF's low-latency guidelines)."""
+"""The manifest has everything that low-latency players need (ISO/IEC 23009-1, DASH-IF's low-latency guidelines)."""
 
 from __future__ import annotations
 

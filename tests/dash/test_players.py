@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import shutil
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,9 +16,13 @@ import pytest
 from playwright.sync_api import Page, sync_playwright
 from websockets.sync.client import ClientConnection, connect
 
+from tests import prerequisites
 from tests.dash.conftest import session_request
+from tests.prerequisites import FFMPEG, NODE_MODULES
 from tests.web.conftest import CHROMIUM, CHROMIUM_ARGS, models
 from tests.web.server import Packager, RenderServer
+
+pytestmark = pytest.mark.slow
 
 __all__ = ["models"]
 SHAKA = Path(__file__).parents[2] / "web/node_modules/shaka-player/dist/shaka-player.compiled.js"
@@ -48,7 +51,7 @@ def render(models: Path) -> Iterator[RenderServer]:
 @pytest.fixture(scope="module")
 def packager(render: RenderServer) -> Iterator[Packager]:
     """A packager before it."""
-    running = Packager("--idle-s", "600")
+    running = Packager(idle_s=600)
     running.render = render.url.rstrip("/")
     with running:
         yield running
@@ -69,10 +72,8 @@ def stream(packager: Packager) -> Iterator[str]:
 @contextmanager
 def shaka_player(stream: str, *, abr: bool) -> Iterator[Page]:
     """A page that plays a stream in Shaka Player; `abr`: the player chooses the representation."""
-    if CHROMIUM is None:
-        pytest.skip("Chromium is not installed: sudo apt-get install chromium")
-    if not SHAKA.exists():
-        pytest.skip("Shaka Player is not installed: cd web && npm ci")
+    prerequisites.CHROMIUM.require()
+    NODE_MODULES.require()
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=CHROMIUM_ARGS)
         page = browser.new_page()
@@ -112,11 +113,9 @@ def test_a_player_may_switch_between_representations_and_plays_on(stream: str) -
 
 
 def test_plays_in_ffmpeg(stream: str) -> None:
-    ffmpeg = shutil.which("ffmpeg")
-    if ffmpeg is None:
-        pytest.skip("ffmpeg is not installed: sudo apt-get install ffmpeg (PyAV's wheel reads no manifests)")
+    FFMPEG.require()  # PyAV's wheel reads no manifests
     argv = [
-        ffmpeg,
+        "ffmpeg",
         "-v",
         "error",
         "-i",

@@ -1,4 +1,4 @@
-"""A stream by a clock of its own, on which time passes only when somebody waits for it, or works."""
+"""A stream on a simulated clock, which advances only for waiting and work."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class SlowEncoder(LadderEncoder):
 
 @asynccontextmanager
 async def streaming(clock: FakeClock, takes_s: float = 0.001, **changes: Any) -> AsyncIterator[Session]:
-    """A stream of a still camera, for as long as the context lasts; `takes_s` is what a frame costs to encode."""
+    """A stream of a still camera, as a context manager; `takes_s` is the encoding time of a frame."""
     request = parse(SessionRequest, json.dumps(session_request(**changes)).encode())
     ladder = representations(request, DEFAULT_LADDER)
     encoder = SlowEncoder("libx264", ladder, request.frame_rate, request.frames_per_segment)

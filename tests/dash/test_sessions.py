@@ -1,4 +1,4 @@
-"""Sessions are bounded, end when nobody watches, and are ended in order."""
+"""Sessions are bounded, time out when idle, and end in order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A stream shows the newest view, whatever the render service does."""
+"""A stream shows the newest view, however the render service behaves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What tests see of a stream: its status, its announcements and its pictures."""
+"""Observations of a stream: its status, its announcements and its pictures."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PATIENCE_S = 20
 
 
 async def until(condition: Callable[[dict[str, Any]], bool], packager: Packager, session: dict[str, Any]) -> None:
-    """Until a session's status is as wanted."""
+    """Wait until a session's status is as wanted."""
     deadline = time.monotonic() + PATIENCE_S
     while not condition(status := await packager.status(session)):
         assert time.monotonic() < deadline, status
@@ -33,7 +33,7 @@ async def until_idle(packager: Packager) -> None:
 
 
 async def told(socket_: Any, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-    """The first announcement that is as wanted."""
+    """The first announcement that meets a condition."""
     async with asyncio.timeout(PATIENCE_S):
         while not wanted(message := json.loads(await socket_.recv())):
             pass

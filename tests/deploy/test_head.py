@@ -26,7 +26,7 @@ exec sleep 60
 
 
 class Head:
-    """The script, in a folder of its own."""
+    """The script, in a separate folder."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

@@ -40,7 +40,7 @@ def container(group: str) -> dict[str, Any]:
 
 
 def environment(group: str) -> dict[str, str]:
-    """What is set to a value."""
+    """Variables with a value."""
     return {each["name"]: each["value"] for each in container(group)["env"] if "value" in each}
 
 
@@ -84,7 +84,7 @@ def test_kuberay_knows_the_other_fields() -> None:
 
 
 def test_ray_has_the_version_that_is_installed() -> None:
-    pinned = re.search(r"^ray==(\S+)$", (ROOT / "constraints.txt").read_text(), flags=re.MULTILINE)
+    pinned = re.search(r'^name = "ray"\nversion = "(.+)"$', (ROOT / "uv.lock").read_text(), flags=re.MULTILINE)
     assert pinned is not None
     assert CLUSTER["rayVersion"] == pinned[1]
 

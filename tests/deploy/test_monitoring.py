@@ -1,10 +1,9 @@
-"""Prometheus' configuration and Grafana's dashboard: they ask for what the services tell, and Prometheus takes both."""
+"""Prometheus' configuration and Grafana's dashboard match the services' metrics, and Prometheus accepts both."""
 
 from __future__ import annotations
 
 import json
 import re
-import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,10 +15,11 @@ import yaml
 
 from tests.compose.test_limits import SERVICES as CONTAINERS
 from tests.every_service import SERVICES
+from tests.prerequisites import PROMTOOL
 from tests.prometheus import Figures, figures
 from tigas_common.origins import OriginPolicy
 from tigas_common.topology import DASH, PAGE, SHAPER, STORE
-from tigas_render.fleet import merging
+from tigas_render.workers import merging
 
 ROOT = Path(__file__).parents[2]
 PROMETHEUS = ROOT / "deploy/prometheus/prometheus.yml"
@@ -29,13 +29,11 @@ PANELS = [panel for panel in DASHBOARD["panels"] if panel["type"] != "row"]
 QUERIES = [(panel["title"], target["expr"]) for panel in PANELS for target in panel["targets"]]
 OF_PROMETHEUS = {"job", "instance", "le"}
 """Labels that Prometheus adds, or histograms have."""
-PROMTOOL = shutil.which("promtool")
-needs_promtool = pytest.mark.skipif(PROMTOOL is None, reason="promtool is missing: install Debian's package prometheus")
 
 
 def documented() -> dict[str, set[str]]:
-    """The labels of each metric, as docs/metrics.md has them."""
-    rows = (row.split("|") for row in (ROOT / "docs/metrics.md").read_text(encoding="utf-8").splitlines())
+    """The labels of each metric, as docs/deploy.md has them."""
+    rows = (row.split("|") for row in (ROOT / "docs/deploy.md").read_text(encoding="utf-8").splitlines())
     return {
         name: set(re.findall(r"`(\w+)`", row[2]))
         for row in rows
@@ -64,7 +62,7 @@ def anyio_backend() -> str:
 
 @pytest.fixture(scope="module")
 async def told(anyio_backend: str, tmp_path_factory: pytest.TempPathFactory) -> set[str]:
-    """What all services tell."""
+    """Metrics of all services."""
     found = Figures(merging.metrics([], []).decode()).names | {"up"}  # which Prometheus adds
     for name, service in SERVICES.items():
         async with (
@@ -159,19 +157,18 @@ def test_grafana_finds_its_data_and_its_dashboard_and_lets_nobody_change_them() 
 
 
 def promtool(*arguments: str) -> str:
-    """What it says, after its approval."""
-    assert PROMTOOL is not None
-    done = subprocess.run((PROMTOOL, *arguments), capture_output=True, text=True, check=False)
+    """Its output, after success."""
+    done = subprocess.run(("promtool", *arguments), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
 
-@needs_promtool
+@PROMTOOL.mark
 def test_prometheus_takes_the_configuration() -> None:
     assert "is valid prometheus config file syntax" in promtool("check", "config", str(PROMETHEUS))
 
 
-@needs_promtool
+@PROMTOOL.mark
 def test_prometheus_takes_every_query(tmp_path: Path) -> None:
     def rules() -> Iterator[dict[str, str]]:
         for number, (_, query) in enumerate(QUERIES):

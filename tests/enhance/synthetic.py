@@ -1,4 +1,4 @@
-"""Views of a scene that needs no renderer: discs on black, drawn sharply, and what a ladder's JPEG makes of them."""
+"""Views of a scene without a renderer: sharp discs on black, and a ladder's JPEGs of them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ QUALITY = 90
 
 
 def view(seed: int) -> NDArray[np.uint8]:
-    """[HEIGHT, WIDTH, 3], black where there is nothing."""
+    """[HEIGHT, WIDTH, 3], on black."""
     random = np.random.default_rng(seed)
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     pixels = np.zeros((HEIGHT, WIDTH, 3), np.uint8)

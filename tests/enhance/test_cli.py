@@ -13,14 +13,13 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
-from typer.testing import CliRunner
 
+from tests.command import tigas as in_process
 from tests.enhance.synthetic import HEIGHT, LOW, QUALITY, WIDTH, as_jpeg, view
 from tests.enhance.test_views import scene
 from tigas_common.processes import tigas
 from tigas_common.weights import FILE, read_weights
 from tigas_common.wire.render import RenderRequest, Rung, ServerConfig
-from tigas_enhance.cli import enhance
 
 RUNGS = ((WIDTH, HEIGHT), *LOW.values())
 CONFIG = ServerConfig(
@@ -87,7 +86,7 @@ def options(server: ThreadingHTTPServer, tmp_path: Path) -> list[str]:
 
 
 def run(*arguments: str) -> tuple[int, str]:
-    outcome = CliRunner().invoke(enhance, arguments)
+    outcome = in_process("enhance", *arguments)
     return outcome.exit_code, outcome.output
 
 
@@ -102,16 +101,17 @@ def test_networks_are_trained_and_those_of_another_scene_file_are_not_evaluated(
     assert weights.misfit(DIGEST, CONFIG.ladder) is None
     assert [path.name for path in file.parent.iterdir()] == [FILE]
 
-    status, said = run("evaluate", "garden", *options, "--views", "2")
+    status, said = run("evaluate", "garden", *options)
     assert status == 0, said
     assert all(f"{network.rung}  {network.width} × {network.height}" in said for network in weights.networks)
     server.digest = "cd" * 32  # type: ignore[attr-defined]
     status, said = run("evaluate", "garden", *options)
     assert status == 1
-    assert "a scene whose file has changed since" in said
+    assert "file has changed since these weights were trained" in said
 
 
 @pytest.mark.slow
+@pytest.mark.extended
 def test_a_training_that_is_killed_leaves_the_weights_that_there_were(options: list[str], tmp_path: Path) -> None:
     file = tmp_path / "garden" / FILE
     file.write_bytes(b"the old ones")

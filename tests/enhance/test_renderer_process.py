@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from tests.prerequisites import SETPRIV
 from tigas_enhance.errors import RenderFailed
 from tigas_enhance.renderer_process import render_service
 
@@ -22,7 +22,7 @@ with render_service(None, "cpu") as url:
 """
 
 
-@pytest.mark.skipif(shutil.which("setpriv") is None, reason="setpriv is not installed: sudo apt-get install util-linux")
+@SETPRIV.mark
 def test_it_ends_with_a_training_that_is_killed() -> None:
     with subprocess.Popen([sys.executable, "-c", TRAINING], stdout=subprocess.PIPE) as training:
         assert training.stdout is not None

@@ -66,7 +66,7 @@ def test_crops_lie_where_the_whole_picture_has_them(rung: int, scale: int) -> No
 
 
 def _found(crop: torch.Tensor, truth: torch.Tensor, enlarged: torch.Tensor, whole: torch.Tensor) -> bool:
-    """Whether there is a place where the crop and what it should look like lie in a whole picture."""
+    """Whether the crop and its target match at some position of a whole picture."""
     _, h, w = crop.shape
     windows = whole.unfold(1, h, 1).unfold(2, w, 1)  # [3, y, x, h, w]
     places = (windows == truth[:, None, None]).all(dim=4).all(dim=3).all(dim=0).nonzero().tolist()

@@ -1,4 +1,4 @@
-"""What becomes of trained networks before they are written."""
+"""Checks of trained networks before they are written."""
 
 from __future__ import annotations
 

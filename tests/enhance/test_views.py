@@ -9,7 +9,7 @@ import pytest
 
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
-from tigas_common.standpoints import NEAR, NEAR_DEGREES
+from tigas_common.sample_cameras import NEAR, NEAR_DEGREES
 from tigas_common.wire.render import SceneInfo, StartCamera
 from tigas_enhance.views import MOST_HELD_OUT, held_out_views, training_views
 
@@ -36,7 +36,7 @@ def scene(up: tuple[float, float, float] = (0.0, -1.0, 0.0), **changes: object) 
 
 
 def angle(one: Pose, other: Pose) -> float:
-    """Degrees between what two cameras look along."""
+    """Degrees between the directions of two cameras."""
     cosine = sum(a[2] * b[2] for a, b in zip(one.rotation, other.rotation, strict=True))
     return math.degrees(math.acos(max(-1.0, min(1.0, cosine))))
 

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from tests.experiments.stub import Stub, installed
-from tests.web.conftest import CHROMIUM, STATIC
+from tests.prerequisites import BUILT_PAGE, CHROMIUM
 from tests.web.fake_shaper import FakeShaper
 from tests.web.scenes import write_scenes
-from tests.web.server import Packager, RenderServer
+from tests.web.server import TIGAS, Packager, RenderServer
 
 
 @dataclass(frozen=True)
 class Services:
-    """What runs, and where."""
+    """Services and their addresses."""
 
     url: str
     shaper: FakeShaper
@@ -27,16 +28,20 @@ class Services:
 @pytest.fixture(scope="module")
 def services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Services]:
     """The viewer of a render service that knows a packager and a shaper."""
-    if not STATIC.exists():
-        pytest.skip("the web client is not built: cd web && npm ci && npm run build")
-    if CHROMIUM is None:
-        pytest.skip("Chromium is not installed: sudo apt-get install chromium")
-    models = tmp_path_factory.mktemp("models")
+    with running(tmp_path_factory.mktemp("models")) as found:
+        yield found
+
+
+@contextmanager
+def running(models: Path, program: Sequence[str] = TIGAS) -> Iterator[Services]:
+    """All of them, with the tests' scenes in a directory."""
+    BUILT_PAGE.require()
+    CHROMIUM.require()
     write_scenes(models)
     packager = Packager()
     with FakeShaper() as shaper:
         known = {"TIGAS_RENDER_SERVICES": json.dumps({"dash": packager.url, "shaper": shaper.url})}
-        with RenderServer("--scenes", str(models), environment=known) as render:
+        with RenderServer("--scenes", str(models), environment=known, program=program) as render:
             packager.render = render.url.rstrip("/")
             with packager:
                 yield Services(render.url, shaper)

@@ -1,4 +1,4 @@
-"""Runs that nobody made: records written by hand, to test what is computed from them."""
+"""Made-up runs: records written by hand, to test the figures computed from them."""
 
 from __future__ import annotations
 
@@ -86,12 +86,12 @@ def frame(
 
 
 def late(entries: Sequence[Input], by_ms: float) -> list[ShownFrame]:
-    """A frame for each input, so much later."""
+    """A frame for each input, after a fixed delay."""
     return [frame(entry.at + by_ms, entry.pose) for entry in entries]
 
 
 def reply(asked_at: float, took_ms: float, pose: int = 1, rung: int | None = 2) -> Reply:
-    """A frame that came, of which the server had 12 ms and the link 5."""
+    """A received frame, with 12 ms at the server and 5 on the link."""
     at = asked_at + took_ms
     return Reply(
         at=at,
@@ -114,7 +114,7 @@ def sampled(seq: int, at: float = 100.0, **changes: Any) -> Sample:
 
 
 def recording(**changes: Any) -> dict[str, Any]:
-    """What the page would hand over, as JSON."""
+    """The page's upload, as JSON."""
     sampled = inputs(50)
     made = Recording(
         scene="courtyard",

@@ -1,4 +1,4 @@
-"""`tigas` commands as a person starts them, in processes of their own."""
+"""`tigas` commands in separate processes, as started by a user."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PATIENCE_S = 90
 
 
 def started(*arguments: str) -> subprocess.Popen[str]:
-    """A command, in a process group of its own, as a terminal would start it."""
+    """A command in a process group, like a terminal's."""
     return subprocess.Popen(
         [str(Path(sys.executable).with_name("tigas")), *arguments],
         stdout=subprocess.PIPE,
@@ -25,7 +25,7 @@ def started(*arguments: str) -> subprocess.Popen[str]:
 
 
 def until(process: subprocess.Popen[str], happened: Callable[[], bool], otherwise: str) -> None:
-    """Wait for what a running command brings about; AssertionError if it ends first, or takes too long."""
+    """Wait for an effect of a running command; AssertionError if it ends first, or takes too long."""
     end = time.monotonic() + PATIENCE_S
     while not happened():
         assert time.monotonic() < end, otherwise

@@ -16,22 +16,22 @@ from tigas_common.wire.run import Configuration
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.folder import RunRecord, RunWriter
 from tigas_experiments.records.machine import Server
-from tigas_experiments.report import cli as report_module
+from tigas_experiments.report.cli import Report
 from tigas_experiments.run import measure as run_module
 from tigas_experiments.run import runner
-from tigas_experiments.run.changes import MadeWith
+from tigas_experiments.run.environment import MadeWith
 from tigas_experiments.run.inputs import Inputs
 
 Happening = Callable[[RunWriter], None]
 
 
 class Stub:
-    """An environment in which happens what a test wants to happen, run by run; afterwards all goes well."""
+    """An environment scripted by a test, run by run; afterwards all goes well."""
 
     machine = MACHINE
     inputs: Inputs
     ladder = ""
-    """What the experiment asked for."""
+    """Requests of the experiment."""
     commit = "abc"
     browser = "156"
     server = Server.of(SERVER)
@@ -90,15 +90,13 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> Stub:
     made = Stub()
 
     @asynccontextmanager
-    async def open_environment(
-        url: object, scenes: object, traces: object, inputs: Inputs, *, ladder: str, webgpu: bool
-    ) -> AsyncIterator[Stub]:
+    async def open_environment(url: object, inputs: Inputs, *, ladder: str, webgpu: bool) -> AsyncIterator[Stub]:
         made.inputs, made.ladder = inputs, ladder
         yield made
 
     monkeypatch.setattr(runner, "open_environment", open_environment)
     monkeypatch.setattr(run_module, "_measure", made.measure)
-    monkeypatch.setattr(report_module, "report", made.reported.append)
+    monkeypatch.setattr(Report, "run", lambda report: made.reported.append(report.folder))
     return made
 
 

@@ -1,4 +1,4 @@
-"""Scoring a run's samples: all metrics, what is not computed twice, and samples that cannot be compared."""
+"""Scoring a run's samples: all metrics, reuse of scores, and incomparable samples."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tigas_experiments.quality.meters import Meter, Meters, distance
 from tigas_experiments.quality.metrics import PICTURE_METRICS
 from tigas_experiments.quality.perceptual import Dists, Lpips
 from tigas_experiments.quality.picture import Picture, encode
-from tigas_experiments.records.materialised import TRUTH
+from tigas_experiments.records.rerendered import TRUTH
 from tigas_experiments.records.samples import write_sample_file
 from tigas_experiments.records.scores import read_scores
 from tigas_experiments.scoring import Scoring
@@ -39,6 +39,7 @@ class Counted:
         return Meters([Meter(("psnr", "ssim"), self)])
 
 
+@pytest.mark.slow
 def test_all_six_metrics_of_both_pictures(tmp_path: Path) -> None:
     torch.manual_seed(1)
     meters = Meters.of(["psnr", "ssim", "vmaf", "vif"], "cpu")

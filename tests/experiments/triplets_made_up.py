@@ -1,4 +1,4 @@
-"""Sampled pictures that no page took: small views with edges and gradients, as JPEGs of a rung beside their truth."""
+"""Made-up sampled pictures: small views with edges and gradients, as JPEGs of a rung with their truth."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.recording import Sample
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.quality.picture import Picture, encode, upscaled
-from tigas_experiments.records.materialised import TRUTH
+from tigas_experiments.records.rerendered import TRUTH
 from tigas_experiments.records.samples import JPEG, write_sample_file, write_samples
 
 WIDTH, HEIGHT = 128, 72
@@ -37,7 +37,7 @@ def jpeg(picture: Picture, quality: int) -> bytes:
 
 
 def reduced(picture: Picture, scale: int) -> Picture:
-    """As a rung has it: so many times smaller."""
+    """A rung's picture: smaller by this factor."""
     height, width = picture.shape[:2]
     return np.asarray(Image.fromarray(picture).resize((width // scale, height // scale), Image.Resampling.BOX))
 
@@ -56,7 +56,7 @@ def write_triplets(
     enhance: Callable[[Picture, Picture], Picture] | None = halfway,
     model: str = "scene",
 ) -> Path:
-    """So many samples, numbered 10, 20, …, in a folder that may be a run's."""
+    """Samples, numbered 10, 20, …, in a folder that may be a run's."""
     samples = []
     for seq in range(10, 10 * count + 1, 10):
         truth = view(seq)

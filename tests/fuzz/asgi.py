@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 @dataclass
 class Answer:
-    """What the application said."""
+    """The application's answer."""
 
     status: int = 0
     headers: dict[bytes, bytes] = field(default_factory=dict)
@@ -31,7 +31,7 @@ class Answer:
 
 @contextmanager
 def opened(context: AbstractAsyncContextManager[T]) -> Iterator[tuple[T, Callable[[Coroutine[Any, Any, Any]], Any]]]:
-    """An asynchronous context on a loop of its own, and what runs a coroutine there."""
+    """An asynchronous context on a separate loop, and a function that runs a coroutine there."""
     with asyncio.Runner() as runner:
         value = runner.run(_entered(context))
         try:
@@ -91,8 +91,9 @@ async def ask(
 
 
 def assert_answered(answer: Answer, *busy: str) -> None:
-    """It worked, or the client hears one sentence about what it did wrong; `busy` are problems of the server that may
-    be, such as `overloaded`."""
+    """Success, or one sentence on the client's mistake; `busy` lists acceptable problems of the server, such as
+    `overloaded`.
+    """
     assert answer.status, "no answer"
     if answer.status < 400 or answer.body.startswith(b"Disallowed CORS"):  # which is Starlette's word to a browser
         return

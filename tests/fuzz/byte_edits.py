@@ -11,7 +11,7 @@ MOST_EDITS = 4
 
 @st.composite
 def edited(draw: st.DrawFn, contents: st.SearchStrategy[bytes], pieces: Sequence[bytes] = ()) -> bytes:
-    """Contents after a few edits; `pieces` are what means something in the format, put where they do not belong."""
+    """Contents after a few edits; `pieces` are meaningful bytes of the format, inserted at wrong places."""
     content = draw(contents)
     inserted = st.binary(max_size=8)
     if pieces:

@@ -1,4 +1,4 @@
-"""What fuzzers and people have found: a small file each, in a folder of its kind, under a name that says what it is."""
+"""Findings of fuzzers and people: a small file each, in a folder by kind, under a descriptive name."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ STEPS = 30
 
 
 def effort(examples: int = 50) -> settings:
-    """Decorates a fuzzer; without `make fuzz` it tries so many examples, which are always the same."""
+    """Decorates a fuzzer; outside of `make fuzz` it tries a fixed number of deterministic examples."""
     long = os.environ.get(EXAMPLES)
     return settings(
         max_examples=int(long) if long else examples,

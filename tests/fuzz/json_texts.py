@@ -1,7 +1,7 @@
-"""JSON that fits a wire model, and JSON that nearly does.
+"""JSON that fits a wire model, or nearly does.
 
-It has values of other types, absurd numbers, names that nobody knows, deep nesting, repeated keys, lone surrogates, and
-cut ends.
+It has values of other types, absurd numbers, unknown names, deep nesting, repeated keys, lone surrogates, and
+truncation.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ PIECES = (b"{", b"}", b"[", b"]", b",", b":", b'"', b"\\", b"null", b"NaN", b"1e
 
 @dataclass(frozen=True)
 class Raw:
-    """Text that stands in the JSON as it is, valid or not."""
+    """Verbatim text in the JSON, valid or not."""
 
     text: str
 
@@ -39,7 +39,7 @@ ODD_VALUES: tuple[Any, ...] = (
     *(Raw("[" * 300 + "]" * 300), Raw("[" * 7000), Raw('{"a":' * 2000), Raw('{"a":' * 150 + "1" + "}" * 150)),
     *(Raw("[" + "{}," * 2000 + "{}]"), Raw("[" + ",".join(["0"] * 5000) + "]")),
 )  # fmt: skip
-"""What stands where something else was expected."""
+"""Unexpected values."""
 ODD_NAMES = ("", "x", "__proto__", "__class__", "a" * 500, "a\nb\x1b[2J", "\0", "é", "1")
 
 
@@ -56,7 +56,7 @@ def dumps(value: Any) -> str:
 
 
 def bodies(kind: Any, examples: Sequence[Any]) -> st.SearchStrategy[bytes]:
-    """Bodies of a request whose type is `kind`: examples and instances of its schema, most of them damaged."""
+    """Bodies of a request of type `kind`: examples and instances of its schema, most of them damaged."""
     known = st.sampled_from(list(examples))
     values = known | instances(kind) | st.builds(_overlaid, known, instances(kind), st.integers(0))
     texts = _changed(values).flatmap(_repeated_keys).map(str.encode)

@@ -1,9 +1,9 @@
-"""What a refusal has to be: one sentence."""
+"""Requirements of a refusal: one sentence."""
 
 from __future__ import annotations
 
 LONGEST = 400
-"""Characters; what a client sent is quoted in part only."""
+"""Characters; clients' data is quoted only in part."""
 
 
 def assert_sentence(detail: str) -> None:

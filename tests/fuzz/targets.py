@@ -1,4 +1,4 @@
-"""Targets of requests that nobody should send: methods, paths, queries and header fields."""
+"""Unusual request targets: methods, paths, queries and header fields."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ FIELDS = (
 
 
 def paths(routes: Sequence[str]) -> st.SearchStrategy[str]:
-    """Paths near an application's routes, in which `{}` stands for a name."""
+    """Paths near an application's routes, with `{}` for a name."""
     names = st.sampled_from(NAMES)
     filled = st.builds(lambda route, *parts: route.format(*parts), st.sampled_from(list(routes)), *[names] * 3)
     return st.builds(

@@ -1,4 +1,4 @@
-"""Whatever an archive holds, it is unpacked whole into its own folder, or refused with nothing left behind."""
+"""Any archive is unpacked whole into its own folder, or refused with no file left behind."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ LINKS = (
     "x" * 300,
 )
 OUTSIDE = "outside"
-"""A file beside the archive, which nobody may touch."""
+"""A file next to the archive, which must stay untouched."""
 
 KINDS = (tarfile.SYMTYPE, tarfile.LNKTYPE, tarfile.DIRTYPE, tarfile.FIFOTYPE, tarfile.CHRTYPE, tarfile.CONTTYPE)
 kinds = st.just(tarfile.REGTYPE) | st.just(tarfile.REGTYPE) | st.sampled_from(KINDS)
@@ -80,7 +80,7 @@ def zips(draw: st.DrawFn) -> bytes:
 
 
 def unpacked(content: bytes, name: str, unpack: Callable[[Path], Path]) -> None:
-    """Unpack an archive in a folder, and look at what has changed there."""
+    """Unpack an archive in a folder, and examine the changes there."""
     with tempfile.TemporaryDirectory() as parent:
         place = Path(parent, "here")
         place.mkdir()
@@ -90,7 +90,7 @@ def unpacked(content: bytes, name: str, unpack: Callable[[Path], Path]) -> None:
         before = {OUTSIDE, name}
         try:
             folder = unpack(archive)
-        except (StartError, FetchError, OSError) as error:  # a file may lie where a folder should be
+        except (StartError, FetchError, OSError) as error:  # a file may be in place of a folder
             if not isinstance(error, OSError):
                 assert_sentence(str(error))
             assert {path.name for path in place.iterdir()} == before, "something was left behind"

@@ -1,4 +1,4 @@
-"""What a client sends as HTTP/3 ends its connection at most; and how it was cut on the way changes nothing."""
+"""Any bytes of a client at worst end its own HTTP/3 connection; and their segmentation does not matter."""
 
 from __future__ import annotations
 
@@ -27,18 +27,19 @@ from tests.fuzz.asgi import LONGEST_S, opened
 from tests.fuzz.byte_edits import chunked, edited
 from tests.fuzz.corpus import found
 from tests.fuzz.effort import effort
-from tests.render.transport.client import CERTIFICATE, Client, FakeFrames, Response, connect, request_body
+from tests.render.transport.client import CERTIFICATE, Client, FakeFrames, connect, request_body
+from tigas.http3 import Response
+from tigas_render.admission.limits import Limits
+from tigas_render.transport.aioquic_ext.h3 import MAX_FIELD_SECTION, ServerH3Connection
 from tigas_render.transport.frames import render_session
-from tigas_render.transport.h3 import MAX_FIELD_SECTION, ServerH3Connection
-from tigas_render.transport.limits import Limits
 from tigas_render.transport.server import Http3Server
 
 FIELDS = [(b":method", b"POST"), (b":scheme", b"https"), (b":authority", b"localhost"), (b":path", b"/render")]
 SESSION = [(b":method", b"CONNECT"), (b":protocol", b"webtransport"), *FIELDS[1:]]
 FILL = 2 * MAX_FIELD_SECTION
-"""Bytes that follow on streams that have not ended; no server keeps so many."""
+"""Bytes that follow on open streams; no server keeps that many."""
 MOST_MEMORY = 8_000_000
-"""Bytes for what one client of this test sends, which is some hundred kilobytes at most."""
+"""Memory limit for one client of this test, which sends some hundred kilobytes at most."""
 
 
 def headers(*fields: tuple[bytes, bytes]) -> bytes:
@@ -50,7 +51,7 @@ def frame_header(frame_type: int, size: int) -> bytes:
 
 
 GREASE = frame_header(0x21, 3) + b"abc"
-"""A frame of a type that nobody knows (RFC 9114, 9)."""
+"""A frame of an unknown type (RFC 9114, 9)."""
 SETTINGS = encode_settings(
     {Setting.QPACK_MAX_TABLE_CAPACITY: 4096, Setting.H3_DATAGRAM: 1, Setting.ENABLE_WEBTRANSPORT: 1}
 )
@@ -63,7 +64,7 @@ STREAMS: dict[int, bytes] = {
     8: encode_uint_var(FrameType.WEBTRANSPORT_STREAM) + encode_uint_var(4) + request_body(seq=3),
     14: encode_uint_var(StreamType.WEBTRANSPORT) + encode_uint_var(4) + b"unidirectional",
 }  # fmt: skip
-"""What a sound client sends, by stream."""
+"""A valid client's bytes, by stream."""
 SECTION = pylsqpack.Encoder().encode(0, FIELDS)[1]
 PIECES = (
     *(frame_header(kind, size) for kind in (*range(8), 0xD, 0x21, 0x41) for size in (0, 1, 63, 64, 16_385, 1 << 30)),
@@ -101,7 +102,7 @@ MORE = (
 
 @st.composite
 def requests(draw: st.DrawFn) -> bytes:
-    """A header section with fields that do not belong, in another order, twice, or not there, and what follows it."""
+    """A header section with wrong, reordered, repeated or missing fields, and the rest of the stream."""
     fields = [
         (b":method", draw(st.sampled_from(METHODS))),
         (b":scheme", draw(st.sampled_from((b"https", b"https", b"", b"ftp")))),
@@ -116,14 +117,14 @@ def requests(draw: st.DrawFn) -> bytes:
 
 
 def damaged(content: bytes) -> st.SearchStrategy[bytes]:
-    """What a stream carries after a few edits, or before or in place of it frames that are whole and do not belong."""
+    """A stream's bytes after a few edits, or with whole misplaced frames."""
     frames = st.lists(st.sampled_from(PIECES), min_size=1, max_size=4).map(b"".join)
     return edited(st.just(content), PIECES) | frames | frames.map(lambda pieces: content + pieces)
 
 
 @st.composite
 def conversations(draw: st.DrawFn) -> dict[int, tuple[bytes, bool]]:
-    """What each stream carries, and whether it ends; some streams are damaged."""
+    """Bytes of each stream, and whether it ends; some streams are damaged."""
     sent: dict[int, tuple[bytes, bool]] = {}
     for stream_id, content in STREAMS.items():
         if draw(st.integers(0, 3)) == 0:
@@ -170,7 +171,7 @@ class SilentQuic:
 
 @dataclass
 class Heard:
-    """What a server made of what it was sent, however it came."""
+    """The server's interpretation, independent of segmentation."""
 
     closed: int | None = None
     headers: dict[int, list[Any]] = field(default_factory=lambda: defaultdict(list))
@@ -244,7 +245,7 @@ def test_a_control_stream_that_was_found_is_cheap(kind: int, content: bytes) -> 
 
 
 def assert_cheap(pieces: list[tuple[int, bytes, bool]]) -> None:
-    """What a client sends is understood or refused in bounded memory."""
+    """A client's bytes are understood or refused in bounded memory."""
     endless = [
         (stream_id, b"\x21" * FILL, False)
         for stream_id in (0, 2)
@@ -303,7 +304,7 @@ sendings = st.lists(
     max_size=8,
 )
 OWN_STREAMS = {"control": 2, "encoder": 6, "decoder": 10}
-"""Those that the client has opened by itself."""
+"""Streams opened by the client."""
 
 
 async def attack(port: int, sent: list[tuple[str, bytes]], ends: list[bool], failed: list[str]) -> int | None:
@@ -377,7 +378,7 @@ CODES = {int(code) for code in ErrorCode} - {ErrorCode.H3_INTERNAL_ERROR}
 
 @contextmanager
 def failures() -> Iterator[list[str]]:
-    """What the transport logs as an error of its own."""
+    """Errors logged by the transport."""
     found: list[str] = []
     handler = logging.Handler(logging.ERROR)
     handler.emit = lambda record: found.append(record.getMessage() + str(record.exc_info))  # type: ignore[method-assign]

@@ -1,4 +1,4 @@
-"""Whatever is given as a movement, or as a recording to make one of, it is read or refused in a sentence."""
+"""Any input as a movement, or as a recording, is read or refused in a sentence."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from tests.fuzz.byte_edits import edited
 from tests.fuzz.effort import effort
 from tests.fuzz.sentences import assert_sentence
 from tigas_experiments.movement import eyenavgs
-from tigas_experiments.movement.errors import MovementError
 from tigas_experiments.movement.generated import KINDS, generate
 from tigas_experiments.movement.summary import Summary
+from tigas_experiments.movement.table import MovementError
 from tigas_experiments.movement.trace import MovementTrace
 
 OWN = (

@@ -1,4 +1,4 @@
-"""Scenes come, go, break and are used in any order: each load tells the truth, and nothing stays that nobody uses."""
+"""Scenes appear, disappear, break and are used in any order: each load is correct, and no unused scene stays."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ids = st.sampled_from(("a", "b", "c", "nowhere"))
 
 
 class RegistryMachine(RuleBasedStateMachine):
-    """A registry over a directory that somebody else changes."""
+    """A registry over a directory with concurrent changes."""
 
     holds = Bundle("holds")
 
@@ -45,7 +45,7 @@ class RegistryMachine(RuleBasedStateMachine):
     def put(self, id: str, content: bytes, description: bytes) -> None:
         folder = self.folder / id
         folder.mkdir(exist_ok=True)
-        # Put in its place whole, as whoever copies scenes should: a load may be reading the old file.
+        # Replaced atomically, as users should copy scenes: a load may be reading the old file.
         for name, new in (("scene.ply", content), ("scene.json", description)):
             plys.write(self.folder / ".new", new).replace(folder / name)
 

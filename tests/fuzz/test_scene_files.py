@@ -1,4 +1,4 @@
-"""Whatever lies in a scene's folder, it is a scene with finite Gaussians or a broken one with a sentence."""
+"""Any file in a scene's folder is a scene with finite Gaussians or a broken one with a sentence."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from tests.render.scenes import made_up, plys
 from tests.render.scenes import test_streamed_sog as streamed
 from tests.render.scenes.test_formats import splat_bytes
 from tigas_common.errors import BrokenScene
-from tigas_render.preview import HEIGHT, WIDTH, preview_camera
 from tigas_render.scenes.directory import scan_directory
 from tigas_render.scenes.formats import load_scene
 from tigas_render.scenes.lod_meta import LodMeta
 from tigas_render.scenes.metadata import SceneMetadata
 from tigas_render.scenes.start_camera import derive_camera
+from tigas_render.server.preview import HEIGHT, WIDTH, preview_camera
 
 PIECES = (
     *(b"ply\n", b"format ascii 1.0\n", b"format binary_little_endian 1.0\n", b"format binary_big_endian 1.0\n"),
@@ -50,7 +50,7 @@ PACKED_PIECES = (
 )  # fmt: skip
 """Magic bytes, names and values of packed scenes."""
 MOST_MEMORY = 20_000_000
-"""Bytes, beside what the file has."""
+"""Bytes in addition to the file's."""
 
 WIDE = plys.header([f"double {name}" for name in plys.names(0)], 2) + bytes(8 * 2 * len(plys.names(0)))
 TRAILED = (
@@ -72,7 +72,7 @@ numbers = st.floats(width=32) | st.sampled_from([88.0, 89.0, -104.0, 3e38, 1e-45
 
 @st.composite
 def absurd_gaussians(draw: st.DrawFn) -> bytes:
-    """A sound header, and values that nobody trains."""
+    """A valid header, and implausible values."""
     rows = plys.rows(4)
     for _ in range(draw(st.integers(1, 8))):
         row, column = draw(st.integers(0, len(rows) - 1)), draw(st.integers(0, rows.shape[1] - 1))
@@ -136,7 +136,7 @@ def test_a_broken_scene_takes_no_other_with_it(description: bytes, content: byte
 
 
 def assert_no_other_is_broken(description: bytes, content: bytes) -> None:
-    """A scan finds the scene, and a sound one beside it."""
+    """A scan finds the scene, and a valid one next to it."""
     with tempfile.TemporaryDirectory() as folder:
         models = Path(folder)
         plys.write(models / "odd" / "scene.json", description)

@@ -1,4 +1,4 @@
-"""Whatever is sent to a service, it gives what was asked for, or says in one sentence why not."""
+"""Any request to a service is answered, or refused in one sentence."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from starlette.types import ASGIApp
 
+from tests import every_service
 from tests.cluster.hosts import FakeFleet, load
 from tests.dash.fakes import FakeRender
-from tests.experiments.made_up import MACHINE
-from tests.experiments.store.conftest import NOBODY, in_a_thread
 from tests.fuzz.asgi import HOST, Answer, ask, assert_answered, opened
 from tests.fuzz.byte_edits import chunked
 from tests.fuzz.corpus import found
@@ -30,9 +29,10 @@ from tests.fuzz.test_traces import files as trace_files
 from tests.fuzz.wire_examples import EXAMPLES
 from tests.render.fakes import FakeRasterizer
 from tests.render.scenes import plys
-from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, trace
+from tests.shaper.fakes import trace
 from tigas_cluster.director import create_director
 from tigas_cluster.fleet import HostAddress, HostState
+from tigas_common.address import Address
 from tigas_common.origins import OriginPolicy
 from tigas_common.wire.dash import SessionRequest
 from tigas_common.wire.render import RenderRequest
@@ -42,21 +42,11 @@ from tigas_dash.app import create_app as create_dash
 from tigas_dash.clock import Clock
 from tigas_dash.sessions import Sessions
 from tigas_dash.source import RenderClient
-from tigas_experiments.store.app import Store
-from tigas_experiments.store.app import create_app as create_store
-from tigas_experiments.store.experiments import Experiments
-from tigas_experiments.store.materialisations import Materialisations
-from tigas_experiments.store.movements import Movements
-from tigas_experiments.store.reports import Reports
-from tigas_experiments.store.workspace import Workspace
-from tigas_render.app import create_app as create_render
-from tigas_render.service import RenderService
+from tigas_dash.webrtc.service import WebRtc
+from tigas_render.server.app import create_app as create_render
+from tigas_render.server.service import RenderService
 from tigas_render.settings import RenderSettings
-from tigas_shaper.api import create_app as create_shaper
-from tigas_shaper.player import Player
-from tigas_shaper.service import Shaper
 from tigas_shaper.traces.csv_format import format_csv
-from tigas_shaper.traces.library import TraceLibrary
 
 PAGE = (b"origin", b"http://localhost:8080")
 MOST_GROWTH = 300_000_000
@@ -107,30 +97,6 @@ def test_any_render_request_is_answered(render: Ask, body: bytes) -> None:
     assert answer.status < 400 or answer.status == 504 or b"tigas:" in answer.body
 
 
-@effort(100)
-@given(
-    st.sampled_from(METHODS),
-    paths(
-        [
-            "/",
-            "/render",
-            "/scenes",
-            "/scenes/{}",
-            "/scenes/scene/{}",
-            "/scenes/{}/{}",
-            "/config.json",
-            "/assets/{}",
-            "/{}",
-        ]
-    ),
-    headers(HOST[1]),
-)
-def test_any_target_of_the_render_service_is_answered(
-    render: Ask, method: str, path: str, fields: list[tuple[bytes, bytes]]
-) -> None:
-    assert_answered(render(method, path, headers=fields))
-
-
 # -- the director ------------------------------------------------------------------------------------------------------
 
 
@@ -148,29 +114,6 @@ def director(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ask]:
     yield from asking(directing(tmp_path_factory.mktemp("director")))
 
 
-@effort(100)
-@given(
-    st.sampled_from(METHODS),
-    paths(
-        [
-            "/",
-            "/render",
-            "/scenes",
-            "/scenes/scene/{}",
-            "/scenes/{}/unload",
-            "/config.json?scene={}&{}={}",
-            "/metrics",
-            "/{}",
-        ]
-    ),
-    headers(HOST[1]),
-)
-def test_any_target_of_the_director_is_answered(
-    director: Ask, method: str, path: str, fields: list[tuple[bytes, bytes]]
-) -> None:
-    assert_answered(director(method, path, headers=fields))
-
-
 # -- dash --------------------------------------------------------------------------------------------------------------
 
 
@@ -180,8 +123,9 @@ async def packaging(directory: Path) -> AsyncIterator[ASGIApp]:
     async with (
         httpx.AsyncClient(transport=transport, base_url="http://render") as upstream,
         Sessions(RenderClient(upstream), "libx264", Clock(), limit=2, idle_s=600).running() as sessions,
+        WebRtc.running(RenderClient(upstream), Address("127.0.0.1", 0), Clock()) as webrtc,
     ):
-        yield create_dash(sessions, OriginPolicy())
+        yield create_dash(sessions, OriginPolicy(), webrtc)
 
 
 @pytest.fixture(scope="module")
@@ -213,39 +157,14 @@ def assert_opened_or_refused(dash: Ask, body: bytes) -> None:
     assert json.loads(dash("GET", "/sessions").body) == []
 
 
-@effort(100)
-@given(
-    st.sampled_from(METHODS),
-    paths(
-        ["/sessions", "/sessions/{}", "/sessions/{}/{}", "/sessions/{}/{}/init.mp4", "/sessions/{}/{}/{}.m4s", "/time"]
-    ),
-    headers(HOST[1]),
-)
-def test_any_target_of_the_packager_is_answered(
-    dash: Ask, method: str, path: str, fields: list[tuple[bytes, bytes]]
-) -> None:
-    assert_answered(dash(method, path, headers=fields))
-
-
 # -- shaper ------------------------------------------------------------------------------------------------------------
-
-
-@asynccontextmanager
-async def shaping(directory: Path) -> AsyncIterator[ASGIApp]:
-    (directory / "steps.csv").write_text(format_csv(trace(4_000, 0, 8_000, name="steps")))
-    time = FakeTime()
-    link = FakeLink(time)
-    player = Player(link, LinkSetting(100_000, 50_000), clock=time.clock, sleep=time.sleep)
-    shaper = Shaper(link, FakeGateway(), player, TraceLibrary(directory))  # type: ignore[arg-type]
-    try:
-        yield create_shaper(shaper, OriginPolicy(programs=False))
-    finally:
-        player.close()
 
 
 @pytest.fixture(scope="module")
 def shaper(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ask]:
-    yield from asking(shaping(tmp_path_factory.mktemp("traces")))
+    traces = tmp_path_factory.mktemp("traces")
+    (traces / "steps.csv").write_text(format_csv(trace(4_000, 0, 8_000, name="steps")))
+    yield from asking(every_service.shaper(traces))
 
 
 @pytest.mark.parametrize(
@@ -272,36 +191,12 @@ def test_any_trace_is_taken_or_refused(shaper: Ask, data: bytes, path: str) -> N
     assert_answered(shaper("GET", "/traces"))
 
 
-@effort(100)
-@given(
-    st.sampled_from(METHODS),
-    paths(["/traces", "/traces/{}", "/start", "/stop", "/pause", "/resume", "/status", "/healthz", "/{}"]),
-    headers(HOST[1], PAGE),
-)
-def test_any_target_of_the_shaper_is_answered(
-    shaper: Ask, method: str, path: str, fields: list[tuple[bytes, bytes]]
-) -> None:
-    assert_answered(shaper(method, path, headers=fields))
-
-
 # -- store -------------------------------------------------------------------------------------------------------------
-
-
-@asynccontextmanager
-async def storing(directory: Path) -> AsyncIterator[ASGIApp]:
-    results, movements = directory / "results", directory / "movements"
-    movements.mkdir()
-    with Workspace.opened(results) as workspace:
-        experiments = Experiments(results, workspace)
-        reports, kept = Reports(experiments, workspace, in_a_thread), Movements(movements)
-        materialisations = Materialisations(experiments, NOBODY)
-        store = Store(workspace, experiments, reports, kept, (), MACHINE, in_a_thread, materialisations)
-        yield create_store(store, OriginPolicy())
 
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ask]:
-    yield from asking(storing(tmp_path_factory.mktemp("store")))
+    yield from asking(every_service.store(tmp_path_factory.mktemp("store")))
 
 
 @pytest.fixture(scope="module")
@@ -363,13 +258,59 @@ def test_any_word_about_samples_is_kept_or_refused(
         assert_answered(store("POST", f"{experiment}/interrupted-runs", chunks=[body]))
 
 
-@effort(100)
-@given(
-    st.sampled_from(METHODS),
-    paths(["/experiments", "/experiments/{}", "/experiments/{}/{}", "/experiments/{}/report", "/movements/{}", "/{}"]),
-    headers(HOST[1]),
-)
-def test_any_target_of_the_store_is_answered(
-    store: Ask, method: str, path: str, fields: list[tuple[bytes, bytes]]
-) -> None:
-    assert_answered(store(method, path, headers=fields))
+# -- all of them -------------------------------------------------------------------------------------------------------
+
+TARGETS = {
+    "render": [
+        "/",
+        "/render",
+        "/scenes",
+        "/scenes/{}",
+        "/scenes/scene/{}",
+        "/scenes/{}/{}",
+        "/config.json",
+        "/assets/{}",
+        "/{}",
+    ],
+    "director": [
+        "/",
+        "/render",
+        "/scenes",
+        "/scenes/scene/{}",
+        "/scenes/{}/unload",
+        "/config.json?scene={}&{}={}",
+        "/metrics",
+        "/{}",
+    ],
+    "dash": [
+        "/sessions",
+        "/sessions/{}",
+        "/sessions/{}/{}",
+        "/sessions/{}/{}/init.mp4",
+        "/sessions/{}/{}/{}.m4s",
+        "/time",
+    ],
+    "shaper": ["/traces", "/traces/{}", "/start", "/stop", "/pause", "/resume", "/status", "/healthz", "/{}"],
+    "store": [
+        "/experiments",
+        "/experiments/{}",
+        "/experiments/{}/{}",
+        "/experiments/{}/report",
+        "/movements/{}",
+        "/{}",
+    ],
+}
+
+
+@pytest.mark.parametrize("service", TARGETS)
+def test_any_target_is_answered(service: str, request: pytest.FixtureRequest) -> None:
+    asked: Ask = request.getfixturevalue(service)
+
+    @effort(100)
+    @given(
+        st.sampled_from(METHODS), paths(TARGETS[service]), headers(HOST[1], *([PAGE] if service == "shaper" else []))
+    )
+    def fuzz(method: str, path: str, fields: list[tuple[bytes, bytes]]) -> None:
+        assert_answered(asked(method, path, headers=fields))
+
+    fuzz()

@@ -8,6 +8,7 @@ import json
 import threading
 from collections.abc import AsyncIterator
 from typing import Any
+from unittest.mock import Mock
 
 import httpx
 from hypothesis import strategies as st
@@ -28,6 +29,7 @@ from tigas_dash.app import create_app
 from tigas_dash.clock import Clock
 from tigas_dash.sessions import Sessions
 from tigas_dash.source import RenderClient
+from tigas_dash.webrtc.service import WebRtc
 
 LIMIT = 3
 NUMBERS = ("0", "1", "2", "3", "4", "9", "-1", "01", "1e1", "999999999999", "9999999999999", "٣", "", "x", "1.m4s")
@@ -95,7 +97,7 @@ class StreamMachine(RuleBasedStateMachine):
         self.render = FakeRender()
         self.context = packaging(self.render)
         self.running = self.runner.run(self._enter())
-        self.app = create_app(self.running, OriginPolicy())
+        self.app = create_app(self.running, OriginPolicy(), Mock(spec=WebRtc))
         self.open_sockets: list[Socket] = []
         self.readers: list[asyncio.Task[Any]] = []
 

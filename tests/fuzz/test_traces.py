@@ -1,4 +1,4 @@
-"""Whatever is given to `tigas trace import` and to the shaper, it becomes a trace or is refused in a sentence."""
+"""Any input of `tigas trace import` and of the shaper becomes a trace or is refused in a sentence."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PIECES = (
 MOST_MEMORY = 2000
 """Bytes for each of the text's: a step of two characters is an object."""
 UNPACKED = 2 * MAX_BYTES
-"""Bytes that a file which is packed may take besides, whatever is in it."""
+"""Additional bytes that a packed file may take, for any contents."""
 
 texts = edited(st.sampled_from(SOUND).map(str.encode), PIECES)
 files = texts | texts | edited(texts.map(partial(gzip.compress, mtime=0)))

@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import asyncio
 
-import pytest
-
-pytest.importorskip("aiortc")
-
 from aioice import Connection, stun
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,4 +1,4 @@
-"""Whatever the bytes, a wire type is read from them or refused in one sentence, within bounded memory."""
+"""Any bytes are parsed as a wire type or refused in one sentence, within bounded memory."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_body_that_was_found_is_read_or_refused(kind: Any, content: bytes) -> 
 
 
 def assert_read_or_refused(kind: Any, body: bytes) -> None:
-    """It becomes an instance whose properties can be asked for, or a sentence, in bounded memory."""
+    """The result is an instance with readable properties, or a sentence, in bounded memory."""
     tracemalloc.start()
     try:
         message = parse(kind, body, limit=10 * MAX_BODY)

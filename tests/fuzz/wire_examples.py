@@ -26,7 +26,6 @@ QUATERNION = {name: EULER[name] for name in ("scene", "fx", "fy", "cx", "cy", "w
     "depth": True,
     "deadline_ms": 50,
     "format": "png",
-    "stamp": 7,
 }
 SHORT = {
     "inputs": [entry.model_dump(mode="json") for entry in inputs(2)],
@@ -43,7 +42,7 @@ TRACE_RUN = {"trace": "4g-bus", "rtt_ms": 40.0, "offset_s": 3.0}
 
 EXAMPLES: dict[Any, list[Any]] = {
     RenderRequest: [EULER, QUATERNION],
-    SessionRequest: [session_request(), session_request(representations=None, frame_rate=60, stamp=True)],
+    SessionRequest: [session_request(), session_request(representations=None, frame_rate=60)],
     PoseUpdate: [json.loads(pose(1, 50)), json.loads(pose(2, 50)) | {"fx": 100.0, "fy": 100.0, "cx": 1.0, "cy": 0.0}],
     LinkSetting: [{"down_kbps": 1, "up_kbps": 1}, {"down_kbps": 0, "up_kbps": 9, "delay_ms": 1, "loss_pct": 0.5}],
     StartRequest: [{"trace": "steps"}, {"trace": "steps", "loop": False, "delay_ms": 20}],

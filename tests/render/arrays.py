@@ -1,4 +1,4 @@
-"""Gaussians of whatever NumPy can make arrays of."""
+"""Gaussians from any array-like values."""
 
 from __future__ import annotations
 

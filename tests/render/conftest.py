@@ -1,8 +1,9 @@
-"""What tests of the engine share."""
+"""Fixtures for tests of the engine."""
 
 from __future__ import annotations
 
 from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 
 import pytest
 
@@ -10,18 +11,24 @@ from tests.render.engine_bench import Bench
 from tests.render.fakes import FakeLaneRasterizer, FakeRasterizer
 
 
-def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """An engine renders by threads and, unless a test is marked `threads`, by lanes."""
-    if "bench" in metafunc.fixturenames:
-        kinds = {"threads": FakeRasterizer, "lanes": FakeLaneRasterizer}
-        if metafunc.definition.get_closest_marker("threads"):
-            del kinds["lanes"]
-        metafunc.parametrize("bench", list(kinds.values()), ids=list(kinds), indirect=True)
+@pytest.fixture(params=[FakeRasterizer, FakeLaneRasterizer], ids=["threads", "lanes"])
+async def bench(request: pytest.FixtureRequest) -> AsyncIterator[Bench]:
+    """A running engine, once over each frame maker."""
+    async with running(request.param()) as bench:
+        yield bench
 
 
 @pytest.fixture
-async def bench(request: pytest.FixtureRequest) -> AsyncIterator[Bench]:
-    bench = Bench(request.param())
+async def thread_bench() -> AsyncIterator[Bench]:
+    """A running engine that renders on threads."""
+    async with running(FakeRasterizer()) as bench:
+        yield bench
+
+
+@asynccontextmanager
+async def running(rasterizer: FakeRasterizer) -> AsyncIterator[Bench]:
+    """A bench with a running engine; at the end the rasteriser's gate is opened."""
+    bench = Bench(rasterizer)
     async with bench.engine:
         yield bench
-        bench.rasterizer.gate.set()
+        rasterizer.gate.set()

@@ -9,9 +9,9 @@ from prometheus_client import CollectorRegistry
 
 from tests.render.fakes import FakeRasterizer, FakeScenes, render_request
 from tigas_common.wire.render import DEFAULT_LADDER
-from tigas_render.engine import Engine
+from tigas_render.engine.engine import Engine
+from tigas_render.engine.metrics import EngineMetrics
 from tigas_render.frame import Client, Frame
-from tigas_render.metrics import EngineMetrics
 
 
 @dataclass
@@ -36,12 +36,12 @@ class Bench:
     def submit(
         self, session: str, *, address: str = "somewhere", waited: float = 0.0, **changes: object
     ) -> asyncio.Task[Frame]:
-        """A request that arrived so many seconds ago."""
+        """A request received this many seconds ago."""
         client = Client(address, session)
         return asyncio.create_task(self.engine.submit(client, render_request(**changes), self.now - waited))
 
     async def waiting(self, count: int) -> None:
-        """Wait until so many requests wait."""
+        """Wait until this many requests are queued."""
         async with asyncio.timeout(10):
             while len(self.engine._queue) != count:  # noqa: ASYNC110 - nothing announces it
                 await asyncio.sleep(0)
@@ -53,7 +53,7 @@ class Bench:
 
 
 async def busy(bench: Bench) -> asyncio.Task[Frame]:
-    """Keep the rasteriser busy with a frame, so that whatever comes next has to wait."""
+    """Keep the rasteriser busy with a frame, so that further requests are queued."""
     task = bench.submit("somebody else")
     await bench.rendering()
     return task

@@ -51,7 +51,7 @@ class FakeScene(PreparedScene):
 
 @dataclass
 class FakeImage(Image):
-    """Encodes as the text of what was asked for."""
+    """Encodes as the request's text."""
 
     width: int
     height: int
@@ -84,8 +84,11 @@ class FakeRasterizer(Rasterizer):
     formats: list[FrameFormat] = field(default_factory=list)
 
     def image(self, width: int, height: int) -> FakeImage:
-        """What is rendered."""
+        """The image of a frame."""
         return FakeImage(width, height, text=f"{width}x{height}")
+
+    def before_image(self, camera: Camera, pause: Pause | None) -> None:
+        """A step between the gate and the image, for subclasses."""
 
     def pack(self, scene: Batches) -> PreparedScene:
         if self.error is not None:
@@ -107,6 +110,7 @@ class FakeRasterizer(Rasterizer):
         assert self.gate.wait(10)
         if self.error is not None:
             raise self.error
+        self.before_image(camera, pause)
         size = (camera.intrinsics.width, camera.intrinsics.height)
         self.images.append(self.image(*size))
         if depth:
@@ -115,10 +119,10 @@ class FakeRasterizer(Rasterizer):
 
 
 @dataclass
-class FakeLaneRasterizer(FakeRasterizer, LaneRasterizer):
-    """The same by one lane, so that what begins has to end before anything else begins."""
+class FakeLaneRasterizer(LaneRasterizer, FakeRasterizer):
+    """The same with a single lane, so that each frame ends before the next begins."""
 
-    lanes: int = 1
+    frames_in_flight: int = 1
 
     def job(self, scene: PreparedScene, camera: Camera, format: FrameFormat, quality: int, *, depth: bool) -> Job:
         return FakeJob(self, scene, camera, format, quality, depth)
@@ -129,7 +133,7 @@ STATUS = ctypes.CFUNCTYPE(ctypes.c_int)
 
 @dataclass
 class FakeJob(Job):
-    """Renders and encodes as its rasteriser does, in the native thread."""
+    """Renders and encodes with its rasteriser, on the native thread."""
 
     rasterizer: FakeRasterizer
     scene: PreparedScene
@@ -146,11 +150,13 @@ class FakeJob(Job):
 
     def _make(self) -> int:
         try:
-            with self.rasterizer.render(self.scene, self.camera, self.format, depth=self.depth) as image:
+            with FakeRasterizer.render(
+                self.rasterizer, self.scene, self.camera, self.format, depth=self.depth
+            ) as image:
                 is_png = self.format == "png"
                 content = image.to_host().tobytes() if is_png else image.encode(self.format, self.quality)
                 depth = None if image.depth is None else coded(image.depth)
-                self.image = FetchedImage(image.width, image.height, self.format, content, depth)
+                self.image = FetchedImage(image.width, image.height, self.format, self.quality, content, depth)
         except Exception:
             return 1
         return 0
@@ -166,7 +172,7 @@ class FakeJob(Job):
             raise self.rasterizer.error or error from None
 
     def close(self, *, failed: bool) -> None:
-        """There is nothing to give back."""
+        """Do nothing: the job holds no resources."""
 
 
 @dataclass(frozen=True)
@@ -202,7 +208,7 @@ class FakeScenes:
 
 @dataclass
 class FakeUse:
-    """What holds the one scene."""
+    """A context manager with the one scene."""
 
     scenes: FakeScenes
     scene_id: str

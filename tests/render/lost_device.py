@@ -1,6 +1,6 @@
-"""Breaks the GPU's context under a running service and prints how it answers.
+"""Breaks the GPU's context under a running service and prints its answers.
 
-A program of its own, since nothing in the process can use the GPU afterwards. Run by `test_service_on_gpu.py`.
+A separate program, since its process cannot use the GPU afterwards. Run by `test_service_on_gpu.py`.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import torch
 from cuda.core import Device, LaunchConfig, Program, ProgramOptions, launch
 
 from tests.render.fakes import render_request
-from tigas_render.app import create_app
 from tigas_render.raster.devices import create_rasterizer
-from tigas_render.service import RenderService
+from tigas_render.server.app import create_app
+from tigas_render.server.service import RenderService
 from tigas_render.settings import RenderSettings
 
 BAD = 'extern "C" __global__ void write_nowhere() { *reinterpret_cast<volatile int*>(16) = 1; }'

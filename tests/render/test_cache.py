@@ -1,4 +1,4 @@
-"""What can be made again is kept whole or not at all."""
+"""Reproducible data is kept whole or not at all."""
 
 from __future__ import annotations
 

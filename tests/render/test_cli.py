@@ -1,4 +1,4 @@
-"""The commands as a person uses them: what they print, how they fail, how they stop."""
+"""The commands from a user's point of view: output, failures, and shutdown."""
 
 from __future__ import annotations
 
@@ -19,12 +19,15 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
+import tigas_render
 from tests.render import losing_device
 from tests.render.fakes import render_request
+from tests.render.scenes import plys
 from tests.render.transport.client import connect
 from tigas_render.settings import RenderSettings
 
 ROOT = Path(__file__).parents[2]
+COURTYARD = Path(tigas_render.__file__).parent / "scenes/demo/courtyard.sog"
 TIGAS = str(Path(sys.executable).parent / "tigas")
 INSTANT = ("--device", "instant", "--edges", "1")
 """Starts at once, and renders nothing."""
@@ -39,7 +42,7 @@ def tigas(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProce
 def serving(
     *arguments: str, program: Sequence[str] = (TIGAS,), cwd: Path = ROOT
 ) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """A server on free ports and what it printed until it was ready."""
+    """A server on free ports and its output until it was ready."""
     command = [*program, "render", "--http", "127.0.0.1:0", "--quic", "127.0.0.1:0", *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=cwd) as process:
         try:
@@ -62,15 +65,6 @@ def url_in(printed: str) -> str:
     match = re.search(r"Open (http://\S+/)", printed)
     assert match
     return match[1]
-
-
-@pytest.fixture(scope="module")
-def scene_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("synth") / "courtyard.ply"
-    result = tigas("scene", "synth", str(path))
-    assert result.returncode == 0, result.stderr
-    assert re.search(r"[12]\d\d,\d{3} Gaussians, SH degree [1-3]", result.stdout)
-    return path
 
 
 def test_the_server_says_what_it_serves_and_stops_at_once_when_told(tmp_path: Path) -> None:
@@ -109,7 +103,7 @@ def test_by_default_only_this_machine_is_served_and_the_network_when_asked_for(
     with serving("--scenes", str(tmp_path)) as (_, printed):
         assert "Open to the network" not in printed
     with serving("--scenes", str(tmp_path), "--quic", "[::]:0") as (_, printed):
-        assert "Open to the network on [::]:0: whoever reaches this machine can use this service." in printed
+        assert "Open to the network on [::]:0: any machine that reaches this one can use this service." in printed
 
 
 def test_pages_and_names_that_are_allowed_may_use_http_and_webtransport(tmp_path: Path) -> None:
@@ -152,6 +146,18 @@ def test_a_server_whose_gpu_is_lost_answers_and_ends_so_that_another_can_be_star
     assert "Traceback" not in rest
 
 
+def test_a_server_whose_gpu_is_stuck_ends_so_that_another_can_be_started() -> None:
+    """Although a thread never returns from the GPU."""
+    with serving(program=(sys.executable, "-m", losing_device.__name__, "stuck")) as (process, printed):
+        request = render_request(scene="courtyard").model_dump(mode="json", exclude_none=True)
+        with pytest.raises(httpx.TransportError):  # its connection breaks when the process ends
+            httpx.post(url_in(printed) + "render", json=request, timeout=60)
+        rest, _ = process.communicate(timeout=20)
+    assert process.returncode == 1
+    assert "The renderer is stuck" in rest
+    assert "Traceback" not in rest
+
+
 def test_an_empty_directory_is_explained_and_the_demo_is_served(tmp_path: Path) -> None:
     with serving("--scenes", str(tmp_path), "--quic", "off") as (_, printed):
         assert "has no scenes yet" in printed
@@ -189,12 +195,11 @@ def test_where_no_directory_can_be_made_the_demo_is_served() -> None:
         (("--device", "cuda"), "without CUDA|no NVIDIA GPU|packages for GPUs are missing"),
         (("--device", "abacus"), "device"),
         (("--http", "8080"), "HOST:PORT"),
-        (("--memory-gb", "-1"), "memory_gb"),
-        (("--memory-gb", "0"), "memory_gb"),
-        (("--memory-gb", "inf"), "memory_gb"),
-        (("--memory-gb", "nan"), "memory_gb"),
-        (("--memory-gb", "1e308"), "memory_gb"),
-        (("--idle-minutes", "inf"), "idle_minutes"),
+        (("--memory-gb", "-1"), "--memory-gb"),
+        (("--memory-gb", "0"), "--memory-gb"),
+        (("--memory-gb", "inf"), "--memory-gb"),
+        (("--memory-gb", "nan"), "--memory-gb"),
+        (("--memory-gb", "1e308"), "--memory-gb"),
         (("--device", "cuda:٣"), "device"),
         (("--http", "127.0.0.1:٣"), "HOST:PORT"),
         (("--http", "192.0.2.1:0"), "Cannot listen on 192.0.2.1:0"),
@@ -207,8 +212,9 @@ def test_a_server_that_cannot_start_says_why_in_a_sentence(arguments: tuple[str,
     assert "Traceback" not in result.stderr
 
 
+@pytest.mark.parametrize("edges", ["1", pytest.param("2", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("flag", ["--http", "--https", "--quic"])
-def test_a_port_that_is_taken_is_named(flag: str) -> None:
+def test_a_port_that_is_taken_is_named(flag: str, edges: str) -> None:
     kind = socket.SOCK_DGRAM if flag == "--quic" else socket.SOCK_STREAM
     with socket.socket(socket.AF_INET, kind) as taken:
         taken.bind(("127.0.0.1", 0))
@@ -216,9 +222,11 @@ def test_a_port_that_is_taken_is_named(flag: str) -> None:
             taken.listen()
         address = f"127.0.0.1:{taken.getsockname()[1]}"
         free = {"--http": "127.0.0.1:0", "--quic": "127.0.0.1:0"} | {flag: address}
-        result = tigas("render", *(part for pair in free.items() for part in pair))
+        result = tigas("render", "--edges", edges, *(part for pair in free.items() for part in pair))
     assert result.returncode == 1
     assert f"Cannot listen on {address} (Address already in use); choose another with {flag}." in result.stderr
+    if edges == "1":
+        assert result.stdout == "", "it is said before anything that takes time"
 
 
 def test_another_aioquic_is_named_before_anything_is_imported_from_it(tmp_path: Path) -> None:
@@ -229,20 +237,37 @@ def test_another_aioquic_is_named_before_anything_is_imported_from_it(tmp_path: 
     environment = os.environ | {"PYTHONPATH": str(tmp_path)}
     result = subprocess.run([TIGAS, "render"], capture_output=True, text=True, timeout=60, env=environment, check=False)
     assert result.returncode == 1
-    assert re.fullmatch(r"aioquic 1\.8\.0 is installed, but TIGAS needs 1\.7: .*\.\n", result.stderr)
+    assert re.fullmatch(r"aioquic 1\.8\.0 is installed, but TIGAS needs aioquic>=1\.7,<1\.8: .*\.\n", result.stderr)
 
 
-def test_scene_info(scene_file: Path) -> None:
-    result = tigas("scene", "info", str(scene_file))
+def test_scene_info() -> None:
+    result = tigas("scene", "info", str(COURTYARD))
     assert re.search(r"Gaussians\s+[12]\d\d,\d{3}", result.stdout)
     assert "start camera" in result.stdout
+
+
+def test_scene_info_of_a_folder_has_what_its_scene_json_says(tmp_path: Path) -> None:
+    plys.write(tmp_path / "scene.ply", plys.binary_ply())
+    (tmp_path / "scene.json").write_text(
+        '{"name": "The [bold] hall", "up": [0, 1, 0], "background": [0.1, 0.2, 0.3],'
+        ' "camera": {"position": [1, 2, 3], "look_at": [4, 5, 6]}}'
+    )
+    printed = " ".join(tigas("scene", "info", str(tmp_path)).stdout.split())
+    assert "name The [bold] hall format" in printed
+    assert "start camera (1.00, 2.00, 3.00) → (4.00, 5.00, 6.00)" in printed
+    assert "up (0.00, 1.00, 0.00) background (0.10, 0.20, 0.30)" in printed
+    (tmp_path / "scene.json").write_text('{"name": 5}')
+    broken = tigas("scene", "info", str(tmp_path))
+    assert broken.returncode == 1
+    assert broken.stderr.startswith("scene.json is not valid: name: ")
+    assert broken.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize(
     ("name", "magic"), [("view.jpg", b"\xff\xd8"), pytest.param("view.png", b"\x89PNG", marks=pytest.mark.slow)]
 )
-def test_scene_preview(scene_file: Path, tmp_path: Path, name: str, magic: bytes) -> None:
-    result = tigas("scene", "preview", str(scene_file), str(tmp_path / name), "--width", "320", "--height", "180")
+def test_scene_preview(tmp_path: Path, name: str, magic: bytes) -> None:
+    result = tigas("scene", "preview", str(COURTYARD), str(tmp_path / name))
     assert result.returncode == 0, result.stderr
     assert (tmp_path / name).read_bytes().startswith(magic)
 

@@ -1,4 +1,4 @@
-"""More is asked for than can be rendered: simulated, with a clock of its own and viewers who are some way off."""
+"""Overload: simulated, with a virtual clock and remote viewers."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ import pytest
 
 from tests.render.fakes import FakeScenes, FakeUse, render_request
 from tigas_common.wire.render import DEFAULT_LADDER
+from tigas_render.engine.frame_size import FrameSize
+from tigas_render.engine.work import Work
+from tigas_render.engine.work_queue import WorkQueue
 from tigas_render.frame import Client
-from tigas_render.frame_size import FrameSize
-from tigas_render.work import Work
-from tigas_render.work_queue import WorkQueue
 
 FRAME_S = 0.002
 """That a frame takes the only thread."""
@@ -30,13 +30,13 @@ GOLDEN = 0.618034
 
 @dataclass
 class World:
-    """Viewers who cancel what a newer frame has overtaken, as soon as that is there."""
+    """Viewers that cancel requests overtaken by a newer frame."""
 
     viewers: int
     now: float = 0.0
     rendered: int = 0
     ages: list[float] = field(default_factory=list)
-    """In seconds, of the frames that came before any newer one, when they did, since their request was sent."""
+    """Response times in seconds of frames that were the newest on arrival."""
 
     def __post_init__(self) -> None:
         self._queue = WorkQueue(2, DEFAULT_LADDER, lambda: self.now, lambda work, why: None)

@@ -1,4 +1,4 @@
-"""A link that only remembers, and time that passes when a test says so."""
+"""A link that only records, and a clock controlled by the test."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ async def _settle() -> None:
 
 
 class FakeLink:
-    """Remembers what it was told, and when."""
+    """Records its calls and their times."""
 
     backend = "relay"
 

@@ -255,7 +255,7 @@ async def test_watchers_are_counted_from_the_first_byte_that_waits(shaper: Shape
     async def send(message: Message) -> None:
         if message["type"] == "http.response.start":
             await answers.put(message["status"])
-            await unread.wait()  # as a connection that nobody reads
+            await unread.wait()  # like an unread connection
 
     async def receive() -> Message:
         await asyncio.Event().wait()

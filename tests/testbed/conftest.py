@@ -6,20 +6,17 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.prerequisites import NAMESPACES
 from tests.testbed.labs import new_lab, remove_abandoned
 from tests.testbed.shaper_process import ShaperProcess, shaper
-from tigas_common.errors import StartError
-from tigas_testbed.namespaces import Lab, check_rights
+from tigas_testbed.namespaces import Lab
 from tigas_testbed.services import PORTS
 
 
 @pytest.fixture(scope="session", autouse=True)
 def can_make_labs() -> None:
-    """Skips where the rights or the tools for a lab are missing, and removes what killed test runs left behind."""
-    try:
-        check_rights()
-    except StartError as error:
-        pytest.skip(str(error))
+    """Require network namespaces, and remove the labs of killed test runs."""
+    NAMESPACES.require()
     remove_abandoned()
 
 

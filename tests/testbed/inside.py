@@ -30,7 +30,7 @@ ATTEMPTS, QUIET_WAIT_S = 4, 10
 
 @contextmanager
 def inside(lab: Lab, role: Role) -> Iterator[None]:
-    """This thread is in a namespace of the lab for as long as the context lasts."""
+    """Run this thread in a namespace of the lab, as a context manager."""
     with Path("/proc/thread-self/ns/net").open() as before:
         with Path("/run/netns", lab.namespace(role)).open() as namespace:
             _enter(namespace.fileno())
@@ -56,13 +56,13 @@ def udp(lab: Lab, role: Role, port: int = 0) -> socket.socket:
 
 
 def server_socket(lab: Lab) -> socket.socket:
-    """A UDP socket of the service, where the gateway leads what clients send."""
+    """A UDP socket of the service, the gateway's destination for clients' datagrams."""
     return udp(lab, "service", WEBTRANSPORT.number)
 
 
 @contextmanager
 def thread(work: Callable[[threading.Event], None]) -> Iterator[None]:
-    """Run `work` beside the test; it ends when its event is set."""
+    """Run `work` in a thread; it ends when its event is set."""
     stop = threading.Event()
     running = threading.Thread(target=work, args=(stop,))
     running.start()
@@ -134,18 +134,19 @@ class Receiver:
             yield
 
     def count(self, payload: int) -> int:
-        """How many datagrams of so many bytes arrived."""
+        """Number of datagrams of this size received."""
         return sum(size == payload + LAYER_2 for _, size in self.arrivals)
 
     def kbps(self, start: float, end: float) -> float:
-        """What arrived in a span of time, kbit/s."""
+        """Received rate over a time span, kbit/s."""
         return sum(size for at, size in self.arrivals if start <= at < end) * 8e-3 / (end - start)
 
 
 def retried_on_a_busy_machine(test: Callable[..., None]) -> Callable[..., None]:
-    """Gives a measurement four attempts: on a busy machine one can be wrong, but a wrong link is wrong every time.
+    """Gives a measurement four attempts: on a busy machine one can be wrong, but a wrong link is wrong every
+    time.
 
-    All but the first wait a while for the machine to be quiet. A failure says what else kept the processors busy.
+    All but the first wait for the machine to be quiet. A failure names other load on the processors.
     """
 
     @functools.wraps(test)
@@ -172,14 +173,14 @@ def _wait_for_quiet() -> None:
 
 
 class _Load:
-    """What the machine has done up to now."""
+    """The machine's counters so far."""
 
     def __init__(self) -> None:
         self._all = psutil.cpu_times()
         self._by_process = self._seconds()
 
     def since(self) -> str:
-        """The share of the processors that has been idle since, and what took most of the rest."""
+        """Idle share of the processors since then, and the largest consumers."""
         now = psutil.cpu_times()
         idle = (now.idle - self._all.idle) / max(1e-9, sum(now) - sum(self._all))
         taken = sorted(

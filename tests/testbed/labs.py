@@ -1,4 +1,4 @@
-"""Labs of tests: each has a name of its own, and what killed test runs left behind is removed."""
+"""Labs of tests: each has a unique name, and leftovers of killed test runs are removed."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from tigas_testbed.namespaces import Lab
 from tigas_testbed.user import User
 
 NOBODY = User(65534, 65534)
-"""Whom tests run services as, whoever runs the tests."""
+"""User of the tests' services, whoever runs the tests."""
 _numbers = itertools.count()
 _TESTS_CLIENT = re.compile(r"^tigas-(t\d+n\d+)-client\b", re.MULTILINE)
 
 
 def new_lab() -> Lab:
-    """One that no other test has."""
+    """A name unique to a test."""
     return Lab(f"t{os.getpid()}n{next(_numbers)}")
 
 
@@ -27,5 +27,5 @@ def remove_abandoned() -> None:
     """Remove every test's lab whose process has ended."""
     namespaces = subprocess.run(("ip", "netns", "list"), check=True, capture_output=True, text=True).stdout
     for name in _TESTS_CLIENT.findall(namespaces):
-        with suppress(StartError), Lab(name).up():  # removes what is left, unless it is in use
+        with suppress(StartError), Lab(name).up():  # removes leftovers, unless they are in use
             pass

@@ -57,7 +57,7 @@ class ShaperProcess:
         return (playing.time_ms - playing.position_ms) / 1e3
 
     def status(self) -> ShaperStatus:
-        """As the API tells it."""
+        """From the API."""
         status, answer = self.request("GET", "/status")
         assert status == 200
         return ShaperStatus.model_validate(answer)
@@ -70,14 +70,14 @@ class ShaperProcess:
         return False
 
     def output(self) -> str:
-        """What it printed before it ended."""
+        """Its output before it ended."""
         assert self.process.stdout
         return self.process.stdout.read()
 
 
 @contextmanager
 def shaper(lab: Lab, *more: str) -> Iterator[ShaperProcess]:
-    """A shaper that is ready, for as long as the context lasts."""
+    """A running shaper, as a context manager."""
     with subprocess.Popen(
         Runner(lab, NOBODY).shaper(*more), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     ) as process:
@@ -90,7 +90,7 @@ def shaper(lab: Lab, *more: str) -> Iterator[ShaperProcess]:
 
 
 def left_behind(lab: Lab) -> list[str]:
-    """What shaping has left in the gateway's namespace."""
+    """Leftovers of shaping in the gateway's namespace."""
     found = []
     for argv, sign in ((("tc", "qdisc"), "htb"), (("tc", "qdisc"), "clsact"), (("nft", "list", "tables"), "tigas"),
                        (("ip", "-br", "link"), "tigas-")):  # fmt: skip

@@ -12,10 +12,11 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect, sync_playwright
 
+from tests.prerequisites import BUILT_PAGE, CHROMIUM
 from tests.testbed.inside import inside, wait_until
 from tests.testbed.labs import NOBODY
 from tests.testbed.shaper_process import ShaperProcess
-from tests.web.conftest import CHROMIUM_ARGS, DESKTOP, PATIENCE, STATIC
+from tests.web.conftest import CHROMIUM_ARGS, DESKTOP, PATIENCE
 from tests.web.modes import wait_for_stream
 from tests.web.scenes import write_scenes
 from tests.web.stage import SCENE, frames, wait_for_frames
@@ -33,8 +34,7 @@ DELAY_MS = 60
 @pytest.fixture
 def render(lab: Lab, tmp_path: Path) -> Iterator[None]:
     """The render service and the packager in their namespace."""
-    if not STATIC.exists():
-        pytest.skip("the web client is not built: cd web && npm ci && npm run build")
+    BUILT_PAGE.require()
     write_scenes(tmp_path)
     tmp_path.chmod(0o755)  # the service's user is another one
     runner = Runner(lab, NOBODY, [tmp_path])
@@ -60,9 +60,8 @@ def listens(lab: Lab, port: Port) -> bool:
 @pytest.fixture
 def page(lab: Lab, render: None, tmp_path: Path) -> Iterator[Page]:
     """A page in a browser that lives in the client's namespace."""
+    CHROMIUM.require()
     chromium = shutil.which("chromium")
-    if chromium is None:
-        pytest.skip("Chromium is not installed: sudo apt-get install chromium")
     wrapper = tmp_path / "chromium"
     wrapper.write_text(f'#!/bin/sh\nexec ip netns exec {lab.namespace("client")} {chromium} "$@"\n')
     wrapper.chmod(0o755)
@@ -95,8 +94,8 @@ def test_the_page_crosses_the_link_and_survives_an_outage(link: ShaperProcess, p
 
 
 @pytest.mark.slow
+@pytest.mark.extended
 def test_webrtc_crosses_the_link_on_its_one_port(link: ShaperProcess, page: Page) -> None:
-    pytest.importorskip("aiortc")
     link.post("/link", down_kbps=5_000, up_kbps=5_000, delay_ms=DELAY_MS)
     page.goto(f"{PAGE_ORIGINS[0]}/{SCENE}")
     page.wait_for_function("() => globalThis.tigas !== undefined")

@@ -17,16 +17,18 @@ from urllib.request import Request, urlopen
 import httpx
 import pytest
 
+from tests.prerequisites import FREE_LAB
 from tests.render.scenes import made_up
 from tests.render.uploads.client import begin, part
 from tests.testbed.inside import wait_until
 from tigas_common.capabilities import CAP_NET_ADMIN, CAP_SYS_NICE
-from tigas_common.errors import StartError
 from tigas_common.processes import tigas
 from tigas_common.topology import DASH, PAGE, PAGE_HTTPS, PAGE_ORIGINS, SHAPER, STORE
 from tigas_testbed.namespaces import ROLES, Lab, Role
 from tigas_testbed.services import NAME
 from tigas_testbed.user import NOBODY
+
+pytestmark = pytest.mark.alone
 
 LAB = Lab(NAME)
 DELAY_MS = 150
@@ -61,7 +63,7 @@ def asked_over_https(service: str) -> float:
 
 
 def left() -> list[str]:
-    """What there is of the lab on this machine."""
+    """Parts of the lab on this machine."""
     commands = (("ip", "netns", "list"), ("ip", "-br", "link"), ("nft", "list", "tables"))
     lines = [subprocess.run(argv, check=True, capture_output=True, text=True).stdout for argv in commands]
     return [line for text in lines for line in text.splitlines() if "tigas-lab" in line or "tigas_lab_lab" in line]
@@ -70,13 +72,7 @@ def left() -> list[str]:
 @pytest.fixture
 def up(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
     """A lab, once its page is served. Its directories are the test's own."""
-    try:
-        with LAB.up():
-            pass
-    except StartError as error:
-        pytest.skip(f"a lab is in use on this machine: {error}")
-    if serves():
-        pytest.skip("something else serves localhost:8080 on this machine")
+    FREE_LAB.require()
     tmp_path.chmod(0o755)  # the services' user is another one
     argv = tigas("lab", "up", "--https", f"127.0.0.1:{PAGE_HTTPS.number}")
     process = subprocess.Popen(argv, cwd=tmp_path)
@@ -112,7 +108,7 @@ def test_a_lab_comes_up_for_this_machine_and_goes_even_after_a_kill(
 
 
 def statuses(role: Role) -> dict[int, dict[str, str]]:
-    """What the kernel says of each process in a namespace, by its id, with its command line as `Command`."""
+    """The kernel's status of each process in a namespace, by its id, with its command line as `Command`."""
     found = {}
     for pid in LAB.processes(role):
         with suppress(FileNotFoundError, ProcessLookupError):  # it has ended meanwhile

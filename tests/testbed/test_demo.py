@@ -18,7 +18,7 @@ ANYWHERE = {"TIGAS_DASH_HTTP": "127.0.0.1:0", "TIGAS_STORE_HTTP": "127.0.0.1:0"}
 
 @pytest.fixture
 def demo(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
-    """Started on free ports, with results in a directory of its own."""
+    """Started on free ports, with results in a temporary directory."""
     argv = tigas("demo", "--", "--http", "127.0.0.1:0", "--quic", "127.0.0.1:0")
     with subprocess.Popen(argv, cwd=tmp_path, env=os.environ | ANYWHERE, stderr=subprocess.PIPE, text=True) as process:
         try:
@@ -54,4 +54,4 @@ def test_wrong_options_end_it_with_the_service_s_own_sentence() -> None:
     run = subprocess.run(argv, env=os.environ | ANYWHERE, capture_output=True, text=True, timeout=60)
     assert run.returncode == 1
     assert "/nowhere" in run.stderr
-    assert run.stderr.splitlines()[-1] == "The render service did not start (exit status 1), so the others end, too."
+    assert run.stderr.splitlines()[-1] == "The render service did not start (exit status 1), so the others end as well."

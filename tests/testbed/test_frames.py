@@ -1,5 +1,6 @@
-"""Frames over the shaped link, through the render service's own transport. Frames are made up, so that only the network
-is measured."""
+"""Frames over the shaped link, through the render service's own transport. Frames are synthetic, so that only the
+network is measured.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ async def no_app(scope: object, receive: object, send: object) -> None:
 
 @contextmanager
 def frame_server(lab: Lab, size: int) -> Iterator[None]:
-    """Answers every request in the service's namespace, at once, with so many bytes."""
+    """Answers every request in the service's namespace at once with this many bytes."""
     ready, loop, stop = threading.Event(), asyncio.new_event_loop(), asyncio.Event()
 
     async def serve() -> None:
@@ -67,7 +68,7 @@ def at_client(lab: Lab, work: Callable[[Client, int], Awaitable[Result]]) -> Res
 
 
 async def frames_per_second(client: Client, session: int, in_flight: int, warm_up_s: float, seconds: float) -> float:
-    """Frames that arrive when so many are always on their way."""
+    """Frames received with a constant number in flight."""
     start = time.monotonic() + warm_up_s
     arrived = 0
 
@@ -96,7 +97,7 @@ def test_the_frame_rate_does_not_depend_on_the_round_trip(link: ShaperProcess) -
 
 @retried_on_a_busy_machine
 def test_a_lost_packet_holds_up_its_own_frame_only(link: ShaperProcess) -> None:
-    """Frames asked for later arrive before those that lost a packet: in one ordered stream of bytes none could."""
+    """Later frames overtake those that lost a packet, which is impossible in one ordered stream of bytes."""
     period, count = 0.03, 150
     link.post("/link", down_kbps=20_000, up_kbps=10_000, delay_ms=30, loss_pct=1)
 

@@ -1,4 +1,4 @@
-"""Starting, stopping, being killed, and losing what the link stands on."""
+"""Starting, stopping, being killed, and losing the link's foundations."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_a_second_shaper_refuses_and_the_first_goes_on(own_lab: Lab) -> None:
 @pytest.mark.parametrize("interface", ["access", "service", "tigas-down"])
 def test_an_interface_that_disappears_closes_the_link(own_lab: Lab, interface: str) -> None:
     with echo_server(own_lab), shaper(own_lab) as running:
-        # The API stays in reach of this test when the access side is gone.
+        # The API stays reachable from this test when the access side is removed.
         gone = own_lab.command("gateway", ["ip", "link", "del", interface])
         status = own_lab.command("gateway", ["python3", "-c", STATUS])
         assert answers(own_lab)

@@ -1,4 +1,4 @@
-"""What crosses the link, against what its trace and its settings say."""
+"""Traffic across the link, against its trace and its settings."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def greeted(receiver: Receiver, server: socket.socket) -> tuple[str, int]:
 
 
 def delivered(link: ShaperProcess, played: NetworkTrace, rate_kbps: float) -> tuple[Receiver, float]:
-    """Plays a trace to its end while the service sends at a rate; what arrived, and when the trace started."""
+    """Plays a trace to its end while the service sends at a rate; returns the arrivals, and the trace's start."""
     receiver = Receiver(link.lab)
     with receiver.socket, server_socket(link.lab) as server:
         peer = greeted(receiver, server)
@@ -164,7 +164,7 @@ def test_loss_is_within_its_confidence_interval(link: ShaperProcess) -> None:
     link.post("/link", down_kbps=100_000, up_kbps=100_000, loss_pct=loss * 100)
     receiver = Receiver(link.lab)
     with receiver.socket, server_socket(link.lab) as server:
-        for _ in range(20):  # a greeting may be lost, too
+        for _ in range(20):  # a greeting may be lost as well
             peer = greeted(receiver, server)
         with receiver.collecting():
             for _ in range(count // 10):
@@ -172,7 +172,7 @@ def test_loss_is_within_its_confidence_interval(link: ShaperProcess) -> None:
                     server.sendto(bytes(100), peer)
                 time.sleep(0.001)
 
-            def ended() -> bool:  # packets keep their order, so that nothing comes after the last
+            def ended() -> bool:  # packets keep their order, so the last one sent is the last to arrive
                 server.sendto(b"end", peer)
                 return receiver.count(len(b"end")) > 0
 

@@ -1,4 +1,4 @@
-"""What only root may enter and use, as a service sees it."""
+"""Root's private directories, from a service's point of view."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ALICE = User(1234, 1234)
 
 
 def seen_by_alice(argv: list[str], needed: list[Path], devices: list[Path] = []) -> str:  # noqa: B006
-    """What a command prints that she runs, with mounts of its own."""
+    """A command's output as another user, with separate mounts."""
     command = reaching(ALICE, [*own_code(), *needed], devices, ALICE.command(argv))
     return subprocess.run(["unshare", "--mount", *command], check=True, capture_output=True, text=True).stdout
 

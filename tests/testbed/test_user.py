@@ -1,4 +1,4 @@
-"""Who services run as, and what becomes theirs."""
+"""The user of the services, and the ownership of its files."""
 
 from __future__ import annotations
 

@@ -1,17 +1,17 @@
-"""A module of the page, and nothing else of it, on a page of its own."""
+"""A single module of the page, on a separate page."""
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 from pathlib import Path
 
-import pytest
 from playwright.sync_api import Page, Route
+
+from tests.prerequisites import NODE_MODULES
 
 WEB = Path(__file__).parents[2] / "web"
 ORIGIN = "http://localhost:1/"
-"""Nothing listens there: the test answers. Some of what browsers have needs a secure context."""
+"""An unused address: the test answers. Some browser features need a secure context."""
 BUNDLE = """
 import { build } from "vite";
 const [entry, outDir] = process.argv.slice(1);
@@ -22,8 +22,7 @@ await build({ configFile: false, logLevel: "error", publicDir: false, build: { l
 
 def bundled(entry: str, folder: Path) -> str:
     """The JavaScript of a module, such as `src/enhance/models/scene.ts`, with all that it imports."""
-    if shutil.which("node") is None or not (WEB / "node_modules").exists():
-        pytest.skip("the web client's packages are not installed: cd web && npm ci")
+    NODE_MODULES.require()
     command = ["node", "--input-type=module", "--eval", BUNDLE, entry, str(folder)]
     subprocess.run(command, cwd=WEB, check=True, timeout=60)
     return (folder / "module.js").read_text()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,19 +20,23 @@ from playwright.sync_api import (
     sync_playwright,
 )
 
+from tests import prerequisites
+from tests.prerequisites import BUILT_PAGE
 from tests.web.scenes import write_scenes
-from tests.web.server import Packager, RenderServer
+from tests.web.server import TIGAS, Packager, RenderServer
 
-STATIC = Path(__file__).parents[2] / "services/render/tigas_render/static/index.html"
 CHROMIUM = shutil.which("chromium")
 CHROMIUM_ARGS = ["--headless=new", "--no-sandbox", "--disable-background-networking", "--disable-component-update"]
 PATIENCE = 30_000
-"""Milliseconds: how long a test waits for what must come, on a machine that may be busy."""
+"""Milliseconds to wait for an expected event, on a possibly busy machine."""
 DESKTOP: ViewportSize = {"width": 1000, "height": 640}
 SLOW_READ = "GPU stall due to ReadPixels"
-"""What Chromium says of itself where no graphics processor composes the page: it reads what WebGL drew."""
+"""Chromium's own message without a GPU compositor: it reads back WebGL's drawing."""
 NO_ADAPTER = "No available adapters"
 """And where WebGPU was asked for and finds none."""
+
+TURN = "try { sessionStorage.setItem('tigas.turning', 'forced') } catch {}"
+"""Browsers under test render in software, where the page warps pictures only on demand."""
 
 OpenPage = Callable[..., Page]
 
@@ -47,25 +52,30 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def server(models: Path) -> Iterator[RenderServer]:
     """The render service as a user starts it, on free ports."""
-    if not STATIC.exists():
-        pytest.skip("the web client is not built: cd web && npm ci && npm run build")
+    BUILT_PAGE.require()
     with RenderServer("--scenes", str(models)) as running:
         yield running
 
 
 @pytest.fixture(scope="module")
 def packager() -> Packager:
-    """Not started yet. Streams end only when they are told to: nobody waits for them to become idle."""
-    return Packager("--idle-s", "600")
+    """Not started yet. Streams end only on request, so tests need not wait for timeouts."""
+    return Packager(idle_s=600)
 
 
 @pytest.fixture(scope="module")
 def viewer_url(models: Path, packager: Packager) -> Iterator[str]:
     """The viewer of a render service that knows the packager; both run."""
-    if not STATIC.exists():
-        pytest.skip("the web client is not built: cd web && npm ci && npm run build")
+    with streaming(models, packager) as url:
+        yield url
+
+
+@contextmanager
+def streaming(models: Path, packager: Packager, program: Sequence[str] = TIGAS) -> Iterator[str]:
+    """A render service that knows the packager, and the packager; the URL of the viewer."""
+    BUILT_PAGE.require()
     services = {"TIGAS_RENDER_SERVICES": json.dumps({"dash": packager.url})}
-    with RenderServer("--scenes", str(models), environment=services) as render:
+    with RenderServer("--scenes", str(models), environment=services, program=program) as render:
         packager.render = render.url.rstrip("/")
         with packager:
             yield render.url
@@ -73,9 +83,8 @@ def viewer_url(models: Path, packager: Packager) -> Iterator[str]:
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    """Debian's Chromium: the one that Playwright would download is not needed."""
-    if CHROMIUM is None:
-        pytest.skip("Chromium is not installed: sudo apt-get install chromium")
+    """Debian's Chromium, instead of a download by Playwright."""
+    prerequisites.CHROMIUM.require()
     expect.set_options(timeout=PATIENCE)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=CHROMIUM_ARGS)
@@ -85,16 +94,25 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture
 def open_page(browser: Browser, server: RenderServer) -> Iterator[OpenPage]:
-    """Opens pages; the test fails if one of them logs an error, unless it is told which ones to expect.
+    """Opens pages; the test fails if one of them logs an unexpected error.
 
-    A test that has a service of its own takes it before this: fixtures end in the opposite order, and a page whose
-    service has gone complains.
+    A test with a private service requests it before this: fixtures end in reverse order, and a page whose service has
+    ended logs errors.
     """
     contexts: list[BrowserContext] = []
     complaints: list[str] = []
 
-    def open_(path: str = "", *, url: str = server.url, expected_errors: str | None = None, **options: Any) -> Page:
+    def open_(
+        path: str = "",
+        *,
+        url: str = server.url,
+        expected_errors: str | None = None,
+        turn: bool = True,
+        **options: Any,
+    ) -> Page:
         context = browser.new_context(**{"viewport": DESKTOP, **options})
+        if turn:
+            context.add_init_script(TURN)
         context.set_default_timeout(PATIENCE)
         contexts.append(context)
         page = context.new_page()

@@ -1,4 +1,4 @@
-"""What experiments of the page need: a viewer with a store and a shaper that only pretends, and the form filled in."""
+"""Helpers for experiments of the page: a viewer with a store and a fake shaper, and the completed form."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pytest
 from playwright.sync_api import Locator, Page
 
-from tests.web.conftest import STATIC
+from tests.prerequisites import BUILT_PAGE
 from tests.web.fake_shaper import FakeShaper
 from tests.web.server import RenderServer, Store
 
@@ -23,14 +22,14 @@ WALK = "# anchor: start\nt_ms,x,y,z,qx,qy,qz,qw\n" + "".join(
 
 @dataclass(frozen=True)
 class PageLab:
-    """What runs, and where."""
+    """Services and their addresses."""
 
     url: str
     shaper: FakeShaper
     results: Path
 
     def runs(self, folder: str) -> dict[str, Any]:
-        """What each run of the experiments in folders of such a name says of itself, by its profile."""
+        """Records of each run of experiments with this name, by profile."""
         found = [json.loads(path.read_text()) for path in self.results.glob(f"{folder}/runs/*/run.json")]
         by_profile = {run["configuration"]["profile"]: run for run in found}
         assert len(by_profile) == len(found), "a run was made twice"
@@ -40,25 +39,27 @@ class PageLab:
 @contextmanager
 def page_lab(models: Path, directory: Path) -> Iterator[PageLab]:
     """The viewer of a render service that knows a store, with one movement, and a shaper."""
-    if not STATIC.exists():
-        pytest.skip("the web client is not built: cd web && npm ci && npm run build")
+    BUILT_PAGE.require()
     movements, results = directory / "movements", directory / "results"
     movements.mkdir()
     results.mkdir()
     (movements / "walk.csv").write_text(WALK)
-    with Store("--results", str(results), "--movements", str(movements)) as store, FakeShaper() as shaper:
+    with Store("--results", str(results), movements=movements) as store, FakeShaper() as shaper:
         services = {"TIGAS_RENDER_SERVICES": json.dumps({"store": store.url, "shaper": shaper.url})}
         with RenderServer("--scenes", str(models), environment=services) as render:
             yield PageLab(render.url, shaper, results)
 
 
 def fill(page: Page, *, name: str, movement: str, seconds: str) -> None:
-    """The form, as far as all tests fill it in."""
+    """The form, as far as all tests fill it in: frames as they come, which software keeps up with."""
+    form = page.get_by_role("dialog")
+    form.get_by_role("checkbox", name="Reprojection", exact=True).uncheck()
+    form.get_by_role("combobox", name="Prediction").select_option("off")
     page.get_by_role("textbox", name="Name").fill(name)
     page.get_by_role("combobox", name="Movement").select_option(movement)
     page.get_by_role("textbox", name="Each run lasts").fill(seconds)
 
 
 def remarks(dialog: Locator) -> Locator:
-    """What is said of single runs, except that this machine was busy, which no test can help."""
-    return dialog.get_by_role("listitem").filter(has_not_text="All processors were busy")
+    """Notices about single runs, except that this machine was busy, which tests cannot avoid."""
+    return dialog.get_by_role("listitem").filter(has_not_text="out of processor time")

@@ -1,4 +1,4 @@
-"""A shaper without a link: it speaks the messages of the real one, remembers what it was asked, and shapes nothing."""
+"""A shaper without a link: it speaks the real one's protocol, records its requests, and shapes nothing."""
 
 from __future__ import annotations
 
@@ -46,17 +46,17 @@ EVERY_S = 0.2
 
 
 class _NoLink:
-    """Carries nothing."""
+    """Without traffic."""
 
     backend = "netem"
     closed = None
 
     def apply(self, state: LinkSetting, mean_kbps: tuple[float, float] | None = None) -> None:
-        """Nobody is behind it."""
+        """Without clients."""
 
 
 class FakeShaper:
-    """Serves in a thread of its own; a context manager."""
+    """Serves in a thread; a context manager."""
 
     def __init__(self) -> None:
         self.asked: list[tuple[str, Any]] = []

@@ -1,11 +1,15 @@
-"""What tests do with the modes: choose one before the page is opened, and wait until it plays."""
+"""Helpers for modes: choose one before the page is opened, and wait until it plays."""
 
 from __future__ import annotations
 
 import json
+import time
+from collections.abc import Callable
 from typing import Any
 
 from playwright.sync_api import Page
+
+from tests.web.server import Packager
 
 
 def with_settings(url: str, **chosen: object) -> dict[str, Any]:
@@ -15,7 +19,7 @@ def with_settings(url: str, **chosen: object) -> dict[str, Any]:
 
 
 def wait_for_stream(page: Page, at_least: int = 1) -> None:
-    """Until the stream plays and so many of its frames have been shown."""
+    """Wait until the stream plays and this many of its frames have been shown."""
     page.wait_for_function(
         """n => {
           const stage = document.querySelector('.stage')?.dataset;
@@ -23,3 +27,11 @@ def wait_for_stream(page: Page, at_least: int = 1) -> None:
         }""",
         arg=at_least,
     )
+
+
+def wait_for_sessions(packager: Packager, wanted: Callable[[list[dict[str, Any]]], bool]) -> None:
+    """Wait until the packager's streams are as wanted."""
+    deadline = time.monotonic() + 30
+    while not wanted(packager.sessions()):
+        assert time.monotonic() < deadline, f"the packager has {packager.sessions()}"
+        time.sleep(0.1)

@@ -1,4 +1,4 @@
-"""What tests do with movement traces in the page: files as a person chooses them, and where the camera was."""
+"""Helpers for movement traces in the page: files chosen by the user, and the camera's path."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def turning_walk(duration_ms: int, *, name: str = "walk.csv") -> Any:
 
 
 class Poses:
-    """Where the camera was, by what the page asked to be rendered: positions and quaternions, in order."""
+    """The camera's path in the page's requests: positions and quaternions, in order."""
 
     def __init__(self, page: Page) -> None:
         self._asked: list[dict[str, Any]] = []
@@ -62,7 +62,7 @@ class Poses:
 
 
 def opened(open_page: OpenPage, url: str, **options: Any) -> tuple[Page, Poses]:
-    """A viewer whose requests can be watched, and tell where the camera is; its settings are open."""
+    """A viewer with recorded requests, which reveal the camera; its settings are open."""
     as_they_come = {"reprojection": False, "prediction": "off"}
     chosen = with_settings(
         url, transport="fetch", controller="fixed", profile=3, refine=False, sidebar=True, **as_they_come
@@ -89,7 +89,7 @@ def expect_state(page: Page, state: str) -> None:
 
 
 def wait_for_pose(page: Page, poses: Poses, position: tuple[float, float, float]) -> None:
-    """Until the camera stands there, to what a movement's chords differ from its curve."""
+    """Wait until the camera is there, up to the difference between a movement's chords and its curve."""
     deadline = time.monotonic() + PATIENCE / 1000
     while np.abs(poses.positions[-1] - position).max() > 1e-4:
         assert time.monotonic() < deadline, f"the camera is at {poses.positions[-1]}"

@@ -10,7 +10,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from queue import Empty, Queue
@@ -18,17 +18,21 @@ from typing import Any, Self
 from urllib.parse import urlsplit
 from urllib.request import urlopen
 
+TIGAS = (str(Path(sys.executable).with_name("tigas")),)
 START_TIMEOUT = 90
 """Seconds; the first start on a machine compiles the rasteriser."""
 
 
 class _Service:
-    """A `tigas` command in a process of its own; a context manager that ends it."""
+    """A `tigas` command in a child process; a context manager that ends it."""
 
     announces: str
-    """What it prints when it serves; the group is its URL."""
+    """Pattern of its output when it serves; the group is its URL."""
 
-    def __init__(self, *arguments: str, environment: dict[str, str] | None = None) -> None:
+    def __init__(
+        self, *arguments: str, environment: dict[str, str] | None = None, program: Sequence[str] = TIGAS
+    ) -> None:
+        self._program = program
         self._arguments = arguments
         self._environment = environment or {}
         self.url = ""
@@ -46,7 +50,7 @@ class _Service:
         Raises AssertionError with the service's output if it does not start.
         """
         self._process = subprocess.Popen(
-            [str(Path(sys.executable).with_name("tigas")), *self._arguments, *self._addresses()],
+            [*self._program, *self._arguments, *self._addresses()],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -107,8 +111,10 @@ class RenderServer(_Service):
 
     announces = r"Open (http://\S+)"
 
-    def __init__(self, *arguments: str, environment: dict[str, str] | None = None) -> None:
-        super().__init__("render", *arguments, environment=environment)
+    def __init__(
+        self, *arguments: str, environment: dict[str, str] | None = None, program: Sequence[str] = TIGAS
+    ) -> None:
+        super().__init__("render", *arguments, environment=environment, program=program)
         self._http, self._quic = "127.0.0.1:0", "localhost:0"
 
     def start(self) -> None:
@@ -127,8 +133,8 @@ class Packager(_Service):
 
     announces = r"DASH streams .* on (http://\S+)/"
 
-    def __init__(self, *arguments: str) -> None:
-        super().__init__("dash", *arguments)
+    def __init__(self, *, idle_s: float = 15) -> None:
+        super().__init__("dash", environment={"TIGAS_DASH_IDLE_S": str(idle_s)})
         with socket.create_server(("127.0.0.1", 0)) as free:
             self._http = f"127.0.0.1:{free.getsockname()[1]}"
         self.url = f"http://{self._http}"
@@ -149,8 +155,10 @@ class Store(_Service):
 
     announces = r"Experiments in .* on (http://\S+)/"
 
-    def __init__(self, *arguments: str) -> None:
-        super().__init__("store", *arguments)
+    def __init__(self, *arguments: str, movements: Path | None = None) -> None:
+        super().__init__(
+            "store", *arguments, environment={"TIGAS_STORE_MOVEMENTS": str(movements)} if movements else None
+        )
 
     def _addresses(self) -> list[str]:
         return ["--http", "127.0.0.1:0"]

@@ -1,4 +1,4 @@
-"""What tests do with the viewer: wait for frames, look at the picture, read the HUD."""
+"""Helpers for the viewer: wait for frames, look at the picture, read the HUD."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def frames(page: Page) -> int:
 
 
 def wait_for_frames(page: Page, at_least: int = 1) -> None:
-    """Until so many frames have been shown."""
+    """Wait until this many frames have been shown."""
     page.wait_for_function("n => Number(document.querySelector('.stage')?.dataset.frames) >= n", arg=at_least)
 
 
@@ -34,7 +34,7 @@ def stat(page: Page, name: str) -> str:
 
 
 def picture(page: Page) -> NDArray[np.int16]:
-    """The middle of the stage, where nothing floats over it: [height, width, 3]."""
+    """The centre of the stage, free of overlays: [height, width, 3]."""
     box = page.locator(".stage").bounding_box()
     assert box is not None
     clip: FloatRect = {
@@ -48,7 +48,7 @@ def picture(page: Page) -> NDArray[np.int16]:
 
 
 def changes(page: Page, act: Callable[[], object]) -> float:
-    """How much of the picture `act` changed: mean absolute difference, 0 to 255."""
+    """Change of the picture by `act`: mean absolute difference, 0 to 255."""
     before, shown = picture(page), frames(page)
     act()
     wait_for_frames(page, shown + 1)

@@ -1,4 +1,4 @@
-"""Reads from the screen which pose it shows: what really is there, whatever the viewer reports."""
+"""Reads the camera's direction of a picture from the screen, independently of the viewer's reports."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from typing import Any
 
 from playwright.sync_api import Page
 
-# Runs before the viewer's own code, and so at the start of each animation frame: what a canvas or a video holds then is
-# what the screen has shown since the frame before.
+from tests.web.stamping import ROUNDING
+
+# Runs before the viewer's own code, and so at the start of each animation frame: the contents of a canvas or a video
+# are then those on screen since the previous frame.
 _WATCH = """
 (() => {
   const CELLS = 32, SIDE = 4, WIDTH = CELLS * SIDE;
@@ -35,7 +37,7 @@ _WATCH = """
 """
 
 Seen = list[tuple[float, int | None]]
-"""At each animation frame: its time on the page's clock in milliseconds, and the pose that the screen shows."""
+"""At each animation frame: its time on the page's clock in milliseconds, and the heading that the screen shows."""
 
 
 def watch_screen(page: Page) -> None:
@@ -44,11 +46,11 @@ def watch_screen(page: Page) -> None:
 
 
 def seen(page: Page, mode: str) -> Seen:
-    """What was seen so far of a mode's picture."""
+    """Observations of a mode's picture so far."""
     rows: list[list[Any]] = page.evaluate("kind => window.seen[kind]", "canvas" if mode == "stateless" else "video")
-    return [(at, pose) for at, pose in rows]
+    return [(at, number) for at, number in rows]
 
 
-def first_shown(rows: Seen, pose: int) -> float | None:
-    """When the screen first showed this pose or a later one; None if it never did."""
-    return next((at for at, number in rows if number is not None and number >= pose), None)
+def first_shown(rows: Seen, heading: int) -> float | None:
+    """When the screen of a camera that turns to the right first showed this heading or a later one; None: never."""
+    return next((at for at, number in rows if number is not None and number >= heading - ROUNDING), None)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
 from playwright.sync_api import expect
 
 from tests.web.conftest import OpenPage
 from tests.web.modes import with_settings
 from tests.web.stage import SCENE, wait_for_frames, wait_until_settled
+
+pytestmark = pytest.mark.alone
 
 LARGE, SMALL = {"width": 1600, "height": 900}, {"width": 480, "height": 420}
 
@@ -43,7 +46,7 @@ def test_profiles_can_be_chosen_only_while_no_controller_chooses(open_page: Open
     expect(low).to_be_disabled()
     page.get_by_label("Adaptation").select_option("fixed")
     low.check()
-    page.get_by_label("Refine when still").uncheck()
+    page.get_by_label("Sharpen when you stop").uncheck()
     expect(page.locator("[data-stat=profile]")).to_have_text("Low")
     page.get_by_label("Adaptation").select_option("l2a")
     expect(low).to_be_disabled()

@@ -11,20 +11,21 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.cluster.director_in_thread import RunningDirector, running_director
-from tests.web.conftest import STATIC, OpenPage
+from tests.prerequisites import BUILT_PAGE
+from tests.web.conftest import OpenPage
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, stat, wait_for_frames
 from tigas_cluster.fleet import HostAddress
 
-WITHIN_MS = 2000
-"""How long a viewer may be without a new frame."""
 WATCH = """() => {
-  window.gaps = [];
-  let last = performance.now();
-  const shown = () => { const now = performance.now(); window.gaps.push(now - last); last = now; };
-  new MutationObserver(shown).observe(document.querySelector(".stage"), { attributeFilter: ["data-frames"] });
+  const stage = document.querySelector(".stage");
+  window.phases = [];
+  const note = () => window.phases.push(stage.dataset.phase);
+  new MutationObserver(note).observe(stage, { attributeFilter: ["data-phase"] });
 }"""
-"""Notes for how many milliseconds there was no frame, in the page: where drawing is slow, tests hear of frames late."""
+"""Notes every phase that follows, in the page. When it asks its director is up to its own clock, which
+`connection.test.ts` replaces: how long frames take to come back depends on how busy the machine is that runs this.
+"""
 SHOWS = """(host) => {
   const shown = Number(document.querySelector(".stage").dataset.frames);
   if (document.querySelector("[data-stat=host]")?.textContent !== host) window.shownBefore = undefined;
@@ -55,8 +56,7 @@ class Cluster:
 @pytest.fixture(scope="module")
 def hosts(models: Path) -> Iterator[dict[str, RenderServer]]:
     """Two that make frames up, so that nothing but the page takes time."""
-    if not STATIC.exists():
-        pytest.skip("the web client is not built: cd web && npm ci && npm run build")
+    BUILT_PAGE.require()
     with ExitStack() as stack:
         arguments = ("--scenes", str(models), "--device", "instant:5000", "--edges", "1")
         yield {name: stack.enter_context(RenderServer(*arguments)) for name in ("east", "west")}
@@ -77,6 +77,8 @@ def page(cluster: Cluster, open_page: OpenPage) -> Page:
     wait_for_frames(page)
     page.keyboard.down("ArrowRight")
     wait_for_frames(page, 2)
+    # a loss within the first second of a connection is reported at once
+    page.wait_for_function("(since) => performance.now() > since + 1000", arg=page.evaluate("performance.now()"))
     return page
 
 
@@ -84,23 +86,23 @@ def page(cluster: Cluster, open_page: OpenPage) -> Page:
 def killed(host: RenderServer) -> Iterator[None]:
     """Until the context ends, when it is started again."""
     host.kill()
-    yield
-    host.start()
+    try:
+        yield
+    finally:
+        host.start()
 
 
 def goes_on_elsewhere(page: Page, cluster: Cluster, name: str) -> None:
-    """Wait until the other host's frames are shown: there was never none for too long."""
+    """Wait until the other host's frames are shown, without a word about a lost connection in between."""
     page.wait_for_function(SHOWS, arg=cluster.other(name))
     expect(page.locator(".stage")).to_have_attribute("data-phase", "playing")
     expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams")
-    without = max(page.evaluate("window.gaps"))
-    print(f"at most {without:.0f} ms without a frame")
-    assert without < WITHIN_MS
+    assert page.evaluate("window.phases") == [], "the viewer was told that the server is gone"
     page.keyboard.up("ArrowRight")
 
 
 @pytest.mark.parametrize("let_down", [killed, RenderServer.held], ids=["killed", "stopped"])
-def test_a_viewer_of_a_host_that_is_gone_goes_on_elsewhere_within_two_seconds(
+def test_a_viewer_of_a_host_that_is_gone_is_sent_elsewhere_by_the_director(
     cluster: Cluster, page: Page, let_down: Callable[[RenderServer], AbstractContextManager[None]]
 ) -> None:
     name = stat(page, "host")
@@ -109,7 +111,7 @@ def test_a_viewer_of_a_host_that_is_gone_goes_on_elsewhere_within_two_seconds(
         goes_on_elsewhere(page, cluster, name)
 
 
-def test_a_viewer_of_a_draining_host_goes_elsewhere_and_misses_nothing(cluster: Cluster, page: Page) -> None:
+def test_a_viewer_of_a_draining_host_goes_elsewhere_without_an_interruption(cluster: Cluster, page: Page) -> None:
     name = stat(page, "host")
     page.evaluate(WATCH)
     cluster.drain(name)

@@ -1,4 +1,4 @@
-"""What happens when the network or the server lets the page down."""
+"""Failures of the network or the server, from the page's point of view."""
 
 from __future__ import annotations
 
@@ -7,14 +7,17 @@ import re
 import socket
 import time
 
+import pytest
 from playwright.sync_api import Route, expect
 
 from tests.web.conftest import OpenPage
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, changes, frames, picture, wait_for_frames, wait_until_settled
 
+pytestmark = pytest.mark.alone
+
 WITHIN_S = 10
-"""Twice what it takes, for a machine that may be busy; a connection that nobody answers is idle for 30 s."""
+"""Twice the usual time, for a busy machine; a connection without answers times out after 30 s."""
 
 
 def test_falls_back_to_fetch_where_quic_does_not_get_through(open_page: OpenPage) -> None:
@@ -102,7 +105,7 @@ def test_a_full_server_is_said_to_be_full_and_the_visit_begins_by_itself(open_pa
     wait_for_frames(page)
     expect(page.locator(".stage-message")).to_have_text("")
     expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams")
-    page.unroute_all(behavior="ignoreErrors")  # what is asked for while the page closes is nobody's any more
+    page.unroute_all(behavior="ignoreErrors")  # requests made while the page closes are abandoned
 
 
 def test_a_lost_server_is_announced_and_found_again(open_page: OpenPage, server: RenderServer) -> None:

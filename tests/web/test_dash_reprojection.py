@@ -1,4 +1,6 @@
-"""Late reprojection of a DASH stream: the view follows the camera at once, while the stream stays as old as it is."""
+"""Late reprojection of a DASH stream: the view follows the camera at once, while the stream's own latency is
+unchanged.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,8 @@ from tests.web.modes import wait_for_stream, with_settings
 from tests.web.stage import SCENE
 from tests.web.test_motion_to_photon import WALK_MS, turning
 
-pytest.importorskip("tigas_dash")
-pytest.importorskip("av")
+pytestmark = pytest.mark.alone
+
 Pixels = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 SMALL = {"width": 260, "height": 200}
 """Where there is no graphics processor, turning a picture takes time for each pixel."""
@@ -34,7 +36,7 @@ def walk(page: Page) -> dict[str, Any]:
 
 
 def frames_of(run: dict[str, Any], side: str) -> list[dict[str, Any]]:
-    """What was on the screen while the camera turned."""
+    """The screen while the camera turned."""
     moved = {one["pose"] for one in run["inputs"]}
     return [one for one in run["frames"] if one["side"] == side and one["pose"] in moved and one["at"] < WALK_MS]
 
@@ -87,7 +89,7 @@ def test_side_by_side_both_follow_it(open_page: OpenPage, viewer_url: str) -> No
         assert_turned(run, side)
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 def test_a_lost_graphics_processor_leaves_the_stream_as_it_comes(open_page: OpenPage, viewer_url: str) -> None:
     page = open_page(
         SCENE,
@@ -105,7 +107,7 @@ def test_a_lost_graphics_processor_leaves_the_stream_as_it_comes(open_page: Open
     page.evaluate("tigas.settings({ hud: true })")
     expect(page.get_by_text("The graphics processor was lost")).to_be_visible()
     assert "graphics processor was lost" in page.evaluate("tigas.state().problem"), "a run would not fail"
-    page.evaluate("tigas.settings({ hud: false })")  # it lies over the picture
+    page.evaluate("tigas.settings({ hud: false })")  # it overlaps the picture
     expect(canvas).to_have_count(0)
     page.wait_for_function("() => tigas.state().ready")
     wait_for_stream(page, at_least=30)
@@ -121,7 +123,7 @@ def assert_same_view(turned: Pixels, plain: Pixels) -> None:
 
 
 def at_rest(page: Page) -> Pixels:
-    """The lower half of the stage, where nothing lies over it, once the encoder has had time for it."""
+    """The lower half of the stage, free of overlays, once the encoder has settled."""
     page.evaluate("tigas.stand({ position: [0, 0, 0], quaternion: [0, 0, 0, 1] })")
     page.wait_for_function("() => tigas.state().ready")
     shown = page.evaluate("tigas.state().shown")

@@ -44,17 +44,17 @@ def test_the_filter_finds_by_name(open_page: OpenPage) -> None:
 
 @pytest.fixture
 def dashboard_with_more(open_page: OpenPage, models: Path) -> Iterator[Page]:
-    """The list after a scene was added that nobody has viewed."""
-    page = open_page(expected_errors="422")  # the broken scene's preview is asked for again
+    """The list after a scene was added and not viewed."""
+    page = open_page(expected_errors="422")  # the broken scene's preview is requested again
     expect(page.locator(".card")).to_have_count(3)
     shutil.copytree(models / "pebbles", models / "more-pebbles")
     try:
-        page.get_by_role("button", name="Look for new scenes").click()
+        page.get_by_role("button", name="Rescan folder").click()
         expect(page.locator("[data-scene=more-pebbles] .thumbnail")).to_have_attribute("data-state", "there")
         yield page
     finally:
         shutil.rmtree(models / "more-pebbles")
-        page.get_by_role("button", name="Look for new scenes").click()
+        page.get_by_role("button", name="Rescan folder").click()
         expect(page.locator(".card")).to_have_count(3)
 
 

@@ -1,4 +1,4 @@
-"""Phones, dark rooms, and people who use nothing but a keyboard."""
+"""Phones, dark rooms, and keyboard users."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PHONE: dict[str, Any] = {
 }
 
 CONTROLS = "a[href], button, input, select, textarea, [tabindex='0']"
-# What can be reached and has no name: visible, enabled, and neither a label, an aria-label nor a text.
+# Reachable elements without a name: visible, enabled, and with no label, aria-label or text.
 NAMELESS = """(controls) => controls
     .filter((control) => control.checkVisibility() && !control.matches(':disabled'))
     .filter((control) => !(control.getAttribute('aria-label') || control.labels?.[0]?.innerText || control.innerText))
@@ -59,7 +59,7 @@ def test_a_phone_shows_everything_without_scrolling_sideways(open_page: OpenPage
     expect(page.locator(".pad")).to_be_visible()
     page.get_by_role("button", name="Settings").tap()
     expect(page.locator(".sidebar")).to_be_in_viewport()
-    # a tablet, upright and lying, and a phone that lies
+    # a tablet in portrait and landscape, and a phone in landscape
     for width, height in (1024, 768), (768, 1024), (844, 390):
         page.set_viewport_size({"width": width, "height": height})
         assert page.evaluate("document.documentElement.scrollHeight") <= height
@@ -70,6 +70,22 @@ def test_a_phone_shows_everything_without_scrolling_sideways(open_page: OpenPage
         page.set_viewport_size({"width": width, "height": height})
         assert page.locator(".title, [role=toolbar], .hud, .pad, .rise").evaluate_all(OVERLAPPING) == []
         assert page.locator("h1").evaluate("title => title.scrollWidth <= title.clientWidth"), "the title is cut"
+
+
+@pytest.mark.parametrize("size", [(390, 844), (844, 390)])
+@pytest.mark.parametrize("compared", ["", "?left=stateless&right=video"])
+def test_a_phone_shows_pictures_rather_than_figures(open_page: OpenPage, size: tuple[int, int], compared: str) -> None:
+    width, height = size
+    page = open_page(SCENE + compared, **PHONE | {"viewport": {"width": width, "height": height}})
+    expect(page.locator("[data-stat=motion-to-photon]")).to_have_count(2 if compared else 1)
+    expect(page.locator(".sidebar")).to_have_count(0)
+    floating = page.locator(".hud, .side-hud, .title, [role=toolbar], .pad, .rise")
+    assert floating.evaluate_all(OVERLAPPING) == []
+    areas = floating.evaluate_all("parts => parts.map((part) => part.clientWidth * part.clientHeight)")
+    assert sum(areas) < 0.4 * width * height
+    page.get_by_role("button", name="More measurements").first.tap()
+    expect(page.locator(".hud-details")).to_have_count(2 if compared else 1)
+    assert floating.evaluate_all(OVERLAPPING) == []
 
 
 def test_fingers_look_around_pinch_and_walk(open_page: OpenPage) -> None:

@@ -1,4 +1,4 @@
-"""Frames that the page enhances before it shows them, in a Chromium whose graphics processor is SwiftShader."""
+"""Frames enhanced by the page, in a Chromium with SwiftShader as its GPU."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def wait_for_canvases(page: Page, count: int) -> None:
 
 
 def shown(page: Page) -> NDArray[np.int16]:
-    """What is on the screen, without loss: [height, width, 3]."""
+    """The screen without loss: [height, width, 3]."""
     plan = {
         "points": [{"t_ms": 0, "position": [0, 0, 0], "quaternion": [0, 0, 0, 1]}],
         "duration_ms": 300,
@@ -128,7 +128,7 @@ def answer_with(page: Page, source: Image.Image) -> None:
 def enhanced_page(
     open_page: OpenPage, url: str, source: Image.Image, viewport: ViewportSize, **settings: object
 ) -> Page:
-    """A viewer whose every frame is this picture, with an enhanced one on the screen."""
+    """A viewer that always receives this picture, with an enhanced one on the screen."""
     page = open_page(url="about:blank", viewport=viewport, **with_settings(url, **(LOWEST_RUNG | settings)))
     page.add_init_script(SLOW_DISPLAY)
     answer_with(page, source)
@@ -145,7 +145,7 @@ def enhanced_page(
     [
         (LARGE, (0, 0, 320, 180)),
         ({"width": 160, "height": 90}, (0, 0, 320, 180)),
-        ({"width": 150, "height": 90}, (10, 0, 310, 180)),  # what is too wide is cut off on both sides
+        ({"width": 150, "height": 90}, (10, 0, 310, 180)),  # excess width is cropped on both sides
     ],
 )
 def test_baselines_are_pillow_s(

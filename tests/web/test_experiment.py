@@ -1,4 +1,4 @@
-"""Experiments from the page: what they find and keep, what cancelling leaves, and what a missing store costs."""
+"""Experiments from the page: results, records, cancelling, and a missing store."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ from typing import Any
 import pytest
 from playwright.sync_api import expect
 
-from tests.web.conftest import STATIC, OpenPage
+from tests.prerequisites import BUILT_PAGE
+from tests.web.conftest import OpenPage
 from tests.web.experiments import WALK, PageLab, fill, page_lab, remarks
 from tests.web.fake_shaper import FakeShaper
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, frames, wait_for_frames
 from tigas_common.wire.run import Network
 from tigas_experiments.run.parsing import parse_network
-
-pytest.importorskip("tigas_shaper")
 
 FIGURES = ("p50", "p95", "interactive", "newViewsPerSecond", "meanHeight", "switches", "received")
 
@@ -33,9 +32,8 @@ def lab(models: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page
 
 @pytest.fixture
 def storeless(models: Path) -> Iterator[tuple[str, FakeShaper]]:
-    """A viewer whose store is away, and its shaper."""
-    if not STATIC.exists():
-        pytest.skip("the web client is not built: cd web && npm ci && npm run build")
+    """A viewer with an unreachable store, and its shaper."""
+    BUILT_PAGE.require()
     with FakeShaper() as shaper:
         services = {"TIGAS_RENDER_SERVICES": json.dumps({"store": "http://127.0.0.1:9", "shaper": shaper.url})}
         with RenderServer("--scenes", str(models), environment=services) as running:
@@ -194,6 +192,7 @@ def test_a_field_that_makes_no_sense_is_named_and_nothing_is_started(
 
 
 @pytest.mark.slow
+@pytest.mark.extended
 def test_an_experiment_whose_page_was_closed_is_incomplete_and_gets_the_run_that_is_missing(
     open_page: OpenPage, lab: PageLab
 ) -> None:

@@ -1,4 +1,4 @@
-"""What spoils a run of the page's experiments is noticed, and the other runs go on."""
+"""Disturbances of a run of the page's experiments are noticed, and the other runs continue."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from playwright.sync_api import Page, expect
 from tests.web.conftest import OpenPage
 from tests.web.experiments import PageLab, fill, page_lab, remarks
 from tests.web.stage import SCENE, wait_for_frames
-
-pytest.importorskip("tigas_shaper")
 
 HIDE = """() => {
   const draw = window.requestAnimationFrame;
@@ -59,6 +57,7 @@ def wait_until_played(page: Page, run: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.extended
 def test_somebody_else_at_the_link_and_a_hidden_page_spoil_a_run(open_page: OpenPage, lab: PageLab) -> None:
     page = open_page(SCENE, url=lab.url)
     begun(page, name="Disturbed", network="stairs")
@@ -72,7 +71,7 @@ def test_somebody_else_at_the_link_and_a_hidden_page_spoil_a_run(open_page: Open
     dialog = page.locator("dialog.experiment")
     expect(remarks(dialog)).to_have_text(
         [
-            "Run 1, Latency: Somebody else changed the link during the run.",
+            "Run 1, Latency: The link was changed from outside during the run.",
             "Run 2, Budget: The page was hidden, so that not all of the run could be shown.",
         ]
     )
@@ -87,7 +86,7 @@ def test_the_link_as_it_is_must_stay_as_it_is(open_page: OpenPage, lab: PageLab)
     changed = "The link is not 100mbit,50mbit-up any more, as it was when the experiment began."
     expect(remarks(page.locator("dialog.experiment"))).to_have_text(
         [
-            "Run 1, Latency: Somebody else changed the link during the run.",
+            "Run 1, Latency: The link was changed from outside during the run.",
             f"Run 2, Budget: {changed}",
             f"Run 3, LoL+: {changed}",
         ]

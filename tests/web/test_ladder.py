@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import expect
 
-from tests.web.conftest import STATIC, OpenPage
+from tests.prerequisites import BUILT_PAGE
+from tests.web.conftest import OpenPage
 from tests.web.modes import with_settings
 from tests.web.scenes import SMALL, write_scenes
 from tests.web.server import RenderServer
@@ -23,8 +24,7 @@ OWN = [
 @pytest.fixture
 def server(tmp_path: Path) -> RenderServer:
     """Not started yet."""
-    if not STATIC.exists():
-        pytest.skip("the web client is not built: cd web && npm ci && npm run build")
+    BUILT_PAGE.require()
     write_scenes(tmp_path)
     (tmp_path / SMALL / "ladder.json").write_text(json.dumps({"rungs": OWN}))
     return RenderServer("--scenes", str(tmp_path))

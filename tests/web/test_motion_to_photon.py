@@ -3,22 +3,34 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from itertools import pairwise
+from pathlib import Path
 from statistics import median
 from typing import Any
 
 import pytest
 from playwright.sync_api import Page
 
-from tests.web.conftest import OpenPage
+from tests.web.conftest import OpenPage, streaming
 from tests.web.modes import wait_for_stream, with_settings
+from tests.web.server import Packager
 from tests.web.stage import SCENE, wait_for_frames
 from tests.web.stamp import Seen, first_shown, seen, watch_screen
+from tests.web.stamping import STAMPING, heading
+from tigas_common.pose import Pose
 
-pytest.importorskip("tigas_dash")
-pytest.importorskip("av")
+pytestmark = pytest.mark.alone
+
 WALK_MS = 4000
 VIDEO_FRAME_MS = 1000 / 30
+
+
+@pytest.fixture(scope="module")
+def viewer_url(models: Path, packager: Packager) -> Iterator[str]:
+    """The viewer of services with pictures that encode the camera's heading."""
+    with streaming(models, packager, STAMPING) as url:
+        yield url
 
 
 @pytest.mark.parametrize(
@@ -26,20 +38,18 @@ VIDEO_FRAME_MS = 1000 / 30
     [
         ("stateless", "tuned"),
         ("dash", "tuned"),
-        pytest.param("dash", "edge", marks=pytest.mark.slow),
-        pytest.param("webrtc", "", marks=pytest.mark.slow),
+        ("dash", "edge"),
+        ("webrtc", ""),
     ],
 )
 def test_the_reported_latency_is_what_the_screen_shows(
     open_page: OpenPage, viewer_url: str, mode: str, preset: str
 ) -> None:
-    if mode == "webrtc":
-        pytest.importorskip("aiortc")
     page = open_stamped(open_page, viewer_url, mode=mode, dashPreset=preset, controller="fixed", profile=2)
     reported, on_screen, screen = walk(page, mode)
     assert len(on_screen) > 0.9 * len(reported) > 0, "the stamps cannot be read"
 
-    # One frame: of the screen or of the video, whichever takes longer here.
+    # One frame: of the screen or of the video, the longer of the two.
     frame = max(screen, 0 if mode == "stateless" else VIDEO_FRAME_MS)
     errors = sorted(abs(reported[pose] - latency) for pose, latency in on_screen.items())
     assert errors[math.floor(0.95 * len(errors))] <= frame
@@ -47,11 +57,11 @@ def test_the_reported_latency_is_what_the_screen_shows(
     assert both[0] == pytest.approx(both[1], abs=frame)
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 def test_the_bare_player_shows_the_same_stream_earlier_than_dash_js(open_page: OpenPage, viewer_url: str) -> None:
     page = open_stamped(open_page, viewer_url, mode="dash", dashPreset="tuned")
     seen_after: dict[str, list[float]] = {"tuned": [], "edge": []}
-    for _ in range(2):  # by turns, and the better of two: another load of the machine is none of theirs
+    for _ in range(2):  # in turns, taking the better of two: other load on the machine must not count
         for preset, medians in seen_after.items():
             page.evaluate("preset => tigas.settings({ dashPreset: preset })", preset)
             page.wait_for_function("() => tigas.state().ready")
@@ -61,11 +71,12 @@ def test_the_bare_player_shows_the_same_stream_earlier_than_dash_js(open_page: O
 
 
 def open_stamped(open_page: OpenPage, url: str, *, mode: str, **chosen: object) -> Page:
-    """The viewer, with frames on the screen that carry their pose's number, and somebody who reads it."""
-    page = open_page(url=url, **with_settings(url, mode=mode, refine=False, reprojection=False, **chosen))
+    """The viewer, and a reader of its screen."""
+    as_they_come = {"refine": False, "reprojection": False, "prediction": "off"}
+    page = open_page(url=url, **with_settings(url, mode=mode, **as_they_come, **chosen))
     watch_screen(page)
     page.goto("about:blank")
-    page.goto(f"{url}{SCENE}?stamp")
+    page.goto(f"{url}{SCENE}")
     if mode == "stateless":
         wait_for_frames(page)
     else:
@@ -75,13 +86,17 @@ def open_stamped(open_page: OpenPage, url: str, *, mode: str, **chosen: object) 
 
 def walk(page: Page, mode: str) -> tuple[dict[int, float], dict[int, float], float]:
     """Each pose's latency, as the viewer reports it and as the screen shows it; how long a frame of the screen is."""
+    page.evaluate("pose => tigas.stand(pose)", {key: turning()[0][key] for key in ("position", "quaternion")})
+    page.wait_for_function("() => tigas.state().ready")
     run = page.evaluate("plan => tigas.run(plan)", {"points": turning(), "duration_ms": WALK_MS, "capture_every_ms": 0})
     started = run["started_unix_ms"] - page.evaluate("performance.timeOrigin")
-    rows = [(at, pose) for at, pose in seen(page, mode) if at >= started]
+    rows = [(at, number) for at, number in seen(page, mode) if at >= started]
     sampled = {one["pose"]: one["at"] for one in run["inputs"]}
+    headings = {one["pose"]: heading(Pose.from_quaternion(one["position"], one["quaternion"])) for one in run["inputs"]}
     assert len(sampled) > 10, "the camera did not move"
     reported = reported_latencies(run["frames"])
-    on_screen = {pose: at - started - sampled[pose] for pose in reported if (at := first_shown(rows, pose)) is not None}
+    shown = {pose: first_shown(rows, headings[pose]) for pose in reported}
+    on_screen = {pose: at - started - sampled[pose] for pose, at in shown.items() if at is not None}
     return reported, on_screen, screen_frame(rows)
 
 
@@ -96,7 +111,7 @@ def turning() -> list[dict[str, Any]]:
 
 
 def reported_latencies(frames: list[dict[str, Any]]) -> dict[int, float]:
-    """What the viewer says of each pose that a frame showed exactly, in milliseconds."""
+    """The viewer's latency of each pose shown exactly by a frame, in milliseconds."""
     return {one["pose"]: min(one["latencies"]) for one in frames if one["latencies"]}
 
 

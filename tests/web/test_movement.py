@@ -1,4 +1,4 @@
-"""Movement traces in the page: the camera follows a file, a recording is what was seen, and the person takes over."""
+"""Movement traces in the page: the camera follows a file, a recording matches the view, and the user takes over."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MICRO = 5e-6
 
 @pytest.fixture
 def visit(open_page: OpenPage, server: RenderServer) -> tuple[Page, Poses]:
-    """A viewer whose requests can be watched, and whose settings are open."""
+    """A viewer with recorded requests, and open settings."""
     return opened(open_page, server.url)
 
 

@@ -1,4 +1,4 @@
-"""How movement traces come into the page: chosen, dropped, by keyboard, or from a store; and what is no movement."""
+"""Sources of movement traces in the page: chosen, dropped, by keyboard, or from a store; and invalid files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.web.stage import frames, wait_for_frames
 
 @pytest.fixture
 def visit(open_page: OpenPage, server: RenderServer) -> tuple[Page, Poses]:
-    """A viewer whose requests can be watched, and whose settings are open."""
+    """A viewer with recorded requests, and open settings."""
     return opened(open_page, server.url)
 
 
@@ -82,7 +82,7 @@ def test_everything_is_reached_by_keyboard_on_a_phone(open_page: OpenPage, serve
 
 @pytest.fixture
 def store() -> Iterator[str]:
-    """A store of movements as the page asks it; it keeps one, and lists one more that is gone."""
+    """A store of movements with the page's interface; it has one, and lists another that was deleted."""
     listed = [
         {"name": "walk 1", "duration_ms": 60_000, "anchor": "scene", "description": "A walk along x"},
         {"name": "gone", "duration_ms": 1000, "anchor": "start", "description": ""},
@@ -105,7 +105,7 @@ def store() -> Iterator[str]:
             self.wfile.write(body)
 
         def log_message(self, format: str, *args: object) -> None:
-            """Says nothing."""
+            """Silent."""
 
     with ThreadingHTTPServer(("127.0.0.1", 0), Store) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
@@ -115,7 +115,7 @@ def store() -> Iterator[str]:
 
 @pytest.fixture
 def server_with_store(models: Path, store: str) -> Iterator[str]:
-    """The page's URL, of a render service that tells it of the store."""
+    """The page's URL, from a render service with this store."""
     services = {"TIGAS_RENDER_SERVICES": json.dumps({"store": store})}
     with RenderServer("--scenes", str(models), environment=services) as running:
         yield running.url

@@ -1,4 +1,4 @@
-"""The network panel against a shaper that only pretends: what it shows, what it asks for, and what it says."""
+"""The network panel with a fake shaper: display, requests and messages."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.web.conftest import STATIC, OpenPage
+from tests.prerequisites import BUILT_PAGE
+from tests.web.conftest import OpenPage
 from tests.web.fake_shaper import FakeShaper
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, wait_for_frames
 
-pytest.importorskip("tigas_shaper")
 WINDOW = {"width": 1000, "height": 900}
 
 
@@ -28,8 +28,7 @@ def shaper() -> Iterator[FakeShaper]:
 @pytest.fixture
 def page_url(models: Path, shaper: FakeShaper, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """The viewer of a render service that knows the shaper."""
-    if not STATIC.exists():
-        pytest.skip("the web client is not built: cd web && npm ci && npm run build")
+    BUILT_PAGE.require()
     monkeypatch.setenv("TIGAS_RENDER_SERVICES", json.dumps({"shaper": shaper.url}))
     with RenderServer("--scenes", str(models)) as running:
         yield running.url

@@ -12,7 +12,8 @@ from urllib.request import urlopen
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.web.conftest import STATIC, OpenPage
+from tests.prerequisites import BUILT_PAGE
+from tests.web.conftest import OpenPage
 from tests.web.modes import wait_for_stream, with_settings
 from tests.web.server import Packager, RenderServer, Store
 from tests.web.stage import SCENE
@@ -23,8 +24,7 @@ NAME = "My first experiment"
 @pytest.fixture(scope="module")
 def secure_url(models: Path, packager: Packager, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """The page over HTTPS, of a render service with a packager and a store behind it."""
-    if not STATIC.exists():
-        pytest.skip("the web client is not built: cd web && npm ci && npm run build")
+    BUILT_PAGE.require()
     with Store("--results", str(tmp_path_factory.mktemp("results"))) as store:
         known = {"dash": packager.url, "store": store.url}
         behind = {name: f":{urlsplit(url).port}" for name, url in known.items()}

@@ -1,7 +1,8 @@
-"""A view that stands still is shown with the screen's own pixels, and whoever moves again does not wait for them."""
+"""A resting view gets the screen's own pixels, and movement interrupts that at once."""
 
 from __future__ import annotations
 
+import pytest
 from playwright.sync_api import Page, Request, Route, expect
 
 from tests.web.conftest import OpenPage
@@ -9,13 +10,15 @@ from tests.web.modes import with_settings
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, frames, stat, wait_for_frames, wait_until_settled
 
+pytestmark = pytest.mark.alone
+
 STAGE = (700, 400)
 SHARP = f"{2 * STAGE[0]} × {2 * STAGE[1]}"
 LOWEST = {"controller": "fixed", "profile": 3, "hudDetails": True, "sidebar": False, "transport": "fetch"}
 
 
 def still(open_page: OpenPage, server: RenderServer) -> Page:
-    """A page whose stage has 700 × 400 CSS pixels of 2 × 2 of the screen's each."""
+    """A page with a stage of 700 × 400 CSS pixels and a device pixel ratio of 2."""
     page = open_page(SCENE, device_scale_factor=2, **with_settings(server.url, **LOWEST))
     wait_for_frames(page)
     box = page.locator(".stage").bounding_box()

@@ -19,6 +19,8 @@ from tests.web.modes import with_settings
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, frames, picture, stat, wait_for_frames, wait_until_settled
 
+pytestmark = pytest.mark.alone
+
 SMALL: ViewportSize = {"width": 320, "height": 180}
 DELAY_MS = 300
 SETTINGS = {
@@ -76,7 +78,7 @@ LOSE = """
 
 
 def play(page: Page, *turns: tuple[float, float], capture_every_ms: float = 0) -> Recording:
-    """Record a movement that looks so many degrees to the right at each of these times, in milliseconds."""
+    """Record a movement with these rotations to the right, in degrees, at these times, in milliseconds."""
     points = [{"t_ms": at, **pose(degrees)} for at, degrees in turns]
     plan = {"points": points, "duration_ms": turns[-1][0], "capture_every_ms": capture_every_ms}
     recording: Recording = page.evaluate("plan => tigas.run(plan)", plan)
@@ -107,7 +109,7 @@ def test_the_picture_turns_at_once_however_late_frames_are(slow: Callable[..., P
     moving = [one for one in run["frames"] if one["latencies"]]
     assert len(moving) > 5
     for one in moving:
-        # Counted in animation frames, whatever they take here: nothing that was sampled waited for another one.
+        # Counted in animation frames of any length: no sample waited for another one.
         assert len(one["latencies"]) == 1, "the picture does not turn with the camera"
         assert one["view"] >= one["pose"]
     sampled = {one["pose"]: one["at"] for one in run["inputs"] if not one["missed"]}
@@ -143,7 +145,7 @@ def test_in_an_outage_a_turn_shows_the_surround(slow: Callable[..., Page]) -> No
     assert error < 0.5 * np.abs(truth - truth.mean(axis=(0, 1)))[..., :3].mean()
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 def test_without_a_surround_an_outage_leaves_a_turn_without_a_picture(slow: Callable[..., Page]) -> None:
     shown = turned_in_an_outage(slow(overscan=0, surround=False))
     assert (shown[..., 3] == 0).mean() > 0.7
@@ -201,7 +203,7 @@ def test_a_lost_graphics_processor_leaves_frames_as_they_come_and_says_so(slow: 
 
 
 def test_a_lost_graphics_processor_leaves_the_view_as_large_as_it_was(slow: Callable[..., Page]) -> None:
-    """The frame below has margins, which nobody is to see."""
+    """The frame below has margins, which must be hidden."""
     page = slow(hud=False, overscan=0.25)
     before = picture(page)
     page.route("**/render", lambda route: None)  # no other frame takes its place
@@ -227,6 +229,28 @@ def test_a_resized_window_and_a_turned_phone_show_the_whole_view(slow: Callable[
         assert picture(page).std() > 10
 
 
+def test_without_graphics_acceleration_nothing_is_turned_unless_the_link_says_so(
+    open_page: OpenPage, server: RenderServer
+) -> None:
+    """Browsers under test draw in software, which would freeze a page of usual size."""
+    page = open_page(SCENE, turn=False, **with_settings(server.url, **(SETTINGS | {"sidebar": True})))
+    wait_for_frames(page)
+    expect(page.locator("[data-stat=reprojection-note]")).to_have_text(
+        "No graphics acceleration here: smooth turning is off."
+    )
+    shown = frames(page)
+    page.keyboard.press("ArrowRight", delay=300)
+    wait_for_frames(page, shown + 2)
+    expect(page.locator("canvas.reprojected")).to_have_count(0)
+
+    page.goto("about:blank")
+    page.goto(f"{server.url}{SCENE}?reprojection=on")
+    wait_for_frames(page)
+    page.keyboard.press("ArrowRight", delay=300)
+    expect(page.locator("canvas.reprojected")).to_have_count(1)
+    expect(page.locator("[data-stat=reprojection-note]")).to_have_count(0)
+
+
 def test_the_panel_and_the_hud_tell_of_it(open_page: OpenPage, server: RenderServer) -> None:
     page = open_page(SCENE, **with_settings(server.url, **(SETTINGS | {"sidebar": True}), hudDetails=True))
     wait_for_frames(page)
@@ -235,13 +259,15 @@ def test_the_panel_and_the_hud_tell_of_it(open_page: OpenPage, server: RenderSer
     page.keyboard.up("ArrowRight")
     expect(page.locator(".hud")).to_contain_text("view latency")
     assert float(stat(page, "reprojection-time").split(" ")[0]) >= 0
-    page.get_by_label("Turn frames to the view").uncheck()
+    page.get_by_label("Smooth turning (reprojection)").uncheck()
     expect(page.locator("canvas.reprojected")).to_have_count(0)
     expect(page.get_by_label("Overscan")).to_be_disabled()
 
 
 def turned_in_an_outage(page: Page) -> NDArray[np.int16]:
-    """What is seen 80° to the right once nothing comes any more; slowly, or a busy machine would make a cut of it."""
+    """The view 80° to the right once all frames have arrived; turned slowly, since a busy machine would make a
+    cut of it.
+    """
     page.evaluate("() => (window.outage = true)")
     run = play(page, (0, 0), (3 * TURN_MS, 80), (4 * TURN_MS, 80), capture_every_ms=TURN_MS / 4)
     return capture(page, len(run["captures"]) - 1)
@@ -259,7 +285,7 @@ def frames_pass(page: Page, count: int) -> None:
 
 
 def view_at(page: Page, degrees: float) -> NDArray[np.int16]:
-    """What the page shows where it stands still and looks so far to the right."""
+    """The page's picture at rest, after a turn to the right."""
     page.evaluate("pose => tigas.stand(pose)", pose(degrees))
     frames_pass(page, 2)
     page.wait_for_function("() => tigas.state().ready")

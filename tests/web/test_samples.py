@@ -18,8 +18,6 @@ from tests.web.stage import SCENE, frames, wait_for_frames
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.samples import read_sample_file, sample_path
 
-pytest.importorskip("tigas_shaper")
-
 PICTURES = "**/samples/*.jpg"
 EVERY = 5
 TURN = "# anchor: start\nt_ms,x,y,z,qx,qy,qz,qw\n" + "".join(
@@ -37,14 +35,14 @@ def lab(models: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page
 
 
 def start(page: Page, name: str, seconds: str = "1.5") -> Locator:
-    """An experiment of one run that samples frames; its dialogue."""
+    """An experiment of one run that samples frames; its dialog."""
     wait_for_frames(page)
     page.locator(".stage").focus()
     page.keyboard.press("x")
     fill(page, name=name, movement="store/turn", seconds=seconds)
     dialog = page.locator("dialog.experiment")
     dialog.get_by_label("Budget").uncheck()
-    dialog.get_by_role("textbox", name="Sample every n-th frame").fill(str(EVERY))
+    dialog.get_by_role("textbox", name="Save every n-th frame").fill(str(EVERY))
     dialog.get_by_role("button", name="Start").click()
     return dialog
 
@@ -167,6 +165,7 @@ def test_a_run_that_finds_no_room_goes_on_without_samples(open_page: OpenPage, l
 
 
 @pytest.mark.slow
+@pytest.mark.extended
 def test_a_disk_that_fills_up_ends_sampling_and_neither_the_run_nor_what_was_kept(
     open_page: OpenPage, lab: PageLab
 ) -> None:

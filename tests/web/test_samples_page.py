@@ -15,10 +15,11 @@ from playwright.sync_api import Locator, expect
 
 from tests.experiments.samples.real_frames import sample_run
 from tests.experiments.store.conftest import by_command
-from tests.web.conftest import STATIC, OpenPage
+from tests.prerequisites import BUILT_PAGE
+from tests.web.conftest import OpenPage
 from tests.web.server import RenderServer, Store
 from tigas_experiments.quality.picture import Picture
-from tigas_experiments.records.materialised import TRUTH
+from tigas_experiments.records.rerendered import TRUTH
 from tigas_experiments.records.samples import JPEG, sample_path, write_sample_file
 
 
@@ -32,8 +33,7 @@ class Lab:
 
 @pytest.fixture
 def lab(server: RenderServer, models: Path, tmp_path: Path) -> Iterator[Lab]:
-    if not STATIC.exists():
-        pytest.skip("the web client is not built: cd web && npm ci && npm run build")
+    BUILT_PAGE.require()
     runs = by_command(tmp_path / "results" / "mine", 1) / "runs"
     sample_run(server, runs / "first", repeat=1)
     sample_run(server, runs / "second", repeat=2)

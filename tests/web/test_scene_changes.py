@@ -28,7 +28,7 @@ DROP = """async ([name, content]) => {
 
 @pytest.fixture
 def dashboard(server: RenderServer, models: Path, open_page: OpenPage) -> Iterator[Page]:
-    # what is asked for on purpose: a broken scene's preview, a file that is refused, and a scene that is gone
+    # expected failures: a broken scene's preview, a refused file, and a deleted scene
     page = open_page(expected_errors="the server responded with a status of 4")
     expect(page.get_by_role("button", name="Add scenes")).to_be_visible()
     yield page

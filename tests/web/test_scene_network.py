@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from playwright.sync_api import Browser, Page
 
 from tests.enhance.networks import LADDER, random_networks, weights_file
+from tests.prerequisites import WEBGPU
 from tests.web.bundle import bundled, open_with
 from tigas_enhance.network import Network
 
@@ -37,7 +38,7 @@ def page(browser: Browser, module: str) -> Iterator[Page]:
     page = chromium.new_page()
     open_with(page, module=module)
     if not page.evaluate("navigator.gpu?.requestAdapter().then((adapter) => adapter !== null)"):
-        pytest.skip("this Chromium has no WebGPU adapter, not even SwiftShader")
+        WEBGPU.skip()
     page.evaluate(START)
     yield page
     chromium.close()

@@ -1,8 +1,7 @@
-"""The mode Video: one frame of a video per pose, which Chromium decodes; and what the page says where it cannot."""
+"""The mode Video: one frame of a video per pose, decoded by Chromium; and messages where that is impossible."""
 
 from __future__ import annotations
 
-import pytest
 from playwright.sync_api import Page, expect
 
 from tests.web.conftest import OpenPage
@@ -10,7 +9,6 @@ from tests.web.modes import with_settings
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, frames, picture, stat, wait_for_frames, wait_until_settled
 
-pytest.importorskip("av")
 PLAIN = {"sidebar": False, "refine": False, "reprojection": False, "prediction": "off", "hudDetails": True}
 SMALL = {"width": 480, "height": 270}
 ALIKE = 12

@@ -1,4 +1,4 @@
-"""Walking through a scene: every way to move, and what the viewer says about it."""
+"""Walking through a scene: every way to move, and the viewer's messages."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.web.stage import SCENE, changes, frames, picture, stat, wait_for_fram
 
 ONE_RUNG = {"controller": "fixed", "profile": 0, "refine": False, "webp": False}
 AS_THEY_COME = {"reprojection": False, "prediction": "off"}
-"""Settings with which equal views are equal pictures, and a view that stands still is asked for once."""
+"""Settings with which equal views give equal pictures, and a resting view is requested once."""
 
 
 @pytest.fixture
@@ -49,10 +49,10 @@ def test_keys_move_the_camera(viewer: Page, key: str) -> None:
 
 
 def test_r_goes_back_to_the_start(open_page: OpenPage, server: RenderServer) -> None:
-    """What `r` asks for is the first request again, to the last bit, and so is the picture.
+    """The request after `r` equals the first one, to the last bit, and so does the picture.
 
     That holds at one rung. From this start view at High, the one at Medium-High differs by 1.26 of 255 on the mean, the
-    one at Medium-Low by 2.2, and that at Low by 7.3; adaptation or refinement may have come to another at the second
+    one at Medium-Low by 2.2, and that at Low by 7.3; adaptation or refinement may have reached another at the second
     visit.
     """
     viewer = open_page(**with_settings(server.url, **ONE_RUNG, **AS_THEY_COME, transport="fetch"))
@@ -126,12 +126,12 @@ def test_the_hud_measures(viewer: Page) -> None:
 def test_a_lower_profile_has_fewer_pixels_and_is_refined_when_still(viewer: Page) -> None:
     expect(viewer.locator("[data-stat=profile]")).to_have_text("Refined")
     high = stat(viewer, "resolution")
-    viewer.get_by_label("Refine when still").uncheck()
+    viewer.get_by_label("Sharpen when you stop").uncheck()
     viewer.get_by_label("Adaptation").select_option("fixed")
     viewer.get_by_role("radio", name="Low").last.check()
     expect(viewer.locator("[data-stat=profile]")).to_have_text("Low")
     assert int(stat(viewer, "resolution").split(" × ")[0]) < int(high.split(" × ")[0]) / 2
-    viewer.get_by_label("Refine when still").check()
+    viewer.get_by_label("Sharpen when you stop").check()
     expect(viewer.locator("[data-stat=profile]")).to_have_text("Refined")
 
 

@@ -1,7 +1,9 @@
-"""A client of TIGAS's render service: a pose in, a picture out (docs/client.md).
+"""Client of a TIGAS render service: send a pose, get an image (docs/python.md).
 
+```python
 with tigas.Client("http://localhost:8080") as client:
     client.render(client.start_pose()).save("view.png")
+```
 """
 
 from tigas.async_client import AsyncClient

@@ -1,4 +1,4 @@
-"""The client for programs with an event loop."""
+"""Asynchronous client."""
 
 from __future__ import annotations
 
@@ -19,27 +19,29 @@ from tigas.http3_hosts import Http3Hosts
 from tigas_common.asking_again import asked_again
 from tigas_common.parsing import sentence
 from tigas_common.pose import Pose
+from tigas_common.sample_cameras import intrinsics as lens
 from tigas_common.scene_hosts import SceneHosts
-from tigas_common.standpoints import intrinsics as lens
 from tigas_common.wire.render import Problem, RenderRequest, SceneInfo, ServerConfig
 
 AT_ONCE = 4
-"""Frames that are asked for: enough to keep a renderer and its encoders busy, and as many as may wait there."""
+"""Requests in flight: enough to keep a renderer and its encoders busy, and as many as may queue there."""
 
-Answered = TypeVar("Answered")
+Result = TypeVar("Result")
 
 
 class AsyncClient:
-    """A render service, or a cluster's address. Everything raises ClientError."""
+    """Asynchronous client of a render service or cluster. All methods raise ClientError."""
 
     def __init__(
         self, url: str = "http://localhost:8080", *, http3: bool = True, verify: bool = True, timeout_s: float = 120
     ) -> None:
-        """url: of the page.
+        """Create a client, which connects at the first request.
 
-        http3: ask for frames over HTTP/3 if aioquic is installed and UDP gets there.
-        verify: check the certificate of an https:// URL; the service's own is known to no authority.
-        timeout_s: for each answer. The first frame of a scene comes when it is loaded.
+        Args:
+            url: The page's URL.
+            http3: Request frames over HTTP/3 unless UDP is blocked.
+            verify: Verify the certificate of an https:// URL; the service's own is self-signed.
+            timeout_s: Timeout for each answer; a scene's first frame waits until the scene is loaded.
         """
         self._timeout_s = timeout_s
         self._http = httpx.AsyncClient(base_url=url, timeout=timeout_s, verify=verify, trust_env=False)
@@ -63,34 +65,34 @@ class AsyncClient:
         await self._http.aclose()
 
     async def config(self) -> ServerConfig:
-        """What the service says of itself, such as its quality ladder."""
+        """Return the service's configuration, including its quality ladder."""
         return self._read(TypeAdapter(ServerConfig), await self._ask(lambda: self._http.get("/config.json")))
 
     async def scenes(self) -> list[SceneInfo]:
-        """All scenes that it has."""
+        """List all scenes of the service."""
         return self._read(TypeAdapter(list[SceneInfo]), await self._ask(lambda: self._http.get("/scenes")))
 
     async def scene(self, scene: str | None = None) -> SceneInfo:
-        """A scene by its id, once it is loaded and all of it known; None: the only one."""
+        """Load a scene and return it; None means the only scene."""
         id = scene or await self._only_scene()
         path = f"/scenes/{quote(id, safe='')}/load"
         answer = await self._ask(lambda: self._hosts.request(id, "POST", path, content=None, timeout_s=self._timeout_s))
         return self._read(TypeAdapter(SceneInfo), answer)
 
     async def start_pose(self, scene: str | None = None) -> Pose:
-        """Where visitors enter a scene."""
+        """Return the pose of a scene's start camera."""
         info = await self.scene(scene)
         if info.camera is None:
             raise ClientError(f"The scene {info.id!r} has no start camera.")
         return Pose.look_at(info.camera.position, info.camera.look_at, info.up)
 
     async def render(self, pose: Pose, **view: Unpack[View]) -> Image.Image:
-        """The picture from a pose; view: as `View` says, such as scene="garden", size=(640, 360)."""
+        """Render an image from a pose, with the options of `View`, such as scene="garden", size=(640, 360)."""
         frame = await self.frame(pose, **view)
         return await asyncio.to_thread(lambda: frame.image)
 
     async def render_path(self, poses: Iterable[Pose], **view: Unpack[View]) -> AsyncGenerator[Image.Image, None]:
-        """The pictures of poses, in their order; a few are on their way at a time."""
+        """Render images from poses, in their order, with a few requests in flight."""
         running: deque[asyncio.Task[Image.Image]] = deque()
         try:
             for pose in poses:
@@ -105,7 +107,7 @@ class AsyncClient:
             await asyncio.gather(*running, return_exceptions=True)
 
     async def frame(self, pose: Pose, **view: Unpack[View]) -> Frame:
-        """The same as it comes: the file, and the server's times. Raises ValueError for what no view can be."""
+        """Render an encoded frame with the server's times. Raises ValueError if the view is invalid."""
         scene = view.get("scene") or await self._only_scene()
         try:
             request = RenderRequest.at(
@@ -143,7 +145,7 @@ class AsyncClient:
         return self._only
 
     async def _ask(self, ask: Callable[[], Awaitable[httpx.Response]]) -> httpx.Response:
-        """The answer of a service that is asked again while it has no time."""
+        """The service's answer, with retries while it is busy."""
         try:
             answer = await asked_again(ask)
         except (httpx.HTTPError, httpx.InvalidURL) as error:
@@ -157,11 +159,11 @@ class AsyncClient:
             raise Unreachable(f"{self._stranger()} It says {answer.status_code}.") from None
         raise Refused(problem)
 
-    def _read(self, kind: TypeAdapter[Answered], answer: httpx.Response) -> Answered:
+    def _read(self, kind: TypeAdapter[Result], answer: httpx.Response) -> Result:
         try:
             return kind.validate_json(answer.content)
         except ValidationError:
             raise Unreachable(self._stranger()) from None
 
     def _stranger(self) -> str:
-        return f"What answers at {self._http.base_url} is no TIGAS render service, or one of another version."
+        return f"The server at {self._http.base_url} is no TIGAS render service, or one of another version."

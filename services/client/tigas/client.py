@@ -1,4 +1,4 @@
-"""The client for programs without an event loop, and for notebooks: the other one, on a thread of its own."""
+"""Synchronous client, for scripts and notebooks: runs AsyncClient on a background thread."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from tigas_common.pose import Pose
 from tigas_common.wire.render import SceneInfo, ServerConfig
 
 CLOSE_S = 5.0
-"""For connections to be closed, in seconds."""
+"""Timeout for closing connections, in seconds."""
 
-Answered = TypeVar("Answered")
+Result = TypeVar("Result")
 
 
 class Client:
-    """A render service, or a cluster's address. Everything raises ClientError."""
+    """Synchronous client of a render service or cluster. All methods raise ClientError."""
 
     def __init__(
         self, url: str = "http://localhost:8080", *, http3: bool = True, verify: bool = True, timeout_s: float = 120
     ) -> None:
-        """As AsyncClient's."""
+        """Take the same arguments as AsyncClient."""
         self._client = AsyncClient(url, http3=http3, verify=verify, timeout_s=timeout_s)
         self._loop = asyncio.new_event_loop()
         thread = threading.Thread(target=self._loop.run_forever, name="tigas client", daemon=True)
         thread.start()
         self.close = weakref.finalize(self, _close, self._client, self._loop, thread)
-        """Closes its connections; so do `with`, and the end of the program."""
+        """Close the connections; `with` and the end of the program do the same."""
 
     def __enter__(self) -> Self:
         return self
@@ -45,27 +45,27 @@ class Client:
         self.close()
 
     def config(self) -> ServerConfig:
-        """What the service says of itself, such as its quality ladder."""
+        """Return the service's configuration, including its quality ladder."""
         return self._run(self._client.config())
 
     def scenes(self) -> list[SceneInfo]:
-        """All scenes that it has."""
+        """List all scenes of the service."""
         return self._run(self._client.scenes())
 
     def scene(self, scene: str | None = None) -> SceneInfo:
-        """A scene by its id, once it is loaded and all of it known; None: the only one."""
+        """Load a scene and return it; None means the only scene."""
         return self._run(self._client.scene(scene))
 
     def start_pose(self, scene: str | None = None) -> Pose:
-        """Where visitors enter a scene."""
+        """Return the pose of a scene's start camera."""
         return self._run(self._client.start_pose(scene))
 
     def render(self, pose: Pose, **view: Unpack[View]) -> Image.Image:
-        """The picture from a pose; view: as `View` says, such as scene="garden", size=(640, 360)."""
+        """Render an image from a pose, with the options of `View`, such as scene="garden", size=(640, 360)."""
         return self._run(self._client.render(pose, **view))
 
     def render_path(self, poses: Iterable[Pose], **view: Unpack[View]) -> Iterator[Image.Image]:
-        """The pictures of poses, in their order; a few are on their way at a time."""
+        """Render images from poses, in their order, with a few requests in flight."""
         pictures = self._client.render_path(poses, **view)
         try:
             while (picture := self._run(_next(pictures))) is not None:
@@ -74,10 +74,10 @@ class Client:
             self._run(pictures.aclose())
 
     def frame(self, pose: Pose, **view: Unpack[View]) -> Frame:
-        """The same as it comes: the file, and the server's times. Raises ValueError for what no view can be."""
+        """Render an encoded frame with the server's times. Raises ValueError if the view is invalid."""
         return self._run(self._client.frame(pose, **view))
 
-    def _run(self, asked: Coroutine[Any, Any, Answered]) -> Answered:
+    def _run(self, asked: Coroutine[Any, Any, Result]) -> Result:
         answer = asyncio.run_coroutine_threadsafe(asked, self._loop)
         try:
             return answer.result()

@@ -1,4 +1,4 @@
-"""What goes wrong between a client and a render service, each in one sentence."""
+"""Errors between a client and a render service, each with one sentence."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ from tigas_common.wire.render import Problem
 
 
 class ClientError(Exception):
-    """Why there is no answer that could be used."""
+    """Base class of the client's errors."""
 
 
 class Unreachable(ClientError):
-    """No render service answers there."""
+    """No render service answered."""
 
 
 class Refused(ClientError):
-    """The service answered that it cannot do it, for the reason that it gives."""
+    """The service refused the request."""
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem.detail)
         self.type = problem.type
-        """Stable, such as `tigas:unknown-scene`."""
+        """Stable problem type, such as `tigas:unknown-scene`."""
         self.status = problem.status
-        """The HTTP status."""
+        """HTTP status."""

@@ -1,4 +1,4 @@
-"""What is asked of the render service, and its answer."""
+"""Requests to the render service, and its answers."""
 
 from __future__ import annotations
 
@@ -15,44 +15,44 @@ from tigas_common.wire.render import ServerTiming
 
 
 class View(TypedDict, total=False):
-    """How a pose is to be rendered; all of it may be left out."""
+    """Options for rendering a pose, all optional."""
 
     scene: str
-    """Its id; left out: the only one that the service has."""
+    """Scene id; optional if the service has only one scene."""
     size: tuple[int, int]
-    """Width and height in pixels of a view that is 60° high; left out: 1280 × 720."""
+    """Width and height in pixels, with a vertical field of view of 60°; by default 1280 × 720."""
     intrinsics: Intrinsics
-    """Another lens, with its own size."""
+    """Intrinsics and size, instead of `size`."""
     profile: int
-    """A rung of the scene's quality ladder; left out: the view's own size, at the best rung's quality."""
+    """Rung of the scene's quality ladder; by default the full size at the best rung's quality."""
     format: Literal["jpeg", "webp", "png"]
-    """Left out: JPEG."""
+    """Encoding; by default JPEG."""
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A rendered view as it came."""
+    """A rendered view, undecoded."""
 
     body: bytes
-    """The file."""
+    """Encoded bytes."""
     content_type: str
-    """Its type, such as `image/jpeg`."""
+    """Media type, such as `image/jpeg`."""
     timing: ServerTiming
-    """Where the server's time went."""
+    """Server times by stage."""
     protocol: str
-    """How it came: `HTTP/3` or `HTTP/1.1`."""
+    """Transport: `HTTP/3` or `HTTP/1.1`."""
 
     @property
     def image(self) -> Image.Image:
-        """The picture, RGB. Raises Unreachable if there is none in it."""
+        """Decode the frame to RGB. Raises Unreachable if it is no image."""
         try:
             with Image.open(io.BytesIO(self.body)) as picture:
                 return picture.convert("RGB")
         except OSError:
-            raise Unreachable("What answers is no TIGAS render service: it sent no picture.") from None
+            raise Unreachable("The server is no TIGAS render service: it sent no picture.") from None
 
 
 def read_timing(header: str) -> ServerTiming:
-    """The values of a Server-Timing header; 0 for what it lacks."""
+    """The values of a Server-Timing header; 0 for missing ones."""
     found = {name: float(ms) for name, ms in re.findall(r"(\w+);dur=(\d+(?:\.\d+)?)", header)}
     return ServerTiming(**{name: found.get(name, 0.0) for name in ("queue", "render", "encode")})

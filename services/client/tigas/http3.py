@@ -1,62 +1,77 @@
-"""Requests over an HTTP/3 connection to a server that is known by its certificate's digest. Needs aioquic."""
+"""An HTTP/3 and WebTransport client. The server is identified by its certificate's digest."""
 
 from __future__ import annotations
 
 import asyncio
 import base64
+import json
+import socket
 import ssl
-from collections.abc import AsyncIterator
+import struct
+from collections import defaultdict
+from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 import httpx
-from aioquic.asyncio.client import connect
 from aioquic.asyncio.protocol import QuicConnectionProtocol
 from aioquic.h3.connection import H3_ALPN, ErrorCode, H3Connection
-from aioquic.h3.events import DataReceived, HeadersReceived
+from aioquic.h3.events import DataReceived, H3Event, HeadersReceived, WebTransportStreamDataReceived
 from aioquic.quic.configuration import QuicConfiguration
-from aioquic.quic.events import ConnectionTerminated, QuicEvent, StreamReset
+from aioquic.quic.connection import QuicConnection
+from aioquic.quic.events import ConnectionTerminated, QuicEvent, StopSendingReceived, StreamDataReceived, StreamReset
 from cryptography.hazmat.primitives import hashes
 
 CONNECT_S = 3.0
-"""For the handshake: a network that drops UDP says nothing."""
+"""The limit for the handshake: a network that drops UDP gives no answer."""
+WEBTRANSPORT_CANCELLED = 0x52E4A40FA8DB
+"""The application error code 0 as an HTTP/3 error code (draft-ietf-webtrans-http3), as Chromium sends it."""
+Fields = Iterable[tuple[bytes, bytes]]
+Protocol = TypeVar("Protocol", bound=QuicConnectionProtocol)
 
 
-class Http3Failed(Exception):
-    """The connection cannot be made, or is gone."""
+class Http3Failed(ConnectionError):
+    """The connection cannot be made, or has ended."""
 
 
 @dataclass(slots=True)
-class _Request:
-    """What has come on its stream."""
+class Response:
+    """Everything received on one stream."""
 
-    answered: asyncio.Future[httpx.Response]
-    headers: list[tuple[bytes, bytes]] = field(default_factory=list)
+    fields: list[tuple[bytes, bytes]] = field(default_factory=list)
     body: bytearray = field(default_factory=bytearray)
+    ended: bool = False
+    reset: int | None = None
+    stopped: int | None = None
 
-    def finish(self) -> None:
-        status = int(dict(self.headers).get(b":status", b"502"))
-        fields = [each for each in self.headers if not each[0].startswith(b":")]
-        if not self.answered.done():
-            self.answered.set_result(
-                httpx.Response(status, headers=fields, content=bytes(self.body), extensions={"http_version": b"HTTP/3"})
-            )
+    @property
+    def done(self) -> bool:
+        """Whether nothing more can arrive."""
+        return self.ended or self.reset is not None
 
-    def fail(self) -> None:
-        if not self.answered.done():
-            self.answered.set_exception(Http3Failed())
+    @property
+    def headers(self) -> dict[bytes, bytes]:
+        """The fields of its header section."""
+        return dict(self.fields)
+
+    @property
+    def status(self) -> int:
+        """The HTTP status; 0 before it has arrived."""
+        return int(self.headers.get(b":status", 0))
 
 
 class Http3Connection(QuicConnectionProtocol):
-    """Sends requests and gathers their answers."""
+    """One connection. Responses are collected per stream; `until` waits for a condition on them."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self._h3 = H3Connection(self._quic)
-        self._requests: dict[int, _Request] = {}
+        self.h3 = H3Connection(self._quic, enable_webtransport=True)
+        self.responses: dict[int, Response] = defaultdict(Response)
         self.is_closed = False
+        self._webtransport_streams: set[int] = set()
+        self._news = asyncio.Event()
 
     @property
     def certificate_sha256(self) -> str:
@@ -64,69 +79,194 @@ class Http3Connection(QuicConnectionProtocol):
         certificate = self._quic.tls._peer_certificate  # aioquic has no public name for it
         return base64.b64encode(certificate.fingerprint(hashes.SHA256())).decode() if certificate else ""
 
+    def quic_event_received(self, event: QuicEvent) -> None:
+        """Collect an event's data, and wake waiting requests."""
+        match event:
+            case ConnectionTerminated():
+                self.is_closed = True
+            case StreamReset():
+                self.responses[event.stream_id].reset = event.error_code
+            case StopSendingReceived():
+                self.responses[event.stream_id].stopped = event.error_code
+        if isinstance(event, StreamDataReceived) and event.stream_id in self._webtransport_streams:
+            # aioquic would parse the answer on the client's own WebTransport stream as HTTP/3 frames
+            self._received(event.stream_id, event.data, event.end_stream)
+        else:
+            for each in self.h3.handle_event(event):
+                self.http_event_received(each)
+        self._news.set()
+
+    def http_event_received(self, event: H3Event) -> None:
+        """Collect headers and data."""
+        if isinstance(event, HeadersReceived):
+            self.responses[event.stream_id].fields += event.headers
+            self._received(event.stream_id, b"", event.stream_ended)
+        elif isinstance(event, DataReceived | WebTransportStreamDataReceived):
+            self._received(event.stream_id, event.data, event.stream_ended)
+
+    def _received(self, stream_id: int, data: bytes, ended: bool) -> None:
+        response = self.responses[stream_id]
+        response.body += data
+        response.ended |= ended
+
+    async def until(self, condition: Callable[[], object]) -> None:
+        """Wait for something that an event brings about."""
+        while not condition():
+            self._news.clear()
+            await self._news.wait()
+
+    async def response(self, stream_id: int) -> Response:
+        """The whole response, or as much of it as arrived before it was reset. Raises Http3Failed."""
+        response = self.responses[stream_id]
+        await self.until(lambda: response.done or self.is_closed)
+        if not response.done:
+            raise Http3Failed("The connection has ended.")
+        return response
+
+    # -- HTTP --------------------------------------------------------------------------------------------------------
+
+    def request(
+        self, method: str, path: str, body: bytes | None = None, headers: Fields = (), *, authority: str = "localhost"
+    ) -> int:
+        """Send a whole request; its stream's id."""
+        stream_id = self.open_request(method, path, headers, authority=authority, end=body is None)
+        if body is not None:
+            self.h3.send_data(stream_id, body, end_stream=True)
+            self.transmit()
+        return stream_id
+
+    def open_request(
+        self, method: str, path: str, headers: Fields = (), *, authority: str = "localhost", end: bool = False
+    ) -> int:
+        """Send a request's header section; its stream's id."""
+        self._check()
+        stream_id = self._quic.get_next_available_stream_id()
+        pseudo = {":method": method, ":scheme": "https", ":authority": authority, ":path": path}
+        fields = [(name.encode(), value.encode()) for name, value in pseudo.items()]
+        self.h3.send_headers(stream_id, [*fields, *headers], end_stream=end)
+        self.transmit()
+        return stream_id
+
     async def post(self, authority: str, path: str, body: bytes) -> httpx.Response:
         """The whole answer. Raises Http3Failed. If it is cancelled, so is the request."""
-        if self.is_closed:
-            raise Http3Failed
-        stream_id = self._quic.get_next_available_stream_id()
-        headers = [
-            (b":method", b"POST"),
-            (b":scheme", b"https"),
-            (b":authority", authority.encode()),
-            (b":path", path.encode()),
-            (b"content-type", b"application/json"),
-            (b"content-length", str(len(body)).encode()),
-        ]
-        self._h3.send_headers(stream_id, headers)
-        self._h3.send_data(stream_id, body, end_stream=True)
-        self.transmit()
-        request = self._requests[stream_id] = _Request(asyncio.get_running_loop().create_future())
+        headers = ((b"content-type", b"application/json"), (b"content-length", str(len(body)).encode()))
+        stream_id = self.request("POST", path, body, headers, authority=authority)
         try:
-            return await request.answered
+            response = await self.response(stream_id)
         except asyncio.CancelledError:
-            if request.answered.cancelled() and not self.is_closed:
+            if not self.is_closed:
                 self._quic.stop_stream(stream_id, ErrorCode.H3_REQUEST_CANCELLED)
                 self.transmit()
             raise
         finally:
-            del self._requests[stream_id]
+            self.responses.pop(stream_id, None)
+        if response.reset is not None:
+            raise Http3Failed("The server has reset the request.")
+        fields = [each for each in response.fields if not each[0].startswith(b":")]
+        extensions = {"http_version": b"HTTP/3"}
+        return httpx.Response(
+            response.status or 502, headers=fields, content=bytes(response.body), extensions=extensions
+        )
 
-    def quic_event_received(self, event: QuicEvent) -> None:
-        """aioquic tells of something."""
-        if isinstance(event, ConnectionTerminated):
-            self.is_closed = True
-            for request in self._requests.values():
-                request.fail()
-        elif isinstance(event, StreamReset) and event.stream_id in self._requests:
-            self._requests[event.stream_id].fail()
-        for told in self._h3.handle_event(event):
-            if not isinstance(told, HeadersReceived | DataReceived) or told.stream_id not in self._requests:
-                continue
-            request = self._requests[told.stream_id]
-            if isinstance(told, HeadersReceived):
-                request.headers += told.headers
-            else:
-                request.body += told.data
-            if told.stream_ended:
-                request.finish()
+    # -- WebTransport ------------------------------------------------------------------------------------------------
+
+    async def connect_webtransport(
+        self, path: str = "/render", authority: str = "localhost", origin: str | None = None
+    ) -> int:
+        """The id of a new session, whose response has a status. Raises Http3Failed."""
+        headers = [] if origin is None else [(b"origin", origin.encode())]
+        protocol = (b":protocol", b"webtransport")
+        session = self.open_request("CONNECT", path, [protocol, *headers], authority=authority)
+        await self.until(lambda: self.responses[session].status or self.is_closed)
+        if not self.responses[session].status:
+            raise Http3Failed("The connection has ended.")
+        return session
+
+    def open_stream(self, session: int, data: bytes = b"", end: bool = True) -> int:
+        """Send data on a new stream of a session; the stream's id."""
+        self._check()
+        stream_id = self.h3.create_webtransport_stream(session)
+        self._webtransport_streams.add(stream_id)
+        self._quic.send_stream_data(stream_id, data, end)
+        self.transmit()
+        return stream_id
+
+    def stop(self, stream_id: int) -> None:
+        """Send STOP_SENDING, as a page does that cancels its reader."""
+        self._check()
+        self._quic.stop_stream(stream_id, WEBTRANSPORT_CANCELLED)
+        self.transmit()
+
+    async def frame(self, session: int, request: bytes) -> tuple[dict[str, Any], bytes]:
+        """A FrameHeader's fields, and the body of the frame. Raises Http3Failed."""
+        stream_id = self.open_stream(session, request)
+        try:
+            response = await self.response(stream_id)
+        finally:
+            self.responses.pop(stream_id, None)
+            self._webtransport_streams.discard(stream_id)
+        if response.reset is not None:
+            raise Http3Failed("The server has reset the stream.")
+        return split_frame(bytes(response.body))
+
+    def _check(self) -> None:
+        if self.is_closed:
+            raise Http3Failed("The connection has ended.")
+
+
+def split_frame(answer: bytes) -> tuple[dict[str, Any], bytes]:
+    """A FrameHeader's fields and the body after it."""
+    (length,) = struct.unpack_from("!I", answer)
+    return json.loads(answer[4 : 4 + length]), answer[4 + length :]
+
+
+def configuration(**changes: Any) -> QuicConfiguration:
+    """A client's configuration, which accepts every certificate unless it is changed."""
+    usual = {"server_name": "localhost", "verify_mode": ssl.CERT_NONE, "max_datagram_frame_size": 65536}
+    return QuicConfiguration(alpn_protocols=H3_ALPN, **{**usual, **changes})
+
+
+@asynccontextmanager
+async def connect(
+    create: Callable[..., Protocol],
+    address: tuple[str, int],
+    quic: QuicConnection,
+    *,
+    source: str | None = None,
+    wait: bool = True,
+) -> AsyncIterator[Protocol]:
+    """A connection to an IP address, from another address than the usual one if there is a `source`."""
+    host, port = address
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    local = source or ("::" if family == socket.AF_INET6 else "0.0.0.0")
+    loop = asyncio.get_running_loop()
+    _, client = await loop.create_datagram_endpoint(lambda: create(quic), family=family, local_addr=(local, 0))
+    try:
+        client.connect((host, port, 0, 0) if family == socket.AF_INET6 else (host, port), transmit=wait)
+        if wait:
+            await client.wait_connected()
+        yield client
+    finally:
+        client.close()
+        if client._timer is not None:
+            client._timer.cancel()
+        assert client._transport is not None
+        client._transport.close()  # it may have changed since
 
 
 @asynccontextmanager
 async def connected(authority: str, certificate_sha256: str) -> AsyncIterator[Http3Connection]:
     """A connection to HOST:PORT, whose certificate must have this digest. Raises Http3Failed."""
-    address = urlsplit(f"//{authority}")
-    # Nobody vouches for the certificate but the digest, which came over HTTP.
-    configuration = QuicConfiguration(alpn_protocols=H3_ALPN, verify_mode=ssl.CERT_NONE)
+    url = urlsplit(f"//{authority}")
+    # Only the digest, which came over HTTP, authenticates the certificate.
+    quic = QuicConnection(configuration=configuration(server_name=url.hostname))
     async with AsyncExitStack() as stack:
         try:
             async with asyncio.timeout(CONNECT_S):
-                connecting = connect(
-                    address.hostname or "",
-                    address.port or 443,
-                    configuration=configuration,
-                    create_protocol=Http3Connection,
-                )
-                connection = cast(Http3Connection, await stack.enter_async_context(connecting))
+                loop = asyncio.get_running_loop()
+                found = await loop.getaddrinfo(url.hostname, url.port or 443, type=socket.SOCK_DGRAM)
+                host, port = found[0][4][:2]
+                connection = await stack.enter_async_context(connect(Http3Connection, (str(host), int(port)), quic))
         except (OSError, TimeoutError):
             raise Http3Failed from None
         if connection.certificate_sha256 != certificate_sha256:

@@ -1,4 +1,4 @@
-"""HTTP/3 connections to where scenes are served, as long as aioquic is installed and UDP gets there."""
+"""HTTP/3 connections to the hosts of scenes, where UDP gets through."""
 
 from __future__ import annotations
 
@@ -6,24 +6,20 @@ import asyncio
 import time
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
-from importlib.util import find_spec
-from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 import httpx
 from pydantic import ValidationError
 
+from tigas.http3 import Http3Connection, Http3Failed, connected
 from tigas_common.wire.render import ServerConfig
-
-if TYPE_CHECKING:
-    from tigas.http3 import Http3Connection
 
 AGAIN_S = 30.0
 """After a failure HTTP/1.1 is used for so long."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
+class _Host:
     """Where a scene's frames come from."""
 
     authority: str
@@ -41,7 +37,7 @@ class Http3Hosts:
 
     def __init__(self, http: httpx.AsyncClient) -> None:
         self._http = http
-        self._places: dict[str, _Place] = {}
+        self._hosts: dict[str, _Host] = {}
         self._connections: dict[tuple[str, str], Http3Connection] = {}
         self._connecting = asyncio.Lock()
         self._resources = AsyncExitStack()
@@ -51,35 +47,29 @@ class Http3Hosts:
         await self._resources.aclose()
 
     async def post(self, scene: str, path: str, body: str, timeout_s: float) -> httpx.Response | None:
-        """The answer of the host that serves a scene; None if it, or one with room, is to be asked over HTTP/1.1."""
-        if find_spec("aioquic") is None:
-            return None
-        from tigas.http3 import Http3Failed
-
+        """The response of the scene's host over HTTP/3, or None if the request should be made over HTTP/1.1."""
         async with self._connecting:
-            place = await self._place(scene)
-        if place.connection is None:
+            host = await self._host_of(scene)
+        if host.connection is None:
             return None
         try:
             async with asyncio.timeout(timeout_s):
-                answer = await place.connection.post(place.authority, path, body.encode())
+                answer = await host.connection.post(host.authority, path, body.encode())
             if answer.status_code != httpx.codes.SERVICE_UNAVAILABLE:
                 return answer
         except (Http3Failed, TimeoutError):
             pass
-        self._places[scene] = _nowhere()
+        self._hosts[scene] = _nowhere()
         return None
 
-    async def _place(self, scene: str) -> _Place:
-        known = self._places.get(scene)
+    async def _host_of(self, scene: str) -> _Host:
+        known = self._hosts.get(scene)
         if known is None or known.is_over(time.monotonic()):
-            known = self._places[scene] = await self._find(scene)
+            known = self._hosts[scene] = await self._find(scene)
         return known
 
-    async def _find(self, scene: str) -> _Place:
-        """Ask the service, which may be a cluster's, and connect to what it names."""
-        from tigas.http3 import Http3Failed, connected
-
+    async def _find(self, scene: str) -> _Host:
+        """Connect to the host that the service, or the cluster's head, gives for the scene."""
         try:
             answer = await self._http.get("/config.json", params={"scene": scene})
             config = ServerConfig.model_validate_json(answer.raise_for_status().content)
@@ -95,8 +85,8 @@ class Http3Hosts:
             except Http3Failed:
                 return _nowhere()
             self._connections[key] = connection
-        return _Place(key[0], connection, 0)
+        return _Host(key[0], connection, 0)
 
 
-def _nowhere() -> _Place:
-    return _Place("", None, time.monotonic() + AGAIN_S)
+def _nowhere() -> _Host:
+    return _Host("", None, time.monotonic() + AGAIN_S)

@@ -1,1 +1,1 @@
-"""Several render hosts that appear as one: who serves whom."""
+"""Several render hosts behind one address, and the assignment of viewers to hosts."""

@@ -6,12 +6,12 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from tigas_cluster.fleet import HostState
-from tigas_common.placement import Place, Placement, ranked
+from tigas_common.placement import Candidate, Placement, ranked
 
 SETTLED_S = 2.0
-"""Seconds after which a viewer that was sent to a host is among those that the host says it has."""
+"""Seconds until a viewer sent to a host appears in the host's own count."""
 MOST_SENT = 1000
-"""Of those that are not yet, the most that are remembered."""
+"""Maximum number of assignments remembered until then."""
 
 
 class Choice:
@@ -22,15 +22,15 @@ class Choice:
         self._clock = clock
         self._placement = Placement(clock)
         self._sent: deque[tuple[float, str]] = deque(maxlen=MOST_SENT)
-        """When viewers were sent to which host, of those that no host may have counted yet."""
+        """Times of assignments that hosts may not have counted yet, by host."""
 
     def host(
         self, scene: str, hosts: Sequence[HostState], *, at: str | None = None, avoid: str | None = None
     ) -> HostState | None:
-        """Where a viewer of this scene belongs; None if no host is up.
+        """The host for a viewer of this scene; None if no host is up.
 
-        at: the host that serves it now, which it stays with unless that is gone or drains. avoid: the host that it
-        could not get into, which is named only if there is no other. If all are full, it is one of them.
+        at: its present host, which it keeps unless that host is down or draining. avoid: the host that refused it,
+        chosen only if there is no other. If all hosts are full, one of them is returned.
         """
         if not hosts:
             return None
@@ -38,7 +38,7 @@ class Choice:
         for host in staying:
             if host.name == at:
                 return host
-        places = self._placement.places(scene, [Place(host.name, host.pressed) for host in staying])
+        places = self._placement.places(scene, [Candidate(host.name, host.pressed) for host in staying])
         usable = [host for host in staying if host.name != avoid] or staying
         taking = [host for host in usable if host.full is None]
         if not taking:
@@ -54,7 +54,7 @@ class Choice:
         return chosen
 
     def _expected(self, name: str) -> int:
-        """Viewers that were sent there and may not have been counted yet."""
+        """Viewers sent there that may not have been counted yet."""
         since = self._clock() - SETTLED_S
         while self._sent and self._sent[0][0] < since:
             self._sent.popleft()

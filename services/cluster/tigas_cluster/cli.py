@@ -2,90 +2,60 @@
 
 from __future__ import annotations
 
+import json
 import logging
-from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from tigas_common.cli import AllowHosts, AllowOrigins, in_a_sentence, log_to_stdout
+from tigas_cluster.settings import ClusterSettings
+from tigas_common.cli import in_a_sentence, log_to_stdout
+from tigas_common.command import REST, Command, Group, Metavar
 from tigas_common.errors import StartError
-from tigas_common.settings import load_settings
 from tigas_common.terminal import make_console
-from tigas_common.topology import PAGE
-
-cluster = typer.Typer(help="Let several machines serve scenes under one address, with Ray.", no_args_is_help=True)
+from tigas_common.versions import check_versions
 
 
-@cluster.command("up")
-def up(
-    render_options: Annotated[
-        list[str] | None,
-        typer.Argument(help="Options of every host's render service, after --, such as: -- --memory-gb 40"),
-    ] = None,
-    scenes: Annotated[Path | None, typer.Option(help="Models directory, at the same place on every machine.")] = None,
-    hosts: Annotated[
-        str | None, typer.Option(metavar="N|MIN..MAX", help="How many hosts there may be.", show_default="1..64")
-    ] = None,
-    http: Annotated[
-        str | None, typer.Option(metavar="HOST:PORT", help="Page and API.", show_default=str(PAGE.loopback))
-    ] = None,
-    resource: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Ray's resource that makes a machine a host.", show_default="GPU")
-    ] = None,
-    host_http_port: Annotated[
-        int | None, typer.Option(metavar="PORT", help="Each host's API.", show_default="any free one")
-    ] = None,
-    host_quic_port: Annotated[
-        int | None,
-        typer.Option(metavar="PORT", help="Each host's WebTransport.", show_default="any free one"),
-    ] = None,
-    calm_minutes: Annotated[
-        float | None, typer.Option(help="A host drains once fewer were enough for so long.", show_default="5")
-    ] = None,
-    grace_minutes: Annotated[
-        float | None, typer.Option(help="How long viewers may stay on a host that drains.", show_default="10")
-    ] = None,
-    allow_hosts: AllowHosts = None,
-    allow_origins: AllowOrigins = None,
-) -> None:
+class Up(ClusterSettings, Command):
     """Serve scenes from all machines of a Ray cluster until Ctrl+C: open the printed URL.
 
-    RAY_ADDRESS names the cluster, of which this machine is one; without it, Ray is started on this machine alone.
-    Settings are also read from table `cluster` of tigas.toml (or the file that TIGAS_CONFIG names) and TIGAS_CLUSTER_*.
+    RAY_ADDRESS names the cluster, which this machine is part of; without it, Ray is started on this machine alone.
     """
-    flags = dict(locals())
-    options = flags.pop("render_options") or []
-    with in_a_sentence(StartError):
-        from tigas_cluster.connection import check_ray
 
-        check_ray()
-        from tigas_cluster.settings import ClusterSettings
+    render_options: Annotated[tuple[str, ...], REST, Metavar("OPTIONS")] = ()
+    """Options of each host's render service, such as -- --memory-gb 40"""
 
-        settings = load_settings(ClusterSettings, flags)
-        from tigas_cluster.up import up as run
+    def run(self) -> None:
+        """Serve until stopped."""
+        with in_a_sentence(StartError):
+            from tigas_cluster.connection import check_ray
 
-        log_to_stdout()
-        logging.getLogger("httpx").setLevel(logging.WARNING)  # hosts are asked all the time
-        run(settings, options)
+            check_ray()
+            check_versions("uvicorn")
+            from tigas_cluster.up import up
+
+            log_to_stdout()
+            logging.getLogger("httpx").setLevel(logging.WARNING)  # hosts are polled all the time
+            up(self, self.render_options)
 
 
-@cluster.command("status")
-def status(
-    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-) -> None:
-    """Print how each host is."""
-    with in_a_sentence(StartError):
-        from tigas_cluster.connection import check_ray
+class Status(Command):
+    """Print the state of each host."""
 
-        check_ray()
-        from tigas_cluster.status import status as ask
-        from tigas_cluster.status import table
+    json_: bool = False
+    """Print JSON."""
 
-        found = ask()
-    if json:
-        import json as format
+    def run(self) -> None:
+        """Ask the hosts, and print a table or JSON."""
+        with in_a_sentence(StartError):
+            from tigas_cluster.connection import check_ray
 
-        print(format.dumps([each.model_dump(mode="json") for each in found], indent=2))
-    else:
-        make_console().print(table(found) if found else "No host runs.")
+            check_ray()
+            from tigas_cluster.status import status, table
+
+            found = status()
+        if self.json_:
+            print(json.dumps([each.model_dump(mode="json") for each in found], indent=2))
+        else:
+            make_console().print(table(found) if found else "No host runs.")
+
+
+cluster = Group("Serve scenes from several machines under one address, with Ray.", {"up": Up, "status": Status})

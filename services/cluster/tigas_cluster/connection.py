@@ -1,4 +1,4 @@
-"""This process' connection to a Ray cluster: the one that RAY_ADDRESS names, or one of our own on this machine.
+"""This process' connection to a Ray cluster: the one in RAY_ADDRESS, or a private one on this machine.
 
 Nothing here imports ray before its environment is set.
 """
@@ -23,7 +23,7 @@ AUTO = "auto"
 REACH_S = 5.0
 """For the head to be reached, in seconds."""
 NAMESPACE = "tigas"
-"""Of our actors, among those of others."""
+"""Ray namespace of our actors."""
 
 
 def check_ray() -> None:
@@ -33,7 +33,7 @@ def check_ray() -> None:
 
 
 def named_cluster() -> str | None:
-    """The address of the cluster that this process is to join, if it is told of one. Raises StartError."""
+    """The address of the cluster to join, if one is configured. Raises StartError."""
     address = os.environ.get(ADDRESS)
     if not address or address == AUTO:
         return address or None
@@ -49,7 +49,9 @@ def named_cluster() -> str | None:
 
 @contextmanager
 def connected(own: OwnRay | None, address: str) -> Iterator[None]:
-    """Be a driver of this cluster for as long as the context lasts; own: if it is that one. Raises StartError."""
+    """Connect to this cluster as a driver, as a context manager; own: the private one, if it is that. Raises
+    StartError.
+    """
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
     if own is not None:
         os.environ.update(own.environment)
@@ -66,7 +68,7 @@ def connected(own: OwnRay | None, address: str) -> Iterator[None]:
     except (ConnectionError, RuntimeError, TimeoutError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise StartError(f"The Ray cluster at {address} cannot be joined: {reason}") from None
-    ray._private.worker._worker_logs_enabled = False  # what becomes of hosts, we say in fewer words
+    ray._private.worker._worker_logs_enabled = False  # we report the state of hosts in fewer words
     try:
         yield
     finally:

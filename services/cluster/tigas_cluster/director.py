@@ -1,4 +1,4 @@
-"""The director's HTTP interface: it tells each viewer which host serves its scene. Frames do not pass through it."""
+"""The director's HTTP interface: it assigns each viewer to a host with its scene. Frames do not pass through it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from tigas_common.web import (
 from tigas_common.wire.render import RenderRequest, SceneInfo, ServerConfig
 
 MAX_NAME = 256
-"""The longest name of a scene or a host that is asked about."""
+"""Maximum length of a scene's or host's name in a query."""
 
 
 @asynccontextmanager
@@ -50,10 +50,10 @@ async def create_director(
     https_port: int | None = None,
     transport: httpx.AsyncBaseTransport | None = None,
 ) -> AsyncIterator[ASGIApp]:
-    """The application over a fleet, which is its caller's to open and close.
+    """The application over a fleet, which the caller opens and closes.
 
-    clock: in seconds. services: base URLs for the page, by name; a bare `:PORT` means the page's own host.
-    https_port: where the director is served over HTTPS as well. transport: another way to hosts than HTTP, for tests.
+    clock: in seconds. services: base URLs for the page, by name; a bare `:PORT` means the page's own host. https_port:
+    where the director is served over HTTPS as well. transport: replaces HTTP to the hosts, for tests.
     """
     proxy = HostProxy(fleet, transport)
     director = Director(fleet, clock, services or {}, https_port)
@@ -80,7 +80,7 @@ async def create_director(
 
 
 class Director:
-    """What the routes share."""
+    """State shared by the routes."""
 
     def __init__(
         self, fleet: Fleet, clock: Callable[[], float], services: Mapping[str, str], https_port: int | None
@@ -94,10 +94,10 @@ class Director:
     async def place(
         self, scene: str, *, at: str | None = None, silent: str | None = None, lost: str | None = None
     ) -> HostState:
-        """Where a viewer of this scene belongs: that of which it says one of these, unless it has to leave.
+        """The host for a viewer of this scene: the reported one, unless it must leave.
 
-        at: the host that serves it. silent: the same, but it hears nothing of it. lost: it could not get in there.
-        Raises Overloaded if no host is up.
+        at: its present host. silent: its present host, which does not answer. lost: a host that refused it. Raises
+        Overloaded if no host is up.
         """
         if doubted := silent or lost:
             await self.fleet.suspect(doubted)
@@ -115,11 +115,11 @@ class Director:
         return chosen
 
     def config(self, host: HostState, page_host: str) -> ServerConfig:
-        """What a page that was opened under `page_host` needs to know to go to this host."""
+        """The configuration of this host for a page opened under `page_host`."""
         https_url = f"https://{bracketed(page_host)}:{self.https_port}/" if self.https_port else None
         services = {name: fitted(url, page_host) for name, url in self.services.items()}
         changes = {"host": host.name, "render_url": host.render_url, "https_url": https_url, "services": services}
-        changes["max_upload_bytes"] = None  # what one host keeps, the others lack
+        changes["max_upload_bytes"] = None  # data stored by one host is missing on the others
         return host.load.config.model_copy(update=changes)
 
 
@@ -132,7 +132,7 @@ class Director:
     }
 )
 async def config(request: Request) -> ModelResponse[ServerConfig]:
-    """What the page needs to know, and which host serves its scene."""
+    """The page's configuration, including the host of its scene."""
     director = _director(request)
     scene = _named(request, "scene") or ""
     host = await director.place(scene, **{why: _named(request, why) for why in ("at", "silent", "lost")})
@@ -146,9 +146,10 @@ async def config(request: Request) -> ModelResponse[ServerConfig]:
     also={307: "The frame is at the scene's host."},
 )
 class _Render:
-    """One frame: it is at the scene's host, where programs are sent that know of nothing but this address.
+    """One frame: a redirect to the scene's host, for programs that know only this address.
 
-    With `?host=` it is handed on, for pages over HTTPS without WebTransport: browsers keep them from hosts over HTTP.
+    With `?host=` the request is proxied, for pages over HTTPS without WebTransport: browsers block them from HTTP
+    hosts.
     """
 
     def __init__(self, proxy: HostProxy) -> None:
@@ -173,7 +174,7 @@ async def scenes(request: Request) -> ModelResponse[list[SceneInfo]]:
 
 @described(gives=SceneInfo)
 async def unload(request: Request) -> Response:
-    """Unload a scene that nobody views, on every host."""
+    """Unload a scene without viewers, on every host."""
     hosts = _director(request).fleet.hosts()
     answer = await unload_everywhere(request.app.state.client, hosts, request.path_params["id"])
     return Response(answer.content, answer.status_code, NO_STORE, answer.headers.get("content-type"))

@@ -1,4 +1,4 @@
-"""What keeps a cluster from starting and must be told apart from other reasons."""
+"""Start errors of a cluster that callers must distinguish."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from tigas_common.errors import StartError
 
 
 class AnotherUp(StartError):
-    """The Ray that was found, or is about to start, belongs to another `tigas cluster up`."""
+    """The running or starting Ray belongs to another `tigas cluster up`."""
 
     def __init__(self) -> None:
         super().__init__("Another `tigas cluster up` looks after this cluster; end that one first.")

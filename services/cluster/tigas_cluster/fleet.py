@@ -1,4 +1,4 @@
-"""Which hosts there are, and how each is: all that the director knows of what stands behind it."""
+"""The hosts and their state, as known to the director."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class HostAddress:
     public_host: str | None = None
     """The name or address under which pages reach it, if that is not the one in `api_url`; its ports are the same."""
     draining: bool = False
-    """It is to end: it gets no new viewers, and those that it has go elsewhere."""
+    """It is about to end: it gets no new viewers, and its viewers move elsewhere."""
 
     @property
     def public(self) -> str:
@@ -37,11 +37,11 @@ class HostAddress:
 
 @dataclass(frozen=True, slots=True)
 class HostState:
-    """What is known of a host that is up."""
+    """State of a host that is up."""
 
     address: HostAddress
     load: HostLoad
-    """What it said last."""
+    """Its last report."""
 
     @property
     def name(self) -> str:
@@ -62,7 +62,7 @@ class HostState:
 
     @property
     def certificate_sha256(self) -> str | None:
-        """What the page is to trust there."""
+        """Digest of the certificate for the page to trust."""
         return self.load.config.certificate_sha256
 
     @property
@@ -76,7 +76,7 @@ class HostState:
 
     @property
     def full(self) -> float | None:
-        """Seconds after which a new viewer may try again; None if it may come in."""
+        """Seconds after which a new viewer may try again; None if it is admitted."""
         return self.load.config.retry_after_s
 
     @property
@@ -91,12 +91,12 @@ class HostState:
 
 
 class Fleet(ABC):
-    """Hosts that come and go: this machine alone, those of a list, or a Ray cluster's."""
+    """A changing set of hosts: this machine alone, a list, or a Ray cluster."""
 
     @abstractmethod
     def hosts(self) -> Sequence[HostState]:
-        """Those that are up, as they were heard of last."""
+        """Hosts that are up, with their last reports."""
 
     @abstractmethod
     async def suspect(self, name: str) -> None:
-        """A viewer hears nothing of this host: look at once. `hosts` knows the outcome when this returns."""
+        """Check this host now, because a viewer reports it as silent. `hosts` reflects the outcome on return."""

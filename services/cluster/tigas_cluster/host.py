@@ -20,15 +20,15 @@ from tigas_common.processes import Service, keep_running, tigas, with_parent
 VIEWER_ADDRESS = "TIGAS_CLUSTER_VIEWER_ADDRESS"
 """The environment variable of a machine that viewers reach under another name or address than the cluster does."""
 RETRY_S = 60.0
-"""One that cannot be kept running is tried again after so long: what its machine lacks may come back."""
+"""Seconds until a failing service is tried again: its machine may have recovered."""
 OPEN = re.compile(r"Open http://[^/]+:([0-9]+)/")
-"""The last line of what `tigas render` says once it serves."""
+"""Pattern of the last line of `tigas render`'s start message."""
 FOR_THE_MACHINE = ("Preparing ", "Open to the network ")
-"""What it says that is of no use to somebody who looks after many."""
+"""Lines of output omitted here, because they only help a user at its terminal."""
 
 
 class Facts(TypedDict):
-    """What a host says of itself to the rest of the cluster, in words that every version understands."""
+    """A host's report to the rest of the cluster, in a form that every version understands."""
 
     version: str
     """Of TIGAS."""
@@ -41,7 +41,7 @@ class Facts(TypedDict):
     url: str | None
     """Its API over HTTP, within the cluster; None while it does not serve."""
     said: list[str]
-    """What `tigas render` said when it began to serve."""
+    """The start message of `tigas render`."""
     failure: str | None
     """Why it does not serve, if its last start failed."""
 
@@ -56,7 +56,7 @@ class Host:
         everywhere = address if is_loopback(address) else "::" if ":" in address else "0.0.0.0"
         http, quic = Address(everywhere, http_port), Address(everywhere, quic_port)
         named = () if is_address(self._viewer_address) else ("--allow-host", self._viewer_address)
-        fixed = ("--no-edit-scenes",)  # what one host keeps, the others lack
+        fixed = ("--no-edit-scenes",)  # data stored by one host is missing on the others
         self._command = with_parent(tigas("render", "--http", str(http), "--quic", str(quic), *fixed, *named, *options))
         self._since = time.time()
         self._render = _Render()
@@ -68,7 +68,7 @@ class Host:
 
     @property
     def facts(self) -> Facts:
-        """What others need to know now."""
+        """The present facts."""
         render = self._render
         return Facts(
             version=version("tigas"),
@@ -108,7 +108,7 @@ class Host:
 
 
 class _Render:
-    """What one start of the service says."""
+    """Output of one start of the service."""
 
     def __init__(self) -> None:
         self.port: int | None = None
@@ -118,7 +118,7 @@ class _Render:
         self.last_error = ""
 
     def listen(self, process: subprocess.Popen[bytes]) -> None:
-        """Hear all of it, on threads of its own."""
+        """Read all of it, on separate threads."""
         for listener, output in ((self._hear, process.stdout), (self._hear_error, process.stderr)):
             threading.Thread(target=listener, args=(output,), daemon=True).start()
 

@@ -1,4 +1,4 @@
-"""Hands on to a host what is no frame: the page, scenes, previews, networks."""
+"""A proxy for everything except frames, by any host: the page, scenes, previews, networks."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from tigas_cluster.fleet import Fleet, HostState
 from tigas_common.errors import Overloaded
 from tigas_common.parsing import MAX_BODY
 from tigas_common.placement import ranked
-from tigas_common.proxy import ask, hand_back, headers_of
+from tigas_common.proxy import ask, hand_back, headers_of, unless
 from tigas_common.web import page_policy, read_body
 
 MAX_CONNECTIONS = 128
 """To all hosts together."""
 LOOK_S = 0.25
-"""How often it is looked whether the host is still there that has not answered yet, in seconds."""
+"""Seconds between two looks whether a host that has not answered yet is still up."""
 AWAY = "No host of the cluster is up; try again in a few seconds."
 RETRY_S = 2.0
 FROM_THE_PAGE = frozenset((b"host", b"origin", b"sec-fetch-site", b"sec-fetch-mode", b"sec-fetch-dest"))
-"""Fields that tell where a request comes from: the director has looked at them, and the host knows other names."""
+"""Fields about the origin of a request: checked by the director, with names unknown to a host."""
 PAGES_HOSTS = ("http:", "https:")
-"""Hosts come and go while a page is open, so it may speak with any."""
+"""The sources that a page may connect to: hosts come and go while it is open."""
 
 
 class HostProxy:
-    """An ASGI application, as which any host's appears; `?host=NAME` asks for one of them."""
+    """An ASGI application in front of any host's. `?host=NAME` chooses one of them."""
 
     def __init__(self, fleet: Fleet, transport: httpx.AsyncBaseTransport | None = None) -> None:
         """transport: another than HTTP, for tests."""
         self._fleet = fleet
         self._transport = transport or httpx.AsyncHTTPTransport(limits=httpx.Limits(max_connections=MAX_CONNECTIONS))
         self.client = httpx.AsyncClient(transport=self._transport)
-        """Over the same connections, for questions of the director's own."""
+        """For the director's own requests over the same connections."""
 
     async def close(self) -> None:
         """Close the connections."""
@@ -56,7 +56,7 @@ class HostProxy:
         raise Overloaded(AWAY, RETRY_S)
 
     def _in_order(self, path: str, wanted: str | None) -> Sequence[HostState]:
-        """The hosts to ask: the wanted one first, then the one that most likely has the scene which the path names."""
+        """Return the hosts in the order to try: the wanted one, then the likeliest one for the scene in the path."""
         hosts = {host.name: host for host in self._fleet.hosts()}
         parts = path.split("/")
         scene = parts[2] if len(parts) > 2 and parts[1] == "scenes" else ""
@@ -64,15 +64,12 @@ class HostProxy:
         return sorted(order, key=lambda host: (host.name != wanted, host.draining))
 
     async def _answer(self, host: HostState, scope: Scope, body: bytes) -> httpx.Response | None:
-        """None if the host is gone before it answers."""
-        asking = asyncio.create_task(ask(self._transport, host.api_url, scope, body, FROM_THE_PAGE))
+        """Return None if the host is lost before it answers."""
         try:
-            while not asking.done():
-                await asyncio.wait([asking], timeout=LOOK_S)
-                if not asking.done() and all(each.name != host.name for each in self._fleet.hosts()):
-                    return None
-            return asking.result()
+            return await unless(self._lost(host), ask(self._transport, host.api_url, scope, body, FROM_THE_PAGE))
         except httpx.TransportError:
             return None
-        finally:
-            asking.cancel()
+
+    async def _lost(self, host: HostState) -> None:
+        while any(each.name == host.name for each in self._fleet.hosts()):  # noqa: ASYNC110 - a fleet has no events
+            await asyncio.sleep(LOOK_S)

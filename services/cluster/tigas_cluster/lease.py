@@ -19,12 +19,12 @@ FREED_S, AGAIN_S = 3.0, 0.2
 
 
 class Holder:
-    """An actor that does nothing. Ray lets no two have one name, and ends it with the process that it belongs to."""
+    """An idle actor. Ray allows a name only once, and ends the actor with its owning process."""
 
 
 @contextmanager
 def held(clock: Callable[[], float] = time.monotonic) -> Iterator[None]:
-    """Be the only one for as long as the context lasts. Raises AnotherUp."""
+    """Hold the lease, as a context manager. Raises AnotherUp."""
     deadline = clock() + FREED_S
     while (actor := _taken()) is None:
         if clock() > deadline:
@@ -37,7 +37,7 @@ def held(clock: Callable[[], float] = time.monotonic) -> Iterator[None]:
 
 
 def _taken() -> Any:
-    """The actor, whose process need not have started; None if there is one already."""
+    """The actor, possibly before its process has started; None if the name is taken."""
     here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=False)
     options = {"name": NAME, "namespace": NAMESPACE, "num_cpus": 0, "scheduling_strategy": here, "max_restarts": -1}
     try:

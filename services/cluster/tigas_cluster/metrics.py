@@ -19,7 +19,7 @@ class DirectorMetrics(Collector):
         self.placements: Counter[str] = Counter()
         """Viewers that were sent to a host, by its name."""
         self.redirects: Counter[str] = Counter(lost=0, silent=0, moved=0)
-        """Those of them that were at another one before, by the reason."""
+        """Viewers that came from another host, by reason."""
 
     def collect(self) -> Iterator[Metric]:
         """How the hosts are now, and how many viewers were sent where."""
@@ -46,7 +46,7 @@ class DirectorMetrics(Collector):
             placements.add_metric([name], number)
         redirects = CounterMetricFamily(
             "tigas_director_redirects",
-            "Viewers that were sent to another host: `lost` could not get in, `silent` heard nothing, others `moved`",
+            "Viewers sent to another host: refused ones are `lost`, unanswered ones `silent`, others `moved`",
             labels=["why"],
         )
         for why, number in self.redirects.items():

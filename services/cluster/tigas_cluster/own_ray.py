@@ -1,4 +1,4 @@
-"""A Ray of our own on this machine, for whoever has no cluster. It outlives the process that started it."""
+"""A private Ray on this machine, for users without a cluster. It outlives the process that started it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tigas_cluster.errors import AnotherUp
 from tigas_common.errors import StartError
 
 RESOURCE = "tigas_host"
-"""What its node has, since it may have no GPU."""
+"""Custom resource of its node, which may have no GPU."""
 OBJECT_STORE = 80 * 1024 * 1024
 """In bytes, hardly more than Ray's least: nothing large goes through Ray."""
 START_S = 30.0
@@ -28,7 +28,7 @@ STOP_S = 2.0
 
 
 class OwnRay:
-    """At most one for each user. It lets in who knows its token, which only the user can read."""
+    """At most one for each user. Its token is readable by the user only."""
 
     def __init__(self, folder: Path | None = None) -> None:
         """folder: its files; short, since the paths of Unix sockets below it are."""
@@ -39,7 +39,7 @@ class OwnRay:
 
     @property
     def environment(self) -> dict[str, str]:
-        """What processes need in theirs, before they import ray, to be let in."""
+        """Environment that processes need before they import ray."""
         return {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN_PATH": str(self._token)}
 
     def running(self) -> str | None:
@@ -83,14 +83,14 @@ class OwnRay:
                     stdout=log,
                     stderr=log,
                     start_new_session=True,
-                    pass_fds=[process.fileno()],  # so that the file is locked for as long as it lives
+                    pass_fds=[process.fileno()],  # it keeps the file locked
                     env=os.environ | self.environment | _SETTINGS,
                 )
             process.write(str(started.pid))
 
     def _make_folder(self) -> None:
         try:
-            shutil.rmtree(self._folder, ignore_errors=True)  # of one that was killed
+            shutil.rmtree(self._folder, ignore_errors=True)  # left by a killed one
             self._folder.mkdir(mode=0o700)
             self._token.write_text(secrets.token_hex(32))
         except OSError as error:
@@ -125,5 +125,5 @@ class OwnRay:
 _SETTINGS = {
     "RAY_USAGE_STATS_ENABLED": "0",
     "RAY_GRACEFUL_SHUTDOWN_DRAIN_TIMEOUT_S": "0",  # nothing but our hosts is there, and they have ended
-    "RAY_memory_monitor_refresh_ms": "0",  # it would end hosts, whose memory has its own limit
+    "RAY_memory_monitor_refresh_ms": "0",  # it would end hosts, which have their own memory limit
 }

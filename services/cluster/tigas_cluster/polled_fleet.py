@@ -1,4 +1,4 @@
-"""A fleet of hosts whose addresses are known: each is asked how it is, several times a second."""
+"""A fleet of hosts with known addresses, each polled several times per second."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from tigas_common.parsing import parse
 from tigas_common.wire.cluster import HostLoad
 
 POLL_S = 0.25
-"""How often each host is asked, in seconds."""
+"""Polling interval of each host, in seconds."""
 GONE_S = 1.0
-"""A host that has not answered for so long is gone until it does, in seconds."""
+"""A host without an answer for this many seconds is down until it answers."""
 ANSWER_S = GONE_S - POLL_S
 """How long it has to answer, in seconds."""
 SUSPECT_S = 0.3
-"""How long a host that a viewer hears nothing of has to answer, in seconds."""
+"""Time for a host reported as silent to answer, in seconds."""
 MAX_LOAD = 1_000_000
-"""The longest answer that is read, in bytes: it names scenes."""
+"""Maximum length of an answer, in bytes: it lists scenes."""
 
 
 class PolledFleet(Fleet):
-    """An async context manager that asks for as long as it lasts. Which hosts there are may be changed any time."""
+    """An async context manager that polls the hosts. Their list may change any time."""
 
     def __init__(
         self,
@@ -59,7 +59,7 @@ class PolledFleet(Fleet):
         await self._client.aclose()
 
     def follow(self, addresses: Iterable[HostAddress]) -> None:
-        """These are the hosts from now on. Of those that were followed before, what is known stays known."""
+        """Set the hosts. The state of hosts already known is kept."""
         wanted = {address.name: address for address in addresses}
         for name in self._polled.keys() - {each.name for each in wanted.values()}:
             self._polled.pop(name).stop()
@@ -92,15 +92,15 @@ class _Polled:
         self._load: HostLoad | None = None
         self._answered_at = -math.inf
         self._failing = False
-        """The last that it was asked, it did not answer. A pause of this process alone makes no host seem gone."""
+        """Whether the last poll failed. A pause of this process alone does not make a host look down."""
         self._asked_at: float | None = None
-        """Since when an answer is waited for that it is asked for all the time."""
+        """Start of the pending poll, if any."""
         self._polling: asyncio.Task[None] | None = None
         self._checking: asyncio.Task[None] | None = None
 
     @property
     def state(self) -> HostState | None:
-        """None if it is gone, or has never been there."""
+        """None if it is down, or has never been up."""
         if self._load is None or (self._failing and self._clock() - self._answered_at >= GONE_S):
             return None
         return HostState(self.address, self._load)
@@ -116,13 +116,13 @@ class _Polled:
                 task.cancel()
 
     async def check(self) -> None:
-        """Ask at once, together with whoever wants that now; a host that does not answer is gone."""
+        """Poll at once, shared by concurrent callers; without an answer, the host is down."""
         if self._checking is None or self._checking.done():
             self._checking = asyncio.create_task(self._check())
         await asyncio.wait([self._checking])
 
     async def ask(self, limit_s: float = ANSWER_S) -> bool:
-        """Whether it says within so many seconds how it is."""
+        """Poll once; whether an answer came within the limit."""
         began = self._clock()
         try:
             async with asyncio.timeout(limit_s):

@@ -1,4 +1,4 @@
-"""What is asked of Ray: which machines there are, and that detached actors are hosts on them."""
+"""Interface to Ray: its machines, and detached actors as hosts on them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tigas_common.errors import StartError
 
 GPU = "GPU"
 ACTOR = re.compile(r"(?P<host>host-[0-9]+) (?P<node>[0-9a-f]+)")
-"""An actor's name says where it is, so that whoever finds it need not ask."""
+"""Prefix of an actor's name, followed by its machine, so that finding it is enough."""
 ANSWER_S = 2.0
 """For an actor to answer, in seconds."""
 START_S = 60.0
@@ -34,7 +34,9 @@ class RayCluster(Cluster):
     """The cluster that this process is connected to."""
 
     def __init__(self, resource: str, *arguments: Any) -> None:
-        """resource: what a machine has that may be a host; each host takes all of it. arguments: of `HostActor`."""
+        """resource: the Ray resource of machines that may be hosts; each host takes all of it. arguments: of
+        `HostActor`.
+        """
         self._resource = resource
         self._arguments = arguments
 
@@ -78,12 +80,12 @@ class RayCluster(Cluster):
             raise StartError(
                 f"{node.address} is no host {START_S:g} s after it was to be one; others may use what it has."
             ) from None
-        except (ray.exceptions.RayError, ValueError) as error:  # ValueError: somebody else uses the name
+        except (ray.exceptions.RayError, ValueError) as error:  # ValueError: the name is taken
             reason = str(getattr(error, "cause", None) or error).strip().splitlines()[-1]
             raise StartError(f"No host could be started on {node.address}: {reason}") from None
 
     def facts(self, hosts: Mapping[str, str]) -> Mapping[str, Facts]:
-        """What these say of themselves; those that say nothing are left out."""
+        """The facts reported by these hosts; silent ones are left out."""
         asked = {}
         for name, actor in self._actors(hosts.items()):
             asked[actor.facts.remote()] = name
@@ -103,7 +105,7 @@ class RayCluster(Cluster):
             ray.kill(actor)
 
     def ask_for(self, number: int) -> None:
-        """Let Ray's autoscaler, if there is one, see to it that so many nodes can be hosts."""
+        """Request this number of possible hosts from Ray's autoscaler, if there is one."""
         amount = max((node.amount for node in self.nodes()), default=0) or 1
         request_resources(bundles=[{self._resource: amount}] * number)
 

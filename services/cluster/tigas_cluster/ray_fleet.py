@@ -1,5 +1,5 @@
 """The hosts of a Ray cluster: as many as are wanted, on the machines that may be hosts. Ray starts and supervises them;
-how they are, they are asked over HTTP like any other fleet's.
+their state is polled over HTTP as in any other fleet.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from tigas_cluster.scaling import Scaler
 from tigas_common.errors import StartError
 
 LOOK_S, PAUSE_S = 0.5, 5.0
-"""How often Ray is asked which hosts and machines there are, in seconds, and when after it could not be asked."""
+"""Interval of asking Ray for hosts and machines in seconds, and the interval after a failure."""
 PATIENCE_S = 60.0
-"""A host that does not answer for so long is replaced, if there is a machine for another, in seconds."""
+"""A host without an answer for this many seconds is replaced if another machine is free."""
 AGAIN_S = 10.0
-"""A machine that was to become a host is tried again after so long, in seconds."""
+"""Seconds until a machine that failed to become a host is tried again."""
 VERSION = version("tigas")
 
 logger = logging.getLogger(__name__)
@@ -37,12 +37,12 @@ class Node:
     id: str
     address: str
     amount: float
-    """How much it has of what makes it a host; 0: it is none."""
+    """Amount of the host resource; 0: it cannot be a host."""
     gpus: float
 
 
 class Cluster(Protocol):
-    """What is asked of Ray. Every call blocks."""
+    """The required operations of Ray. Every call blocks."""
 
     def nodes(self) -> Sequence[Node]:
         """The machines that are up."""
@@ -51,7 +51,7 @@ class Cluster(Protocol):
         """Every host by name, with the id of its machine, whether it serves or not."""
 
     def facts(self, hosts: Mapping[str, str]) -> Mapping[str, Facts]:
-        """What these say of themselves; those that say nothing are left out."""
+        """The facts reported by these hosts; silent ones are left out."""
 
     def start(self, name: str, node: Node) -> None:
         """Make a machine a host. Raises StartError."""
@@ -60,11 +60,11 @@ class Cluster(Protocol):
         """End these hosts."""
 
     def ask_for(self, number: int) -> None:
-        """Have so many machines that may be hosts, if somebody brings machines."""
+        """Request this number of possible hosts, for an autoscaler."""
 
 
 class RayFleet(Fleet):
-    """An async context manager that looks after the hosts for as long as it lasts; they outlive it."""
+    """An async context manager that maintains the hosts, which outlive it."""
 
     def __init__(
         self,
@@ -74,7 +74,7 @@ class RayFleet(Fleet):
         clock: Callable[[], float],
         say: Callable[[str], None],
     ) -> None:
-        """polled: asks the hosts that there are; clock: in seconds; say: tells whoever runs the cluster something."""
+        """polled: polls the hosts; clock: in seconds; say: prints a message for the operator."""
         self._cluster = cluster
         self._scaler = scaler
         self._clock = clock
@@ -87,7 +87,7 @@ class RayFleet(Fleet):
         self._silent_since: dict[str, float] = {}
         """When the others were first seen so."""
         self._failures: dict[str, str] = {}
-        """Why hosts do not serve, and machines are none, as it was said."""
+        """Last reported reasons of hosts and machines that do not serve."""
         self._beginning: dict[str, str] = {}
         """Hosts that are being started, with the ids of their machines."""
         self._ending: set[str] = set()
@@ -97,6 +97,8 @@ class RayFleet(Fleet):
         self._missing = 0
         """How many more hosts there would be if there were machines for them."""
         self._tasks: set[asyncio.Task[None]] = set()
+        self._starts: set[asyncio.Task[None]] = set()
+        """Calls that start hosts, which cannot be cancelled, as they run in threads."""
         self.began: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         """Done once a host serves; has a StartError if none can."""
 
@@ -116,10 +118,17 @@ class RayFleet(Fleet):
         await self._polled.suspect(name)
 
     async def end(self) -> None:
-        """End all hosts."""
+        """End all hosts, including those still starting."""
         self._stop_looking()
-        await asyncio.to_thread(lambda: self._cluster.stop({**self._beginning, **self._cluster.hosts()}))
+        starts = tuple(self._starts)
+        await asyncio.to_thread(self._stop_all)
+        if starts:  # a host may have been created after the others were listed
+            await asyncio.gather(*starts, return_exceptions=True)
+            await asyncio.to_thread(self._stop_all)
         await asyncio.to_thread(self._cluster.ask_for, 0)
+
+    def _stop_all(self) -> None:
+        self._cluster.stop(self._cluster.hosts())
 
     # -- looking -----------------------------------------------------------------------------------------------------
 
@@ -133,7 +142,7 @@ class RayFleet(Fleet):
                 await asyncio.sleep(PAUSE_S)
 
     async def _look(self) -> None:
-        """See how all is, and do what follows."""
+        """Read the cluster's state and act on it."""
         nodes, found = await asyncio.to_thread(lambda: (self._cluster.nodes(), self._cluster.hosts()))
         hosts = {**self._beginning, **found}
         alive = {node.id for node in nodes}
@@ -160,7 +169,7 @@ class RayFleet(Fleet):
             self._judge_beginning(present)
 
     def _follow(self) -> None:
-        """Ask those hosts how they are that have said where they are."""
+        """Poll the hosts with known addresses."""
         self._polled.follow(
             HostAddress(name, facts["url"], facts["viewer_address"], name in self._draining)
             for name, facts in self._facts.items()
@@ -168,7 +177,7 @@ class RayFleet(Fleet):
         )
 
     def _tell(self) -> None:
-        """Say what has changed."""
+        """Report changes to the operator."""
         up = frozenset(host.name for host in self.hosts())
         for name in sorted(up - self._up):
             self._say("\n".join(f"{name}: {line}" for line in self._facts[name]["said"]) or f"{name} serves again.")
@@ -209,7 +218,7 @@ class RayFleet(Fleet):
     # -- changing ----------------------------------------------------------------------------------------------------
 
     def _start(self, number: int, free: Sequence[Node], hosts: Mapping[str, str]) -> None:
-        """Make so many more machines hosts, as far as there are any."""
+        """Start this number of hosts on free machines, as far as available."""
         self._tell_missing(number - len(free))
         now = self._clock()
         names = (name for each in itertools.count(1) if (name := f"host-{each}") not in hosts)
@@ -221,8 +230,10 @@ class RayFleet(Fleet):
     async def _begin(self, name: str, node: Node) -> None:
         self._beginning[name] = node.id
         self._say(f"{name} starts on {node.address}.")
+        self._starts.add(start := asyncio.create_task(asyncio.to_thread(self._cluster.start, name, node)))
+        start.add_done_callback(self._starts.discard)
         try:
-            await asyncio.to_thread(self._cluster.start, name, node)
+            await asyncio.shield(start)
         except StartError as error:
             self._fails(name, str(error))
         else:

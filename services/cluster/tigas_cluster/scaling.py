@@ -1,7 +1,7 @@
-"""How many hosts there are to be, and which of them are to end. Pure: no clock of its own, no I/O.
+"""The number of hosts, and the ones to end. Pure: no clock of its own, no I/O.
 
-Up at once: while more than half of the hosts are pressed, or when those who are in are more than the hosts are known
-to hold. Down slowly: after a calm while the host with the fewest viewers drains, and ends once they have left.
+Up at once: while more than half of the hosts are under pressure, or when there are more viewers than the hosts are
+known to hold. Down slowly: after a calm period the host with the fewest viewers drains, and ends once they have left.
 """
 
 from __future__ import annotations
@@ -14,20 +14,24 @@ from dataclasses import dataclass
 from tigas_cluster.fleet import HostState
 
 LASTING_S = 2.0
-"""So long most hosts must be pressed before there is one more: a pause of a host calls for none."""
+"""Seconds of pressure on most hosts before another is added: a pause of a host is not enough."""
 FILL, ROOMY = 0.85, 0.6
-"""There is one more where hosts would hold more than this share of what they can, and one fewer where those that are
-left would hold less than this."""
+"""A host is added if hosts would exceed this share of their capacity, and removed if the remaining ones would stay
+below the second share.
+"""
 SETTLED_S = 5.0
-"""Viewers who were sent to a host before it began to drain have arrived after so long."""
+"""Seconds within which viewers sent to a host before it began to drain have arrived."""
 
 
 @dataclass(frozen=True, slots=True)
 class HostRange:
-    """How many hosts there may be."""
+    """The lowest and the highest number of hosts."""
 
     lowest: int
     highest: int
+
+    def __str__(self) -> str:
+        return f"{self.lowest}..{self.highest}"
 
     @classmethod
     def parse(cls, text: str) -> HostRange:
@@ -45,18 +49,18 @@ class HostRange:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What is to be done."""
+    """A decision."""
 
     wanted: int
-    """So many hosts are to take viewers."""
+    """Number of hosts that take viewers."""
     draining: frozenset[str]
     """These take no new viewers."""
     ending: frozenset[str]
-    """Of those, these have none left, or have had their time: they end now."""
+    """Draining hosts that end now: they have no viewers left, or their time is up."""
 
 
 class Scaler:
-    """Remembers how many hosts are wanted, what one holds, and which ones drain."""
+    """State of scaling: the wanted number of hosts, the capacity of one, and the draining ones."""
 
     def __init__(self, allowed: HostRange, calm_s: float, grace_s: float, clock: Callable[[], float]) -> None:
         """calm_s: how long fewer hosts must have been enough before one drains; grace_s: how long its viewers may
@@ -72,12 +76,12 @@ class Scaler:
         self._held = 0
         """The most viewers that one host has had without being full."""
         self._full_at: int | None = None
-        """How many viewers a host had when it said that it was full."""
+        """Number of viewers of a host when it reported being full."""
         self._pressed_since: float | None = None
         self._calm_since: float | None = None
 
     def plan(self, hosts: Sequence[HostState], starting: int = 0) -> Plan:
-        """What follows from what hosts say of themselves; `starting` more have yet to say something."""
+        """The decision from the hosts' reports; `starting` more have not reported yet."""
         now = self._clock()
         names = {host.name for host in hosts}
         self._draining = {name: since for name, since in self._draining.items() if name in names}
@@ -90,7 +94,7 @@ class Scaler:
         return Plan(self._wanted, frozenset(self._draining), frozenset(ending))
 
     def _learn(self, serving: Sequence[HostState]) -> None:
-        """What one host holds."""
+        """Capacity of one host."""
         self._held = max((self._held, *(host.viewers for host in serving if host.full is None)))
         fullest = [host.viewers for host in serving if host.full is not None and host.viewers > 0]
         if fullest:
@@ -123,7 +127,7 @@ class Scaler:
             self._calm_since = now
 
     def _fit(self, serving: Sequence[HostState], starting: int, now: float) -> None:
-        """Let hosts drain, those with the fewest viewers first, or come back, those that began last first."""
+        """Drain hosts, fewest viewers first, or restore them, most recent first."""
         excess = len(serving) - self._wanted
         for host in sorted(serving, key=lambda host: (host.viewers, host.name))[: max(0, excess)]:
             self._draining[host.name] = now

@@ -1,9 +1,9 @@
-"""What hosts know apart of their scenes, as one: a scene is loaded if it is anywhere, and unloaded everywhere."""
+"""The scenes of all hosts: loaded if any host has loaded them, and unloaded everywhere."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from urllib.parse import quote
 
@@ -11,30 +11,29 @@ import httpx
 
 from tigas_cluster.fleet import HostState
 from tigas_cluster.host_proxy import AWAY, RETRY_S
+from tigas_common.aggregate import merged_scenes
 from tigas_common.errors import Overloaded, TigasError
 from tigas_common.parsing import parse
 from tigas_common.wire.render import SceneInfo
 
 ANSWER_S = 4.0
-"""Who has not said by then what scenes it has is left out, in seconds; the page waits for 5 s."""
+"""Seconds for a host to list its scenes, or be left out; the page waits for 5 s."""
 MAX_LIST = 10_000_000
 """The longest list of scenes that is read, in bytes."""
-STATES = ("broken", "unloaded", "loading", "loaded")
-"""Of a scene's states on several hosts, the last of these counts."""
 
 
 async def list_scenes(client: httpx.AsyncClient, hosts: Sequence[HostState], *, scan: bool) -> list[SceneInfo]:
-    """The scenes of all hosts, in the order in which each has them. Raises Overloaded if no host answers."""
+    """Return the scenes of all hosts, by id. Raises Overloaded if no host answers."""
     target = "/scenes?scan=1" if scan else "/scenes"
     lists = await asyncio.gather(*(_scenes_of(client, host.api_url + target) for host in hosts))
     answered = [each for each in lists if each is not None]
     if not answered:
         raise Overloaded(AWAY, RETRY_S)
-    return _merged(answered)
+    return merged_scenes(answered)
 
 
 async def unload(client: httpx.AsyncClient, hosts: Sequence[HostState], scene: str) -> httpx.Response:
-    """Unload a scene wherever it is loaded: the answer of a host that refused, or else of the last.
+    """Unload a scene wherever it is loaded, and return the answer of a host that refused, or else the last one.
 
     Raises Overloaded if a host does not answer.
     """
@@ -57,12 +56,3 @@ async def _scenes_of(client: httpx.AsyncClient, url: str) -> list[SceneInfo] | N
             answer = await client.get(url)
         return parse(list[SceneInfo], answer.raise_for_status().content, MAX_LIST)
     return None
-
-
-def _merged(lists: Iterable[Sequence[SceneInfo]]) -> list[SceneInfo]:
-    best: dict[str, SceneInfo] = {}
-    for scene in (scene for scenes in lists for scene in scenes):
-        known = best.setdefault(scene.id, scene)
-        if STATES.index(scene.state) > STATES.index(known.state):
-            best[scene.id] = scene
-    return list(best.values())

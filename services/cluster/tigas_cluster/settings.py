@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field
 from pydantic_settings import NoDecode, SettingsConfigDict
 
 from tigas_cluster.scaling import HostRange
+from tigas_common.command import NO_FLAG, Metavar
 from tigas_common.settings import Listen, ServiceSettings
 from tigas_common.topology import PAGE
 
@@ -17,33 +18,34 @@ def _range(value: Any) -> Any:
     return value if isinstance(value, HostRange) else HostRange.parse(str(value))
 
 
-Hosts = Annotated[HostRange, NoDecode, BeforeValidator(_range)]
+Hosts = Annotated[HostRange, NoDecode, BeforeValidator(_range), Metavar("N|MIN..MAX")]
 """A setting that is a number of hosts, written N or MIN..MAX."""
 PortNumber = Annotated[int, Field(ge=0, le=65535)]
 
 
 class ClusterSettings(ServiceSettings):
-    """Each can be set in `tigas.toml` under [cluster], as TIGAS_CLUSTER_<NAME>, or as a flag of `tigas cluster up`."""
+    """Settings of `tigas cluster up`: its flags, the table [cluster] of `tigas.toml`, and TIGAS_CLUSTER_<NAME>."""
 
-    model_config = SettingsConfigDict(env_prefix="TIGAS_CLUSTER_", extra="forbid", frozen=True)
+    model_config = SettingsConfigDict(
+        env_prefix="TIGAS_CLUSTER_",
+    )
     table: ClassVar[str] = "cluster"
 
     http: Listen = PAGE.loopback
     """Address of the page and the API."""
     hosts: Hosts = HostRange(1, 64)
-    """How many hosts there may be."""
+    """Number of hosts."""
     scenes: Path | None = None
-    """The models directory, at the same place on every machine."""
-    resource: str | None = None
-    """What a machine has, in Ray's words, that may be a host; a host takes all of it. None: `GPU`, or in a Ray of our
-    own what its only node has."""
-    host_http_port: PortNumber = 0
+    """Models directory, at the same path on every machine."""
+    resource: Annotated[str | None, NO_FLAG] = None
+    """Ray resource of the machines that may be hosts; a host takes all of it. GPU unless named."""
+    host_http_port: Annotated[PortNumber, NO_FLAG] = 0
     """Port of each host's API; 0: any free one."""
-    host_quic_port: PortNumber = 0
+    host_quic_port: Annotated[PortNumber, NO_FLAG] = 0
     """Port of each host's HTTP/3 and WebTransport; 0: any free one."""
-    calm_minutes: float = Field(default=5.0, gt=0, le=1440)
-    """Fewer hosts must have been enough for so many minutes before one drains."""
-    grace_minutes: float = Field(default=10.0, gt=0, le=1440)
-    """A host that drains ends after so many minutes, even if viewers are left."""
-    services: dict[str, str] = Field(default_factory=dict)
+    calm_minutes: Annotated[float, NO_FLAG] = Field(default=5.0, gt=0, le=1440)
+    """Minutes for which fewer hosts must have sufficed before one drains."""
+    grace_minutes: Annotated[float, NO_FLAG] = Field(default=10.0, gt=0, le=1440)
+    """Minutes after which a draining host ends, even if viewers are left."""
+    services: Annotated[dict[str, str], NO_FLAG] = Field(default_factory=dict)
     """Base URLs of other services for the page, by name; a bare `:PORT` means the page's own host."""

@@ -26,7 +26,7 @@ MAX_LOAD = 1_000_000
 
 
 class HostStatus(BaseModel):
-    """One host. What is None is not known, since it does not serve."""
+    """Status of one host; fields are None if it does not serve."""
 
     host: str
     address: str | None
@@ -35,16 +35,16 @@ class HostStatus(BaseModel):
     """Of its API, within the cluster."""
     since: datetime | None
     failure: str | None
-    """Why it does not serve, if it has said so."""
+    """Reported reason for not serving."""
     device: str | None = None
     viewers: int | None = None
     utilisation: float | None = None
-    """Of what is busiest, 0 to 1."""
+    """Utilisation of the busiest stage, 0 to 1."""
     queue_age_s: float | None = None
     full: bool | None = None
     """Whether new viewers are refused."""
     scenes: tuple[str, ...] | None = None
-    """Those that are loaded."""
+    """Loaded scenes."""
 
 
 def status() -> Sequence[HostStatus]:

@@ -1,15 +1,14 @@
-"""`tigas cluster up`: joins or starts Ray, looks after the hosts, and serves the director until it is told to stop."""
+"""`tigas cluster up`: joins or starts Ray, maintains the hosts, and serves the director."""
 
 from __future__ import annotations
 
 import asyncio
 import os
-import signal
 import socket
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, NoReturn
 
 from tigas_cluster.connection import connected, named_cluster
@@ -21,7 +20,10 @@ from tigas_cluster.ray_fleet import RayFleet
 from tigas_cluster.scaling import Scaler
 from tigas_cluster.settings import ClusterSettings
 from tigas_common.address import Address, bracketed, say_if_open
+from tigas_common.http_limits import HttpLimits
+from tigas_common.loop_share import LoopShare
 from tigas_common.origins import OriginPolicy
+from tigas_common.processes import terminated_as_interrupted
 from tigas_common.runner import explained, serve_listener, until_stopped
 from tigas_common.terminal import printable
 
@@ -37,8 +39,8 @@ def up(settings: ClusterSettings, render_options: Sequence[str]) -> None:
     """Run the cluster until SIGINT or SIGTERM. Raises StartError."""
     address = named_cluster()
     with explained(settings.http, "--http"):
-        listener = settings.http.listen(settings.http_limits.unread_s)
-    with listener, _terminated_as_interrupted():
+        listener = settings.http.listen(HttpLimits.of(settings.http_limits).unread_s)
+    with listener, terminated_as_interrupted():
         if address is not None:
             _run(settings, render_options, listener, address, None)
             return
@@ -56,7 +58,7 @@ def up(settings: ClusterSettings, render_options: Sequence[str]) -> None:
 def _run(
     settings: ClusterSettings, render_options: Sequence[str], listener: socket.socket, address: str, own: OwnRay | None
 ) -> None:
-    """Serve until told to stop, over the Ray at this address, which may be our own."""
+    """Serve until stopped, on the Ray at this address, which may be private."""
     with connected(own, address):
         import ray.util
 
@@ -88,7 +90,11 @@ async def _serve(settings: ClusterSettings, cluster: RayCluster, listener: socke
         try:
             async with (
                 create_director(fleet, origins=origins, clock=time.monotonic, services=settings.services) as app,
-                serve_listener(app, listener, settings.http_limits) as port,
+                serve_listener(
+                    LoopShare(app, settings.http_limits.loop_share_per_address, origins),
+                    listener,
+                    HttpLimits.of(settings.http_limits),
+                ) as port,
             ):
                 await asyncio.wait((stopped, fleet.began), return_when=asyncio.FIRST_COMPLETED)
                 if fleet.began.done():
@@ -105,7 +111,7 @@ async def _serve(settings: ClusterSettings, cluster: RayCluster, listener: socke
 
 
 def _abandon(own: OwnRay | None) -> NoReturn:
-    """End without Ray, whose calls wait for a minute once its head is gone, and cannot be interrupted."""
+    """Exit without Ray: its calls wait for a minute once the head is down, and cannot be interrupted."""
     print("Ray does not answer; hosts that are left end when it does on their machines.", file=sys.stderr, flush=True)
     if own is not None:
         own.stop()
@@ -117,20 +123,10 @@ def _say(text: str) -> None:
 
 
 def _pages(settings: ClusterSettings, port: int, names: Sequence[str]) -> Iterator[str]:
-    """The page's origins, which differ from those of the hosts that it asks for frames."""
+    """The page's origins, which differ from those of the hosts."""
     at_port = "" if port == 80 else f":{port}"
     own = () if settings.http.is_loopback else (settings.http.reachable_host, socket.gethostname(), *names)
     for name in dict.fromkeys(("localhost", LOOPBACK, *own)):
         yield f"http://{bracketed(name)}{at_port}"
-    for name in settings.allow_hosts:  # what is in front of the director may speak TLS
+    for name in settings.allow_hosts:  # a proxy in front of the director may speak TLS
         yield f"https://{name}"
-
-
-@contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
-    """Let SIGTERM be as Ctrl+C is, until an event loop takes both, so that nothing is left behind."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

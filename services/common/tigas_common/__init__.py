@@ -1,1 +1,1 @@
-"""What every TIGAS service shares: wire types, errors, the certificate, settings and the `tigas` command."""
+"""Code shared by all TIGAS services: wire types, errors, the certificate, settings and the `tigas` command."""

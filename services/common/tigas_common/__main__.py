@@ -1,6 +1,6 @@
-"""`python -m tigas_common`: the `tigas` command, for whoever must start it with this very Python."""
+"""`python -m tigas_common`: the `tigas` command, run with this very Python."""
 
 from tigas_common.cli import main
 
-if __name__ == "__main__":  # processes that the command starts import this, too
+if __name__ == "__main__":  # processes started by the command import this as well
     main()

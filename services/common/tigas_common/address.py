@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from tigas_common.hosts import is_loopback
 
 ISOLATED = "TIGAS_ISOLATED"
-"""The environment variable of services in a network of their own, whose every address only this machine reaches."""
+"""Environment variable set for services in a private network namespace, where every address is local to this
+machine.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +53,9 @@ class Address:
         return bracketed(self.host)
 
     def listen(self, unread_s: float) -> socket.socket:
-        """A TCP socket that listens here.
+        """A listening TCP socket.
 
-        A peer that takes nothing of what is sent to it for `unread_s` seconds loses its connection (on Linux).
-        Raises OSError.
+        A peer that does not read for `unread_s` seconds loses its connection (on Linux). Raises OSError.
         """
         family, kind, protocol, _, target = socket.getaddrinfo(
             self.host, self.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
@@ -81,14 +82,16 @@ def say_if_open(addresses: Iterable[Address]) -> None:
 def warning_if_open(addresses: Iterable[Address]) -> str | None:
     """The line, if there is one to print."""
     opened = " and ".join(map(str, reached_by_others(addresses)))
-    return f"Open to the network on {opened}: whoever reaches this machine can use this service." if opened else None
+    return (
+        f"Open to the network on {opened}: any machine that reaches this one can use this service." if opened else None
+    )
 
 
 def reached_by_others(addresses: Iterable[Address]) -> list[Address]:
-    """Those of a service's addresses that others than this machine reach."""
+    """The addresses of a service that other machines can reach."""
     return [] if ISOLATED in os.environ else [address for address in addresses if not address.is_loopback]
 
 
 def bracketed(host: str) -> str:
-    """A host as it is written in a URL."""
+    """A host in the form used in URLs."""
     return f"[{host}]" if ":" in host else host

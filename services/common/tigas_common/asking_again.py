@@ -1,4 +1,4 @@
-"""A service that has no time for a request is asked again when it says so, for programs that can wait."""
+"""Retries of requests that a busy service refused, for programs that can wait."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import httpx
 
 TRIES = 5
 LATER = (409, 429, 503)
-"""A newer request came first; asked too often; too much to do."""
+"""Superseded by a newer request; rate limited; overloaded."""
 PAUSE_S, LONGEST_PAUSE_S = 1.0, 10.0
-"""Between two tries, unless the service says how long; and at most."""
+"""Default and maximum seconds between two tries."""
 
 
 async def asked_again(ask: Callable[[], Awaitable[httpx.Response]]) -> httpx.Response:

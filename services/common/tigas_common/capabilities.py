@@ -1,4 +1,4 @@
-"""What this process may do to the network (capabilities(7))."""
+"""Network capabilities of this process (capabilities(7))."""
 
 from __future__ import annotations
 

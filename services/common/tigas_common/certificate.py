@@ -24,7 +24,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 VALIDITY = timedelta(days=13)
 """The whole span from not-before to not-after."""
 CLOCK_SKEW = timedelta(hours=1)
-"""How far before its making a certificate starts to be valid, for clients whose clock is behind."""
+"""A certificate becomes valid this long before its creation, for clients with a slow clock."""
 RENEW_BEFORE = timedelta(days=3)
 """A certificate with less time left than this should be replaced."""
 LOOPBACK_NAMES = ("localhost", "127.0.0.1", "::1")
@@ -98,14 +98,14 @@ class Certificate:
         return self.x509.not_valid_after_utc
 
     def needs_renewal(self, now: datetime) -> bool:
-        """Whether it is time to make another."""
-        return now >= self.not_after - RENEW_BEFORE
+        """Whether it is time to make another, also because the clock was ahead when this one was made."""
+        return not self.x509.not_valid_before_utc <= now < self.not_after - RENEW_BEFORE
 
     def load_into(self, context: ssl.SSLContext) -> None:
         """Let a TLS server use this certificate.
 
-        Python's ssl reads keys from files only, so they are written to a directory that nobody else may read and
-        that is gone when this returns.
+        Python's ssl reads keys from files only, so they are written to a private temporary directory, removed on
+        return.
         """
         with tempfile.TemporaryDirectory(prefix="tigas-") as directory:  # made with mode 0700
             path = Path(directory) / "certificate.pem"

@@ -1,35 +1,23 @@
-"""The `tigas` command: finds each installed service's subcommands through entry points."""
+"""The `tigas` command: finds each installed service's commands through entry points."""
 
 from __future__ import annotations
 
 import logging
+import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import EntryPoint, distribution, entry_points
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-from typer.core import TyperGroup
-
-from tigas_common.errors import StartError
+from tigas_common.command import Command, Group, list_commands, load, parse, summary
+from tigas_common.errors import StartError, UsageError
 from tigas_common.extras import PROJECT, explained
 from tigas_common.terminal import LogFormatter, printable
 
 COMMANDS = "tigas.commands"
-"""The entry-point group: a `typer.Typer` becomes a group of commands, a function one command. The extras that a point
-names are what its command needs."""
-
-AllowHosts = Annotated[
-    list[str] | None,
-    typer.Option("--allow-host", metavar="NAME", help="Answer under this host name as well. Repeatable."),
-]
-"""The option of every service for its setting `allow_hosts`."""
-AllowOrigins = Annotated[
-    list[str] | None,
-    typer.Option("--allow-origin", metavar="URL", help="Let pages of another host use the service. Repeatable."),
-]
-"""The same for `allow_origins`."""
+"""Entry-point group of commands and groups of commands. The extras of an entry are its command's dependencies."""
+HELP = "Walk through 3D Gaussian Splatting scenes, one JPEG per pose over HTTP/3."
 
 
 @contextmanager
@@ -38,8 +26,8 @@ def in_a_sentence(*expected: type[Exception]) -> Iterator[None]:
     try:
         yield
     except expected as error:
-        typer.secho(printable(str(error)), err=True, fg="red")
-        raise typer.Exit(1) from None
+        print(printable(str(error)), file=sys.stderr)
+        raise SystemExit(1) from None
 
 
 def log_to_stdout(level: int = logging.INFO) -> None:
@@ -49,57 +37,54 @@ def log_to_stdout(level: int = logging.INFO) -> None:
     logging.basicConfig(level=level, handlers=[handler])
 
 
-class _Commands(TyperGroup):
-    """Where a package is missing, says which extra of ours brings it."""
-
-    def invoke(self, ctx: Any) -> Any:
-        try:
-            return super().invoke(ctx)
-        except ModuleNotFoundError as error:
-            point = next(each for each in _points() if each.name == ctx.invoked_subcommand)
-            if (sentence := explained(error, point.extras)) is None:
-                raise
-            with in_a_sentence(StartError):
-                raise sentence from None
+def entries() -> dict[str, EntryPoint]:
+    """The entry points of all installed commands and groups, by name."""
+    return {point.name: point for point in sorted(entry_points(group=COMMANDS), key=lambda point: point.name)}
 
 
-def application() -> typer.Typer:
-    """The `tigas` command with the subcommands of all installed services."""
-    app = typer.Typer(
-        name="tigas",
-        cls=_Commands,
-        help="Walk through 3D Gaussian Splatting scenes, one JPEG per pose over HTTP/3.",
-        no_args_is_help=True,
-        pretty_exceptions_enable=False,
-    )
-    app.callback()(_options)
-    for point in _points():
-        command = point.load()
-        if isinstance(command, typer.Typer):
-            app.add_typer(command, name=point.name)
-        else:
-            app.command(point.name)(command)
-    return app
+def settings_of(service: str, /, **values: Any) -> Any:
+    """The settings that a service's command would have with these flags. Raises UsageError."""
+    return load(entries()[service].load(), values)
 
 
-def _say_version(asked: bool) -> None:
-    if asked:
-        print(f"{PROJECT} {distribution(PROJECT).version}")
-        raise typer.Exit
-
-
-def _options(
-    version: Annotated[
-        bool, typer.Option("--version", is_eager=True, callback=_say_version, help="Print the version and exit.")
-    ] = False,
-) -> None:
-    """What `tigas` takes before a command."""
-
-
-def _points() -> list[EntryPoint]:
-    return sorted(entry_points(group=COMMANDS), key=lambda point: point.name)
-
-
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Run the `tigas` command."""
-    application()()
+    try:
+        _run(sys.argv[1:] if arguments is None else arguments)
+    except UsageError as error:
+        print(printable(str(error)), file=sys.stderr)
+        raise SystemExit(2) from None
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the flush at exit
+        raise SystemExit(1) from None
+
+
+def _run(arguments: Sequence[str]) -> None:
+    name, *more = arguments or ["--help"]
+    points = entries()
+    if name == "--version":
+        print(f"{PROJECT} {distribution(PROJECT).version}")
+    elif name in ("-h", "--help"):
+        print(list_commands(PROJECT, HELP, {name: summary(point.load()) for name, point in points.items()}))
+        raise SystemExit(0 if arguments else 2)
+    elif name not in points:
+        raise UsageError(f"{PROJECT} has no command {name!r}; `{PROJECT} --help` lists them.")
+    else:
+        _run_entry(points[name], more)
+
+
+def _run_entry(point: EntryPoint, arguments: Sequence[str]) -> None:
+    """Run a command; a package that is missing is reported with the extra that has it."""
+    try:
+        command: Group | type[Command] = point.load()
+        prog = f"{PROJECT} {point.name}"
+        if isinstance(command, Group):
+            command, prog, arguments = command.select(prog, arguments)
+        parse(command, prog, arguments).run()
+    except ModuleNotFoundError as error:
+        if (sentence := explained(error, point.extras)) is None:
+            raise
+        with in_a_sentence(StartError):
+            raise sentence from None

@@ -11,11 +11,13 @@ VARIABLE = "TIGAS_COMMIT"
 
 
 def this_commit() -> str | None:
-    """What VARIABLE says, or the working tree's, with `-dirty` if it was changed; None where neither is to be had."""
+    """The value of VARIABLE, or the working tree's commit, with `-dirty` if it was changed; None if both are
+    unavailable.
+    """
     if told := os.environ.get(VARIABLE):
         return told
     command = ("git", "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*")
-    alone = os.environ | {"GIT_OPTIONAL_LOCKS": "0"}  # so that nobody else's git is in its way
+    alone = os.environ | {"GIT_OPTIONAL_LOCKS": "0"}  # so that the user's git configuration does not interfere
     try:
         run = subprocess.run(
             command, cwd=Path(__file__).parent, capture_output=True, text=True, timeout=10, env=alone, check=True

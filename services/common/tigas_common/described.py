@@ -1,4 +1,4 @@
-"""What is said of an endpoint that its types do not tell, for whoever describes the service."""
+"""Documentation of an endpoint beyond its types, for the service's API description."""
 
 from __future__ import annotations
 
@@ -12,22 +12,23 @@ JSON = "application/json"
 TEXT = "text/plain"
 BYTES = "application/octet-stream"
 PICTURES = ("image/jpeg", "image/png", "image/webp")
+HAS_IT_ALREADY = {304: "The client has it already, as its `If-None-Match` says."}
 
 Endpoint = TypeVar("Endpoint", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """What is said of an endpoint."""
+    """Documentation of an endpoint."""
 
     query: Mapping[str, str] = field(default_factory=dict)
-    """Its parameters, all of them optional, and what each means."""
+    """Its parameters, all optional, with their meanings."""
     takes: type[BaseModel] | tuple[str, ...] = ()
     """Its body, where it reads that itself: a message, or something of one of these media types."""
     gives: type[BaseModel] | tuple[str, ...] = ()
     """The same of its answer, where that is no ModelResponse."""
     also: Mapping[int, str] = field(default_factory=dict)
-    """Statuses besides success and failure, and what they mean."""
+    """Additional statuses, with their meanings."""
 
 
 def described(
@@ -47,6 +48,6 @@ def described(
 
 
 def description(endpoint: Callable[..., Any]) -> Description:
-    """What is said of it; nothing if nobody did."""
+    """Its documentation; empty by default."""
     said: Description = getattr(endpoint, "described", None) or Description()
     return said

@@ -12,9 +12,11 @@ class TigasError(Exception):
     type = "internal-error"
     title = "The server failed"
 
-    def __init__(self, detail: str) -> None:
+    def __init__(self, detail: str, retry_after_s: float | None = None) -> None:
         super().__init__(detail)
         self.detail = detail
+        self.retry_after_s = retry_after_s
+        """When to try again, in seconds, if that is known."""
 
 
 class InvalidRequest(TigasError):
@@ -42,7 +44,7 @@ class BodyTooLarge(TigasError):
 
 
 class TooCostly(TigasError):
-    """To check what was sent took more memory or time than anything sensible of its size."""
+    """Validating the input took more memory or time than any sensible input of its size."""
 
     status, type, title = 422, "too-costly", "It takes too much to check"
 
@@ -54,7 +56,7 @@ class DiskFull(TigasError):
 
 
 class StorageFailed(TigasError):
-    """The system does not let us read or write what is to be kept."""
+    """The system denies reading or writing stored data."""
 
     status, type, title = 500, "storage-failed", "The disk failed"
 
@@ -72,7 +74,7 @@ class BrokenScene(TigasError):
 
 
 class SceneInUse(TigasError):
-    """Somebody views the scene that another asks to unload."""
+    """The scene to unload has viewers."""
 
     status, type, title = 409, "scene-in-use", "The scene is in use"
 
@@ -94,24 +96,19 @@ class Overloaded(TigasError):
 
     status, type, title = 503, "overloaded", "The server has too much to do"
 
-    def __init__(self, detail: str, retry_after_s: float | None = None) -> None:
-        super().__init__(detail)
-        self.retry_after_s = retry_after_s
-        """When to try again, in seconds, if that can be told."""
-
 
 class NoRoom(Overloaded):
     """Scenes that are in use leave no room for another on the device."""
 
 
 class ServerFull(Overloaded):
-    """The server keeps what it has promised to those who are in, and takes nobody else for now."""
+    """The server serves its present viewers and admits no others for now."""
 
     status, type, title = 503, "full", "The server is full"
 
 
 class AskedTooOften(TigasError):
-    """The client asks more often than it was told that it may."""
+    """The client asks more often than it may."""
 
     status, type, title = 429, "asked-too-often", "You ask too often"
 
@@ -135,7 +132,7 @@ class ServiceSilent(TigasError):
 
 
 class OutOfDeviceMemory(TigasError):
-    """The device that renders has too little free memory, even after scenes that nobody uses were unloaded."""
+    """The rendering device has too little free memory, even after unloading unused scenes."""
 
     status, type, title = 503, "out-of-memory", "The GPU's memory is full"
 
@@ -147,10 +144,14 @@ class DeviceLost(TigasError):
 
 
 class StartError(Exception):
-    """Why a service cannot start, in one sentence for whoever starts it."""
+    """Reason why a service cannot start, in one sentence for its operator."""
+
+
+class UsageError(Exception):
+    """A wrong command line or settings file, in one sentence."""
 
 
 def problem(error: Exception) -> Problem:
-    """The answer to a failed request. Anything but a TigasError becomes a 500 that tells nothing of the inside."""
+    """The answer to a failed request. Anything but a TigasError becomes a 500 without internal details."""
     known = error if isinstance(error, TigasError) else TigasError("The server failed; its log says why.")
     return Problem(type=f"tigas:{known.type}", title=known.title, status=known.status, detail=known.detail)

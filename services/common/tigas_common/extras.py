@@ -1,4 +1,4 @@
-"""What `pip install tigas` alone leaves out: the extras' packages, and the command that installs them."""
+"""Packages that plain `pip install tigas` omits, and the command that installs them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from tigas_common.errors import StartError
 
 PROJECT = "tigas"
 REQUIREMENT = re.compile(r"""(?P<name>[\w.-]+)[^;]*; extra == ['"](?P<extra>[\w-]+)['"]""")
-"""One that an extra has on every platform, as wheels write it."""
+"""A package that the extra has on every platform, in wheel spelling."""
 
 
 def install_command(*extras: str) -> str:
-    """The command that adds extras to this installation, from where it came from: a checkout, a wheel or an index."""
+    """The command that adds extras to this installation, from its own source: a checkout, a wheel or an index."""
     named = f"{PROJECT}[{','.join(extras)}]"
     origin = _origin()
     url = origin.get("url", "")
@@ -31,18 +31,22 @@ def install_command(*extras: str) -> str:
     return f"pip install '{named} @ {url}'"
 
 
-def require(*extras: str) -> None:
-    """Raises StartError, which says what to install, if a package of these extras is missing."""
+def missing_packages(*extras: str) -> list[str]:
+    """The packages of these extras that are not installed."""
     required = filter(None, map(REQUIREMENT.fullmatch, distribution(PROJECT).requires or ()))
-    missing = sorted({each["name"] for each in required if each["extra"] in extras and not _is_installed(each["name"])})
-    if missing:
+    return sorted({each["name"] for each in required if each["extra"] in extras and not _is_installed(each["name"])})
+
+
+def require(*extras: str) -> None:
+    """Raise StartError with the command that installs them if packages of these extras are missing."""
+    if missing := missing_packages(*extras):
         named = ", ".join(missing[:3]) + (f" and {len(missing) - 3} more" if missing[3:] else "")
         are = "is" if len(missing) == 1 else "are"
         raise StartError(f"{named} {are} not installed: {install_command(*extras)}")
 
 
 def explained(error: ModuleNotFoundError, extras: Sequence[str]) -> StartError | None:
-    """What to install so that a command with these extras finds its modules; None if that would not help."""
+    """Install command for the missing modules of a command with these extras; None if that would not help."""
     module = (error.name or "").partition(".")[0]
     if not module or module.startswith(PROJECT) or not extras:
         return None
@@ -58,7 +62,7 @@ def _is_installed(name: str) -> bool:
 
 
 def _origin() -> dict[str, Any]:
-    """Where this installation came from (PEP 610); empty for an index."""
+    """The source of this installation (PEP 610); empty for an index."""
     origin: dict[str, Any] = json.loads(distribution(PROJECT).read_text("direct_url.json") or "{}")
     return origin
 

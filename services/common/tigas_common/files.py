@@ -1,4 +1,4 @@
-"""Opens files that others may have put somewhere, if they are files: a pipe or a device may never end."""
+"""Files on disk: read only if they are regular, as a pipe or a device may never end; written whole and durably."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ from tigas_common.errors import DiskFull, StorageFailed
 
 SPARE_BYTES = 1 << 30
 """Of a disk, that large files leave."""
+NO_HARD_LINKS = {errno.EPERM, errno.EMLINK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP}
+"""How file systems refuse hard links that they do not have."""
 
 
 def open_regular(path: Path, *, follow: bool = True) -> BufferedReader:
-    """Open a file to read, through links unless told otherwise.
+    """Open a file for reading, through links by default.
 
-    Raises OSError, also for a pipe, a socket, a device or a folder, and for a link that is not to be followed.
+    Raises OSError, also for a pipe, a socket, a device or a folder, and for a link if links are not followed.
     """
     opener = _open if follow else _open_itself
     file = open(path, "rb", opener=opener)  # noqa: SIM115 - the caller's to close
@@ -40,9 +42,51 @@ def read_regular(path: Path, limit: int, *, follow: bool = True) -> bytes:
 
 
 def check_room(directory: Path, needed: int) -> None:
-    """Whether a directory's disk takes so many bytes more, and keeps some. Raises OSError."""
+    """Whether a directory's disk has room for this many bytes and a reserve. Raises OSError."""
     if needed > shutil.disk_usage(directory).free - SPARE_BYTES:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(directory))
+
+
+def to_disk(path: Path) -> None:
+    """Flush a file, or a folder with all that is in it, so that it survives a power failure. Raises OSError."""
+    inside = (Path(parent, name) for parent, folders, names in os.walk(path) for name in (*names, *folders))
+    for each in (*inside, path):
+        handle = os.open(each, os.O_RDONLY | os.O_NOFOLLOW)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def move_new(source: Path, target: Path) -> None:
+    """Move a file, a link or a folder to a free name on the same disk, atomically and durably.
+
+    Raises OSError, such as FileExistsError if the name is taken; then nothing has changed.
+    """
+    if stat.S_ISDIR(source.lstat().st_mode):
+        source.rename(target)
+    else:
+        try:
+            os.link(source, target, follow_symlinks=False)
+        except OSError as error:
+            if error.errno not in NO_HARD_LINKS:
+                raise
+            _replace_placeholder(source, target)
+        else:
+            source.unlink()
+    names_to_disk(target.parent)
+
+
+def replace_file(path: Path, content: bytes) -> None:
+    """Write a file in one step that survives a power failure. Raises OSError; then the old file is still there."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_bytes(content)
+        to_disk(temporary)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+    names_to_disk(path.parent)
 
 
 @contextmanager
@@ -54,6 +98,27 @@ def storage_explained(what: str) -> Iterator[None]:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise DiskFull(f"The disk that holds the {what} is full.") from None
         raise StorageFailed(f"The disk that holds the {what} refused: {error.strerror or error}.") from error
+
+
+def _replace_placeholder(source: Path, target: Path) -> None:
+    target.open("x").close()
+    try:
+        source.replace(target)
+    except BaseException:
+        target.unlink()
+        raise
+
+
+def names_to_disk(folder: Path) -> None:
+    """Flush a folder's list of names; some network file systems cannot, and keep it safe by themselves."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+            raise
+    finally:
+        os.close(handle)
 
 
 def _open(path: str, flags: int) -> int:

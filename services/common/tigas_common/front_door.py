@@ -1,4 +1,4 @@
-"""What a service without a page says at `/`, to somebody who opens the address that it printed: its routes."""
+"""Index at `/` of a service without a page, for visitors of its printed address: its routes."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from tigas_common.web import NO_STORE
 
 
 def front_door(name: str) -> Route:
-    """The route that tells of the others, each with the first line of its docstring."""
+    """The route that lists the others, each with the first line of its docstring."""
 
     @described(gives=(TEXT,))
     async def listing(request: Request) -> Response:
-        """What can be asked of this service."""
+        """List of this service's routes."""
         lines = [f"{name}, TIGAS {version('tigas')}", ""]
         for route in request.app.routes:
             if isinstance(route, Route) and route.path != "/":

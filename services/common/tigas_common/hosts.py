@@ -18,7 +18,7 @@ def host_of(text: str) -> str | None:
 
 
 def host_of_origin(text: str) -> str | None:
-    """The same of an origin, `http://HOST:PORT`; None for `null` and for what is no page's."""
+    """The same for an origin, `http://HOST:PORT`; None for `null` and other non-origins."""
     return _name(_ORIGIN, text)
 
 

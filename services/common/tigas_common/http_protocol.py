@@ -14,7 +14,7 @@ from uvicorn.protocols.http.flow_control import FlowControl
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.server import ServerState
 
-from tigas_common.errors import RequestTimeout, TigasError, problem
+from tigas_common.errors import InvalidRequest, RequestTimeout, TigasError, problem
 from tigas_common.http_limits import HttpLimits
 from tigas_common.patience import Patience
 from tigas_common.peers import ARRIVED
@@ -60,7 +60,7 @@ class LimitedProtocol(H11Protocol):
             self._timer.cancel()
 
     def _watch(self, received: int = 0) -> None:
-        """Begin, continue or end to be patient, by what the client is expected to send."""
+        """Start, continue or stop the timeout, depending on the data expected from the client."""
         now, state = self.loop.time(), self.conn.their_state
         if self.transport.get_protocol() is not self:  # it is a WebSocket now
             state = h11.SWITCHED_PROTOCOL
@@ -71,7 +71,7 @@ class LimitedProtocol(H11Protocol):
         if state is h11.SEND_BODY:
             self._begin(self._limits.body_s, self._limits.body_bytes_per_s)
         elif state is h11.IDLE and self.timeout_keep_alive_task is None:
-            self._begin(self._limits.header_s, math.inf)  # nothing that comes prolongs it
+            self._begin(self._limits.header_s, math.inf)  # received data does not extend it
         else:
             self._patience = None
 
@@ -92,20 +92,24 @@ class LimitedProtocol(H11Protocol):
         if self.loop.time() < self._patience.until:
             self._timer = self.loop.call_at(self._patience.until, self._expired)
         else:
-            self._give_up()
+            what = "body" if self._awaited is h11.SEND_BODY else "headers"
+            self._give_up(RequestTimeout(f"The request's {what} did not come in time."))
 
-    def _give_up(self) -> None:
-        if self.cycle is not None and not self.cycle.response_complete:  # what it may still say goes nowhere
+    def send_400_response(self, msg: str) -> None:
+        """uvicorn would answer even if the application has, and let the application answer even after that."""
+        self._give_up(InvalidRequest("The request is not valid HTTP/1.1."))
+
+    def _give_up(self, error: TigasError) -> None:
+        if self.cycle is not None and not self.cycle.response_complete:  # further data is dropped
             self.cycle.disconnected = True
             self.cycle.message_event.set()
         if self._began and self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
-            what = "body" if self._awaited is h11.SEND_BODY else "headers"
-            self.transport.write(last_answer(RequestTimeout(f"The request's {what} did not come in time.")))
+            self.transport.write(last_answer(error))
         self.transport.close()
 
 
 class _Flow(FlowControl):
-    """uvicorn's flow control, which says when it reads on."""
+    """uvicorn's flow control, which reports when it resumes reading."""
 
     def __init__(self, transport: asyncio.Transport, resumed: Callable[[], None]) -> None:
         super().__init__(transport)

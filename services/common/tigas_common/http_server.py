@@ -21,13 +21,14 @@ BATCH = 32
 """Connections accepted before others have their turn."""
 EXHAUSTED = {errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM}
 EXHAUSTED_S = 0.5
-"""Pause before the next connection is accepted, if the system had nothing to accept one with, in seconds."""
+"""Pause in seconds before the next connection is accepted, after the system ran out of resources to accept one."""
 
 
 class LimitedServer(uvicorn.Server):
-    """Serves one socket that listens, and accepts by itself: a TLS handshake counts as a connection, too.
+    """Serves one listening socket, and accepts connections itself: a TLS handshake counts as a connection as
+    well.
 
-    It leaves signals to whoever runs it, so that several can share a process.
+    It leaves signals to its caller, so that several can share a process.
     """
 
     def __init__(self, config: uvicorn.Config, limits: HttpLimits, tls: ssl.SSLContext | None) -> None:
@@ -36,7 +37,7 @@ class LimitedServer(uvicorn.Server):
         self._limits = limits
         self._tls = tls
         self._opening: dict[asyncio.Task[None], str] = {}
-        """Whose connections are being opened; uvicorn knows the open ones."""
+        """Addresses with connections being opened; uvicorn knows the open ones."""
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -58,7 +59,7 @@ class LimitedServer(uvicorn.Server):
         await super().shutdown(sockets)
 
     async def _accept(self, listener: socket.socket) -> None:
-        """Open or refuse whatever comes, several at a time: those who are refused must not keep others waiting."""
+        """Open or refuse connections, several at a time: refused ones must not delay others."""
         loop = asyncio.get_running_loop()
         while True:
             try:
@@ -72,7 +73,7 @@ class LimitedServer(uvicorn.Server):
                 pass
             except OSError as error:  # else the client has left
                 await asyncio.sleep(EXHAUSTED_S if error.errno in EXHAUSTED else 0)
-            await asyncio.sleep(0)  # accepting may not have to wait, and others have their turns, too
+            await asyncio.sleep(0)  # accepting may not block, so other tasks get their turns here
 
     def _count(self) -> Counter[str]:
         """How many connections each client has."""

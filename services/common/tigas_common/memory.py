@@ -8,32 +8,32 @@ import gc
 from contextlib import suppress
 
 EVERY_S = 10.0
-"""How long a service may keep what it does not need, in seconds."""
+"""Seconds for which a service may keep unused memory."""
 
 
 _M_ARENA_MAX = -8
 
 
 def keep_together() -> None:
-    """Let all threads allocate from one arena of glibc's: it can only give back what lies in the first one.
+    """Make all threads allocate from one glibc arena: only the first one can return memory to the system.
 
-    To be called before there are threads.
+    Must be called before threads start.
     """
     with suppress(AttributeError, OSError, TypeError):
         ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
 
 
 def give_back() -> None:
-    """Collect garbage and return what is free (malloc_trim(3), where the C library is glibc). Takes milliseconds."""
+    """Collect garbage and return free memory (malloc_trim(3), with glibc). Takes milliseconds."""
     gc.collect()
     with suppress(AttributeError, OSError, TypeError):
         ctypes.CDLL(None).malloc_trim(0)
 
 
 async def give_back_regularly() -> None:
-    """Give memory back again and again, in a thread, until this is cancelled.
+    """Return memory periodically, in a thread, until cancelled.
 
-    What start-up made stays: to look through it for garbage each time would hold up whatever the service does.
+    Objects from start-up are frozen: scanning them for garbage each time would stall the service.
     """
     gc.collect()
     gc.freeze()

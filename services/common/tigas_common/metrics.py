@@ -1,7 +1,7 @@
-"""What every service tells Prometheus at `/metrics`: its build, its process, and the HTTP requests that it answers.
+"""Prometheus metrics of every service at `/metrics`: its build, its process, and its HTTP requests.
 
-A service adds collectors of its own. They look at its state when somebody asks, so that a frame costs an addition at
-most; labels are names that the service knows, never what a request says.
+A service adds its own collectors. They read its state on request, so that a frame costs an addition at most; labels are
+names known to the service, never text from a request.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ METHODS = frozenset({"DELETE", "GET", "HEAD", "OPTIONS", "POST", "PUT"})
 OTHER = "other"
 """The label of a path that no route has, of an unusual method, and of scenes beyond the first MOST_SCENES."""
 MOST_SCENES = 200
-"""So many scenes have figures of their own: files may come and go for as long as a service runs."""
+"""Maximum number of scenes with figures of their own: files may appear and disappear during a service's lifetime."""
 RESPONSE_BUCKETS = (0.005, 0.02, 0.1, 0.5, 2, 10)
 """Seconds."""
 
@@ -70,7 +70,7 @@ class SceneNames:
         self._known: set[str] = set()
 
     def label(self, scene: str) -> str:
-        """What to call a scene that exists."""
+        """Label of an existing scene."""
         if scene not in self._known:
             if len(self._known) >= MOST_SCENES:
                 return OTHER
@@ -84,7 +84,7 @@ class CountedRequests:
     def __init__(
         self, app: ASGIApp, routes: Iterable[BaseRoute], registry: CollectorRegistry, besides: str | None = None
     ) -> None:
-        """routes: the application's; besides: a path that is counted elsewhere."""
+        """routes: the application's; besides: a path counted elsewhere."""
         self._app = app
         self._besides = besides
         self._paths: dict[object, str] = {
@@ -94,7 +94,7 @@ class CountedRequests:
             "tigas_http_requests", "HTTP requests that were answered", ["route", "method", "status"], registry=registry
         )
         self._in_flight = Gauge(
-            "tigas_http_requests_in_flight", "HTTP requests whose answers are not complete", registry=registry
+            "tigas_http_requests_in_flight", "HTTP requests with incomplete answers", registry=registry
         )
         self._seconds = Histogram(
             "tigas_http_response_seconds",
@@ -131,6 +131,6 @@ class _Build(Collector):
         }
 
     def collect(self) -> Iterator[Metric]:
-        build = GaugeMetricFamily("tigas_build_info", "Always 1: the labels say what runs", labels=[*self._labels])
+        build = GaugeMetricFamily("tigas_build_info", "Always 1: the labels identify the build", labels=[*self._labels])
         build.add_metric([*self._labels.values()], 1)
         yield build

@@ -29,13 +29,16 @@ class Offload(Protocol):
     """Where such work is done."""
 
     async def __call__(self, function: Callable[[*Ts], T], *arguments: *Ts, limit: Limit | None = None) -> T:
-        """Call a module's function there, and return or raise what it does. It must not raise OSError."""
+        """Call a module's function in the worker process, and return its result or raise its error. It must not raise
+        OSError.
+        """
 
 
 async def offload_to_process(function: Callable[[*Ts], T], *arguments: *Ts, limit: Limit | None = None) -> T:
-    """Done in another process; killed there if nobody waits for it any longer, or if it exceeds the limit.
+    """Run in another process; killed there if cancelled, or if it exceeds the limit.
 
-    Raises TooCostly if it is ended under a limit; Overloaded if the process cannot be started, or is ended without one.
+    Raises TooCostly if it is ended under a limit; Overloaded if the process cannot be started, or is ended
+    without one.
     """
     try:
         if limit:
@@ -47,14 +50,14 @@ async def offload_to_process(function: Callable[[*Ts], T], *arguments: *Ts, limi
                 f"It took more than {limit.memory // 1_000_000:,} MB of memory or {limit.cpu_s} s to check, "
                 "or more than the machine has."
             ) from None
-        raise Overloaded("The work was ended by the system, probably for want of memory.") from None
+        raise Overloaded("The work was ended by the system, probably because memory is short.") from None
     except OSError as error:
         raise Overloaded(f"No process can be started for the work: {error.strerror or error}.") from None
 
 
 def _within(limit: Limit, function: Callable[[*Ts], T], *arguments: *Ts) -> T:
     os.setpriority(os.PRIO_PROCESS, 0, NICE)
-    with suppress(OSError):  # what else the system ends when memory is short, it chooses by itself
+    with suppress(OSError):  # on low memory the system may end other processes at its own choice
         Path("/proc/self/oom_score_adj").write_text("1000")
     try:
         with limited(limit):

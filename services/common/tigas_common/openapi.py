@@ -1,8 +1,10 @@
-"""`/openapi.json`: what a service answers (OpenAPI 3.1), as its routes, their docstrings and their types have it."""
+"""`/openapi.json`: a service's API (OpenAPI 3.1), from its routes, their docstrings and their types."""
 
 from __future__ import annotations
 
+import asyncio
 import inspect
+import json
 from collections.abc import Iterable, Iterator
 from importlib.metadata import version
 from typing import Any, Literal, get_args, get_origin, get_type_hints
@@ -10,30 +12,39 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import Response
 from starlette.routing import BaseRoute, Route
 
-from tigas_common.described import JSON, described, description
-from tigas_common.web import NO_STORE, ModelResponse
+from tigas_common.described import HAS_IT_ALREADY, JSON, described, description
+from tigas_common.web import ModelResponse, Tagged
 from tigas_common.wire.render import Problem
 
 PATH = "/openapi.json"
 REFERENCE = "#/components/schemas/{model}"
 
 Schema = tuple[type[BaseModel], Literal["validation", "serialization"]]
-"""A model, as it is taken or as it is given."""
+"""A model, as input or as output."""
 PROBLEM: Schema = (Problem, "serialization")
 
 
 def openapi(name: str) -> Route:
     """The route that describes the others of its application."""
 
-    @described(gives=(JSON,))
+    document: asyncio.Task[Tagged] | None = None
+
+    @described(gives=(JSON,), also=HAS_IT_ALREADY)
     async def openapi(request: Request) -> Response:
         """This service's requests and answers, as OpenAPI 3.1."""
-        return JSONResponse(describe(name, request.app.routes), headers=NO_STORE)
+        nonlocal document
+        if document is None:  # once, in a thread: it takes up to a tenth of a second
+            document = asyncio.create_task(asyncio.to_thread(_encoded, name, request.app.routes))
+        return (await asyncio.shield(document)).answer(request)
 
     return Route(PATH, openapi)
+
+
+def _encoded(name: str, routes: Iterable[BaseRoute]) -> Tagged:
+    return Tagged(json.dumps(describe(name, routes), separators=(",", ":")).encode(), JSON)
 
 
 def describe(name: str, routes: Iterable[BaseRoute]) -> dict[str, Any]:
@@ -101,13 +112,13 @@ def _models(route: Route) -> Iterator[Schema]:
 
 
 def _taken(route: Route) -> type[BaseModel] | None:
-    """What its body is, if that is a message."""
+    """The model of its body, if any."""
     said = description(route.endpoint).takes
     return said if isinstance(said, type) else getattr(route.endpoint, "taken", None)
 
 
 def _given(route: Route) -> tuple[type[BaseModel], bool] | None:
-    """What it answers with, if that is a model, or, as is said too, a list of it."""
+    """The model of its answer, or of the items of a list, if any."""
     said = description(route.endpoint).gives
     if isinstance(said, type):
         return said, False

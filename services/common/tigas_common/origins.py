@@ -1,7 +1,7 @@
-"""Who may use a service from a browser: the hosts that it answers under, and the web pages that may ask it.
+"""Access from browsers: the hosts that a service answers under, and the web pages that may use it.
 
-Without this, any page that somebody visits could use what listens on that person's machine: the browser sends requests
-for it, and takes it for our own page once a name of its own leads here (DNS rebinding).
+Without these checks, any visited page could use services on the visitor's machine: the browser sends its requests, and
+treats it as our own page once its name resolves to this machine (DNS rebinding).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tigas_common.hosts import host_of, host_of_origin, is_address, is_loopback,
 from tigas_common.web import problem_response
 
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
-"""They change nothing (RFC 9110, 9.2.1)."""
+"""Safe methods (RFC 9110, 9.2.1)."""
 SECURITY_HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     # Not `no-referrer`, nor `same-origin`: beacons to a service on another port would say that they come from nowhere.
@@ -39,7 +39,7 @@ class ForeignHost(TigasError):
 
 
 class ForeignOrigin(TigasError):
-    """A page that may not, or a program that does not say who it is, asked for something."""
+    """A request from a foreign page, or from a program without an origin, was refused."""
 
     status, type, title = 403, "foreign-origin", "This origin may not use the service"
 
@@ -54,11 +54,11 @@ class OriginPolicy:
     hosts: frozenset[str] = frozenset()
     """Names, in small letters."""
     pages: tuple[str, ...] = ()
-    """Origins, as browsers name them. Those of other machines may also show the service's pages in a frame."""
+    """Origins, as browsers name them. Origins of other machines may also embed the service's pages in a frame."""
     on_network: bool = False
-    """Names that only the own network can give (`labhost`, `lab.local`) are its own, too."""
+    """Names that only the local network can resolve (`labhost`, `lab.local`) count as own names."""
     programs: bool = True
-    """Whether a change may be asked for without an origin, as programs do that are no browser."""
+    """Whether changes may be requested without an origin, as by programs other than browsers."""
 
     @classmethod
     def of(
@@ -76,7 +76,7 @@ class OriginPolicy:
         return cls(frozenset(name.lower() for name in (*own, *hosts)), tuple(pages), on_network, programs)
 
     def check(self, host: str, origin: str | None, *, changes: bool = True) -> None:
-        """Whether a request may be answered whose Host and Origin are these, and that `changes` something.
+        """Check a request with this Host and Origin; `changes`: it uses an unsafe method.
 
         Raises ForeignHost and ForeignOrigin.
         """
@@ -90,7 +90,7 @@ class OriginPolicy:
             raise ForeignOrigin(f"Pages of {origin[:60]!r} may not use this service; --allow-origin allows them.")
 
     def check_request(self, method: str, headers: Headers) -> None:
-        """The same for an HTTP request, of which a browser says where it comes from even if it has no Origin."""
+        """The same for an HTTP request, using the browser's other headers if it has no Origin."""
         origin = headers.get("origin")
         self.check(headers.get("host", ""), origin, changes=method not in SAFE_METHODS)
         if origin is None and headers.get("sec-fetch-site") == "cross-site" and not self._is_visit(method, headers):
@@ -98,7 +98,7 @@ class OriginPolicy:
 
     @property
     def frame_ancestors(self) -> str:
-        """The directive that says who may show an answer in a frame."""
+        """The directive with the origins that may embed an answer in a frame."""
         return "frame-ancestors " + (" ".join(self._embedders) or "'none'")
 
     @property
@@ -111,15 +111,16 @@ class OriginPolicy:
         )
 
     def _is_visit(self, method: str, headers: Headers) -> bool:
-        """Whether somebody follows a link to here, or a page that may do so shows us in a frame."""
+        """Whether the request follows a link, or embeds us in a frame of an allowed page."""
         shown_in = {"document", "iframe"} if self._embedders else {"document"}
         navigates = method in SAFE_METHODS and headers.get("sec-fetch-mode") == "navigate"
         return navigates and headers.get("sec-fetch-dest") in shown_in
 
 
 class OriginCheck:
-    """ASGI middleware around a whole application: refuses what the policy does not allow, lets allowed pages read the
-    answers, and gives every answer the headers that keep other pages from using it."""
+    """ASGI middleware around a whole application: refuses requests against the policy, lets allowed pages read the
+    answers, and adds the headers that keep other pages from using them.
+    """
 
     def __init__(self, app: ASGIApp, policy: OriginPolicy) -> None:
         self._app = app

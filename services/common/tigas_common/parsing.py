@@ -1,4 +1,4 @@
-"""From bytes to wire models, with one sentence for whatever is wrong with them."""
+"""Parses bytes as wire models, with one sentence for any fault."""
 
 from __future__ import annotations
 
@@ -44,7 +44,9 @@ def sentence(error: ValidationError) -> str:
 
 
 def legible(text: str, most: int) -> str:
-    """What a client sent, to be quoted on one line: cut to `most` characters, with what a console acts on escaped."""
+    """A client's text in quotable form on one line: cut to `most` characters, with console control sequences
+    escaped.
+    """
     text = text if len(text) <= most else f"{text[: most - 1]}…"
     return text if text.isprintable() else ascii(text)[1:-1]
 

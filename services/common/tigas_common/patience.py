@@ -1,4 +1,4 @@
-"""How long somebody who sends slowly is waited for."""
+"""Timeouts of slow senders."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 @dataclass(slots=True)
 class Patience:
-    """Lasts `seconds` without progress, and runs out under a lasting rate below `bytes_per_s`.
+    """Expires after `seconds` without progress, or below a sustained rate of `bytes_per_s`.
 
-    What comes faster than that does not add up: however much has come, silence is borne for `seconds` at most.
+    A higher rate does not add up: after any amount of data, silence is limited to `seconds`.
     """
 
     seconds: float
@@ -23,5 +23,5 @@ class Patience:
         self.until = self.now + self.seconds
 
     def progress(self, size: int, now: float) -> None:
-        """So many bytes have come."""
+        """Record received bytes."""
         self.until = min(now + self.seconds, self.until + size / self.bytes_per_s)

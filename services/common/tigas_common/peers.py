@@ -1,4 +1,4 @@
-"""What a service knows of whoever sends it a request: the network that it is from, and when the request arrived."""
+"""Facts about the sender of a request: its network, and the request's arrival time."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import ipaddress
 from functools import lru_cache
 
 ARRIVED = "arrived"
-"""Where an ASGI scope's `state` says when a request arrived, in seconds of the monotonic clock."""
+"""Key of the request's arrival time in an ASGI scope's `state`, in seconds of the monotonic clock."""
 
 
 @lru_cache(maxsize=4096)
 def client_network(host: str) -> str:
-    """Whom to count an address with: an IPv4 address stands for itself, an IPv6 address for its /64.
+    """Key for counting an address: an IPv4 address itself, the /64 of an IPv6 address.
 
-    What is no address, such as a test's stand-in for one, stands for itself, too.
+    Other text, such as a test's placeholder, is its own key.
     """
     try:
         address = ipaddress.ip_address(host.partition("%")[0])

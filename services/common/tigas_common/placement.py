@@ -1,4 +1,4 @@
-"""Which places serve a scene: a few at first, more while it is asked for more than they can do."""
+"""Assigns scenes to places: a few at first, more under high load."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ from functools import lru_cache
 from hashlib import blake2b
 
 WIDEN_S = 1.0
-"""A scene whose places have all been pressed for so long gets one more, in seconds."""
+"""Seconds of pressure on all places of a scene before it gets another one."""
 NARROW_S = 30.0
-"""A scene whose places have all been at ease for so long has one fewer, in seconds."""
+"""Seconds of ease on all places of a scene before it loses one."""
 MOST_NARROW_S = 480.0
-"""The same where that was too early before: it doubles each time."""
+"""The same after a premature reduction: it doubles each time."""
 MOST_SCENES = 1024
-"""Remembered at a time; the one that was asked for the longest ago is forgotten."""
+"""Maximum number of scenes remembered; the least recently requested one is dropped."""
 
 
 @dataclass(frozen=True)
-class Place:
-    """What can serve a scene: a device to an edge, a host to a director."""
+class Candidate:
+    """A server of scenes: a device to an edge, a host to a director."""
 
     name: str
     pressed: bool = False
-    """It says of itself that it has as much to do as it can."""
+    """It reports full load."""
     at_ease: bool = True
-    """It says that it could do at least as much again."""
+    """It reports capacity for at least as much again."""
 
 
 @lru_cache(maxsize=8192)
 def ranked(key: str, names: tuple[str, ...]) -> tuple[str, ...]:
     """The names in this key's order: highest random weight first (Thaler and Ravishankar, 1998).
 
-    Whoever asks gets the same order, and a name that comes or goes leaves the others in theirs.
+    The order is deterministic, and adding or removing a name does not change that of the others.
     """
     return tuple(sorted(names, key=lambda name: (_weight(key, name), name), reverse=True))
 
@@ -61,18 +61,18 @@ class Placement:
         """clock: in seconds."""
         self._clock = clock
         self._widths: OrderedDict[str, _Width] = OrderedDict()
-        """Of scenes that have, had lately, or may soon have more than one place."""
+        """For scenes that have, had lately, or may soon have more than one place."""
 
-    def places(self, scene: str, up: Sequence[Place]) -> list[str]:
-        """The names of the scene's places now, of those that are up, the best first; none if none is up.
+    def places(self, scene: str, up: Sequence[Candidate]) -> list[str]:
+        """The names of the scene's available places, best first; empty if none is up.
 
-        To be called for every request or new viewer: how long its places have been pressed follows from the calls.
+        Must be called for every request or new viewer: durations of pressure are measured between the calls.
         """
         if not up:
             return []
-        pressed = {place.name for place in up if place.pressed}
-        at_ease = {place.name for place in up if place.at_ease and not place.pressed}
-        order = ranked(scene, tuple(place.name for place in up))
+        pressed = {each.name for each in up if each.pressed}
+        at_ease = {each.name for each in up if each.at_ease and not each.pressed}
+        order = ranked(scene, tuple(each.name for each in up))
         if scene not in self._widths and order[0] not in pressed:
             return [order[0]]
         now = self._clock()
@@ -99,7 +99,7 @@ class Placement:
     def _width(self, scene: str, now: float) -> _Width:
         width = self._widths.setdefault(scene, _Width(now))
         self._widths.move_to_end(scene)
-        if now - width.asked > WIDEN_S:  # nobody asked for it meanwhile
+        if now - width.asked > WIDEN_S:  # without requests meanwhile
             width.pressed_since = None
             width.calm_since = width.asked if width.calm_since is None else width.calm_since
         width.asked = now

@@ -60,7 +60,8 @@ class Pose:
     def quaternion(self) -> tuple[float, float, float, float]:
         """The rotation as a unit quaternion [x, y, z, w], camera to world.
 
-        Shepperd's method: divide by the largest of the four, so that nothing cancels (J. Guidance and Control 1, 1978).
+        Shepperd's method: divide by the largest of the four, so that nothing cancels (J. Guidance and Control 1,
+        1978).
         """
         (a, b, c), (d, e, f), (g, h, i) = self.rotation
         x, y, z, w = 1 + a - e - i, 1 - a + e - i, 1 - a - e + i, 1 + a + e + i

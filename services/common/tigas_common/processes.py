@@ -1,7 +1,8 @@
-"""Services as processes of their own: how one is started, how it ends, and how it is kept running."""
+"""Child processes: command lines, orderly ends, and supervision with restarts."""
 
 from __future__ import annotations
 
+import asyncio
 import os
 import shutil
 import signal
@@ -9,34 +10,36 @@ import subprocess
 import sys
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any
 
 from tigas_common.errors import StartError
 
 POLL_S = 0.2
 STOP_S = 3
-"""A service that has not stopped by then is killed, in seconds."""
+"""Seconds before a service that has not stopped is killed."""
 START_S = 30
-"""What ends with an error sooner than this after its first start has wrong settings: another start would not help."""
+"""Seconds after the first start within which an exit with an error means wrong settings, so no restart would help."""
 
 
 def tigas(*arguments: str) -> list[str]:
-    """A command line of the `tigas` that this process belongs to."""
+    """Return the command line of a `tigas` command of this installation."""
     return [sys.executable, "-m", "tigas_common", *arguments]
 
 
 def with_parent(argv: list[str]) -> list[str]:
-    """The command line of a process that is asked to end when the thread that starts it does, however that ends.
+    """Return the command line of a process that gets SIGTERM when the thread that starts it ends.
 
-    Without setpriv (util-linux), it is left to its parent to end it.
+    Without setpriv (util-linux), the parent has to end it.
     """
     return ["setpriv", "--pdeathsig", "TERM", *argv] if shutil.which("setpriv") else argv
 
 
 def end(process: subprocess.Popen[bytes], patience_s: float) -> None:
-    """Ask a process that leads a session to end; what has not ended after so long is killed, with all of its group."""
+    """Terminate the leader of a session, and kill its whole process group if it takes longer than `patience_s`."""
     process.terminate()
     try:
         process.wait(patience_s)
@@ -45,83 +48,173 @@ def end(process: subprocess.Popen[bytes], patience_s: float) -> None:
         process.wait()
 
 
-@dataclass(frozen=True, slots=True)
-class Service:
-    """A process that is to run all the time."""
+@contextmanager
+def running(argv: list[str], patience_s: float, **options: Any) -> Iterator[subprocess.Popen[bytes]]:
+    """Run a process until the context ends, or this process is killed.
 
-    name: str
-    """As it is called in a sentence."""
-    start: Callable[[], subprocess.Popen[bytes]]
-    """Starts it, as the leader of a session."""
+    patience_s: as of `end`. options: further arguments of Popen.
+    """
+    process = subprocess.Popen(with_parent(argv), start_new_session=True, **options)
+    try:
+        yield process
+    finally:
+        end(process, patience_s)
+        for output in (process.stdout, process.stderr):
+            if output is not None:
+                output.close()
+
+
+@contextmanager
+def terminated_as_interrupted() -> Iterator[None]:
+    """Raise KeyboardInterrupt for SIGTERM as for Ctrl+C, so that contexts clean up; an event loop may take both."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 class BackOff:
-    """How long to wait before each new start: twice as long as before, unless the last end is WINDOW_S ago."""
+    """The delay before each restart: doubled each time, unless the last end is WINDOW_S ago."""
 
     FIRST_S = 0.5
     ENDS = 5
-    """So many ends within WINDOW_S are too many."""
+    """The number of ends within WINDOW_S that is too many."""
     WINDOW_S = 60.0
 
     def __init__(self) -> None:
         self._ends: deque[float] = deque()
 
     def ended(self, now: float) -> float | None:
-        """How long to wait after an end at this time, in seconds, or None if it is one too many."""
+        """Return the delay after an end at this time, in seconds, or None after too many ends."""
         while self._ends and self._ends[0] <= now - self.WINDOW_S:
             self._ends.popleft()
         self._ends.append(now)
         return None if len(self._ends) >= self.ENDS else self.FIRST_S * 2 ** (len(self._ends) - 1)
 
 
-def keep_running(services: Sequence[Service], stop: threading.Event) -> None:
-    """Run services until `stop` is set, then end them. One that ends by itself is started again, and a line says so.
+class Supervised(ABC):
+    """A process that is started again whenever it ends."""
 
-    Raises StartError for one that does not start or ends too often; the others are ended then.
-    """
-    running: list[_Running] = []
-    try:
-        for service in services:
-            running.append(_Running(service, time.monotonic()))
-        while not stop.wait(POLL_S):
-            for each in running:
-                each.look(time.monotonic())
-    finally:
-        for each in reversed(running):
-            end(each.process, STOP_S)
+    def __init__(self, name: str) -> None:
+        """name: as it appears in a sentence."""
+        self.name = name
+        self._stopping = asyncio.Event()
+        self._ended = asyncio.Event()
+
+    async def keep(self) -> None:
+        """Run it until `end`. Raises StartError if it is not to be started again."""
+        back_off = BackOff()
+        try:
+            while not self._stopping.is_set():
+                status = await self._run()
+                if self._stopping.is_set():
+                    return
+                if pause_s := await self._pause(status, back_off.ended(time.monotonic())):
+                    with suppress(TimeoutError):
+                        await asyncio.wait_for(self._stopping.wait(), pause_s)
+        finally:
+            self._ended.set()
+
+    async def end(self, patience_s: float) -> None:
+        """Terminate a process that is being kept, and kill it if it takes longer than `patience_s`."""
+        self._stopping.set()
+        self._signal(signal.SIGTERM)
+        with suppress(TimeoutError):
+            async with asyncio.timeout(patience_s):
+                await self._ended.wait()
+        self._signal(signal.SIGKILL)
+        await self._ended.wait()
+
+    @abstractmethod
+    async def _run(self) -> int | OSError:
+        """Run one process to its end, and return its exit status, or the error that kept it from starting."""
+
+    @abstractmethod
+    async def _pause(self, status: int | OSError, delay_s: float | None) -> float:
+        """Return the seconds until the next start. Raises StartError for the end of all attempts.
+
+        delay_s: the delay of the BackOff; None after too many ends.
+        """
+
+    @abstractmethod
+    def _signal(self, number: signal.Signals) -> None:
+        """Send a signal to the process, if there is one."""
 
 
-class _Running:
-    """One service: its process now, or when there is to be another."""
+class Service(Supervised):
+    """A service that others depend on: if it cannot be kept running, they end as well."""
 
-    def __init__(self, service: Service, now: float) -> None:
-        self._service = service
-        self._back_off = BackOff()
-        self._first_start = now
-        self._due: float | None = None
-        self.process = service.start()
+    def __init__(self, name: str, start: Callable[[], subprocess.Popen[bytes]]) -> None:
+        """start: starts it as the leader of a session."""
+        super().__init__(name)
+        self._start = start
+        self._process: subprocess.Popen[bytes] | None = None
+        self._first_start: float | None = None
+        """The time of the first start that succeeded."""
 
-    def look(self, now: float) -> None:
-        """Do what is due. Raises StartError."""
-        if self._due is not None:
-            if now >= self._due:
-                self.process, self._due = self._service.start(), None
-        elif (status := self.process.poll()) is not None:
-            self._ended(status, now)
+    async def _run(self) -> int | OSError:
+        try:
+            process = self._process = self._start()  # not in a worker thread, with which it would end
+        except OSError as error:  # such as a fork for which there was no memory
+            return error
+        if self._first_start is None:
+            self._first_start = time.monotonic()
+        status = await asyncio.to_thread(process.wait)
+        self._process = None
+        return status
 
-    def _ended(self, status: int, now: float) -> None:
-        name, how = self._service.name, how_it_ended(status)
-        if status > 0 and now < self._first_start + START_S:
-            raise StartError(f"The {name} did not start ({how}), so the others end, too.")
-        delay = self._back_off.ended(now)
-        if delay is None:
+    async def _pause(self, status: int | OSError, delay_s: float | None) -> float:
+        how = how_it_ended(status)
+        if self._first_start is None:
+            raise StartError(f"The {self.name} did not start ({how}).")
+        if isinstance(status, int) and status > 0 and time.monotonic() < self._first_start + START_S:
+            raise StartError(f"The {self.name} did not start ({how}), so the others end as well.")
+        if delay_s is None:
             raise StartError(
-                f"The {name} has ended {BackOff.ENDS} times within {BackOff.WINDOW_S:g} s, the last time with {how}: "
-                "it is not started again, and the others end, too."
+                f"The {self.name} has ended {BackOff.ENDS} times within {BackOff.WINDOW_S:g} s, the last time with "
+                f"{how}: it is not started again, and the others end as well."
             )
-        print(f"The {name} has ended ({how}); it is started again in {delay:g} s.", file=sys.stderr, flush=True)
-        self._due = now + delay
+        print(f"The {self.name} has ended ({how}); it is started again in {delay_s:g} s.", file=sys.stderr, flush=True)
+        return delay_s
+
+    def _signal(self, number: signal.Signals) -> None:
+        if self._process is None:
+            return
+        if number == signal.SIGKILL:
+            with suppress(ProcessLookupError):  # it has just ended
+                os.killpg(self._process.pid, number)
+        else:
+            self._process.send_signal(number)
 
 
-def how_it_ended(status: int) -> str:
+def keep_running(services: Sequence[Service], stop: threading.Event) -> None:
+    """Run services until `stop` is set, then end them, the last one first.
+
+    Raises StartError for one that does not start or ends too often, after ending the others.
+    """
+    asyncio.run(_keep_running(services, stop))
+
+
+async def _keep_running(services: Sequence[Service], stop: threading.Event) -> None:
+    kept = [asyncio.create_task(service.keep()) for service in services]
+    stopped = asyncio.create_task(_until_set(stop))
+    try:
+        await asyncio.wait((stopped, *kept), return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        stopped.cancel()
+        for service in reversed(services):
+            await service.end(STOP_S)
+    await asyncio.gather(*kept)
+
+
+async def _until_set(event: threading.Event) -> None:
+    while not event.is_set():  # noqa: ASYNC110 - set by another thread
+        await asyncio.sleep(POLL_S)
+
+
+def how_it_ended(status: int | OSError) -> str:
+    """Describe an exit status, or the error that kept a process from starting."""
+    if isinstance(status, OSError):
+        return f"no process could be started: {status.strerror or status}"
     return f"exit status {status}" if status >= 0 else f"signal {signal.Signals(-status).name}"

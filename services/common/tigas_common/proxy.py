@@ -1,9 +1,10 @@
-"""Hands HTTP requests on to another server of ours, and its answers back as they come."""
+"""A streaming proxy: HTTP requests to another server of TIGAS, and its answers as they come."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterable, Collection
+from collections.abc import AsyncIterable, Awaitable, Collection, Coroutine
+from typing import Any, TypeVar
 
 import httpx
 from starlette.types import Receive, Scope, Send
@@ -12,13 +13,14 @@ from tigas_common.errors import TigasError
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.web import error_response
 
+Result = TypeVar("Result")
 Headers = list[tuple[bytes, bytes]]
 
 HOP_BY_HOP = frozenset(
     (b"connection", b"expect", b"keep-alive", b"proxy-connection", b"te", b"transfer-encoding", b"upgrade")
 )
 OWN_WORDS = frozenset((b"forwarded", b"x-forwarded-for", b"x-forwarded-proto"))
-"""Fields of a request that are written anew: whose request it is, is not for the client to say."""
+"""Fields about the client that are written anew, as a client may not choose them."""
 TIMEOUTS_S = {"connect": 1.0, "write": 10.0, "pool": 5.0, "read": None}
 """A large scene takes minutes to load before the answer begins."""
 
@@ -31,11 +33,10 @@ async def ask(
     left_out: Collection[bytes] = (),
     silence_s: float | None = None,
 ) -> httpx.Response:
-    """The answer to a client's request of the server at `url`, its base. Who asked, the server is told.
+    """Send a client's request to the server with the base URL `url`, and return the answer, for the caller to close.
 
-    body: whole, or in parts as they come. left_out: fields that it does not get, in small letters. silence_s: for how
-    long it may say nothing, before or within its answer. Whoever gets the answer closes it.
-    Raises httpx.TransportError if there is none.
+    body: whole, or in parts as they come. left_out: lower-case names of fields to leave out. silence_s: the longest
+    pause before and within the answer. The server gets the client's address. Raises httpx.TransportError.
     """
     written = HOP_BY_HOP | OWN_WORDS | ({b"content-length"} if isinstance(body, bytes) else frozenset())
     headers = [each for each in scope["headers"] if each[0] not in written and each[0] not in left_out]
@@ -55,7 +56,7 @@ async def ask(
 
 
 def forwarded(scope: Scope) -> Headers:
-    """The fields that say whose request it is."""
+    """Return the fields with the client's address and scheme."""
     headers = [(b"x-forwarded-proto", scope["scheme"].encode())]
     if scope["client"]:
         headers.append((b"x-forwarded-for", scope["client"][0].encode()))
@@ -63,13 +64,13 @@ def forwarded(scope: Scope) -> Headers:
 
 
 def headers_of(answer: httpx.Response) -> Headers:
-    """An answer's headers, as they are handed back: names are in small letters."""
+    """Return the headers of an answer to pass on, with lower-case names."""
     headers = [(name.lower(), value) for name, value in answer.headers.raw]
     return [each for each in headers if each[0] not in HOP_BY_HOP and each[0] != b"date"]
 
 
 async def hand_back(answer: httpx.Response, headers: Headers, receive: Receive, send: Send) -> None:
-    """Send an answer, with these headers, as it comes, until the client leaves. What is left of its body is dropped."""
+    """Stream a response with these headers. If the client disconnects, drop the rest of the body."""
     leaving = asyncio.create_task(until_left(receive))
     try:
         await send({"type": "http.response.start", "status": answer.status_code, "headers": headers})
@@ -83,12 +84,27 @@ async def hand_back(answer: httpx.Response, headers: Headers, receive: Receive, 
         await answer.aclose()
 
 
+async def unless(end: Awaitable[object], work: Coroutine[Any, Any, Result]) -> Result | None:
+    """Return the result of `work`, or cancel it and return None if `end` is done first.
+
+    A future as `end` is left alone; a coroutine is cancelled after the work.
+    """
+    working, ending = asyncio.create_task(work), asyncio.ensure_future(end)
+    try:
+        await asyncio.wait((working, ending), return_when=asyncio.FIRST_COMPLETED)
+        return working.result() if working.done() else None
+    finally:
+        working.cancel()
+        if ending is not end:
+            ending.cancel()
+
+
 async def until_left(receive: Receive) -> None:
-    """Wait until a client has left, whose body nobody reads any more."""
+    """Wait until a client has left. The rest of its body is dropped."""
     while (await receive())["type"] != "http.disconnect":
         pass
 
 
 async def refuse(error: TigasError, origins: OriginPolicy, scope: Scope, receive: Receive, send: Send) -> None:
-    """Answer with an error of our own, as far as the page that asked may read it."""
+    """Answer with an error, which only allowed pages may read."""
     await OriginCheck(error_response(error), origins)(scope, receive, send)

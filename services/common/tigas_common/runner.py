@@ -1,4 +1,4 @@
-"""Runs ASGI applications over HTTP/1.1 until the process is told to stop."""
+"""Runs ASGI applications over HTTP/1.1."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ UNIX_IDLE_S = 60
 async def serve_http(
     app: Any, address: Address, limits: HttpLimits, tls: ssl.SSLContext | None = None, *, websockets: bool = False
 ) -> AsyncIterator[int]:
-    """Serve an ASGI application for as long as the context lasts; gives the port.
+    """Serve an ASGI application, as a context manager; yields the port.
 
-    Raises OSError if the address cannot be listened on. With `tls`, it is HTTPS; a certificate that is loaded into the
-    same context later is used for new connections.
+    Raises OSError if the address cannot be bound. With `tls`, it is HTTPS; a certificate loaded into the same context
+    later is used for new connections.
     """
     async with serve_listener(app, address.listen(limits.unread_s), limits, tls, websockets=websockets) as port:
         yield port
@@ -52,7 +52,7 @@ async def serve_listener(
     config = uvicorn.Config(
         told_when_stopping(app),
         lifespan="off",
-        log_level="critical",  # applications log their own failures; the rest is clients that leave
+        log_level="critical",  # applications log their own failures; the rest are disconnects
         access_log=False,
         server_header=False,
         timeout_graceful_shutdown=1,
@@ -65,8 +65,8 @@ async def serve_listener(
 
 @asynccontextmanager
 async def serve_unix(app: Any, path: Path) -> AsyncIterator[None]:
-    """Serve an ASGI application on a Unix socket, for our own processes: they say whose request it is in
-    `X-Forwarded-For`, and are trusted with it.
+    """Serve an ASGI application on a Unix socket, for our own processes, which are trusted to name the client in
+    `X-Forwarded-For`.
     """
     config = uvicorn.Config(
         told_when_stopping(app),
@@ -85,7 +85,7 @@ async def serve_unix(app: Any, path: Path) -> AsyncIterator[None]:
 
 
 class _UnixServer(uvicorn.Server):
-    """Leaves signals to whoever runs it, and says when it has started."""
+    """Leaves signals to its caller, and reports when it has started."""
 
     def __init__(self, config: uvicorn.Config) -> None:
         super().__init__(config)

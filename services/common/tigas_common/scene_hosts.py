@@ -16,20 +16,20 @@ from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.wire.render import ServerConfig
 
 LOOK_S: Final = 3.0
-"""How often the director is asked whether a host is still the one, in seconds."""
+"""Interval of asking the director for a scene's host, in seconds."""
 DOUBT_S: Final = 1.0
-"""How often it is asked at most about a host that has refused something, in seconds."""
+"""Minimum interval of asking it about a host that has refused a request, in seconds."""
 ANSWER_S: Final = 1.0
-"""For it to answer, in seconds; after that all stays as it is."""
+"""Timeout of its answer in seconds; after that the host is kept."""
 MOST_SCENES: Final = 256
-"""Whose hosts are remembered."""
+"""Number of scenes with a known host."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
+class _Host:
     """Where a scene's frames are."""
 
-    host: str | None
+    name: str | None
     """Its name; None: there is no cluster."""
     base_url: str
     """Empty: the service itself."""
@@ -43,25 +43,25 @@ class SceneHosts:
         """http: with the service's base URL; clock: in seconds."""
         self._http = http
         self._clock = clock
-        self._places: dict[str, _Place] = {}
+        self._hosts: dict[str, _Host] = {}
 
     async def request(
         self, scene: str, method: str, path: str, *, content: str | None, timeout_s: float
     ) -> httpx.Response:
-        """Ask the scene's host; if it is gone, full or draining, and the director names another, then that one.
+        """Ask the scene's host; if it is down, full or draining, and the director names another, ask that one.
 
         timeout_s: for each of them. Raises httpx.HTTPError and httpx.InvalidURL.
         """
-        place = await self._place(scene)
+        host = await self._host_of(scene)
         gone: httpx.TransportError | None = None
         answer: httpx.Response | None = None
         try:
-            answer = await self._http.request(method, place.base_url + path, content=content, timeout=timeout_s)
+            answer = await self._http.request(method, host.base_url + path, content=content, timeout=timeout_s)
         except httpx.TransportError as error:
             gone = error
         if answer is not None and answer.status_code != httpx.codes.SERVICE_UNAVAILABLE:
             return answer
-        other = await self._another(scene, place, "lost" if gone else "silent")
+        other = await self._another(scene, host, "lost" if gone else "silent")
         if other is not None:
             return await self._http.request(method, other.base_url + path, content=content, timeout=timeout_s)
         if answer is None:
@@ -69,33 +69,33 @@ class SceneHosts:
             raise gone
         return answer
 
-    async def _place(self, scene: str) -> _Place:
-        known = self._places.get(scene)
+    async def _host_of(self, scene: str) -> _Host:
+        known = self._hosts.get(scene)
         if known is None:
-            return await self._ask(scene, _Place(None, "", self._clock()))
-        if known.host is not None and self._clock() >= known.asked_at + LOOK_S:
-            return await self._ask(scene, known, at=known.host)
+            return await self._ask(scene, _Host(None, "", self._clock()))
+        if known.name is not None and self._clock() >= known.asked_at + LOOK_S:
+            return await self._ask(scene, known, at=known.name)
         return known
 
-    async def _another(self, scene: str, place: _Place, doubt: Literal["silent", "lost"]) -> _Place | None:
+    async def _another(self, scene: str, host: _Host, doubt: Literal["silent", "lost"]) -> _Host | None:
         """Where else it may be, if the director thinks so."""
-        known = self._places.get(scene, place)
-        if known.base_url == place.base_url and place.host is not None:
+        known = self._hosts.get(scene, host)
+        if known.base_url == host.base_url and host.name is not None:
             if doubt == "silent" and self._clock() < known.asked_at + DOUBT_S:
                 return None
-            known = await self._ask(scene, known, **{doubt: place.host})
-        return known if known.base_url != place.base_url else None
+            known = await self._ask(scene, known, **{doubt: host.name})
+        return known if known.base_url != host.base_url else None
 
-    async def _ask(self, scene: str, known: _Place, **about: str) -> _Place:
-        """What the director says; what was known if it says nothing."""
-        if scene in self._places:
-            self._places[scene] = known = replace(known, asked_at=self._clock())  # so that it is asked once
+    async def _ask(self, scene: str, known: _Host, **about: str) -> _Host:
+        """The director's answer; without one, the previous answer."""
+        if scene in self._hosts:
+            self._hosts[scene] = known = replace(known, asked_at=self._clock())  # so that it is asked once
         try:
             answer = await self._http.get("/config.json", params={"scene": scene, **about}, timeout=ANSWER_S)
             config = parse(ServerConfig, answer.raise_for_status().content, MAX_BODY)
         except (httpx.HTTPError, TigasError):
             return known
-        if len(self._places) >= MOST_SCENES:
-            self._places.clear()
-        self._places[scene] = place = _Place(config.host, config.render_url or "", self._clock())
-        return place
+        if len(self._hosts) >= MOST_SCENES:
+            self._hosts.clear()
+        self._hosts[scene] = host = _Host(config.host, config.render_url or "", self._clock())
+        return host

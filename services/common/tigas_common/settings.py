@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar
 
-import typer
-from pydantic import AfterValidator, BeforeValidator, ValidationError
+from pydantic import AfterValidator, BeforeValidator
 from pydantic_settings import (
     BaseSettings,
     NoDecode,
@@ -18,8 +18,9 @@ from pydantic_settings import (
 )
 
 from tigas_common.address import Address
+from tigas_common.command import Metavar
 from tigas_common.hosts import host_of, host_of_origin
-from tigas_common.http_limits import HttpLimits
+from tigas_common.http_limits import ServiceHttpLimits
 
 FILE_VARIABLE = "TIGAS_CONFIG"
 """Names the settings file; without it, `tigas.toml` in the working directory is read if it is there."""
@@ -48,29 +49,35 @@ def _page(value: str) -> str:
     return page
 
 
-# NoDecode: what the environment holds is HOST:PORT, not JSON.
-Listen = Annotated[Address, NoDecode, BeforeValidator(_address)]
-"""A setting that is an address, written HOST:PORT."""
-ListenOrOff = Annotated[Address | None, NoDecode, BeforeValidator(_address_or_off)]
-"""An address, or `off` for None."""
-Origins = tuple[Annotated[str, AfterValidator(_page)], ...]
-"""Pages, as browsers name them in `Origin`."""
+def _base_url(value: str) -> str:
+    if not re.fullmatch(r"https?://[^/]+/?", value):
+        raise ValueError(f"{value!r} is not a service's URL, such as http://127.0.0.1:8080")
+    return value
 
-Settings = TypeVar("Settings", bound="ServiceSettings")
+
+# NoDecode: the environment has HOST:PORT, not JSON.
+Listen = Annotated[Address, NoDecode, BeforeValidator(_address), Metavar("HOST:PORT")]
+"""A setting that is an address, written HOST:PORT."""
+ListenOrOff = Annotated[Address | None, NoDecode, BeforeValidator(_address_or_off), Metavar("HOST:PORT")]
+"""An address, or `off` for None."""
+Url = Annotated[str, AfterValidator(_base_url), Metavar("URL")]
+"""Base URL of a service."""
+Origins = tuple[Annotated[str, AfterValidator(_page), Metavar("URL")], ...]
+"""Pages, as browsers name them in `Origin`."""
 
 
 class ServiceSettings(BaseSettings):
     """Settings of one service. Subclasses set `env_prefix`, and `table`, their table in the settings file."""
 
-    model_config = SettingsConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = SettingsConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
     table: ClassVar[str] = ""
 
-    http_limits: HttpLimits = HttpLimits()
-    """Limits on HTTP/1.1 connections; a table of their own in the settings file, JSON in the environment."""
-    allow_hosts: tuple[Annotated[str, AfterValidator(_host)], ...] = ()
-    """Names that the service answers under, beside addresses and names that only the own network gives."""
+    http_limits: ServiceHttpLimits = ServiceHttpLimits()
+    """Limits on HTTP/1.1 connections; a nested table in the settings file, JSON in the environment."""
+    allow_hosts: tuple[Annotated[str, AfterValidator(_host), Metavar("NAME")], ...] = ()
+    """Host name that the service answers to, in addition to addresses and names of the local network."""
     allow_origins: Origins = ()
-    """Pages of other hosts that may use the service and show it in a frame."""
+    """Origin of another host's pages that may use the service and embed it."""
 
     @classmethod
     def settings_customise_sources(
@@ -85,7 +92,7 @@ class ServiceSettings(BaseSettings):
 
 
 def _from_file(model: type[BaseSettings], table: str) -> tuple[TomlConfigSettingsSource, ...]:
-    """A table of the settings file; nothing if there is neither the file nor the table."""
+    """A table of the settings file; empty without the file or the table."""
     named = os.environ.get(FILE_VARIABLE)
     path = Path(named or "tigas.toml")
     if named and not path.is_file():  # the library would take it for an empty one
@@ -96,18 +103,3 @@ def _from_file(model: type[BaseSettings], table: str) -> tuple[TomlConfigSetting
         return ()
     except AttributeError:
         raise ValueError(f"[{table}] is not a table") from None
-
-
-def load_settings(model: type[Settings], flags: dict[str, Any]) -> Settings:
-    """Settings from file, environment and the flags that were given (those that are neither None nor empty).
-
-    Raises typer.BadParameter with one sentence if a value is wrong.
-    """
-    try:
-        return model(**{name: value for name, value in flags.items() if value not in (None, [])})
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_context=False)[0]
-        name = ".".join(map(str, first["loc"]))
-        raise typer.BadParameter(f"{name}: {first['msg'].removeprefix('Value error, ')}") from None
-    except (OSError, ValueError) as error:
-        raise typer.BadParameter(f"the settings file cannot be read: {error}") from None

@@ -1,4 +1,4 @@
-"""What a client hears whose request is cut because the service stops."""
+"""Answers to requests that are cut off by a shutdown."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ STOPPING = "The service is stopping."
 
 
 def told_when_stopping(app: ASGIApp) -> ASGIApp:
-    """An application whose requests are answered 503 when they are cancelled: uvicorn would answer 500."""
+    """An application that answers cancelled requests with 503, in place of uvicorn's 500."""
 
     async def told(scope: Scope, receive: Receive, send: Send) -> None:
         started = False

@@ -1,4 +1,4 @@
-"""Text for terminals and logs: names that others chose cannot move the cursor, colour what follows, or forge a line."""
+"""Safe text for terminals and logs: foreign names cannot move the cursor, colour later text, or forge a line."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 UNSEEN = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
-"""Unicode's categories of control and format characters, halves of pairs, what is not assigned, and line ends."""
+"""Unicode categories of control and format characters, surrogates, unassigned code points, and line ends."""
 _ExcInfo: TypeAlias = tuple[type[BaseException], BaseException, TracebackType | None] | tuple[None, None, None]
 
 
@@ -24,7 +24,7 @@ def printable(text: str, *, lines: bool = False) -> str:
 
 
 def make_console(*, stderr: bool = False, soft_wrap: bool = False) -> Console:
-    """A console that shows every text as it is: nothing in it is markup, an emoji's name or an escape sequence."""
+    """A console that shows text literally: without markup, emoji names or escape sequences."""
     from rich.console import Console
     from rich.text import Text
 

@@ -1,4 +1,4 @@
-"""Who listens where: every service's port, and what tells the page where the others are."""
+"""Ports of all services, and the settings through which the page finds them."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from tigas_common.address import Address, bracketed
 from tigas_common.hosts import is_loopback
 
 ServiceName = Literal["dash", "shaper", "store"]
-"""What the page calls the services beside the render service."""
+"""The page's names of the services other than the render service."""
 SERVICES_PATH = "/services"
-"""Below it, and a service's name, the render service hands on what it is asked."""
+"""Path prefix, followed by a service's name, of requests proxied by the render service."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,28 +60,29 @@ UPSTREAMS_VARIABLE = "TIGAS_RENDER_UPSTREAMS"
 """The same of its setting `upstreams`."""
 
 
-def page_services(*, shaped: bool) -> str:
-    """The render service's setting `services` in JSON: the others on the page's own host, the shaper if `shaped`."""
-    services = {"dash": DASH, **({"shaper": SHAPER} if shaped else {}), "store": STORE}
+def page_services(*, shaped: bool, store: bool = True) -> str:
+    """The render service's setting `services` in JSON: the other services, on the page's own host."""
+    services = {"dash": DASH, **({"shaper": SHAPER} if shaped else {}), **({"store": STORE} if store else {})}
     return json.dumps({name: f":{port.number}" for name, port in services.items()})
 
 
-def upstreams(*, shaper_host: str | None = None) -> str:
-    """Its setting `upstreams` in JSON: packager and store beside it, and the shaper, if there is one, on its host."""
-    beside = {"dash": DASH.loopback, "store": STORE.loopback}
-    shaper = {} if shaper_host is None else {"shaper": Address(shaper_host, SHAPER.number)}
-    return json.dumps({name: f"http://{address}" for name, address in (beside | shaper).items()})
+def upstreams(*, shaper_host: str | None = None, store: bool = True) -> str:
+    """Its setting `upstreams` in JSON: packager and store on the same machine, and the shaper on its host."""
+    addresses = {"dash": DASH.loopback, **({"store": STORE.loopback} if store else {})}
+    if shaper_host is not None:
+        addresses["shaper"] = Address(shaper_host, SHAPER.number)
+    return json.dumps({name: f"http://{address}" for name, address in addresses.items()})
 
 
 def fitted(url: str, host: str) -> str:
-    """A service's URL, as a page is told it that was opened under `host`; `:PORT` alone is a port of that host."""
+    """A service's URL for a page opened under `host`; `:PORT` alone is a port of that host."""
     return f"http://{bracketed(host)}{url}" if url.startswith(":") else url
 
 
 def reached(page: str, services: Mapping[str, str], upstreams: Mapping[ServiceName, str]) -> dict[str, str]:
-    """Every service's URL for a page of this origin: its own, if the page gets there, or else below the page's.
+    """Every service's URL for a page of this origin: its own if the page can reach it, or else below the page's.
 
-    services: as `fitted` has them. upstreams: those that are handed on to, by URLs that other machines need not reach.
+    services: from `fitted`. upstreams: proxied services, by URLs that need not be reachable from other machines.
     """
     own = urlsplit(page)
     host = own.hostname or "localhost"

@@ -1,8 +1,9 @@
-"""What every Starlette application here shares: bodies in, models and problem+json (RFC 9457) out, and its health."""
+"""Shared basis of the Starlette applications: bodies in, models and problem+json (RFC 9457) out, and health."""
 
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import logging
 import math
 from collections.abc import Awaitable, Callable, Iterable, Mapping
@@ -15,7 +16,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 
 from tigas_common.described import JSON, described
-from tigas_common.errors import BodyTooLarge, InvalidRequest, Overloaded, RequestTimeout, TigasError, problem
+from tigas_common.errors import BodyTooLarge, InvalidRequest, RequestTimeout, TigasError, problem
 from tigas_common.parsing import MAX_BODY, Message, legible, parse
 from tigas_common.patience import Patience
 from tigas_common.wire.render import Problem
@@ -23,12 +24,12 @@ from tigas_common.wire.render import Problem
 logger = logging.getLogger(__name__)
 
 BODY_S = 10.0
-"""A body is given up if nothing of it comes for so long, in seconds,"""
+"""A body is abandoned after this many seconds without data,"""
 BODY_BYTES_PER_S = 500.0
 """or if it comes more slowly than this for long."""
 
 NO_STORE = {"Cache-Control": "no-store"}
-"""The header of an answer that nobody keeps."""
+"""Header of an answer that must not be cached."""
 
 Model = TypeVar("Model", bound=BaseModel)
 Given = TypeVar("Given")
@@ -38,7 +39,7 @@ BodyEndpoint: TypeAlias = "Callable[[Request, Body[Message]], Awaitable[Answer]]
 
 
 class ModelResponse(Response, Generic[Given]):
-    """A model, or a list of one, as JSON that nobody keeps; its type says which, for whoever describes the service."""
+    """A model, or a list of models, as uncached JSON; the type is used in the API description."""
 
     def __init__(self, text: str) -> None:
         super().__init__(text, media_type="application/json", headers=NO_STORE)
@@ -54,14 +55,30 @@ def list_response(models: Iterable[Model]) -> ModelResponse[list[Model]]:
     return ModelResponse(f"[{','.join(model.model_dump_json() for model in models)}]")
 
 
+class Tagged:
+    """Content with an ETag, which a client that has it does not get again. Hashes it: large content in a thread."""
+
+    def __init__(self, content: bytes, media_type: str) -> None:
+        self._content = content
+        self._media_type = media_type
+        self._tag = f'"{hashlib.sha256(content).hexdigest()[:32]}"'
+
+    def answer(self, request: Request) -> Response:
+        """The content, or 304."""
+        headers = {"ETag": self._tag, "Cache-Control": "no-cache"}
+        if has_already(request, self._tag):
+            return Response(status_code=304, headers=headers)
+        return Response(self._content, media_type=self._media_type, headers=headers)
+
+
 def has_already(request: Request, tag: str) -> bool:
-    """Whether the client says that it has the content with this ETag."""
+    """Whether the client has the content with this ETag."""
     known = [each.strip().removeprefix("W/") for each in request.headers.get("if-none-match", "").split(",")]
     return tag in known
 
 
 def created_response(model: Model, location: str) -> ModelResponse[Model]:
-    """What was made, and the path that it is at."""
+    """A created resource, and its path."""
     answer = json_response(model)
     answer.status_code = 201
     answer.headers["Location"] = location
@@ -129,17 +146,17 @@ def takes(kind: type[Message], limit: int = MAX_BODY) -> Callable[[BodyEndpoint[
 
 @described(gives=(JSON,))
 async def healthz(request: Request) -> Response:
-    """That the service runs: the route of one that can do its work whenever it answers."""
+    """Health route of a service that works whenever it answers."""
     return healthy()
 
 
 def healthy() -> Response:
-    """What a health check hears if all is well."""
+    """Answer of a successful health check."""
     return JSONResponse({"status": "ok"}, headers=NO_STORE)
 
 
 def page_policy(sources: Iterable[str]) -> str:
-    """What the page may do (its Content-Security-Policy): only what is its own, and to speak with `sources`."""
+    """Content-Security-Policy of the page: its own origin, and connections to `sources`."""
     hosts = sorted(sources)
     sockets = [host.replace("http", "ws", 1) for host in hosts]
     return (
@@ -150,15 +167,15 @@ def page_policy(sources: Iterable[str]) -> str:
 
 
 async def on_error(request: Request, error: Exception) -> Response:
-    """Every failure, as problem+json; those that nobody foresaw are logged."""
+    """Every failure, as problem+json; unexpected ones are logged."""
     if not isinstance(error, TigasError):
         logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
     return error_response(error)
 
 
 def error_response(error: Exception) -> Response:
-    """A failure as problem+json, which says when to try again if the error does."""
-    retry_after_s = error.retry_after_s if isinstance(error, Overloaded) else None
+    """A failure as problem+json, with a retry time if the error has one."""
+    retry_after_s = error.retry_after_s if isinstance(error, TigasError) else None
     headers = None if retry_after_s is None else {"Retry-After": str(math.ceil(retry_after_s))}
     return problem_response(problem(error), headers)
 

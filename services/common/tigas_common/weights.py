@@ -5,13 +5,10 @@ One network a rung: `rung{N}.conv{i}.weight` [out, in, 3, 3] and `rung{N}.conv{i
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,7 +19,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from tigas_common.errors import TigasError
-from tigas_common.files import read_regular
+from tigas_common.files import read_regular, replace_file
 from tigas_common.parsing import legible, parse
 from tigas_common.wire.model import MAX_SIDE, Entries, WireModel
 from tigas_common.wire.render import Rung
@@ -34,7 +31,7 @@ GENERAL = "general"
 """In the place of a scene's SHA-256: trained on several scenes, for any."""
 MAX_BYTES = 1_000_000
 NEAR = 1.25
-"""A network serves rungs of up to so many times its own rung's height, and down to as small a part of it."""
+"""A network serves rungs up to this multiple of its own rung's height, and down to the inverse."""
 _METADATA = ("architecture", "scene_sha256", "networks", "created", "version")
 
 
@@ -45,7 +42,7 @@ class BrokenWeights(TigasError):
 
 
 class NetworkInfo(WireModel):
-    """One rung's network, and what it was trained for."""
+    """One rung's network, and its training conditions."""
 
     rung: int = Field(ge=1, le=15)
     width: int = Field(ge=16, le=MAX_SIDE)
@@ -76,7 +73,7 @@ class _Networks(WireModel):
 
 
 def distance(trained: NetworkInfo | Rung, rung: Rung) -> tuple[float, int]:
-    """How far a rung is from the one that a network was trained for: by height, and by quality if that is the same."""
+    """Distance of a rung from a network's own: by height, then by quality."""
     return abs(math.log(trained.height / rung.height)), abs(trained.quality - rung.quality)
 
 
@@ -85,7 +82,7 @@ class Weights:
     """A file's content."""
 
     scene_sha256: str
-    """Of the scene's file as it was trained on, in hexadecimal digits, or GENERAL."""
+    """SHA-256 of the training scene's file in hexadecimal digits, or GENERAL."""
     networks: tuple[NetworkInfo, ...]
     tensors: Mapping[str, NDArray[np.float16]]
     created: str
@@ -96,15 +93,15 @@ class Weights:
     def misfit(self, scene_sha256: str | None, ladder: Sequence[Rung]) -> str | None:
         """Why a scene with this file cannot be enhanced with these weights, in one sentence."""
         if self.scene_sha256 not in (GENERAL, scene_sha256):
-            return "These are weights for a scene whose file has changed since; train them again."
+            return "The scene's file has changed since these weights were trained; train them again."
         if all(self.network_for(rung) is None for rung in ladder):
             return "These weights were trained for frames of other sizes than the ladder's; train them again."
         return None
 
     def network_for(self, rung: Rung) -> NetworkInfo | None:
-        """The network that was trained for the size nearest to a rung's, of those of about its height.
+        """The network trained for the size nearest to a rung's, of about the same height.
 
-        Of two equally near, the one for the nearer quality; None: its frames are enlarged bicubically.
+        Among equally near ones, the one for the nearer quality; None: its frames are enlarged bicubically.
         """
         near = [each for each in self.networks if 1 / NEAR <= each.height / rung.height <= NEAR]
         return min(near, key=lambda each: distance(each, rung), default=None)
@@ -122,19 +119,9 @@ class Weights:
         return safetensors.numpy.save(dict(self.tensors), metadata)
 
 
-def built_in_digest(scene_id: str) -> str:
-    """In the place of the SHA-256 of a scene that has no file: it changes with TIGAS only."""
-    return hashlib.sha256(f"{scene_id} of TIGAS {version('tigas')}".encode()).hexdigest()
-
-
 def write_weights(path: Path, weights: Weights) -> None:
-    """Write a file in one step: whoever is killed meanwhile leaves what was there. Raises OSError."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_bytes(weights.to_bytes())
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    """Write a file in one step: a process that is killed meanwhile leaves the old one. Raises OSError."""
+    replace_file(path, weights.to_bytes())
 
 
 def read_weights(path: Path) -> Weights:

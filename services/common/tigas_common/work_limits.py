@@ -13,7 +13,7 @@ from pathlib import Path
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """Beside what the process has and has used before."""
+    """In addition to the process' present use."""
 
     memory: int
     """Bytes."""
@@ -31,7 +31,7 @@ def limited(limit: Limit) -> Iterator[None]:
 
     # Rust code would print where it was when memory ran out, which takes memory, and then waits for itself for ever.
     os.environ["RUST_BACKTRACE"] = "0"
-    # What is written to, rather than all addresses: libraries reserve gigabytes of these for their threads.
+    # Limits written memory, not addresses: libraries reserve gigabytes of these for their threads.
     kinds = {
         resource.RLIMIT_DATA: _data_bytes() + limit.memory,
         resource.RLIMIT_CPU: int(time.process_time()) + 1 + limit.cpu_s,
@@ -49,6 +49,6 @@ def limited(limit: Limit) -> Iterator[None]:
 
 
 def _data_bytes() -> int:
-    """What the process may write to and shares with no other, as RLIMIT_DATA counts it."""
+    """Private writable memory of the process, as counted by RLIMIT_DATA."""
     status = Path("/proc/self/status").read_text()
     return 1024 * int(next(line for line in status.splitlines() if line.startswith("VmData:")).split()[1])

@@ -1,1 +1,1 @@
-"""The packager: a low-latency DASH (CMAF) live stream of what each viewer's camera sees, to compare with."""
+"""The packager: a low-latency DASH (CMAF) live stream of each viewer's camera, as a baseline."""

@@ -1,11 +1,10 @@
-"""The packager's HTTP interface: Starlette routes, nothing else."""
+"""The packager's HTTP interface: Starlette routes only."""
 
 from __future__ import annotations
 
 import asyncio
 from collections import Counter
 from collections.abc import AsyncIterator
-from typing import TYPE_CHECKING
 
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -16,7 +15,6 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from tigas_common.described import TEXT, described
 from tigas_common.errors import TigasError, problem
-from tigas_common.extras import install_command
 from tigas_common.front_door import front_door
 from tigas_common.hosts import host_of
 from tigas_common.metrics import CountedRequests, metrics_route, new_registry
@@ -37,24 +35,22 @@ from tigas_common.web import (
 from tigas_common.wire.dash import FrameShown, PoseUpdate, SessionInfo, SessionRequest, SessionStatus
 from tigas_common.wire.webrtc import MAX_SDP, WebRtcRequest, WebRtcSession
 from tigas_dash.clock import iso
-from tigas_dash.errors import UnknownSegment, UnknownSession, WebRtcUnavailable
+from tigas_dash.errors import UnknownSegment, UnknownSession
 from tigas_dash.session import Session
 from tigas_dash.sessions import Sessions, Stream
-
-if TYPE_CHECKING:
-    from tigas_dash.webrtc.service import WebRtc
+from tigas_dash.webrtc.service import WebRtc
 
 MAX_OFFER = 2 * MAX_SDP
 """The longest body with an offer, in bytes: JSON escapes the ends of lines."""
 TIME_FROM_MANIFEST = "../../time"
-"""The path of `time` from a manifest's, whatever origin and path it is reached under."""
+"""The path of `time` relative to a manifest, for any origin and path."""
 STREAM_ENDED = 4001
 """The pose socket's close code when the stream has ended."""
 UNKNOWN_SESSION = 4004
 """The pose socket's close code when there is no such session."""
 
 
-def create_app(sessions: Sessions, policy: OriginPolicy, webrtc: WebRtc | None = None) -> ASGIApp:
+def create_app(sessions: Sessions, policy: OriginPolicy, webrtc: WebRtc) -> ASGIApp:
     """The application over running sessions, which are its caller's to open and close; None: without WebRTC."""
     registry = new_registry("dash", sessions.metrics)
     app = Starlette(
@@ -83,7 +79,7 @@ def create_app(sessions: Sessions, policy: OriginPolicy, webrtc: WebRtc | None =
 
 @takes(SessionRequest)
 async def open_session(request: Request, body: Body[SessionRequest]) -> ModelResponse[SessionInfo]:
-    """A stream of one's own."""
+    """Open a stream."""
     sessions = _sessions(request)
     session = await sessions.open(await body.read())
     await _end_if_alone(request, session)
@@ -91,16 +87,14 @@ async def open_session(request: Request, body: Body[SessionRequest]) -> ModelRes
 
 
 async def _end_if_alone(request: Request, session: Stream) -> None:
-    if await request.is_disconnected():  # nobody would hear its name
+    if await request.is_disconnected():  # the client would never learn its name
         await _sessions(request).end(session.name)
 
 
 @takes(WebRtcRequest, MAX_OFFER)
 async def open_webrtc(request: Request, body: Body[WebRtcRequest]) -> ModelResponse[WebRtcSession]:
-    """The same over WebRTC: an offer in, the answer out."""
-    webrtc: WebRtc | None = request.app.state.webrtc
-    if webrtc is None:
-        raise WebRtcUnavailable(f"This packager has no WebRTC; install it with `{install_command('webrtc')}`.")
+    """Answer an offer to stream over WebRTC."""
+    webrtc: WebRtc = request.app.state.webrtc
     wanted = await body.read()
     host = host_of(request.headers["host"]) or ""
     session = await _sessions(request).start(lambda: webrtc.make(wanted, host))
@@ -141,7 +135,7 @@ async def init_segment(request: Request) -> Response:
 
 @described(gives=("video/iso.segment",))
 async def media_segment(request: Request) -> Response:
-    """A segment, as far as it is there and then as it grows; one that is about to begin is waited for."""
+    """A segment, sent while it grows; the response waits for one that is about to begin."""
     session, representation = _session(request), request.path_params["representation"]
     media = session.media
     window, rung = media.segments(representation), media.rung(representation)
@@ -156,7 +150,7 @@ async def media_segment(request: Request) -> Response:
 
 
 async def _in_time(chunks: AsyncIterator[bytes], seconds: float) -> AsyncIterator[bytes]:
-    """The chunks, for readers that keep up: one that has stopped reading does not hold its segment for ever."""
+    """The chunks, for readers that keep up: a stalled reader does not keep its segment in memory forever."""
     async with asyncio.timeout(seconds):
         async for chunk in chunks:
             yield chunk
@@ -175,7 +169,7 @@ async def time(request: Request) -> Response:
 
 
 async def poses(socket: WebSocket) -> None:
-    """Takes the viewer's poses, and says of each frame which pose it shows; answers what cannot be read."""
+    """Takes the viewer's poses and reports the pose of each frame; invalid messages are answered with an error."""
     await socket.accept()
     sessions: Sessions = socket.app.state.sessions
     try:

@@ -24,7 +24,7 @@ class Clock:
         return time.monotonic()
 
     async def sleep_until(self, moment: float) -> None:
-        """Until a moment of the steady clock; one that has passed lets others have their turn."""
+        """Sleep until a time of the monotonic clock; a past time yields to other tasks."""
         await asyncio.sleep(max(0.0, moment - self.now()))
 
     def wall(self, at: float) -> datetime:

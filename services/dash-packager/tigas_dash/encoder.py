@@ -39,7 +39,7 @@ class Encoder:
         codec.time_base, codec.framerate = Fraction(1, frame_rate), Fraction(frame_rate)
         bits = representation.bitrate_kbps * 1000
         codec.bit_rate = bits
-        codec.gop_size = 2**20  # keyframes come when they are asked for
+        codec.gop_size = 2**20  # keyframes are requested explicitly
         codec.max_b_frames = 0
         codec.thread_count = 1
         codec.color_primaries = codec.color_trc = codec.colorspace = BT709

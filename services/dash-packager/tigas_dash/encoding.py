@@ -31,9 +31,9 @@ class RawFrame:
 
 
 class LadderEncoder:
-    """The encoders of all representations: the largest is what was rendered, the others are scaled from it.
+    """The encoders of all representations: the largest has the rendered size, the others are scaled from it.
 
-    Not for several threads at a time.
+    Not thread-safe.
     """
 
     def __init__(
@@ -52,10 +52,10 @@ class LadderEncoder:
         """One for each representation."""
 
     def encode(self, frame: RawFrame, number: int) -> list[Sample]:
-        """The frame as number `number` of the stream, once for each representation.
+        """The frame with this `number` in the stream, once for each representation.
 
-        An encoder that fails is replaced, and the stream goes on with a keyframe. Raises EncoderUnavailable if that
-        does not help.
+        A failing encoder is replaced, and the stream continues with a keyframe. Raises EncoderUnavailable if that
+        fails.
         """
         images = self._images(frame)
         keyframe = number % self._keyframe_every == 0

@@ -1,4 +1,4 @@
-"""What can go wrong here only."""
+"""Errors of the packager."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from tigas_common.wire.render import Problem
 
 
 class UnknownSession(TigasError):
-    """No session has this id: it was never there, was ended, or nobody watched it any more."""
+    """No session has this id: it never existed, was ended, or timed out."""
 
     status, type, title = 404, "unknown-session", "There is no such session"
 
@@ -25,19 +25,19 @@ class UnknownSegment(TigasError):
 
 
 class ExpiredSegment(TigasError):
-    """The segment has left the window of those that are kept."""
+    """The segment has left the time-shift window."""
 
     status, type, title = 410, "expired-segment", "The segment is kept no longer"
 
 
 class EncoderUnavailable(TigasError):
-    """No encoder can be opened for what was asked for."""
+    """No encoder supports the request."""
 
     status, type, title = 503, "encoder-unavailable", "The stream cannot be encoded"
 
 
 class WebRtcUnavailable(TigasError):
-    """The packager was installed without what WebRTC needs, or is on loopback and the viewer is not."""
+    """WebRTC is not installed, or the packager is on loopback and the viewer is not."""
 
     status, type, title = 503, "webrtc-unavailable", "The packager has no WebRTC"
 

@@ -20,7 +20,7 @@ def nal_units(stream: bytes) -> Iterator[bytes]:
 
 
 def parameter_sets(stream: bytes) -> ParameterSets:
-    """The first parameter sets in a byte stream. Raises ValueError if there are none."""
+    """The first parameter sets in a byte stream. Raises ValueError if it has none."""
     found = {unit[0] & 0x1F: unit for unit in reversed(list(nal_units(stream)))}
     if _SPS not in found or _PPS not in found:
         raise ValueError("the encoder gave no parameter sets")
@@ -28,6 +28,6 @@ def parameter_sets(stream: bytes) -> ParameterSets:
 
 
 def to_sample(stream: bytes) -> bytes:
-    """A frame as it stands in an `mdat`: lengths for start codes, without what the init segment says once."""
+    """A frame in an `mdat`: lengths for start codes, without the parameter sets of the init segment."""
     units = (unit for unit in nal_units(stream) if unit[0] & 0x1F not in (_SEI, _SPS, _PPS, _DELIMITER))
     return b"".join(struct.pack(">I", len(unit)) + unit for unit in units)

@@ -20,7 +20,7 @@ UNITS_PER_FRAME = 1000
 
 
 class Media:
-    """Puts encoded frames into chunks and segments, for as long as these are kept."""
+    """Packs encoded frames into chunks and segments, and keeps a window of them."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class Media:
 
     @property
     def representations(self) -> tuple[RepresentationInfo, ...]:
-        """What a viewer needs to know of each."""
+        """Properties of each representation for viewers."""
         return tuple(
             RepresentationInfo(
                 id=one.id, rung=one.rung, width=one.width, height=one.height, bitrate_kbps=one.bitrate_kbps,
@@ -93,7 +93,7 @@ class Media:
         return self._rungs[self._known(representation)]
 
     def append(self, number: int, ticks: int, samples: Sequence[Sample]) -> None:
-        """The next frame, of each representation: it is number `number`, and shown for so many ticks."""
+        """Add frame `number` of each representation, shown for this many ticks."""
         for pending, sample in zip(self._pending, samples, strict=True):
             pending.append(sample)
         self._pending_ticks.append(ticks)
@@ -109,7 +109,7 @@ class Media:
             window.close()
 
     def _publish_chunk(self, first: int) -> None:
-        """Hand out what is pending; its first frame is number `first`."""
+        """Flush pending frames; the first one is number `first`."""
         self._chunks += 1
         segment, place = divmod(first, self._request.frames_per_segment)
         durations = [ticks * UNITS_PER_FRAME for ticks in self._pending_ticks]

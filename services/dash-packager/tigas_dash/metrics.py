@@ -1,4 +1,4 @@
-"""The packager's figures for Prometheus: its streams now, and what all of them have done since the start."""
+"""The packager's Prometheus metrics: present streams, and totals since the start."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ COUNTERS: Mapping[str, tuple[str, Sequence[str]]] = {
     "tigas_dash_render_failures": ("Requests that the render service did not answer with a frame", ("transport",)),
     "tigas_dash_encoder_failures": ("Frames that an encoder refused", ("transport",)),
 }
-"""What each counter tells, and its labels."""
+"""Help text and labels of each counter."""
 
 
 class CountedStream(Protocol):
-    """What is asked of a stream."""
+    """The required interface of a stream."""
 
     @property
     def transport(self) -> Transport:
@@ -36,7 +36,7 @@ class CountedStream(Protocol):
 
     @property
     def rungs(self) -> Sequence[int]:
-        """What it is encoded at: a rung for each representation."""
+        """Its rungs, one per representation."""
 
     @property
     def sent_bytes(self) -> Mapping[int, int]:
@@ -55,11 +55,11 @@ class DashMetrics(Collector):
     """Of all streams of a packager. Nothing is counted here while they run."""
 
     def __init__(self, streams: Callable[[], Sequence[CountedStream]], limit: int) -> None:
-        """streams: those that run; limit: how many may."""
+        """streams: the running ones; limit: their maximum number."""
         self._streams = streams
         self._limit = limit
         self._past: Counter[tuple[str, tuple[str, ...]]] = Counter()
-        """What streams have done that have ended, by counter and labels."""
+        """Totals of ended streams, by counter and labels."""
         self._scenes = SceneNames()
 
     def ended(self, stream: CountedStream) -> None:
@@ -67,7 +67,7 @@ class DashMetrics(Collector):
         self._past.update(self._counts(stream))
 
     def collect(self) -> Iterator[Metric]:
-        """As it is now."""
+        """The present values."""
         streams, totals = self._streams(), self._past.copy()
         for stream in streams:
             totals.update(self._counts(stream))

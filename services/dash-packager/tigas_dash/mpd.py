@@ -1,4 +1,4 @@
-"""The manifest: a live MPD (ISO/IEC 23009-1) that tells players how low the latency may be."""
+"""The manifest: a live MPD (ISO/IEC 23009-1) with a target latency for players."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from tigas_dash.representation import Representation
 NAMESPACE = "urn:mpeg:dash:schema:mpd:2011"
 PROFILES = "urn:mpeg:dash:profile:isoff-live:2011,urn:mpeg:dash:profile:cmaf:2019"
 UPDATE_S = 60
-"""How often players may ask for the manifest again; nothing in it changes."""
+"""Minimum update period; the manifest never changes."""
 RATE_RANGE = 0.05
 """How much faster or slower than live players may play to hold the latency; wider ranges make them swing."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """What a manifest says of a stream."""
+    """Contents of a manifest."""
 
     start: datetime
     """When frame 0 was captured: media time and wall-clock time run together from here."""
@@ -32,7 +32,7 @@ class Stream:
     frames_per_segment: int
     frames_per_chunk: int
     window_segments: int
-    """How many complete segments can be asked for."""
+    """Number of complete segments available."""
     target_latency_ms: int
     time_url: str
     """Where players learn the time (UTCTiming)."""
@@ -53,7 +53,7 @@ def manifest(stream: Stream, published: datetime) -> bytes:
             "publishTime": iso(published),
             "minimumUpdatePeriod": _duration(UPDATE_S),
             "minBufferTime": _duration(segment_s),
-            # After its end a segment is there for so long and its own duration (ISO/IEC 23009-1, 5.3.9.5.3).
+            # A segment stays available for this time plus its own duration after its end (ISO/IEC 23009-1, 5.3.9.5.3).
             "timeShiftBufferDepth": _duration((stream.window_segments - 1) * segment_s),
             "maxSegmentDuration": _duration(segment_s),
         },

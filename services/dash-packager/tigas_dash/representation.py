@@ -1,4 +1,4 @@
-"""What a session's representations are: resolution and bitrate of each."""
+"""The representations of a session: resolution and bitrate of each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tigas_common.wire.render import Rung
 _REFERENCE_PIXELS, _REFERENCE_RATE, _REFERENCE_KBPS = 1280 * 720, 30, 4000
 MOST_SIZES = 4
 HIGH_BITRATE_FACTOR = 3
-"""The best resolution is also offered at so many times its bitrate, for links that carry more."""
+"""The best resolution is also offered at this multiple of its bitrate, for faster links."""
 
 
 @dataclass(frozen=True, slots=True)

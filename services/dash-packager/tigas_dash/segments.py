@@ -30,7 +30,7 @@ class Segment:
         self._wake()
 
     async def read(self) -> AsyncIterator[bytes]:
-        """The chunks from the first, each as soon as it is there."""
+        """The chunks from the first, each as soon as it exists."""
         sent = 0
         while True:
             changed = self._changed
@@ -44,23 +44,23 @@ class Segment:
                 await changed.wait()
 
     def _wake(self) -> None:
-        # Whoever waits holds the old event; whoever comes later gets the new one.
+        # Present waiters hold the old event; later ones get the new event.
         self._changed.set()
         self._changed = asyncio.Event()
 
 
 class SegmentWindow:
-    """The last segments of one representation, numbered from 1, and those that are asked for a little early."""
+    """The last segments of one representation, numbered from 1, and those requested slightly early."""
 
     def __init__(self, keep: int) -> None:
-        """Keeps `keep` complete segments besides the one that grows."""
+        """Keeps `keep` complete segments in addition to the growing one."""
         self._keep = keep
         self._segments: dict[int, Segment] = {}
         self._growing = 0
         self._closed = False
 
     def append(self, number: int, chunk: bytes) -> None:
-        """The next chunk, which belongs to segment `number`; completes the segment before."""
+        """Add a chunk to segment `number`; a new number completes the previous segment."""
         if number != self._growing:
             if self._growing:
                 self._segments[self._growing].complete()

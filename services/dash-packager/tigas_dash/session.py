@@ -29,7 +29,7 @@ MAX_UNREAD = 300
 
 
 class Session:
-    """A running stream. Made by `Sessions.open`, which runs it, too."""
+    """A running stream, made and run by `Sessions.open`."""
 
     transport: Transport = "dash"
 
@@ -39,7 +39,7 @@ class Session:
     ) -> None:  # fmt: skip
         self.name = name
         self.used_at = clock.now()
-        """When somebody last asked for something of it, on the steady clock."""
+        """Time of the last request for it, on the monotonic clock."""
         self.rungs = tuple(one.rung for one in ladder)
         self.sent_bytes: Counter[int] = Counter()
         """Of segments, by rung."""
@@ -58,7 +58,7 @@ class Session:
 
     @property
     def info(self) -> SessionInfo:
-        """What its viewer needs to know."""
+        """Its description for the viewer."""
         request = self._request
         return SessionInfo(
             id=self.name,
@@ -100,7 +100,7 @@ class Session:
 
     @asynccontextmanager
     async def watch(self) -> AsyncIterator[asyncio.Queue[FrameShown | None]]:
-        """Announcements of frames for as long as the context lasts; None when the stream has ended."""
+        """Announcements of frames, as a context manager; None when the stream has ended."""
         queue: asyncio.Queue[FrameShown | None] = asyncio.Queue(MAX_UNREAD)
         self._watchers.add(queue)
         try:
@@ -150,7 +150,7 @@ class Session:
         return self._started_at + number / self._request.frame_rate
 
     def _duration(self, number: int) -> int:
-        """For how many ticks a frame is shown: one, or up to the present if it is late, but not beyond its segment."""
+        """Duration of a frame in ticks: one, or up to the present if it is late, within its segment."""
         late_s = self._clock.now() - self._due(number)
         if late_s <= LATE_S:
             return 1

@@ -1,4 +1,4 @@
-"""All streams of a packager: made, found, and ended when nobody watches any more."""
+"""All streams of a packager: opened, found, and ended when idle."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ HOUSEKEEPING_S = 1.0
 
 
 class Stream(CountedStream, Protocol):
-    """What all kinds of streams have in common."""
+    """Interface of all kinds of streams."""
 
     name: str
     used_at: float
-    """When somebody last asked for something of it, on the steady clock."""
+    """Time of the last request for it, on the monotonic clock."""
 
     @property
     def watched(self) -> bool:
-        """Whether somebody watches it for certain."""
+        """Whether it is certainly being watched."""
         raise NotImplementedError
 
     async def run(self) -> None:
@@ -61,7 +61,7 @@ class Sessions:
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[Sessions]:
-        """Looks after the sessions for as long as the context lasts, and ends them with it."""
+        """Maintain the sessions, and end them with the context."""
         housekeeping = asyncio.create_task(self._keep_house())
         try:
             yield self
@@ -78,7 +78,7 @@ class Sessions:
         return await self.start(lambda: self._make(request))
 
     async def start(self, make: Callable[[], Awaitable[AnyStream]]) -> AnyStream:
-        """Makes a stream if there is room for it, and runs it. Raises TooManySessions, and what making it raises."""
+        """Open and run a stream if there is room. Raises TooManySessions, and the errors of making it."""
         if len(self._running) + self._opening >= self._limit:
             raise TooManySessions(
                 f"{self._limit} sessions run already; end one, or start the packager with a higher limit."
@@ -130,7 +130,7 @@ class Sessions:
         ended = self._running.pop(task.get_name(), None)
         if ended is not None:
             self.metrics.ended(ended[0])
-        gc.collect()  # what held encoders and frames refers to itself, and would wait for long
+        gc.collect()  # encoders and frames are in reference cycles, which would be collected late
         if not task.cancelled() and (error := task.exception()):
             logger.error("Session %s failed", task.get_name(), exc_info=error)
 
@@ -139,5 +139,5 @@ class Sessions:
             await asyncio.sleep(HOUSEKEEPING_S)
             for session in self.all():
                 if not session.watched and self.clock.now() - session.used_at > self._idle_s:
-                    logger.info("Session %s ends: nobody has watched it for %g s", session.name, self._idle_s)
+                    logger.info("Session %s ends: it was not watched for %g s", session.name, self._idle_s)
                     await self._end(session)

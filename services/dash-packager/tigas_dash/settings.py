@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 from pydantic_settings import SettingsConfigDict
 
-from tigas_common.settings import Listen, ServiceSettings
+from tigas_common.command import NO_FLAG
+from tigas_common.settings import Listen, ServiceSettings, Url
 from tigas_common.topology import DASH, PAGE
 
 
 class DashSettings(ServiceSettings):
-    """Each can be set in `tigas.toml` under [dash], as TIGAS_DASH_<NAME>, or as a flag of `tigas dash`."""
+    """Settings of `tigas dash`: its flags, the table [dash] of `tigas.toml`, and TIGAS_DASH_<NAME>."""
 
-    model_config = SettingsConfigDict(env_prefix="TIGAS_DASH_", extra="forbid", frozen=True)
+    model_config = SettingsConfigDict(env_prefix="TIGAS_DASH_")
     table: ClassVar[str] = "dash"
 
-    render: str = Field(default=f"http://{PAGE.loopback}", pattern=r"^https?://[^/]+/?$")
+    render: Url = f"http://{PAGE.loopback}"
     """Base URL of the render service."""
     http: Listen = DASH.loopback
     """Address of the streams and the API."""
     max_sessions: int = Field(default=4, ge=1, le=1000)
     """Maximum number of simultaneous streams."""
-    idle_s: float = Field(default=15, gt=0, le=86_400)
-    """Streams that nobody watched for this many seconds are ended."""
-    encoder: Literal["auto", "libx264", "h264_nvenc"] = "auto"
+    idle_s: Annotated[float, NO_FLAG] = Field(default=15, gt=0, le=86_400)
+    """Seconds after which a stream without a viewer is ended."""
+    encoder: Annotated[Literal["auto", "libx264", "h264_nvenc"], NO_FLAG] = "auto"
     """`auto` chooses NVIDIA's encoder if it works."""

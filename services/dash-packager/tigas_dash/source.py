@@ -34,7 +34,7 @@ class RenderClient:
         self._hosts = SceneHosts(http)
 
     async def ladder(self, scene: str) -> tuple[Rung, ...]:
-        """What profiles count in for a scene; where there is none, whoever asks for its frames hears of it.
+        """The ladder that profiles index in a scene; without one, requests for its frames report the problem.
 
         Raises RenderUnavailable.
         """
@@ -44,17 +44,17 @@ class RenderClient:
             ladders = {info.id: info.ladder for info in _SCENES.validate_json(scenes.content)}
             return ladders.get(scene) or ServerConfig.model_validate_json(configured.content).ladder
         except ValidationError:
-            raise RenderUnavailable("What answers as the render service is none.") from None
+            raise RenderUnavailable("The render service's URL leads to another server.") from None
 
     async def frame(self, request: RenderRequest, within_s: float = FRAME_S) -> bytes:
-        """The frame that was asked for. Raises RenderUnavailable and RenderProblem."""
+        """The requested frame. Raises RenderUnavailable and RenderProblem."""
         body = request.model_dump_json(exclude_none=True)
         asked = self._hosts.request(request.scene, "POST", "/render", content=body, timeout_s=within_s)
         return (await _answered(asked)).content
 
 
 async def _answered(asked: Awaitable[httpx.Response]) -> httpx.Response:
-    """The render service's answer, if it is what was asked for. Raises RenderUnavailable and RenderProblem."""
+    """The render service's answer, if successful. Raises RenderUnavailable and RenderProblem."""
     try:
         answer = await asked
     except httpx.HTTPError as error:
@@ -75,7 +75,6 @@ class ViewSource:
     def __init__(self, client: RenderClient, request: StreamRequest, size: Representation) -> None:
         self._client = client
         self._scene = request.scene
-        self._stamp = request.stamp
         self._lens = request.intrinsics
         self._width, self._height = size.width, size.height
         self._display_scale = max(1.0, math.sqrt(request.width * request.height / size.pixels))
@@ -84,10 +83,9 @@ class ViewSource:
         """The view from a pose. Raises InvalidRequest, RenderUnavailable and RenderProblem."""
         changed = {name: value for name in ("fx", "fy", "cx", "cy") if (value := getattr(pose, name)) is not None}
         lens = replace(self._lens, **changed).resized(self._width, self._height)
-        stamp = pose.seq % 2**24 if self._stamp else None
         try:
             request = RenderRequest.at(
-                self._scene, pose.pose, lens, display_scale=self._display_scale, format="yuv420p", stamp=stamp
+                self._scene, pose.pose, lens, display_scale=self._display_scale, format="yuv420p"
             )
         except ValidationError as error:  # a lens that fits the viewport may be too long for the stream's size
             raise InvalidRequest(f"The stream's size does not suit the lens: {sentence(error)}") from None

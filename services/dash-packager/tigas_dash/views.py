@@ -1,4 +1,4 @@
-"""The views that a stream shows: the newest one that has been rendered, from the newest pose."""
+"""The views of a stream: the newest rendered one, requested from the newest pose."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from tigas_dash.source import ViewSource
 logger = logging.getLogger(__name__)
 
 IN_FLIGHT = 2
-"""Requests at the render service: one more than it renders at a time, so that it never waits for us."""
+"""Requests in flight at the render service: one more than it renders at a time, so that it never waits for us."""
 
 
 class NewestView:
-    """Asks for the view from the newest pose, and keeps the newest that has come. Begins with a first one."""
+    """Requests the view from the newest pose, and keeps the newest answer. Starts with a given one."""
 
     def __init__(self, session: str, source: ViewSource, pose: PoseUpdate, first: RawFrame, clock: Clock) -> None:
         self.failures = 0
@@ -42,11 +42,11 @@ class NewestView:
 
     @property
     def outdated(self) -> bool:
-        """Whether a newer view is on its way, or cannot be had."""
+        """Whether a newer view is in flight, or unavailable."""
         return bool(self._requests or self.problem)
 
     async def after(self, shown: RawFrame, until: float) -> RawFrame:
-        """A newer view than the one that is shown, as soon as it is there; or that one, at the end of its time."""
+        """The next view as soon as it is available, or the present one at the end of its time."""
         if self._pose != self._requested and len(self._requests) < IN_FLIGHT:
             self._requested = self._pose
             self._request_number += 1
@@ -60,7 +60,7 @@ class NewestView:
         return self.newest
 
     def close(self) -> None:
-        """Give up what was asked for."""
+        """Cancel all requests."""
         for task in self._requests:
             task.cancel()
 

@@ -10,9 +10,10 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from pydantic import Field
 
 from tigas_common.cli import in_a_sentence
+from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import StartError, TigasError
 from tigas_common.terminal import make_console
 
@@ -22,103 +23,110 @@ if TYPE_CHECKING:
     from tigas_enhance.pairs import Renderer
     from tigas_enhance.tuning import Listener
 
-enhance = typer.Typer(help="Train the networks that enhance a scene's low rungs, and test them.", no_args_is_help=True)
-
-Scenes = Annotated[Path | None, typer.Option(help="Models directory.")]
-Render = Annotated[
-    str | None, typer.Option(metavar="URL", help="A running render service.", show_default="one is started")
-]
-Device = Annotated[
-    str, typer.Option(metavar="auto|cpu|cuda[:N]", help="Train on this device, and render, if a service is started.")
-]
 SECONDS = {"cpu": 180.0, "cuda": 60.0}
+EVALUATED_VIEWS = 12
 
 
-@enhance.command("train")
-def train(
-    names: Annotated[list[str], typer.Argument(metavar="SCENE...", help="Scenes to train on.")],
-    general: Annotated[bool, typer.Option("--general", help="Train one set on all of them, for any scene.")] = False,
-    scenes: Scenes = None,
-    render: Render = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Output file.", show_default="enhance.safetensors beside the scene")
-    ] = None,
-    seconds: Annotated[
-        float | None,
-        typer.Option(min=1, max=36_000, help="Time for each set.", show_default="60 on a GPU, 180 on a CPU"),
-    ] = None,
-    device: Device = "auto",
-    as_json: Annotated[bool, typer.Option("--json", help="Report progress as lines of JSON.")] = False,
-) -> None:
-    """Train networks on a scene's own views, and write them beside the scene. What is stopped leaves the old ones."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that a service that was started ends, too
-    from tigas_common.weights import write_weights
-    from tigas_enhance.tuning import tune
+class _EnhanceCommand(Command):
+    """A command that compares renderings of scenes."""
 
-    with in_a_sentence(StartError, TigasError, OSError):
-        sets = [names] if general else [[name] for name in names]
-        if out is not None and len(sets) > 1:
-            raise StartError("--out is for one set: give one scene, or --general.")
-        files = [out or _file(scenes, None if general else each[0]) for each in sets]
-        where = _device(device)
-        with _renderer(render, scenes, device, own_ladders=not general) as renderer:
-            for each, file in zip(sets, files, strict=True):
-                with _listening(as_json) as listener:
-                    weights = tune(renderer, each, seconds or SECONDS[where.type], where, listener, general=general)
-                write_weights(file, weights)
-                if not as_json:
-                    print(f"{file}: " + ", ".join(f"rung {n.rung} {n.gain_db:+.2f} dB" for n in weights.networks))
+    scenes: Path | None = None
+    """Models directory."""
+    render: Annotated[str | None, Metavar("URL")] = None
+    """Running render service; without it, one is started."""
+    device: Annotated[str, Metavar("auto|cpu|cuda[:N]")] = "auto"
+    """Device to train on, and to render on if a service is started."""
 
 
-@enhance.command("evaluate")
-def evaluate(
-    name: Annotated[str, typer.Argument(metavar="SCENE", help="The scene.")],
-    weights: Annotated[
-        Path | None, typer.Option(help="The networks.", show_default="enhance.safetensors beside the scene")
-    ] = None,
-    scenes: Scenes = None,
-    render: Render = None,
-    views: Annotated[int, typer.Option(min=2, max=24, help="Held-out views.")] = 12,
-    device: Device = "auto",
-) -> None:
-    """Compare networks with bicubic enlargement on views of a scene that no training saw, at display size."""
-    from tigas_common.weights import built_in_digest, read_weights
-    from tigas_enhance.tuning import held_out_pairs
+class Train(_EnhanceCommand):
+    """Train networks on a scene's own views, and write them beside the scene. A run that is stopped changes nothing."""
 
-    with in_a_sentence(StartError, TigasError, OSError):
-        read = read_weights(weights or _file(scenes, name))
-        where = _device(device)
-        with _renderer(render, scenes, device) as renderer:
-            scene = renderer.load(name)
-            ladder = renderer.ladder(scene)
-            if problem := read.misfit(scene.file_sha256 or built_in_digest(name), ladder):
-                raise StartError(problem)
-            networks = {rung: network for rung, each in enumerate(ladder) if (network := read.network_for(each))}
-            pairs = held_out_pairs(renderer, scene, ladder, tuple(networks), views)
-        from rich.table import Table
+    names: Annotated[tuple[str, ...], POSITIONAL, Metavar("SCENE")]
+    """Scenes to train on."""
+    general: bool = False
+    """Train one set on all of them, for any scene."""
+    out: Path | None = None
+    """Output file; enhance.safetensors next to the scene unless named."""
+    seconds: Annotated[float | None, Field(ge=1, le=36_000)] = None
+    """Time for each set; 60 on a GPU and 180 on a CPU unless given."""
+    json_: bool = False
+    """Report progress as lines of JSON."""
 
-        from tigas_enhance.evaluate import bicubic_scores, enhanced_scores, interval
-        from tigas_enhance.tuning import to_network
+    def run(self) -> None:
+        """Train and write each set."""
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # ends a service that was started as well
+        from tigas_common.weights import write_weights
+        from tigas_enhance.tuning import tune
 
-        table = Table("rung", "bicubic", "enhanced", "gain, dB", "95 %", "SSIM", box=None)
-        for rung, network in networks.items():
-            plain = bicubic_scores(pairs, rung, where)
-            better = enhanced_scores(pairs, rung, to_network(network, read), where)
-            gains = better.psnr - plain.psnr
-            low, high = interval(gains)
-            table.add_row(
-                f"{rung}  {ladder[rung].width} × {ladder[rung].height}",
-                f"{plain.psnr.mean():.2f} dB",
-                f"{better.psnr.mean():.2f} dB",
-                f"{gains.mean():+.2f}",
-                f"{low:+.2f} to {high:+.2f}",
-                f"{plain.ssim.mean():.4f} → {better.ssim.mean():.4f}",
-            )
-        make_console().print(table)
+        with in_a_sentence(StartError, TigasError, OSError):
+            sets = [self.names] if self.general else [[name] for name in self.names]
+            if self.out is not None and len(sets) > 1:
+                raise StartError("--out is for one set: give one scene, or --general.")
+            files = [self.out or _file(self.scenes, None if self.general else each[0]) for each in sets]
+            where = _device(self.device)
+            with _renderer(self.render, self.scenes, self.device, own_ladders=not self.general) as renderer:
+                for each, file in zip(sets, files, strict=True):
+                    with _listening(self.json_) as listener:
+                        weights = tune(
+                            renderer, each, self.seconds or SECONDS[where.type], where, listener, general=self.general
+                        )
+                    write_weights(file, weights)
+                    if not self.json_:
+                        print(f"{file}: " + ", ".join(f"rung {n.rung} {n.gain_db:+.2f} dB" for n in weights.networks))
+
+
+class Evaluate(_EnhanceCommand):
+    """Compare networks with bicubic enlargement on held-out views of a scene, at display size."""
+
+    name: Annotated[str, POSITIONAL, Metavar("SCENE")]
+    """Scene."""
+    weights: Path | None = None
+    """Networks' file; enhance.safetensors next to the scene unless named."""
+
+    def run(self) -> None:
+        """Render the views and print a table."""
+        from tigas_common.weights import read_weights
+        from tigas_enhance.tuning import held_out_pairs
+
+        with in_a_sentence(StartError, TigasError, OSError):
+            read = read_weights(self.weights or _file(self.scenes, self.name))
+            where = _device(self.device)
+            with _renderer(self.render, self.scenes, self.device) as renderer:
+                scene = renderer.load(self.name)
+                ladder = renderer.ladder(scene)
+                if problem := read.misfit(scene.file_sha256, ladder):
+                    raise StartError(problem)
+                networks = {rung: network for rung, each in enumerate(ladder) if (network := read.network_for(each))}
+                pairs = held_out_pairs(renderer, scene, ladder, tuple(networks), EVALUATED_VIEWS)
+            from rich.table import Table
+
+            from tigas_enhance.evaluate import bicubic_scores, enhanced_scores, interval
+            from tigas_enhance.tuning import to_network
+
+            table = Table("rung", "bicubic", "enhanced", "gain, dB", "95 %", "SSIM", box=None)
+            for rung, network in networks.items():
+                plain = bicubic_scores(pairs, rung, where)
+                better = enhanced_scores(pairs, rung, to_network(network, read), where)
+                gains = better.psnr - plain.psnr
+                low, high = interval(gains)
+                table.add_row(
+                    f"{rung}  {ladder[rung].width} × {ladder[rung].height}",
+                    f"{plain.psnr.mean():.2f} dB",
+                    f"{better.psnr.mean():.2f} dB",
+                    f"{gains.mean():+.2f}",
+                    f"{low:+.2f} to {high:+.2f}",
+                    f"{plain.ssim.mean():.4f} → {better.ssim.mean():.4f}",
+                )
+            make_console().print(table)
+
+
+enhance = Group(
+    "Train the networks that enhance a scene's low rungs, and test them.", {"train": Train, "evaluate": Evaluate}
+)
 
 
 def _file(scenes: Path | None, name: str | None) -> Path:
-    """Where a scene's weights are: beside its file, in the models directory."""
+    """Path of a scene's weights: next to its file, in the models directory."""
     from tigas_common.weights import FILE
 
     if scenes is None or name is None:
@@ -145,7 +153,7 @@ def _device(name: str) -> torch.device:
 
 @contextmanager
 def _renderer(url: str | None, scenes: Path | None, device: str, *, own_ladders: bool = True) -> Iterator[Renderer]:
-    """The service at a URL, or one that is started for the while."""
+    """The service at a URL, or one that runs as long as the context."""
     from tigas_enhance.pairs import Renderer
     from tigas_enhance.renderer_process import render_service
 
@@ -156,7 +164,7 @@ def _renderer(url: str | None, scenes: Path | None, device: str, *, own_ladders:
 
 @contextmanager
 def _listening(as_json: bool) -> Iterator[Listener]:
-    """A bar for whoever watches, or a line of JSON for each hundredth."""
+    """A progress bar, or a line of JSON for each hundredth."""
     if as_json:
         said = -1.0
 

@@ -1,4 +1,4 @@
-"""What can go wrong beside the training itself, each with one sentence for whoever started it."""
+"""Errors outside the training itself, each with one sentence for the user."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from tigas_common.errors import StartError
 
 
 class RenderFailed(StartError):
-    """The render service did not give what was asked for."""
+    """The render service did not deliver a requested frame."""
 
 
 class NothingToLearn(StartError):

@@ -1,4 +1,4 @@
-"""How much nearer to the truth enhanced views are than those that are enlarged bicubically, on views held out."""
+"""Quality gain of enhanced views over bicubic enlargement, on held-out views."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tigas_enhance.network import Network, resampled, shown
 from tigas_enhance.pairs import Pair, Pixels
 
 RESAMPLES = 2000
-"""Of the bootstrap."""
+"""Bootstrap resamples."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +27,12 @@ class Scores:
 
 
 def bicubic_scores(pairs: Sequence[Pair], rung: int, device: torch.device) -> Scores:
-    """Of a rung's frames, enlarged bicubically to display size."""
+    """PSNR of a rung's frames, enlarged bicubically to display size."""
     return _scores(pairs, rung, None, device)
 
 
 def enhanced_scores(pairs: Sequence[Pair], rung: int, network: Network, device: torch.device) -> Scores:
-    """Of a rung's frames, enhanced."""
+    """PSNR of a rung's enhanced frames."""
     return _scores(pairs, rung, network.to(device), device)
 
 

@@ -9,13 +9,13 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 NEGATIVE_SLOPE = 0.1
-"""Of the leaky ReLU after every convolution but the last."""
+"""Slope of the leaky ReLU after every convolution but the last."""
 
 
 class Network(nn.Module):
-    """`layers` 3×3 convolutions, of which the last gives the pixels of a picture `scale` times the size.
+    """A network of `layers` 3×3 convolutions; the last one gives the pixels of a picture `scale` times the size.
 
-    What the convolutions give is added to the input, enlarged bilinearly. Edges are replicated before each convolution.
+    Its output is added to the bilinearly enlarged input. Edges are replicated before each convolution.
     """
 
     def __init__(self, scale: int = 2, layers: int = 5, channels: int = 16) -> None:
@@ -39,9 +39,9 @@ class Network(nn.Module):
         return self._added(features, pictures).clamp(0, 1)
 
     def inner(self, pictures: Tensor) -> Tensor:
-        """What comes of pictures without their outermost `layers` pixels, whatever surrounds them.
+        """Output without the outermost `layers` pixels, which does not depend on the surroundings.
 
-        Values may lie outside of 0 to 1: where they are cut off, nothing could be learnt.
+        Values are not clipped to 0 to 1, because clipping would stop gradients.
         """
         features = pictures
         for index in range(self.layers):

@@ -1,4 +1,4 @@
-"""What a network learns from: a view's frame of each low rung, and the same view lossless at display size."""
+"""Training pairs: a view's frame at each low rung, and the same view lossless at display size."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from PIL import Image
 from tigas_common.errors import TigasError
 from tigas_common.parsing import parse
 from tigas_common.pose import Pose
-from tigas_common.standpoints import intrinsics
+from tigas_common.sample_cameras import intrinsics
 from tigas_common.wire.render import Problem, RenderRequest, Rung, SceneInfo, ServerConfig
 from tigas_enhance.errors import NothingToLearn, RenderFailed
 
@@ -29,7 +29,7 @@ TIMEOUT_S = 120
 """Loading a large scene takes long."""
 MAX_ANSWER = 1_000_000
 PATIENCE = 6
-"""How often a busy service is asked."""
+"""Maximum number of attempts at a busy service."""
 BUSY = frozenset({409, 429, 503, 504})
 LEAST_CONTENT = 0.04
 """The share of a view's pixels that must show something other than the background."""
@@ -43,7 +43,7 @@ class Pair:
     """One view."""
 
     full: Pixels
-    """[H, W, 3] sRGB, as it is displayed."""
+    """[H, W, 3] Displayed sRGB."""
     content: NDArray[np.bool_]
     """[H, W], where it is not the background."""
     rungs: dict[int, Pixels]
@@ -51,7 +51,7 @@ class Pair:
 
 
 class Renderer:
-    """A render service that is asked over HTTP. Everything raises RenderFailed."""
+    """A render service over HTTP. All methods raise RenderFailed."""
 
     def __init__(self, url: str, workers: int = 3) -> None:
         self._http = httpx.Client(base_url=url, timeout=TIMEOUT_S, trust_env=False)
@@ -68,7 +68,7 @@ class Renderer:
         self._http.close()
 
     def ladder(self, scene: SceneInfo) -> tuple[Rung, ...]:
-        """What profiles count in for a scene."""
+        """The ladder of a scene."""
         return scene.ladder or _read(ServerConfig, self._ask("GET", "/config.json")).ladder
 
     def load(self, scene_id: str) -> SceneInfo:
@@ -125,7 +125,7 @@ class Renderer:
 
 
 def several(pairs: Iterator[Pair], number: int, until: float = float("inf"), least: int = 4) -> list[Pair]:
-    """So many of them, or, once there are a few, as many as come until a time of the monotonic clock.
+    """Up to `count` pairs, or, after a minimum, as many as arrive until a time of the monotonic clock.
 
     Raises NothingToLearn.
     """

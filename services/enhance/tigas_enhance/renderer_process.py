@@ -1,4 +1,4 @@
-"""A render service of our own, for as long as it is needed."""
+"""A private render service."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tigas_common.processes import end, tigas, with_parent
+from tigas_common.processes import running, tigas
 from tigas_enhance.errors import RenderFailed
 
 STOP_S = 5
@@ -16,25 +16,20 @@ STOP_S = 5
 
 @contextmanager
 def render_service(scenes: Path | None, device: str, *, own_ladders: bool = True) -> Iterator[str]:
-    """The URL of a render service on this machine, which ends with the context, or with us if we are killed.
+    """Run a render service on this machine until the context ends, and give its URL.
 
-    own_ladders: whether scenes have ladders of their own, or all have the paper's.
-    Raises RenderFailed with what it said if it does not start.
+    own_ladders: whether scenes have their own ladders, or all have the paper's.
+    Raises RenderFailed with its last line of output if it does not start.
     """
     ladder = "scene" if own_ladders else "paper"
     options = ["--http", "127.0.0.1:0", "--quic", "off", "--device", device, "--ladder", ladder]
-    command = with_parent(tigas("render", *options, *(["--scenes", str(scenes)] if scenes else [])))
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True)
-    try:
-        yield _url(process)  # and hardly anything after it, as a service without visitors has little to say
-    finally:
-        end(process, STOP_S)
-        if process.stdout:
-            process.stdout.close()
+    command = tigas("render", *options, *(["--scenes", str(scenes)] if scenes else []))
+    with running(command, STOP_S, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
+        yield _url(process)  # and hardly any output after it, as a service without visitors has little to report
 
 
 def _url(process: subprocess.Popen[bytes]) -> str:
-    """What it announces once it answers."""
+    """Wait for the service to announce its URL."""
     assert process.stdout is not None
     last = "it says nothing"
     for line in process.stdout:

@@ -27,7 +27,7 @@ CANDIDATES = 4
 LEAST_STEPS = 3
 
 Report = Callable[[float], None]
-"""Hears how much of a training is done, from 0 to 1."""
+"""Progress callback with the completed share of a training, 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ def train(
 
 @dataclass(frozen=True, slots=True)
 class Variation:
-    """A change of pictures that what is to be learnt does not depend on; by itself, none."""
+    """An augmentation that does not affect the learnt mapping; the identity by default."""
 
     colours: tuple[Tensor, Tensor, Tensor] | None = None
     """Which channel becomes each channel [3], and each picture's contrast and brightness [B, 1, 1, 1]."""
@@ -112,12 +112,12 @@ class Variation:
         return flipped.mT if self.transposed else flipped
 
     def turned_back(self, pictures: Tensor) -> Tensor:
-        """What `turned` was given."""
+        """The inverse of `turned`."""
         return (pictures.mT if self.transposed else pictures).flip(self.flips)
 
 
 class Crops:
-    """Random crops of a rung's frames, and what they should look like at display size."""
+    """Random crops of a rung's frames, and their targets at display size."""
 
     def __init__(self, pairs: Sequence[Pair], rung: int, recipe: Recipe, device: torch.device) -> None:
         self._low = _stacked([pair.rungs[rung] for pair in pairs], device)  # [N, h, w, 3]
@@ -128,9 +128,9 @@ class Crops:
         self._columns = _Axis.of(self._low.shape[2], self._full.shape[2], recipe, device)
 
     def draw(self) -> tuple[Tensor, Callable[[Tensor], Tensor], Tensor]:
-        """Crops [B, 3, c, c], what takes a network's pictures of them to display size, and those [B, 3, d, d].
+        """Crops [B, 3, c, c], the resampling of network outputs to display size, and targets [B, 3, d, d].
 
-        At display size, a crop is smaller by what its surroundings decide.
+        At display size, a crop excludes the margin that its surroundings affect.
         """
         view, y, x = self._places()
         low = _cut(self._low, view, _window(y, self._rows.crop), _window(x, self._columns.crop))
@@ -159,7 +159,7 @@ class Crops:
 
 @dataclass(frozen=True, slots=True)
 class _Axis:
-    """Rows or columns: how a crop's pixels become those of the display. A crop's first pixel is its place."""
+    """Resampling matrix from crop to display pixels, for rows or columns. `place` is the crop's first pixel."""
 
     size: int
     """Pixels of the rung."""
@@ -167,7 +167,7 @@ class _Axis:
     inner: int
     """Pixels of a crop, on each side, that a network needs to see but gives nothing of."""
     margin: int
-    """Pixels on each side that are not looked at: those, and what the resampling needs to see."""
+    """Ignored margin on each side: those pixels and the support of the resampling."""
     scale: int
     ratio: float
     """Display pixels for one of the rung."""
@@ -204,7 +204,7 @@ class _Axis:
         return ((place + self.margin) * self.ratio).ceil().long()
 
     def weights(self, place: Tensor) -> Tensor:
-        """[B, shown, scale · (crop − 2 · inner)]: the resampling of what a network gives of crops."""
+        """[B, shown, scale · (crop − 2 · inner)] Resampling of network outputs of crops."""
         source = _window(self.scale * (place + self.inner), self.scale * (self.crop - 2 * self.inner))
         return self.matrix[_window(self.shown_from(place), self.shown)[:, :, None], source[:, None]]
 

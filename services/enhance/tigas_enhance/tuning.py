@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from tigas_common.weights import GENERAL, NEAR, NetworkInfo, Weights, built_in_digest, distance
+from tigas_common.weights import GENERAL, NEAR, NetworkInfo, Weights, distance
 from tigas_common.wire.render import Rung, SceneInfo
 from tigas_enhance.errors import NothingToLearn
 from tigas_enhance.evaluate import bicubic_scores, enhanced_scores
@@ -26,22 +26,22 @@ from tigas_enhance.views import held_out_views, training_views
 RENDERING = 0.25
 """The share of the time in which views are rendered, at most."""
 NETWORKS = 3
-"""So many are trained for a ladder, at most."""
+"""Maximum number of networks for a ladder."""
 TRIES = 4
-"""So many poses are tried for a view that shows something."""
+"""Maximum number of poses tried for a view that shows something."""
 HELD_OUT = {"cpu": 4, "cuda": 12}
 """Views that a training's gains are measured on."""
 VIEWS = {"cpu": 64, "cuda": 256}
-"""Training views, of all scenes together, by the device: what it gets to see often enough."""
+"""Training views of all scenes together, by device."""
 RECIPES = {"cpu": Recipe(batch=8), "cuda": Recipe(batch=64)}
 
 Listener = Callable[[str, float], None]
-"""Hears what is done, and how much of it all is done, from 0 to 1."""
+"""Progress callback with the current step and the completed share of all work, 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class SceneViews:
-    """What is learnt from a scene, and what it is tested on."""
+    """Training and test views of a scene."""
 
     scene: SceneInfo
     training: list[Pair]
@@ -49,14 +49,15 @@ class SceneViews:
 
     @property
     def digest(self) -> str:
-        """What its weights are for."""
-        return self.scene.file_sha256 or built_in_digest(self.scene.id)
+        """Digest of the scene's file, which its weights belong to."""
+        assert self.scene.file_sha256 is not None, "the service tells it of every scene that it has loaded"
+        return self.scene.file_sha256
 
 
 def collect(
     renderer: Renderer, scene: SceneInfo, ladder: Sequence[Rung], number: int, held_out: int, until: float
 ) -> SceneViews:
-    """A scene's views: so many, or as many as are rendered until a time of the monotonic clock.
+    """Up to `count` views of a scene, or as many as are rendered until a time of the monotonic clock.
 
     Raises RenderFailed and NothingToLearn.
     """
@@ -74,9 +75,9 @@ def held_out_pairs(
 
 
 def training_rungs(ladder: Sequence[Rung]) -> tuple[int, ...]:
-    """The rungs below the best that networks are trained for: all of a few, and NETWORKS of many.
+    """The rungs below the best with networks of their own: all of a short ladder, else NETWORKS of them.
 
-    Those that serve the most rungs, and of such the nearest to what they serve. Raises NothingToLearn.
+    Chosen to serve the most rungs, then the nearest ones. Raises NothingToLearn.
     """
     low = range(1, len(ladder))
     if not low:
@@ -94,7 +95,7 @@ def common_ladder(renderer: Renderer, scenes: Sequence[SceneInfo]) -> tuple[Rung
     """The ladder of all of several scenes. Raises NothingToLearn if they differ."""
     ladders = {renderer.ladder(scene) for scene in scenes}
     if len(ladders) > 1:
-        raise NothingToLearn("The scenes have ladders of their own: start the render service with --ladder paper.")
+        raise NothingToLearn("The scenes have their own ladders: start the render service with --ladder paper.")
     return ladders.pop()
 
 

@@ -1,4 +1,4 @@
-"""What only one experiment may use at a time: a folder, or services whose link it changes."""
+"""Locks on an experiment's folder, and on services with a link that an experiment changes."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ EXPERIMENT = ".lock"
 
 @contextmanager
 def exclusive(path: Path, otherwise: str) -> Iterator[None]:
-    """Hold a lock file for as long as the context lasts; the system lets go of it if this process is killed.
+    """Hold a lock file during the context; the system releases it if this process is killed.
 
     Raises StartError with the sentence `otherwise` if another process holds it, and OSError.
     """
-    # The file stays, and whoever made it, all may hold it: the lab needs root, services at a URL do not.
+    # The file stays, and every user may lock it: the lab needs root, services at a URL do not.
     lock = FileLock(path, mode=0o666)
     try:
         lock.acquire(blocking=False)
@@ -39,7 +39,7 @@ def exclusive(path: Path, otherwise: str) -> Iterator[None]:
 
 
 def services_lock(url: str) -> Path:
-    """The lock file, on this machine, of the services at a URL. Raises StartError if it is none."""
+    """Path of the lock file for the services at a URL. Raises StartError for an invalid URL."""
     try:
         parts = urlsplit(url)
         port = parts.port

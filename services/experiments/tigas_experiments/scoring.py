@@ -1,4 +1,4 @@
-"""Scores the samples of a run, and what was seen in it, by the metrics that are asked for; nothing is scored twice."""
+"""Computes requested metrics of a run's samples and kept pictures; existing scores are reused."""
 
 from __future__ import annotations
 
@@ -11,29 +11,31 @@ from tigas_common.wire.recording import Sample
 from tigas_experiments.quality.meters import VIDEO, Meters
 from tigas_experiments.quality.picture import BrokenPicture, Picture
 from tigas_experiments.quality.vmaf import vmaf_and_vif
-from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.samples import read_samples
 from tigas_experiments.records.scores import Score, Values, read_scores, write_scores
 from tigas_experiments.records.triplets import KINDS, Contents, Kind, Triplet, seen, triplets
 
 FRAMES = 240
-"""Of a video for VMAF, at most: what is lost if somebody interrupts."""
+"""Maximum frames of a VMAF video, which bounds the loss after an interruption."""
 SAVED_EVERY_S = 5.0
-Told = Callable[[int], None]
-"""Hears how many steps more are done."""
+OnProgress = Callable[[int], None]
+"""Progress callback with the number of further steps done."""
 
 
 class Scoring:
-    """Of one run."""
+    """The scoring of one run."""
 
-    def __init__(self, run: Path, meters: Meters, told: Told = lambda steps: None, *, again: bool = False) -> None:
-        """With `again`, earlier scores count for nothing. Raises BrokenRecording and OSError."""
+    def __init__(
+        self, run: Path, meters: Meters, on_progress: OnProgress = lambda steps: None, *, again: bool = False
+    ) -> None:
+        """`again` ignores earlier scores. Raises BrokenRecording and OSError."""
         self.triplets = [*triplets(run), *seen(run)]
         self.problems: dict[str, str] = {}
         """Why something has no scores, by its name."""
         self._run = run
         self._meters = meters
-        self._told = told
+        self._on_progress = on_progress
         self._models = {sample.seq: _model(sample) for sample in read_samples(run)}
         self._scores = {} if again else {score.key: score for score in read_scores(run)}
         self._saved = time.monotonic()
@@ -44,7 +46,7 @@ class Scoring:
         return len(self.triplets) * (bool(self._meters.single) + self._meters.video)
 
     def score(self) -> list[Score]:
-        """All scores, which are in the run's folder, too. Raises StartError and OSError."""
+        """Compute and write all scores. Raises StartError and OSError."""
         try:
             for start in range(0, len(self.triplets), FRAMES):
                 batch = self.triplets[start : start + FRAMES]
@@ -53,18 +55,18 @@ class Scoring:
                 if self._meters.video:
                     for kind in KINDS:
                         self._score_video(kind, [each for each in batch if kind in each.pictures])
-                    self._told(len(batch))
+                    self._on_progress(len(batch))
             sound = [each for each in self.triplets if each.name not in self.problems]
             there = {(each.seq, kind) for each in sound for kind in each.pictures}
             gone = [key for key in self._scores if key not in there]
             for key in gone:
                 del self._scores[key]
-        finally:  # Ctrl+C, too, keeps what there is
+        finally:  # also keeps scores after Ctrl+C
             write_scores(self._run, self._scores.values())
         return list(self._scores.values())
 
     def _score_single(self, triplet: Triplet) -> None:
-        """By the metrics of single pictures; and find out which of the earlier scores are of these files."""
+        """Compute metrics of single pictures, and drop earlier scores of other files."""
         try:
             contents = triplet.read()
             for kind in triplet.pictures:
@@ -83,13 +85,13 @@ class Scoring:
         except (BrokenRecording, BrokenPicture) as error:
             self.problems[triplet.name] = str(error)
         if self._meters.single:
-            self._told(1)
+            self._on_progress(1)
         if time.monotonic() - self._saved > SAVED_EVERY_S:
             write_scores(self._run, self._scores.values())
             self._saved = time.monotonic()
 
     def _score_video(self, kind: Kind, batch: Sequence[Triplet]) -> None:
-        """By VMAF and VIFp: all samples of the batch, unless all of them were."""
+        """Compute VMAF and VIFp of all samples of the batch, unless all of them have scores."""
         if all(each.name in self.problems or self._scores[each.seq, kind].has(VIDEO) for each in batch):
             return
         frames = self._decoded(kind, batch)
@@ -98,7 +100,7 @@ class Scoring:
                 self._add(seq, kind, dict(zip(VIDEO, values, strict=True)))
 
     def _decoded(self, kind: Kind, batch: Sequence[Triplet]) -> Iterator[tuple[int, Picture, Picture]]:
-        """(seq, picture, truth), one by one; what cannot be compared is left out."""
+        """Yield (seq, picture, truth) without pictures that cannot be compared."""
         for triplet in batch:
             if triplet.name not in self.problems:
                 try:
@@ -120,5 +122,5 @@ class Scoring:
 
 
 def _model(sample: Sample) -> str | None:
-    """What enhanced it, such as `anime4k-restore-m + scene`; None if nothing did."""
+    """Enhancement models, such as `anime4k-restore-m + scene`; None without enhancement."""
     return " + ".join(name for name in (sample.restore, sample.upscale) if name != "off") or None

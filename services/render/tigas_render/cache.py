@@ -16,12 +16,12 @@ KEY_LENGTH = 32
 
 
 def cache_directory() -> Path:
-    """Where this user's programs keep what they can make again (XDG base directories)."""
+    """Directory for reproducible data of this user's programs (XDG base directories)."""
     return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tigas"
 
 
 def kept_key(path: Path) -> bytes:
-    """The secret that is kept in a file for this user alone, made if it is missing; one that cannot be is made anew."""
+    """The secret in a file private to this user, created if missing; an unusable one is replaced."""
     key = os.urandom(KEY_LENGTH)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -37,7 +37,7 @@ def kept_key(path: Path) -> bytes:
 
 
 def write_to_cache(path: Path, content: bytes) -> None:
-    """Write a file in one step, so that no reader ever sees half of it. One that cannot be written is no failure."""
+    """Write a file atomically, so that no reader sees a partial one. Failing to write is not an error."""
     temporary = path.with_suffix(f".{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

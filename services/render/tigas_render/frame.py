@@ -1,4 +1,4 @@
-"""Who asks for frames, a finished frame, and the one thing a transport needs to know of the engine."""
+"""Clients, finished frames, and the engine's interface to transports."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ Transport = Literal["webtransport", "http3", "http1", "none"]
 
 
 class Client(NamedTuple):
-    """One viewer, as far as can be told. The engine is fair between addresses, and between an address's sessions."""
+    """One viewer, as far as it can be identified. The engine is fair between addresses, and between an address's
+    sessions.
+    """
 
     address: str
     """Its IPv4 address, or the /64 of its IPv6 address."""
@@ -54,10 +56,10 @@ class Frame:
     video: VideoInfo | None = None
     """Its place in the session's video, if it is of one."""
     on_release: Callable[[], None] | None = None
-    """Takes back the memory that the body lies in."""
+    """Releases the memory of the body."""
 
     def release(self) -> None:
-        """Give back what holds the body, which must not be read any more. A frame that is dropped does so, too."""
+        """Release the body's memory, after which it must not be read. Dropping a frame does the same."""
         on_release, self.on_release = self.on_release, None
         if on_release is not None:
             on_release()
@@ -75,22 +77,22 @@ Withdraw = Callable[[], None]
 
 
 class FrameSource(ABC):
-    """Whatever answers requests with frames: the engine, or a test's stand-in. It belongs to one event loop."""
+    """Answers requests with frames: the engine, or a fake. It belongs to one event loop."""
 
     @abstractmethod
     def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
-        """Ask for the frame for a request that arrived at a time of the monotonic clock.
+        """Request a frame, for a request received at a time of the monotonic clock.
 
-        answered: called once, on the event loop and after this has returned, with the frame or the reason why there is
-        none: mostly a TigasError, such as UnknownScene, BrokenScene, Superseded, DeadlineExceeded or Overloaded.
-        Returns what withdraws the request: `answered` is not called any more then. Later it does nothing.
+        answered: called once, on the event loop and after this has returned, with the frame or an error: usually a
+        TigasError, such as UnknownScene, BrokenScene, Superseded, DeadlineExceeded or Overloaded. Returns a function
+        that cancels the request, after which `answered` is not called. Later calls have no effect.
         """
 
     def forget(self, client: Client) -> None:  # noqa: B027 - most keep nothing
-        """Keep nothing for a client who is gone, or did not get a frame of its video: the next one is a key frame."""
+        """Drop the state of a client that has left, or missed a frame of its video: the next one is a key frame."""
 
     async def submit(self, client: Client, request: RenderRequest, arrived: float) -> Frame:
-        """The frame for a request, as `request`; raises why there is none. Cancel the call to withdraw it."""
+        """The frame for a request, like `request`; raises its error. Cancelling the call cancels the request."""
         answer: asyncio.Future[Frame] = asyncio.get_running_loop().create_future()
         withdraw = self.request(client, request, arrived, partial(_resolve, answer))
         try:
@@ -98,7 +100,7 @@ class FrameSource(ABC):
         except asyncio.CancelledError:
             withdraw()
             if answer.done() and not answer.cancelled() and answer.exception() is None:
-                answer.result().release()  # it came just when the call was cancelled
+                answer.result().release()  # it arrived at the moment of cancellation
             raise
 
 

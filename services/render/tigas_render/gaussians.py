@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -55,12 +55,14 @@ class Gaussians:
 
 @dataclass(frozen=True, slots=True)
 class Batches:
-    """A scene while it is read, some Gaussians at a time, so that nobody has to hold all of them."""
+    """A scene being read, a block of Gaussians at a time, so that they need not all be in memory."""
 
     most: int
     """Gaussians that there are, or a few more: some may turn out not to be drawable."""
     parts: Iterator[Gaussians]
-    """At least one, all of the same SH degree. Raises what reading them raises."""
+    """At least one, all of the same SH degree. Raises the errors of reading them."""
+    check: Callable[[], None] = lambda: None
+    """Called at intervals by long computations on the Gaussians; raises to end them."""
 
     def gathered(self) -> Gaussians:
         """All of them."""

@@ -1,7 +1,7 @@
-"""The shaper's HTTP interface: Starlette routes, nothing else.
+"""The shaper's HTTP interface: Starlette routes only.
 
-Requests that change something need an `Origin` that the policy allows: browsers send it by themselves, so that no
-other page can change the link; command-line tools say it (`curl -H 'Origin: http://localhost:8080' …`).
+Requests that change something need an `Origin` allowed by the policy: browsers send it automatically, so that no other
+page can change the link; command-line tools add it (`curl -H 'Origin: http://localhost:8080' …`).
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ async def events(request: Request) -> Response:
 
 
 class _Events(StreamingResponse):
-    """Counted from before its first byte, which a client may take its time for, to its end, whichever that is."""
+    """Counts a response from before its first byte, which a client may delay, to its end, for any reason."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         state = scope["app"].state

@@ -1,4 +1,4 @@
-"""What can go wrong with a link, each with one sentence that a person can act on."""
+"""Errors of a link, each with one actionable sentence."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from tigas_common.errors import TigasError
 
 
 class LinkClosed(TigasError):
-    """The link could not be shaped, so nothing crosses it until the shaper is started again."""
+    """The link could not be shaped, so no packet crosses it until the shaper is restarted."""
 
     status, type, title = 503, "link-closed", "The link is closed"
 

@@ -1,4 +1,4 @@
-"""Wires the shaper together: settings in, link and API up, until told to stop."""
+"""Wires the shaper together: settings, link and API."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from contextlib import AsyncExitStack, suppress
 from tigas_common.address import say_if_open
 from tigas_common.capabilities import CAP_NET_ADMIN, holds
 from tigas_common.errors import StartError, TigasError
+from tigas_common.http_limits import HttpLimits
+from tigas_common.loop_share import LoopShare
 from tigas_common.memory import keep_together
 from tigas_common.origins import OriginPolicy
 from tigas_common.runner import explained, serve_http, until_stopped
@@ -49,8 +51,8 @@ async def serve(settings: ShaperSettings) -> None:
                 raise StartError(error.detail) from None
         with explained(settings.http, "--http"):
             policy = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins, programs=False)
-            app = create_app(shaper, policy)
-            port = await stack.enter_async_context(serve_http(app, settings.http, settings.http_limits))
+            app = LoopShare(create_app(shaper, policy), settings.http_limits.loop_share_per_address, policy)
+            port = await stack.enter_async_context(serve_http(app, settings.http, HttpLimits.of(settings.http_limits)))
         shown = ", ".join(settings.forward)
         print(f"Shaping {access} ↔ {service} ({shaper.status().backend}), forwarding {shown}.")
         say_if_open([settings.http])

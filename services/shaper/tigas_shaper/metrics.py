@@ -1,4 +1,4 @@
-"""The shaper's figures for Prometheus: the link's state, and what has crossed it."""
+"""The shaper's Prometheus metrics: the link's state, and its traffic."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ShaperMetrics(Collector):
         self._shaper = shaper
 
     def collect(self) -> Iterator[Metric]:
-        """As it was last seen."""
+        """The last sample."""
         status, sent = self._shaper.status(), self._shaper.sent_bytes
         link, directions = status.link, {"down": status.down, "up": status.up}
         crossed = CounterMetricFamily("tigas_shaper_sent_bytes", "Bytes that crossed the link", labels=["direction"])
@@ -29,11 +29,11 @@ class ShaperMetrics(Collector):
             "tigas_shaper_dropped_packets", "Packets that were lost, as the queue was full", labels=["direction"]
         )
         rates = GaugeMetricFamily(
-            "tigas_shaper_rate_bytes_per_second", "What the link may carry now", labels=["direction"]
+            "tigas_shaper_rate_bytes_per_second", "Present capacity of the link", labels=["direction"]
         )
         queues = GaugeMetricFamily("tigas_shaper_queue_bytes", "Bytes that wait", labels=["direction"])
         ages = GaugeMetricFamily(
-            "tigas_shaper_queue_age_seconds", "How long what comes now will wait", labels=["direction"]
+            "tigas_shaper_queue_age_seconds", "Queueing delay of a packet arriving now", labels=["direction"]
         )
         for name, direction in directions.items():
             crossed.add_metric([name], sent[name])
@@ -41,7 +41,7 @@ class ShaperMetrics(Collector):
             rates.add_metric([name], direction.target_kbps * BYTES_PER_KBIT)
             queues.add_metric([name], direction.queue_bytes)
             ages.add_metric([name], direction.queue_ms / 1000)
-        modes = GaugeMetricFamily("tigas_shaper_playback", "What goes on: 1 for one of them", labels=["mode"])
+        modes = GaugeMetricFamily("tigas_shaper_playback", "Playback state: 1 for the present one", labels=["mode"])
         for mode in get_args(PlaybackMode):
             modes.add_metric([mode], mode == status.mode)
         yield from (crossed, drops, rates, queues, ages, modes)

@@ -26,7 +26,7 @@ class Playback:
         return run % self.trace.duration_ms if self.loop else min(run, self.trace.duration_ms)
 
     def ended(self, now: float) -> bool:
-        """Whether it came to its end, where it stays."""
+        """Whether playback has reached the end and stopped there."""
         return not self.loop and self._run_ms(now) >= self.trace.duration_ms
 
     def state(self, now: float) -> LinkSetting:
@@ -34,7 +34,7 @@ class Playback:
         return self.trace.states[-1] if self.ended(now) else self.trace.at(self.position_ms(now))
 
     def next_change(self, now: float) -> float | None:
-        """When the next state begins, or the trace ends; None if neither will happen by itself."""
+        """Time of the next state, or of the trace's end; None if neither will happen."""
         if self.since is None or self.ended(now):
             return None
         run = self._run_ms(now)

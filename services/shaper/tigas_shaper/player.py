@@ -13,16 +13,16 @@ from tigas_shaper.traces.trace import NetworkTrace
 
 
 class Link(Protocol):
-    """What a player plays on."""
+    """The required interface of a link."""
 
     def apply(self, state: LinkSetting, mean_kbps: tuple[float, float] | None = None) -> None:
-        """Change the link, now; `mean_kbps`, down and up, is what its queues are fitted to. Raises LinkClosed."""
+        """Change the link, now; `mean_kbps`, down and up, sizes its queues. Raises LinkClosed."""
 
 
 class Player:
-    """Changes a link when a trace says so. To be used from one event loop.
+    """Changes a link according to a trace. For use on one event loop.
 
-    Steps are timed from the start of playing, so they do not drift; a step that was missed is skipped, not made up for.
+    Steps are timed from the start of playback, so they do not drift; a missed step is skipped.
     """
 
     def __init__(
@@ -43,12 +43,12 @@ class Player:
 
     @property
     def state(self) -> LinkSetting:
-        """What is in force on the link."""
+        """The present state of the link."""
         return self._state
 
     @property
     def trace(self) -> NetworkTrace | None:
-        """What is being played."""
+        """The present trace or state."""
         return self._playback.trace if self._playback else None
 
     @property
@@ -63,7 +63,7 @@ class Player:
 
     @property
     def mode(self) -> PlaybackMode:
-        """What goes on."""
+        """Playback status."""
         if self._playback is None:
             return "constant"
         if self._playback.since is None:
@@ -71,11 +71,11 @@ class Player:
         return "ended" if self._playback.ended(self._clock()) else "playing"
 
     def start(self, trace: NetworkTrace, *, loop: bool = True) -> None:
-        """Play a trace from its start, in place of what was going on."""
+        """Play a trace from its start, replacing the present one."""
         self._go(Playback(trace, loop, since=self._clock()), (trace.mean_down_kbps, trace.mean_up_kbps))
 
     def constant(self, state: LinkSetting) -> None:
-        """Keep one state, in place of what was going on."""
+        """Hold one state, replacing the present one."""
         self._halt()
         self._apply(state, (state.down_kbps, state.up_kbps))
         self._playback = None
@@ -103,7 +103,7 @@ class Player:
         self._go(self._current().looping(loop, self._clock()))
 
     def close(self) -> None:
-        """Stop stepping, and leave the link as it is."""
+        """Stop playback, and leave the link unchanged."""
         self._halt()
 
     def _current(self) -> Playback:
@@ -125,7 +125,7 @@ class Player:
                 # A sleep may end a hair early; the state is then that of the boundary all the same.
                 self._apply(playback.state(max(change, self._clock())))
         except LinkClosed:
-            return  # whoever watches the link tells the story
+            return  # watchers of the link report it
 
     def _apply(self, state: LinkSetting, mean_kbps: tuple[float, float] | None = None) -> None:
         self._link.apply(state, mean_kbps)

@@ -1,4 +1,4 @@
-"""Everything that the shaper holds while it runs: gateway, link, player and traces; and who watches them."""
+"""State of the running shaper: gateway, link, player and traces, and the watchers of the link."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Shaper:
     async def open(
         cls, settings: ShaperSettings, access: Interface, service: Interface, forwards: list[Forward]
     ) -> AsyncIterator[Shaper]:
-        """Forward and shape for as long as the context lasts. Raises StartError."""
+        """Forward and shape, as a context manager. Raises StartError."""
         async with AsyncExitStack() as stack:
             stack.enter_context(shaper_lock())
             await remove_leftovers((access, service))
@@ -67,7 +67,7 @@ class Shaper:
                 raise StartError(f"The shaper needs {error.filename}: install iproute2 and nftables.") from None
             shaper = cls(link, gateway, Player(link, idle, clock=time.monotonic), TraceLibrary(settings.traces))
             stack.callback(shaper.player.close)
-            # The gate is shut first and the shaping removed after it, so that nothing ever crosses unshaped.
+            # The gate is closed first and the shaping removed after it, so that no packet ever crosses unshaped.
             stack.push_async_callback(gateway.shut)
             gateway.open_gate()
             watching = asyncio.create_task(shaper._watch())
@@ -81,11 +81,11 @@ class Shaper:
 
     @property
     def sent_bytes(self) -> dict[str, int]:
-        """What has crossed the link in each direction, `down` and `up`, as last sampled."""
+        """Traffic of each direction, `down` and `up`, as of the last sample."""
         return {"down": self._down.sent_bytes, "up": self._up.sent_bytes}
 
     def status(self) -> ShaperStatus:
-        """The link as it was last seen, and what plays now."""
+        """The last sample of the link, and the present playback."""
         player, state = self.player, self.player.state
         return ShaperStatus(
             time_ms=round(time.monotonic() * 1e3, 3),

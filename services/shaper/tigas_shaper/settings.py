@@ -3,41 +3,42 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 from pydantic_settings import SettingsConfigDict
 
+from tigas_common.command import NO_FLAG, Metavar
 from tigas_common.settings import Listen, Origins, ServiceSettings
 from tigas_common.topology import PAGE_ORIGINS, SHAPER
 from tigas_common.wire.shaper import MAX_RATE_KBPS
 
 
 class ShaperSettings(ServiceSettings):
-    """Each can be set in `tigas.toml` under [shaper], as TIGAS_SHAPER_<NAME>, or as a flag of `tigas shaper`."""
+    """Settings of `tigas shaper`: its flags, the table [shaper] of `tigas.toml`, and TIGAS_SHAPER_<NAME>."""
 
-    model_config = SettingsConfigDict(env_prefix="TIGAS_SHAPER_", extra="forbid", frozen=True)
+    model_config = SettingsConfigDict(env_prefix="TIGAS_SHAPER_")
     table: ClassVar[str] = "shaper"
 
-    access: str
-    """The interface towards the clients: its name, or an IPv4 network in which it has an address."""
-    service: str
-    """The interface towards the services, likewise."""
-    forward: tuple[str, ...] = Field(min_length=1, max_length=64)
-    """What to forward: `tcp:PORT=HOST:PORT` and `udp:PORT=HOST:PORT`."""
+    access: Annotated[str, Metavar("NAME|NETWORK")]
+    """Interface towards the clients: its name, such as eth0, or an IPv4 network in which it has an address."""
+    service: Annotated[str, Metavar("NAME|NETWORK")]
+    """Interface towards the services, such as 172.30.2.0/24."""
+    forward: Annotated[tuple[str, ...], Metavar("PROTOCOL:PORT=HOST:PORT")] = Field(min_length=1, max_length=64)
+    """Port to forward, such as tcp:8080=render:8080."""
     traces: Path | None = None
-    """A directory of network traces."""
+    """Directory of network traces."""
     trace: str | None = None
-    """The trace to play at start-up; without one, the link is constant."""
+    """Trace to play at start-up; without one, the link is constant."""
     http: Listen = SHAPER.loopback
     """Address of the API."""
     allow_origins: Origins = PAGE_ORIGINS
-    """As every service's; by default the page on this machine, wherever the shaper is."""
-    down_kbps: float = Field(default=100_000, gt=0, le=MAX_RATE_KBPS)
-    """The rate towards the clients while no trace plays, kbit/s."""
-    up_kbps: float = Field(default=100_000, gt=0, le=MAX_RATE_KBPS)
-    """The rate from the clients, likewise."""
-    queue_ms: float = Field(default=150.0, ge=1, le=10_000)
-    """The length of each direction's queue, as the time to drain it at the current trace's mean rate."""
-    backend: Literal["auto", "netem", "relay"] = "auto"
-    """What applies delay, jitter and loss; `auto` chooses netem if the kernel has it."""
+    """Origins of other hosts' pages that may use the service."""
+    down_kbps: Annotated[float, NO_FLAG] = Field(default=100_000, gt=0, le=MAX_RATE_KBPS)
+    """Rate towards the clients while no trace plays, in kbit/s."""
+    up_kbps: Annotated[float, NO_FLAG] = Field(default=100_000, gt=0, le=MAX_RATE_KBPS)
+    """Rate from the clients while no trace plays, in kbit/s."""
+    queue_ms: Annotated[float, NO_FLAG] = Field(default=150.0, ge=1, le=10_000)
+    """Length of each direction's queue: the time to drain it at the trace's mean rate, in ms."""
+    backend: Annotated[Literal["auto", "netem", "relay"], NO_FLAG] = "auto"
+    """Implementation of delay, jitter and loss; `auto` chooses netem if the kernel has it."""

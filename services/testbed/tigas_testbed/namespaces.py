@@ -5,8 +5,8 @@
                      access 198.18.1.2  access 198.18.1.1
                                         service 198.18.2.1  service 198.18.2.2
 
-198.18.0.0/15 is set aside for such benches (RFC 2544), so that it collides with no real network. Both ends of a veth
-pair have the name of what they lead to. The host has its own pair only if the lab is to be reached from there.
+198.18.0.0/15 is reserved for such benches (RFC 2544), so it collides with no real network. Both ends of a veth pair
+are named after the namespace they lead to. The host has its own pair only if the lab must be reachable from it.
 
 In the client, and on the host, the lab's ports on 127.0.0.1 lead to the gateway (nftables DNAT): a browser opens
 `http://localhost:8080`, which is a secure context, and its traffic crosses the shaped link.
@@ -64,7 +64,7 @@ class Lab:
         return ["ip", "netns", "exec", self.namespace(role), "setpriv", "--pdeathsig", "KILL", *argv]
 
     def exists(self) -> bool:
-        """Whether its namespaces are there."""
+        """Whether its namespaces exist."""
         return self.namespace("gateway") in _namespaces()
 
     def processes(self, role: Role) -> list[int]:
@@ -73,10 +73,10 @@ class Lab:
 
     @contextmanager
     def up(self, ports: Sequence[Port] = (), *, host: bool = False) -> Iterator[Lab]:
-        """The lab for as long as the context lasts, with `ports` of the client's 127.0.0.1 leading to the gateway's;
-        `host` joins the machine itself to the client's side, with the same ports.
+        """The lab during the context, with `ports` of the client's 127.0.0.1 leading to the gateway's; `host` joins the
+        machine to the client's side, with the same ports.
 
-        A lab of the same name that was left behind is removed first. Raises StartError.
+        Removes a leftover lab of the same name first. Raises StartError.
         """
         with ExitStack() as stack:
             stack.enter_context(_lock(self.name))
@@ -86,7 +86,7 @@ class Lab:
             yield self
 
     def remove(self) -> None:
-        """End what runs in its namespaces and remove them, and what leads to them from the host."""
+        """End all processes in its namespaces, and remove the namespaces and the host's link."""
         existing = _namespaces()
         for role in ROLES:
             namespace = self.namespace(role)

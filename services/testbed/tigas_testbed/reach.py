@@ -1,7 +1,7 @@
-"""What a service must reach although only root may: its interpreter below /root, for instance, or a device.
+"""Access to root-only files that a service needs, such as an interpreter below /root or a device.
 
 `ip netns exec` gives a command its own mounts. There, a directory that the service's user may not enter is covered by
-an empty one, into which only what the service needs is bound. Nothing of the machine itself is changed.
+an empty one, into which only the needed files are bound. The machine's own files are not changed.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ def own_code() -> list[Path]:
 
 
 def reaching(user: User, needed: Iterable[Path], devices: Iterable[Path], argv: Sequence[str]) -> list[str]:
-    """A command line that runs another one where `user` reaches all that is needed, for root with mounts of its own.
+    """A command line that runs another one where `user` reaches all needed files, with private mounts under root.
 
-    Raises StartError for a directory that is needed but closed to the user itself.
+    Raises StartError for a needed directory that is closed to the user itself.
     """
     commands = [*_doors(user, needed), *(line for device in devices for line in _device(user, device))]
     if not commands:
@@ -62,7 +62,7 @@ def _doors(user: User, needed: Iterable[Path]) -> list[Sequence[str]]:
 
 
 def _device(user: User, device: Path) -> list[Sequence[str]]:
-    """Commands that give a user a device of root's; none if everybody may use it, or there is none."""
+    """Commands that give a user access to a root-only device; empty if the device is public or missing."""
     if not device.exists() or device.stat().st_mode & stat.S_IWOTH:
         return []
     copy = f"{_SPARE}/{device.name}"

@@ -1,4 +1,4 @@
-"""What runs inside the lab: the services behind the gateway, and the shaper on it; and the same without a lab."""
+"""The services behind the gateway of the lab and the shaper on it, and the same services without a lab."""
 
 from __future__ import annotations
 
@@ -10,16 +10,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import ClassVar
-
-from pydantic_settings import SettingsConfigDict
 
 from tigas_common.address import ISOLATED, Address
+from tigas_common.cli import settings_of
 from tigas_common.commit import VARIABLE, this_commit
 from tigas_common.errors import StartError
 from tigas_common.hosts import host_of
 from tigas_common.processes import Service, keep_running, tigas
-from tigas_common.settings import MODELS, ServiceSettings, load_settings
+from tigas_common.settings import MODELS
 from tigas_common.topology import (
     DASH,
     PAGE,
@@ -43,26 +41,25 @@ FORWARDED = (PAGE, WEBTRANSPORT, DASH, WEBRTC, STORE)
 PORTS = (*FORWARDED, SHAPER)
 """All that a client reaches at the gateway."""
 TUN = Path("/dev/net/tun")
-"""What the shaper's relay needs."""
+"""Requirements of the shaper's relay."""
 
 
-def render_command(scenes: Path | None, ladder: str | None = None, https: Port | None = None) -> list[str]:
+def render_command(scenes: Path | None, https: Port | None = None) -> list[str]:
     """The render service, on all addresses of its namespace."""
     chosen = [
         *(("--scenes", str(scenes)) if scenes else ()),
-        *(("--ladder", ladder) if ladder else ()),
         *(("--https", str(https.everywhere)) if https else ()),
     ]
     return tigas("render", "--http", str(PAGE.everywhere), "--quic", str(WEBTRANSPORT.everywhere), *chosen)
 
 
 def dash_command() -> list[str]:
-    """The DASH packager beside the render service, whose views it does not get over the link."""
+    """The DASH packager next to the render service, whose views bypass the link."""
     return tigas("dash", "--render", f"http://{PAGE.loopback}", "--http", str(DASH.everywhere))
 
 
 def store_command() -> list[str]:
-    """The experiments' store, whose results are in the working directory unless its settings say otherwise."""
+    """The experiments' store, which keeps results in the working directory by default."""
     return tigas("store", "--http", str(STORE.everywhere))
 
 
@@ -74,31 +71,6 @@ def shaper_command(*more: str, https: Port | None = None) -> list[str]:
     return tigas("shaper", *interfaces, "--http", str(SHAPER.everywhere), *forwards, *more)
 
 
-class _DashSettings(ServiceSettings):
-    """What the demo must know of the packager's settings."""
-
-    model_config = SettingsConfigDict(env_prefix="TIGAS_DASH_", extra="ignore", frozen=True)
-    table: ClassVar[str] = "dash"
-
-
-class _StoreSettings(ServiceSettings):
-    """The same of the store's, for the lab as well."""
-
-    model_config = SettingsConfigDict(env_prefix="TIGAS_STORE_", extra="ignore", frozen=True)
-    table: ClassVar[str] = "store"
-
-    results: Path = Path("results")
-
-
-class _RenderSettings(ServiceSettings):
-    """The same of the render service's, for the lab."""
-
-    model_config = SettingsConfigDict(env_prefix="TIGAS_RENDER_", extra="ignore", frozen=True)
-    table: ClassVar[str] = "render"
-
-    scenes: Path = MODELS
-
-
 @dataclass(frozen=True, slots=True)
 class Runner:
     """Runs services in a lab as an ordinary user."""
@@ -106,7 +78,7 @@ class Runner:
     lab: Lab
     user: User
     needed: Sequence[Path] = ()
-    """Directories that they must reach, beside their own code."""
+    """Directories that they must reach, in addition to their code."""
     environment: Mapping[str, str] = field(default_factory=dict)
     """More than this process has in its own."""
 
@@ -141,7 +113,7 @@ def https_port(address: Address | None) -> Port | None:
     if address.host not in ("localhost", "127.0.0.1"):
         raise StartError(
             f"The lab is for this machine alone, so --https {address} is not: to other devices, the shaped link runs "
-            "in containers (docs/compose.md)."
+            "in containers (docs/deploy.md)."
         )
     port = Port("tcp", address.port)
     if port in PORTS or not port.number:
@@ -149,40 +121,61 @@ def https_port(address: Address | None) -> Port | None:
     return port
 
 
+def check_free(ports: Sequence[Port]) -> None:
+    """Raise StartError if a program on this machine has one of the ports that lead to the lab."""
+    for port in ports:
+        kind = socket.SOCK_STREAM if port.protocol == "tcp" else socket.SOCK_DGRAM
+        with socket.socket(socket.AF_INET, kind) as sock:
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, int(port.protocol == "tcp"))
+            try:
+                sock.bind((port.loopback.host, port.number))
+            except OSError as error:
+                raise StartError(f"The lab needs {port.protocol} port {port.loopback} ({error.strerror}).") from None
+
+
 def run_lab(
     *,
     scenes: Path | None,
     traces: Path | None,
-    trace: str | None,
-    ladder: str | None,
     https: Address | None,
+    store: bool,
     stop: threading.Event,
 ) -> None:
-    """Run the whole lab until `stop` is set. Raises StartError if it cannot start, or if a service ends too often."""
+    """Run the whole lab, with or without the experiment store, until `stop` is set.
+
+    Raises StartError if it cannot start, or if a service ends too often.
+    """
     secure = https_port(https)
     check_rights()
-    results = load_settings(_StoreSettings, {}).results
-    models = scenes or load_settings(_RenderSettings, {}).scenes
-    lent = (results, *((models,) if models == MODELS else ()))  # a directory that was named stays whose it is
+    ports = (*PORTS, *((secure,) if secure else ()))
+    check_free(ports)
+    results: Path = settings_of("store").results
+    models: Path = scenes or settings_of("render").scenes
+    traces = traces or settings_of("shaper", access="access", service="service", forward=("tcp:1=localhost:1",)).traces
+    lent = (results, *((models,) if models == MODELS else ()))  # a directory that was named keeps its owner
     caller, user = User.caller(os.environ), User.of_services(os.environ, Path.cwd())
-    options = [*(("--traces", str(traces)) if traces else ()), *(("--trace", trace) if trace else ())]
+    options = ("--traces", str(traces)) if traces else ()
     page = {
-        SERVICES_VARIABLE: page_services(shaped=True),
-        UPSTREAMS_VARIABLE: upstreams(shaper_host=GATEWAY_SERVICE_ADDRESS),
+        SERVICES_VARIABLE: page_services(shaped=True, store=store),
+        UPSTREAMS_VARIABLE: upstreams(shaper_host=GATEWAY_SERVICE_ADDRESS, store=store),
     }
-    render = render_command(models, ladder, secure)
-    with Lab(NAME).up((*PORTS, *((secure,) if secure else ())), host=True) as lab:
+    render = render_command(models, secure)
+    with Lab(NAME).up(ports, host=True) as lab:
         for folder in lent:
             user.give(folder)
         needed = [each for each in (models, traces, results) if each is not None and each.is_dir()]
-        runner = Runner(lab, user, needed, {VARIABLE: this_commit() or ""})  # git does not tell everybody
+        runner = Runner(lab, user, needed, {VARIABLE: this_commit() or ""})  # git refuses other users
         try:
             keep_running(
                 (
                     Service("shaper", lambda: runner.start(runner.shaper(*options, https=secure))),
                     Service("render service", lambda: runner.start(runner.service(render), page)),
                     Service("DASH packager", lambda: runner.start(runner.service(dash_command()))),
-                    Service("experiment store", lambda: runner.start(runner.service(store_command()))),
+                    *(
+                        (Service("experiment store", lambda: runner.start(runner.service(store_command()))),)
+                        if store
+                        else ()
+                    ),
                 ),
                 stop,
             )
@@ -191,16 +184,13 @@ def run_lab(
                 caller.give(folder)
 
 
-def run_demo(render_options: Sequence[str], stop: threading.Event) -> None:
-    """Run the services on this machine, without a link between them and the page, until `stop` is set.
-
-    Raises StartError as `run_lab` does.
-    """
-
-    environment = {SERVICES_VARIABLE: page_services(shaped=False), UPSTREAMS_VARIABLE: upstreams()} | os.environ
-    dash, store = tigas("dash", *_own_names(_DashSettings)), tigas("store", *_own_names(_StoreSettings))
+def run_demo(render_options: Sequence[str], stop: threading.Event, *, store: bool) -> None:
+    """Run the services without a shaped link until `stop` is set. Raises StartError as `run_lab` does."""
+    services = page_services(shaped=False, store=store)
+    environment = {SERVICES_VARIABLE: services, UPSTREAMS_VARIABLE: upstreams(store=store)} | os.environ
+    dash = tigas("dash", *_own_names("dash"))
     if "--lan" in render_options:
-        dash += ("--http", str(DASH.everywhere))  # nobody hands on what comes over WebRTC
+        dash += ("--http", str(DASH.everywhere))  # nothing forwards WebRTC traffic
 
     def start(argv: Sequence[str]) -> subprocess.Popen[bytes]:
         return subprocess.Popen(argv, start_new_session=True, env=environment)
@@ -208,15 +198,15 @@ def run_demo(render_options: Sequence[str], stop: threading.Event) -> None:
     keep_running(
         (
             Service("DASH packager", lambda: start(dash)),
-            Service("experiment store", lambda: start(store)),
+            *((Service("experiment store", lambda: start(tigas("store", *_own_names("store")))),) if store else ()),
             Service("render service", lambda: start(tigas("render", *render_options))),
         ),
         stop,
     )
 
 
-def _own_names(settings: type[ServiceSettings]) -> list[str]:
-    """Options with which a service answers under this machine's names, too, by which other devices know it."""
+def _own_names(service: str) -> list[str]:
+    """Options with which a service also answers to this machine's names on the network."""
     own = socket.gethostname().lower()
-    hosts = (*load_settings(settings, {}).allow_hosts, *((own, f"{own}.local") if host_of(own) == own else ()))
+    hosts = (*settings_of(service).allow_hosts, *((own, f"{own}.local") if host_of(own) == own else ()))
     return [f"--allow-host={host}" for host in hosts]

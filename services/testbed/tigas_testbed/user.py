@@ -1,4 +1,4 @@
-"""Who the lab's services run as: an ordinary user without capabilities, although the lab itself needs root."""
+"""The user of the lab's services: an ordinary one without capabilities, although the lab itself needs root."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from tigas_common.errors import StartError
 
 CACHE = Path("/var/cache")
-"""Where a user who has no home gets a directory."""
+"""Parent of home directories for users without one."""
 NOBODY = 65534
 
 
@@ -25,7 +25,7 @@ class User:
 
     @classmethod
     def caller(cls, environment: Mapping[str, str]) -> User:
-        """Whoever used sudo, or root."""
+        """The user that invoked sudo, or root."""
         return cls(int(environment.get("SUDO_UID", 0)), int(environment.get("SUDO_GID", 0)))
 
     @classmethod
@@ -38,7 +38,7 @@ class User:
         return cls(NOBODY, NOBODY)
 
     def environment(self) -> dict[str, str]:
-        """Their home, which is made if they have none, and who they are."""
+        """The user's home, created if missing, and identity."""
         try:
             known = pwd.getpwuid(self.uid)
         except KeyError:
@@ -59,7 +59,7 @@ class User:
         """
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            for _, folders, files, parent in os.fwalk(folder):  # by descriptors: nobody can put a link in the way
+            for _, folders, files, parent in os.fwalk(folder):  # by descriptors, so that links cannot interfere
                 for name in (".", *folders, *files):
                     state = os.stat(name, dir_fd=parent, follow_symlinks=False)
                     has_one_name = stat.S_ISDIR(state.st_mode) or state.st_nlink == 1
@@ -69,7 +69,7 @@ class User:
             raise StartError(f"{folder} cannot be given to user {self.uid}: {error.strerror or error}.") from None
 
     def may_enter(self, folder: Path) -> bool:
-        """Whether its mode lets them reach what is in it."""
+        """Whether its mode lets the user reach its contents."""
         state = folder.stat()
         if state.st_uid == self.uid:
             return bool(state.st_mode & stat.S_IXUSR)

@@ -1,4 +1,4 @@
-"""What the attacks are judged by: the goal that docs/hostile.md names."""
+"""The goal of the attacks, as named by docs/deploy.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The largest number of viewers, found with steps that are made up."""
+"""The capacity search, with made-up steps."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ TIMING = Timing(5, 1)
 
 
 class Made:
-    """A service that serves so many viewers, and viewers whose processes keep up with so many."""
+    """A service with a given capacity, and viewers' processes with another."""
 
     def __init__(self, capacity: int, generator: int = 1000, p95_ms: float = 20) -> None:
         self.capacity, self.generator, self.p95_ms = capacity, generator, p95_ms
         self.crowds = self
 
     def clear(self) -> None:
-        """Nobody is there."""
+        """Zero viewers."""
 
     def step(self, viewers: int, timing: Timing, wait: object) -> Step:
         late = 0.0 if viewers <= self.generator else 50.0

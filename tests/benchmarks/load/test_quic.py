@@ -1,4 +1,4 @@
-"""Answers are counted, whatever order their parts come in."""
+"""Answers are counted, in any order of their parts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PARTS = [(start, BODY[start : start + 1400]) for start in range(0, len(BODY), 14
 
 
 def deliver(parts: list[tuple[int, bytes]]) -> tuple[int, bytes | None]:
-    """How many parts it took, and what the event held."""
+    """Number of parts taken, and the contents of the event."""
     answer = Answer(4)
     for count, (start, data) in enumerate(parts, 1):
         event = answer.handle_frame(QuicStreamFrame(data=data, offset=start, fin=start + len(data) == len(BODY)))

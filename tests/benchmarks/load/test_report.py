@@ -1,4 +1,4 @@
-"""What is written of a measurement, also where a step has no figures."""
+"""The report of a measurement, including steps without figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What viewers ask for: the movements of the repository, in a scene's own frame."""
+"""Routes of viewers: the movements of the repository, in a scene's own frame."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from benchmarks.load.plan import Plan
 from benchmarks.load.routes import make_plan
 from tigas_common.wire.render import RenderRequest, SceneInfo, StartCamera
-from tigas_experiments.movement.errors import MovementError
+from tigas_experiments.movement.table import MovementError
 
 STROLL = Path(__file__).parents[3] / "traces/movement/stroll.csv"
 SCENE = SceneInfo(

@@ -8,7 +8,7 @@ from benchmarks.load.search import search
 
 
 def found(capacity: int, first: int = 4, most: int = 400) -> tuple[int, list[int]]:
-    """What the search says of something that holds up to `capacity`, and what it tried."""
+    """The result of a search for `capacity`, and the numbers tried."""
     looking, tried = search(first, most), []
     try:
         viewers = next(looking)

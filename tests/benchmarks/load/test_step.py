@@ -1,4 +1,4 @@
-"""What a step says of the service, and when it says nothing."""
+"""Verdict of a step on the service, and steps without a verdict."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_figures_of_a_service_that_keeps_up() -> None:
 def test_only_frames_that_were_due_meanwhile_count() -> None:
     one = step([*frames(), Due(99.9, "served", 0.5, 100.4, 1, 0), Due(110.1, "superseded")], waiting=[99.0, 111.0])
     assert (one.due, one.p95_ms) == (300, 20.0)
-    assert one.frames_per_s == pytest.approx(30.1, abs=0.2)  # one of them came meanwhile
+    assert one.frames_per_s == pytest.approx(30.1, abs=0.2)  # one of them arrived in the meantime
 
 
 def test_all_that_was_not_served_is_told_apart() -> None:

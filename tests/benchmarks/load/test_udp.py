@@ -1,4 +1,4 @@
-"""A viewer's socket: batches come apart, and what was not read in time is counted."""
+"""A viewer's socket: batches are split, and dropped datagrams are counted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A viewer against the real HTTP/3 server: what became of every frame that it wanted."""
+"""A viewer against the real HTTP/3 server: the outcome of every wanted frame."""
 
 from __future__ import annotations
 

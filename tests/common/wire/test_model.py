@@ -1,4 +1,4 @@
-"""What holds for all wire models."""
+"""Properties of all wire models."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MODELS = [
 
 
 def lists(schema: Any) -> Iterator[dict[str, Any]]:
-    """Every list of any length in a core schema, but for those of JSON of any kind, in which nothing can be wrong."""
+    """Every unbounded list in a core schema, except those of arbitrary JSON."""
     if isinstance(schema, dict) and "JsonValue" not in schema.get("ref", ""):
         if schema.get("type") in ("list", "set", "frozenset") or "variadic_item_index" in schema:
             yield schema

@@ -1,16 +1,17 @@
-"""A run's configuration: what is refused, which are equal, and what their folders are called."""
+"""A run's configuration: refusals, equality, and folder names."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from pydantic import ValidationError
 
 from tests.experiments.made_up import configuration
-from tigas_common.wire.run import Configuration, Network
+from tigas_common.wire.run import DASH, LOCAL, MODE_NAMES, MODES, PER_VIEW, Configuration, Mode, Network
 from tigas_common.wire.shaper import LinkSetting
 
 
@@ -21,6 +22,7 @@ def test_only_a_trace_begins_elsewhere(network: Network) -> None:
         Network.model_validate(fields)
 
 
+LABELS = json.loads(Path(__file__).with_name("network_labels.golden.json").read_text())
 LOSSY = LinkSetting(down_kbps=20_000, up_kbps=10_000, delay_ms=25, loss_pct=1)
 
 
@@ -36,6 +38,19 @@ LOSSY = LinkSetting(down_kbps=20_000, up_kbps=10_000, delay_ms=25, loss_pct=1)
 )
 def test_a_network_s_name_leaves_out_its_round_trip(network: Network, name: str, rtt: float | None) -> None:
     assert (network.name, network.round_trip_ms) == (name, rtt)
+
+
+@pytest.mark.parametrize("case", LABELS, ids=lambda case: case["label"])
+def test_a_network_s_label_is_the_page_s(case: dict[str, Any]) -> None:
+    """The page's tests read the same file."""
+    network = Network.model_validate_json(json.dumps({name: case[name] for name in ("link", "trace", "rtt_ms")}))
+    assert network.label == case["label"]
+
+
+def test_every_mode_has_a_name_and_new_runs_have_all_but_the_earlier_ones() -> None:
+    assert set(MODE_NAMES) == set(get_args(Mode))
+    assert set(get_args(Mode)) - set(MODES) == {"local-ply"}
+    assert {*PER_VIEW, *DASH, *LOCAL, "webrtc"} == set(get_args(Mode))
 
 
 @pytest.mark.parametrize(
@@ -86,8 +101,13 @@ def test_a_folder_says_how_movement_was_met_only_where_it_was() -> None:
     assert configuration(overscan=0.1, depth=False, surround=False).slug == plain
     assert configuration(reprojection=True).slug == plain.replace("_0", "_reprojection_0")
     assert configuration(prediction="linear").slug == plain.replace("_0", "_prediction-linear_0")
-    every = configuration(reprojection=True, overscan=0.1, depth=False, surround=False, prediction="auto").slug
-    assert every == plain.replace("_0", "_reprojection_overscan-0.1_no-depth_no-surround_prediction-auto_0")
+    every = configuration(reprojection=True, overscan=0.1, depth=False, surround=False, prediction="linear").slug
+    assert every == plain.replace("_0", "_reprojection_overscan-0.1_no-depth_no-surround_prediction-linear_0")
+
+
+def test_a_run_of_a_predictor_that_is_gone_stays_readable() -> None:
+    old = configuration().model_dump() | {"prediction": "auto"}
+    assert Configuration.model_validate(old).motion == ("prediction-auto",)
 
 
 @pytest.mark.parametrize("change", [{"overscan": 0.6}, {"overscan": "much"}, {"prediction": "Linear!"}])
@@ -107,7 +127,7 @@ def test_the_longest_names_fit_into_a_file_system() -> None:
 
 @pytest.mark.parametrize("name", ["", "Off", "../x", "x" * 25, "a b", "ä"])
 def test_what_cannot_be_a_model_is_told_in_a_sentence(name: str) -> None:
-    with pytest.raises(ValidationError, match=r"is no model's name"):
+    with pytest.raises(ValidationError, match=r"is no name of a model or predictor"):
         configuration(upscale=name)
 
 

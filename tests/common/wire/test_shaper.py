@@ -1,4 +1,4 @@
-"""What travels between the shaper and those who change its link: bounds that nothing gets past."""
+"""Messages of the shaper: strict bounds."""
 
 from __future__ import annotations
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-pytest.importorskip("aiortc")
-
 from tests.dash.fakes import grey
 from tigas_dash.clock import Clock
 from tigas_dash.encoding import RawFrame
@@ -15,7 +13,7 @@ pytestmark = pytest.mark.anyio
 
 
 class FakeClock(Clock):
-    """Stands still, but for those who wait for it."""
+    """A clock that advances only for waiters."""
 
     time = 100.0
 
@@ -27,7 +25,7 @@ class FakeClock(Clock):
 
 
 class FakeViews:
-    """A view that takes `delay_s` to come, for each that is asked for; one that stands still once it is None."""
+    """A view that arrives after `delay_s`, for each request; it stands still once it is None."""
 
     def __init__(self) -> None:
         self.delay_s: float | None = 0.01

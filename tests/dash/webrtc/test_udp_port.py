@@ -1,4 +1,4 @@
-"""One port for all viewers: each datagram finds its connection, and what belongs to nobody is dropped."""
+"""One port for all viewers: each datagram finds its connection, and unknown ones are dropped."""
 
 from __future__ import annotations
 
@@ -7,9 +7,6 @@ import socket
 from collections.abc import AsyncIterator
 
 import pytest
-
-pytest.importorskip("aiortc")
-
 from aioice import Connection, stun
 
 from tests.dash.watching import PATIENCE_S

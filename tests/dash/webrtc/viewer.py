@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from typing import Any
 
 import av
@@ -16,6 +16,7 @@ from aiortc.mediastreams import MediaStreamTrack
 from tests.dash.conftest import session_request
 
 PATIENCE_S = 20
+CONNECTING_S = 5
 
 
 def webrtc_request(sdp: str, **changes: Any) -> dict[str, Any]:
@@ -35,6 +36,9 @@ class Viewer:
         self.told: list[dict[str, Any]] = []
         self.pictures: list[av.VideoFrame] = []
         self._watching: asyncio.Task[None] | None = None
+        self._answered = False
+        self._changed = asyncio.Event()
+        self.connection.add_listener("connectionstatechange", self._changed.set)
         self.connection.add_listener("track", self._track)
         self.frames.add_listener("message", lambda message: self.told.append(json.loads(message)))
 
@@ -45,6 +49,7 @@ class Viewer:
 
     async def take(self, answer: str) -> None:
         """The packager's answer."""
+        self._answered = True
         await self.connection.setRemoteDescription(RTCSessionDescription(sdp=answer, type="answer"))
 
     def _track(self, track: MediaStreamTrack) -> None:
@@ -57,15 +62,21 @@ class Viewer:
         self._watching = asyncio.ensure_future(watch())
 
     async def leave(self) -> None:
-        """As a page that is closed."""
+        """Close like a page. aiortc's connecting must have ended, because its task would fail on a closed transport."""
         if self._watching is not None:
             self._watching.cancel()
+        if self._answered:
+            with suppress(TimeoutError):
+                async with asyncio.timeout(CONNECTING_S):
+                    while self.connection.connectionState in ("new", "connecting"):
+                        self._changed.clear()
+                        await self._changed.wait()
         await self.connection.close()
 
 
 @asynccontextmanager
 async def watching(http: httpx.AsyncClient, **changes: Any) -> AsyncIterator[tuple[Viewer, dict[str, Any]]]:
-    """A viewer whose stream was opened, and what it was told of it; it leaves with the context."""
+    """A viewer with an open stream and its description, as a context manager."""
     viewer = Viewer()
     try:
         answer = await http.post("/webrtc", json=webrtc_request(await viewer.offer(), **changes))
@@ -78,7 +89,7 @@ async def watching(http: httpx.AsyncClient, **changes: Any) -> AsyncIterator[tup
 
 
 async def offer_of_nobody() -> str:
-    """An offer whose viewer has gone by now."""
+    """An offer of a viewer that has left."""
     viewer = Viewer()
     offer = await viewer.offer()
     await viewer.leave()

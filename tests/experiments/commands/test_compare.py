@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 import os
 import signal
 import statistics
@@ -16,18 +14,18 @@ from typing import Any
 import httpx
 import psutil
 import pytest
-import typer
-from typer.testing import CliRunner, Result
 
+from tests.command import Result, tigas
 from tests.experiments.conftest import Services
 from tests.experiments.processes import finished, started, until
 from tests.experiments.stub import Stub, fails
 from tigas_common.wire.run import USUALLY_COMPARED
-from tigas_experiments.commands.compare import compare as command
 from tigas_experiments.records.folder import RunRecord, StoredRun, read_experiment
-from tigas_experiments.records.samples import read_sample_file, sample_path
+from tigas_experiments.records.summary import summarise
+from tigas_experiments.report.results import load
+from tigas_experiments.report.run_listing import runs_as_made
 
-SHORT = ("--scene", "pebbles", "--duration", "2", "--warm-up", "0.5", "--viewport", "320x180", "--profile", "3")
+SHORT = ("--scene", "pebbles", "--duration", "2", "--viewport", "320x180", "--profile", "3")
 
 
 def compare(*arguments: str) -> subprocess.Popen[str]:
@@ -36,9 +34,8 @@ def compare(*arguments: str) -> subprocess.Popen[str]:
 
 
 def report(out: Path) -> list[dict[str, Any]]:
-    """The runs of a report."""
-    runs: list[dict[str, Any]] = json.loads((out / "report.json").read_text())["runs"]
-    return runs
+    """The runs, in the order in which they were made."""
+    return [summarise(out / "runs" / run.folder).model_dump(mode="json") for run in runs_as_made(load(out))]
 
 
 def told_by_the_page(run: StoredRun) -> float:
@@ -47,12 +44,12 @@ def told_by_the_page(run: StoredRun) -> float:
     return statistics.median(latency for f in run.frames() if f.pose >= first for latency in f.latencies)
 
 
+@pytest.mark.slow
+@pytest.mark.extended
 def test_every_mode_is_measured_over_the_same_link_and_movement(services: Services, out: Path) -> None:
     asked = len(services.shaper.asked)
     status, output, errors = finished(
-        compare(
-            "--url", services.url, "--network", "20mbit,20ms-rtt", "--sample-stride", "5", "--out", str(out), *SHORT
-        )
+        compare("--url", services.url, "--network", "20mbit,20ms-rtt", "--out", str(out), *SHORT)
     )
     assert status == 0, errors
     assert "within 108 ms" in output
@@ -91,11 +88,6 @@ def test_every_mode_is_measured_over_the_same_link_and_movement(services: Servic
     stored = [StoredRun(out / "runs" / run["folder"]) for run in runs]
     for run, records in zip(runs, stored, strict=True):
         assert run["figures"]["latencies"]["p50"] == pytest.approx(told_by_the_page(records), abs=20)
-    sampled, *streamed = (records.samples() for records in stored)
-    assert len(sampled) == math.ceil(len(stored[0].frames()) / 5)
-    for sample in sampled:
-        assert len(read_sample_file(sample_path(stored[0].folder, sample.seq, "jpg"))) == sample.bytes
-    assert streamed == [[], [], []]
     ends = [records.inputs()[-1].position for records in stored]
     for end in ends[1:]:
         assert ends[0] == pytest.approx(end, abs=1e-6)
@@ -104,11 +96,15 @@ def test_every_mode_is_measured_over_the_same_link_and_movement(services: Servic
 
 
 @pytest.mark.slow
+@pytest.mark.extended
 def test_a_stream_may_have_a_single_representation(services: Services, out: Path) -> None:
-    single = ("--modes", "dash-tuned,dash-edge", "--dash-representation", "r3-300")
-    status, _, errors = finished(
-        compare("--url", services.url, "--network", "unshaped", *single, "--out", str(out), *SHORT)
+    file = out.with_suffix(".toml")
+    file.write_text(
+        'name = "single"\nscenes = ["pebbles"]\nmovements = ["stroll"]\nnetworks = ["unshaped"]\n'
+        'modes = ["dash-tuned", "dash-edge"]\ndash_representations = ["r3-300"]\n'
+        'duration_s = 2\nwarm_up_s = 0.5\nviewport = "320x180"\nshuffled = false\n'
     )
+    status, _, errors = finished(started("experiment", "run", str(file), "--url", services.url, "--out", str(out)))
     assert status == 0, errors
     runs = report(out)
     assert [run["folder"].split("_")[3] for run in runs] == ["dash-tuned-r3-300", "dash-edge-r3-300"]
@@ -122,9 +118,10 @@ def test_a_stream_may_have_a_single_representation(services: Services, out: Path
     "end_it",
     [
         pytest.param(lambda process: os.killpg(process.pid, signal.SIGINT), id="Ctrl+C"),
-        pytest.param(subprocess.Popen.terminate, id="SIGTERM", marks=pytest.mark.slow),
+        pytest.param(subprocess.Popen.terminate, id="SIGTERM"),
     ],
 )
+@pytest.mark.slow
 def test_who_ends_it_ends_everything_and_keeps_what_was_finished(
     services: Services, out: Path, end_it: Callable[[subprocess.Popen[str]], None]
 ) -> None:
@@ -144,6 +141,7 @@ def test_who_ends_it_ends_everything_and_keeps_what_was_finished(
 
 
 @pytest.mark.slow
+@pytest.mark.extended
 def test_a_run_that_somebody_else_spoils_is_named(services: Services, out: Path) -> None:
     held = ("/link", {"down_kbps": 20_000, "up_kbps": 10_000, "delay_ms": 10, "jitter_ms": 0, "loss_pct": 0})
     asked = len(services.shaper.asked)
@@ -154,10 +152,10 @@ def test_a_run_that_somebody_else_spoils_is_named(services: Services, out: Path)
     httpx.post(f"{services.shaper.url}/link", json={"down_kbps": 1000, "up_kbps": 1000}).raise_for_status()
     status, _, errors = finished(process)
     assert status == 1
-    assert "Somebody else changed the link during the run." in " ".join(errors.split())
+    assert "The link was changed from outside during the run." in " ".join(errors.split())
     run, other = report(out)
     assert other["figures"], "the others go on"
-    assert (run["figures"], run["problem"]) == (None, "Somebody else changed the link during the run.")
+    assert (run["figures"], run["problem"]) == (None, "The link was changed from outside during the run.")
 
 
 @pytest.mark.parametrize(
@@ -188,7 +186,6 @@ def test_what_cannot_be_had_is_said_before_anything_is_measured(
         (("--modes", "magic"), "modes.0: input should be"),
         (("--modes", "stateless,stateless"), "modes: 'stateless' is there twice"),
         (("--viewport", "big"), "is not WIDTHxHEIGHT"),
-        (("--ladder", "tall"), "ladder: input should be 'scene' or 'paper'"),
         (("--out", "."), ". already exists"),
     ],
 )
@@ -202,12 +199,10 @@ def test_nonsense_gets_one_sentence(out: Path, arguments: tuple[str, str], sente
 
 def tigas_compare(*arguments: str) -> Result:
     """The command within this process."""
-    app = typer.Typer()
-    app.command()(command)
-    return CliRunner().invoke(app, arguments)
+    return tigas("compare", *arguments)
 
 
-def test_it_is_an_experiment_with_a_page_of_its_own(stub: Stub, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_its_options_are_the_plan_of_an_experiment(stub: Stub, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", ["/usr/bin/tigas", "compare", "--profile", "budget"])
     networks = ("--network", "20mbit,20ms-rtt", "--network", "unshaped")
     result = tigas_compare("--out", str(out), *networks, "--profile", "budget", "--profile", "2")
@@ -216,7 +211,7 @@ def test_it_is_an_experiment_with_a_page_of_its_own(stub: Stub, out: Path, monke
     assert stub.made == [f"courtyard_stroll_{net}_{mode}" for net in ("20mbit-20ms-rtt", "unshaped") for mode in modes]
     assert sorted(path.name for path in (out / "runs").iterdir()) == sorted(stub.made)
     record = read_experiment(out)
-    assert (record.template, record.source, record.planned, record.name) == ("comparison", "command", 10, "out")
+    assert (record.source, record.planned, record.name) == ("command", 10, "out")
     assert record.command == "tigas compare --profile budget"
     assert stub.reported == [out]
     again = tigas_compare("--out", str(out))
@@ -224,20 +219,24 @@ def test_it_is_an_experiment_with_a_page_of_its_own(stub: Stub, out: Path, monke
     assert f"{out} already exists; choose another folder with --out." in again.output
 
 
-def test_the_ladder_and_how_movement_is_met_are_options(stub: Stub, out: Path) -> None:
-    options = ("--ladder", "paper", "--reprojection", "--prediction", "linear", "--modes", "stateless")
-    result = tigas_compare("--out", str(out), *options)
+def test_reprojection_is_an_option(stub: Stub, out: Path) -> None:
+    result = tigas_compare("--out", str(out), "--reprojection", "--modes", "stateless")
     assert result.exit_code == 0, result.output
-    assert stub.ladder == "paper"
     (run,) = (RunRecord.model_validate_json(path.read_text()) for path in out.glob("runs/*/run.json"))
-    assert run.configuration.motion == ("reprojection", "prediction-linear")
+    assert run.configuration.motion == ("reprojection",)
 
 
 def test_a_run_that_fails_costs_the_exit_status_and_no_other_run(stub: Stub, out: Path) -> None:
     stub.happenings = [None, fails]
     result = tigas_compare("--out", str(out))
     assert result.exit_code == 1
-    assert "dash-typical_0: The viewer failed: Target closed" in result.output
+    assert result.output.splitlines() == [
+        f"4 runs, about 7 minutes, into {out}",
+        "1/4 Stateless budget, 20mbit,20ms-rtt, stroll",
+        "2/4 DASH typical, 20mbit,20ms-rtt, stroll: The viewer failed: Target closed",
+        "3/4 DASH tuned, 20mbit,20ms-rtt, stroll",
+        "4/4 DASH edge, 20mbit,20ms-rtt, stroll",
+    ]
     assert (len(stub.made), stub.reported) == (4, [out])
 
 

@@ -1,4 +1,4 @@
-"""`tigas compare` over the real link of the namespace lab: what it starts, measures and leaves behind."""
+"""`tigas compare` over the real link of the namespace lab: processes, measurements and cleanup."""
 
 from __future__ import annotations
 
@@ -12,32 +12,21 @@ import pytest
 
 from tests.experiments.commands.test_compare import compare, report
 from tests.experiments.processes import finished, until
-from tests.web.conftest import CHROMIUM, STATIC
-from tigas_common.errors import StartError
+from tests.prerequisites import BUILT_PAGE, CHROMIUM, FREE_LAB, NAMESPACES
 from tigas_experiments.records.folder import StoredRun
-from tigas_testbed.namespaces import Lab, check_rights
+from tigas_testbed.namespaces import Lab
 from tigas_testbed.services import NAME
 
-SHORT = ("--duration", "3", "--warm-up", "2", "--modes", "stateless", "--viewport", "320x180", "--profile", "2")
+pytestmark = pytest.mark.alone
+
+SHORT = ("--duration", "3", "--modes", "stateless", "--viewport", "320x180", "--profile", "2")
 
 
 @pytest.fixture(autouse=True)
 def lab() -> Iterator[None]:
-    """Skips where the lab cannot be had; in the end nothing of it may be left."""
-    missing = (not STATIC.exists() and "the web client is not built") or (not CHROMIUM and "no Chromium")
-    if missing:
-        pytest.skip(missing)
-    try:
-        check_rights()
-    except StartError as error:
-        pytest.skip(str(error))
-    try:
-        with Lab(NAME).up():
-            pass
-    except StartError as error:
-        pytest.skip(f"a lab is in use on this machine: {error}")
-    if any(c.laddr and c.laddr.port == 8080 and c.status == psutil.CONN_LISTEN for c in psutil.net_connections("tcp")):
-        pytest.skip("something else serves port 8080 on this machine")
+    """Require a free lab; none of it may remain after the test."""
+    for prerequisite in (BUILT_PAGE, CHROMIUM, NAMESPACES, FREE_LAB):
+        prerequisite.require()
     yield
     assert not Lab(NAME).exists()
     links = subprocess.run(("ip", "-br", "link"), check=True, capture_output=True, text=True).stdout

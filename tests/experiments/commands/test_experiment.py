@@ -17,7 +17,7 @@ from tests.experiments.run.test_plan import toml
 
 
 def run(services: Services, file: Path) -> subprocess.Popen[str]:
-    """Start it; the folder is beside the file."""
+    """Start it; its folder is next to the file."""
     return started("experiment", "run", str(file), "--out", str(file.parent / "out"), "--url", services.url)
 
 
@@ -28,7 +28,7 @@ def records(file: Path) -> list[dict[str, Any]]:
 
 
 def kill_the_browser(process: subprocess.Popen[str]) -> None:
-    """As a person who ends it, or a system without memory."""
+    """Like a user's interruption, or a system out of memory."""
     for child in psutil.Process(process.pid).children(recursive=True):
         if "chrom" in child.name() and not any(part.startswith("--type=") for part in child.cmdline()):
             os.kill(child.pid, 9)
@@ -37,6 +37,7 @@ def kill_the_browser(process: subprocess.Popen[str]) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.extended
 def test_a_browser_that_is_killed_costs_one_run_and_resume_repeats_just_that(
     services: Services, tmp_path: Path
 ) -> None:

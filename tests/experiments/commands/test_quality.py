@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from filelock import FileLock
 from PIL import Image
-from typer.testing import CliRunner, Result
 
-from tests.experiments.report.made_up_results import write_run
+from tests.command import Result, tigas
+from tests.experiments.report.synthetic_results import write_run
 from tests.experiments.report.test_cli import rows as csv_rows
 from tests.experiments.triplets_made_up import view, write_triplets
 from tests.web.scenes import SMALL, write_scenes
@@ -21,11 +21,10 @@ from tests.web.server import RenderServer
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.recording import Capture, Lens
 from tigas_common.wire.render import RenderRequest
-from tigas_experiments.commands.quality import quality as command
 from tigas_experiments.quality.picture import CaptureQuality, compare, decode, encode
+from tigas_experiments.records.files import write_lines
 from tigas_experiments.records.folder import StoredRun, capture_path
-from tigas_experiments.records.lines import write_lines
-from tigas_experiments.records.materialised import TRUTH, Materialised, add_materialised, materialised_log
+from tigas_experiments.records.rerendered import TRUTH, Rerendered, append_rerendered, rerender_log
 from tigas_experiments.records.samples import JPEG, write_sample_file
 from tigas_experiments.records.scores import SCORES, read_scores
 from tigas_experiments.report.report import write_report
@@ -33,7 +32,7 @@ from tigas_experiments.report.report import write_report
 
 def quality(*arguments: str) -> Result:
     """The command as a person types it."""
-    return CliRunner().invoke(command, arguments, env={"COLUMNS": "300"})
+    return tigas("quality", *arguments, columns=300)
 
 
 def words(result: Result) -> str:
@@ -93,7 +92,7 @@ def test_without_weights_only_these_two_are_left_out(tmp_path: Path, monkeypatch
     [
         (["--metrics", "psnr,beauty"], "'beauty' is no metric; there are psnr, ssim, vmaf, vif, lpips, dists."),
         (["--metrics", " , "], "--metrics names none"),
-        (["--metrics", "psnr"], "has no samples or kept pictures with ground truth (docs/quality.md)."),
+        (["--metrics", "psnr"], "has no samples or captures with ground truth (docs/experiments.md)."),
     ],
 )
 def test_what_cannot_be_done_is_a_sentence(tmp_path: Path, arguments: list[str], sentence: str) -> None:
@@ -217,8 +216,8 @@ def test_without_a_render_service_there_is_no_ladder(experiment: Path) -> None:
 
 def test_frames_that_the_renderer_would_not_send_again_are_told_of(experiment: Path) -> None:
     run = experiment / "runs" / "latency-0"
-    with materialised_log(run) as file:
-        add_materialised(file, Materialised(seq=10, identical=False, problem=None, psnr_db=20.0))
+    with rerender_log(run) as file:
+        append_rerendered(file, Rerendered(seq=10, identical=False, problem=None, psnr_db=20.0))
     said = words(quality(str(run), "--metrics", "psnr"))
     assert "latency-0: the renderer answered 1 of 2 samples differently when it was asked again" in said
 

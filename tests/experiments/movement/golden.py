@@ -1,7 +1,7 @@
-"""What `golden.json` is made from: `python -m tests.experiments.movement.golden` writes it.
+"""Source of `golden.json`: `python -m tests.experiments.movement.golden` writes it.
 
-Both readers and placers of movements are tested against it, the lab's (Python) and the page's (TypeScript).
-A quaternion and its negative are the same rotation.
+Both readers and placers of movements are tested against it, the lab's (Python) and the page's (TypeScript). A
+quaternion and its negative are the same rotation.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 from tests.scenes import scene
 from tigas_common.wire.render import StartCamera
-from tigas_experiments.movement.placing import placed
+from tigas_experiments.movement.placement import placed
 from tigas_experiments.movement.trace import MovementTrace
 
 FILE = Path(__file__).with_name("golden.json")
@@ -70,7 +70,7 @@ REFUSED = {
     "farther away than a million": f"{HEADER}0,1,-2000000,3,0,0,0,1\n",
     "longer than a day": f"{HEADER}{POSE}90000000,1,2,3,0,0,0,1\n",
 }
-"""Texts that are none."""
+"""Invalid texts."""
 COURTYARD = StartCamera(position=(-0.9, -1.75, -9.7), look_at=(0.35, -1.75, 0.0))
 SCENES = {
     "y down": scene(camera=COURTYARD),

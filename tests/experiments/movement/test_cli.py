@@ -7,15 +7,15 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
 
+from tests.command import Result, tigas
 from tests.experiments.movement.test_eyenavgs import NTHU, UPRIGHT, both, write
 from tigas_experiments.movement.cli import movement
 from tigas_experiments.movement.trace import MovementTrace
 
 
 def run(*arguments: object) -> Result:
-    return CliRunner().invoke(movement, [str(argument) for argument in arguments], terminal_width=200)
+    return tigas("movement", *arguments, columns=200)
 
 
 def said(result: Result) -> str:
@@ -41,14 +41,15 @@ def test_tigas_finds_the_commands() -> None:
     assert points["movement"].load() is movement
 
 
-def test_make_writes_what_was_asked_for_and_replaces_nothing_unless_told_to(tmp_path: Path) -> None:
+def test_make_writes_what_was_asked_for_and_replaces_nothing(tmp_path: Path) -> None:
     out = tmp_path / "turns.csv"
     assert run("make", "quick-turns", out, "--seconds", 5, "--seed", 7).exit_code == 0
     assert MovementTrace.read(out).comments["command"] == "tigas movement make quick-turns --seconds 5 --seed 7"
     result = run("make", "stroll", out)
-    assert (result.exit_code, "exists; use --force to overwrite it" in said(result)) == (1, True)
-    assert run("make", "stroll", out, "--force").exit_code == 0
-    assert MovementTrace.read(out).duration_ms == 60_000
+    assert (result.exit_code, "exists; remove it first" in said(result)) == (1, True)
+    assert MovementTrace.read(out).duration_ms == 5000
+    assert run("make", "stroll", tmp_path / "stroll.csv").exit_code == 0
+    assert MovementTrace.read(tmp_path / "stroll.csv").duration_ms == 60_000
 
 
 def test_import_keeps_a_recording_in_its_own_scene(recording: Path, tmp_path: Path) -> None:
@@ -58,44 +59,52 @@ def test_import_keeps_a_recording_in_its_own_scene(recording: Path, tmp_path: Pa
     assert (trace.anchor, trace.unit, trace.positions[-1].tolist()) == ("scene", "scene", [1.98, -2, -3])
     assert "EyeNavGS" in trace.comments["source"]
     assert "Apache-2.0; changed by TIGAS: left eye" in trace.comments["licence"]
-    assert run("import", recording, out, "--up", "0,1,0", "--force").exit_code == 0
+    out.unlink()
+    assert run("import", recording, out, "--up", "0,1,0").exit_code == 0
     assert MovementTrace.read(out).positions[0, 1:].tolist() == [2, 3]
 
 
-@pytest.mark.parametrize("by_hand", [False, True])
-def test_import_makes_a_walk_of_a_recording(recording: Path, settings: Path, tmp_path: Path, by_hand: bool) -> None:
+def test_import_makes_a_walk_of_a_recording(recording: Path, settings: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
-    said_scale = ["--scale", "0.5", "--level", "0,0,0,1"] if by_hand else ["--settings", settings]
-    assert run("import", recording, out, "--eye", "left", "--anchor", "start", *said_scale).exit_code == 0
+    assert run("import", recording, out, "--eye", "left", "--settings", settings).exit_code == 0
     walk = MovementTrace.read(out)
     assert (walk.anchor, walk.unit) == ("start", "m")
     assert walk.positions[[0, -1]].tolist() == [[0, 0, 0], [3.96, 0, 0]]
-    assert run("import", recording, out, "--anchor", "start", *said_scale, "--metre", 10, "--force").exit_code == 0
+    out.unlink()
+    assert run("import", recording, out, "--settings", settings, "--metre", 10).exit_code == 0
     scaled = MovementTrace.read(out)
     assert (scaled.anchor, scaled.unit) == ("start", "scene")
     assert scaled.positions[-1, 0] == pytest.approx(39.6, abs=0.5)
 
 
 @pytest.mark.parametrize(("arguments", "sentence"), [
-    (["--scale", "2"], "and --metre need --anchor start."),
-    (["--anchor", "start"], "give the scene's scale with --scale, or use --settings scene_setting.csv."),
-    (["--anchor", "start", "--scale", "0"], "--scale and --level: a scale is a positive number."),
-    (["--anchor", "start", "--scale", "1", "--level", "0,0,0,0"], "--level takes 4 numbers"),
-    (["--anchor", "start", "--scale", "1", "--level", "1,2"], "--level takes 4 numbers such as 0,0,0,1, not '1,2'."),
-    (["--anchor", "start", "--scale", "1", "--up", "0,0,1"], "--up needs --anchor scene."),
-    (["--anchor", "start", "--scale", "1", "--metre", "nan"], "--metre must be a positive number of units."),
-    (["--anchor", "start", "--settings", "scene_setting.csv", "--scale", "1"], "--settings already gives scale"),
-    (["--anchor", "start", "--settings", "nowhere.csv"], "nowhere.csv cannot be read"),
-    (["--anchor", "start", "--scale", "1e-9"], "is farther away than 1,000,000."),
-    (["--up", "0,0,0"], "--up takes 3 numbers"),
+    (["--metre", "2"], "--metre needs --settings."),
+    (["--settings", "0,0,0,1,0"], "the scene 'train' has no Scale and Quaternion that are numbers."),
+    (["--settings", "0,0,0,0,1"], "the scene 'train' has no Scale and Quaternion that are numbers."),
+    (["--settings", "0,0,0,1,1e-9"], "is farther away than 1,000,000."),
+    (["--settings", "0,0,0,1,1", "--up", "0,0,1"], "--up does not go with --settings."),
+    (["--settings", "nowhere.csv"], "nowhere.csv cannot be read"),
+    (["--up", "0,0,0"], "--up takes 3 numbers such as 0,0,1, not '0,0,0'."),
+    (["--up", "1,2"], "--up takes 3 numbers"),
 ])  # fmt: skip
 def test_options_that_make_no_sense_write_nothing(
-    recording: Path, tmp_path: Path, arguments: list[str], sentence: str
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], sentence: str
 ) -> None:
+    """A value of --settings that is no file's name is the content of one: a quaternion and a scale."""
+    monkeypatch.chdir(tmp_path)
+    if arguments[0] == "--settings" and arguments[1] != "nowhere.csv":
+        level, scale = arguments[1].rsplit(",", 1)
+        Path(arguments[1]).write_text(f'Scene_Name,Quaternion,Scale\ntrain,"{level}",{scale}\n')
     result = run("import", recording, tmp_path / "out.csv", *arguments)
     assert result.exit_code == 1
     assert sentence in said(result)
     assert not (tmp_path / "out.csv").exists()
+
+
+@pytest.mark.parametrize("value", ["nan", "0", "inf", "-1"])
+def test_a_metre_is_a_positive_number(recording: Path, tmp_path: Path, value: str) -> None:
+    result = run("import", recording, tmp_path / "out.csv", f"--metre={value}")
+    assert (result.exit_code, result.stderr.startswith("--metre: ")) == (2, True)
 
 
 def test_show_says_how_long_how_dense_how_far_and_how_fast(tmp_path: Path) -> None:

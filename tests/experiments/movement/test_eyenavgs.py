@@ -1,4 +1,4 @@
-"""Recordings of EyeNavGS: columns by name, axes, eyes, scene settings, and what is no such recording."""
+"""Recordings of EyeNavGS: columns by name, axes, eyes, scene settings, and invalid recordings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 from tests.scenes import scene
 from tests.shared_data import shared_file
-from tigas_experiments.movement.errors import MovementError
 from tigas_experiments.movement.eyenavgs import (
     SceneSettings,
     from_the_start,
@@ -20,8 +19,9 @@ from tigas_experiments.movement.eyenavgs import (
     read_settings,
     scene_of,
 )
-from tigas_experiments.movement.placing import placed
+from tigas_experiments.movement.placement import placed
 from tigas_experiments.movement.summary import Summary
+from tigas_experiments.movement.table import MovementError
 from tigas_experiments.movement.trace import MovementTrace
 
 NTHU = (
@@ -199,7 +199,7 @@ def test_in_a_recording_the_eyes_are_beside_one_another_and_the_walk_is_level(
     path = shared_file("movement", site, f"{name}.csv")
     settings = read_settings(shared_file("movement", site, "scene_setting.csv"), scene_of(path))
     left, right, middle = (read_eyes(path, eye) for eye in ("left", "right", "middle"))
-    # both at the right eye's times; what the head does meanwhile is in `left`'s interpolation
+    # both at the right eye's times; the head's movement in between is in `left`'s interpolation
     shift = 7.0
     positions, quaternions = left.poses_at(right.times_ms + shift)
     beside = Rotation.from_quat(quaternions).inv().apply(right.positions - positions) / settings.scale

@@ -1,4 +1,4 @@
-"""Generated movements: reproducible, and what they are called."""
+"""Generated movements: reproducible, with stable names."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from typer.testing import CliRunner
 
-from tigas_experiments.movement.cli import movement
+from tests.command import tigas
+from tigas_common.wire.movement import VIEW_M
 from tigas_experiments.movement.generated import DESCRIPTIONS, KINDS, generate
-from tigas_experiments.movement.placing import VIEW_M
 from tigas_experiments.movement.summary import Pace, Summary
 from tigas_experiments.movement.trace import MovementTrace
 
@@ -25,7 +24,7 @@ def test_making_it_again_gives_the_file_in_the_repository_byte_for_byte(kind: st
     command = MovementTrace.read(kept).comments["command"].split()
     assert command == f"tigas movement make {kind} --seconds 60 --seed 1".split()
     made = tmp_path / kept.name
-    assert CliRunner().invoke(movement, [*command[2:], str(made)]).exit_code == 0
+    assert tigas(*command[1:], made).exit_code == 0
     assert made.read_bytes() == kept.read_bytes()
 
 

@@ -1,4 +1,4 @@
-"""Movement traces: what is read, repaired and refused, and what lies between two poses."""
+"""Movement traces: reading, repairs, refusals, and interpolation."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.scenes import scene
-from tigas_experiments.movement.errors import MovementError
-from tigas_experiments.movement.placing import placed
+from tigas_experiments.movement.placement import placed
+from tigas_experiments.movement.table import MovementError
 from tigas_experiments.movement.trace import MovementTrace
 
 HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n"

@@ -1,4 +1,4 @@
-"""The lab's reader and placer against the file that the page's are tested against, too."""
+"""The lab's reader and placer against the page's golden file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.experiments.movement.golden import FILE, MOVEMENTS, REFUSED, golden
-from tigas_experiments.movement.errors import MovementError
+from tigas_experiments.movement.table import MovementError
 from tigas_experiments.movement.trace import MovementTrace
 
 KEPT: dict[str, Any] = json.loads(FILE.read_text(encoding="utf-8"))

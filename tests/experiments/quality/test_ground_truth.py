@@ -1,4 +1,4 @@
-"""Which views a shown picture is compared with, and what is said when they cannot be had."""
+"""The ground truth of a shown picture, and errors when it is unavailable."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SAMPLED = inputs(10)  # poses 1 to 10, at 0, 20, … ms, at x = 0, 1, …
 
 
 class Renderer:
-    """Answers with a picture that depends on where the camera stands; remembers what it was asked."""
+    """Answers with a picture that depends on the camera's position; records its requests."""
 
     def __init__(self, answer: httpx.Response | None = None) -> None:
         self.asked: list[float] = []
@@ -34,7 +34,7 @@ class Renderer:
 
 
 def truth(renderer: Renderer) -> GroundTruth:
-    """Of a scene that nobody has."""
+    """For an unknown scene."""
     http = httpx.AsyncClient(base_url="http://render", transport=httpx.MockTransport(renderer))
     return GroundTruth(http, "courtyard", LENS)
 
@@ -86,7 +86,7 @@ async def test_a_frame_of_a_predicted_pose_has_no_picture_to_be_compared_with() 
 
 
 async def test_a_stalled_page_s_picture_is_compared_with_where_the_viewer_should_have_been() -> None:
-    """From 40 to 100 ms nothing was sampled; the poses that were due have the next one's number."""
+    """There were no samples from 40 to 100 ms; the due poses have the next one's number."""
     stalled = [
         entry.model_copy(update={"missed": True, "pose": 6}) if 40 <= entry.at < 100 else entry for entry in SAMPLED
     ]

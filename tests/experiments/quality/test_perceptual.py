@@ -11,11 +11,12 @@ import torch
 from PIL import Image
 
 from tests.experiments.triplets_made_up import jpeg, view
+from tests.prerequisites import METRIC_WEIGHTS
 from tigas_experiments.quality import meters, weights
 from tigas_experiments.quality.meters import distance
 from tigas_experiments.quality.perceptual import Dists, Lpips, Perceptual
 from tigas_experiments.quality.picture import Picture, decode
-from tigas_experiments.quality.sources import CALIBRATION, SOURCES, fetch
+from tigas_experiments.quality.sources import CALIBRATION, fetch
 
 TRUTH = view(1, 64, 48)
 PUBLISHED = {
@@ -63,8 +64,7 @@ def test_pictures_are_measured_together_as_they_are_alone(
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_the_published_values_are_reproduced(name: str) -> None:
-    if not all(source.cached.exists() for source in SOURCES):
-        pytest.skip("the trained weights are not here: tigas quality fetch")
+    METRIC_WEIGHTS.require()
     with zipfile.ZipFile(fetch(CALIBRATION)) as wheel:
         picture, truth = (decode_bmp(wheel, f"ResultsCalibra/{kind}_dir/{name}.bmp") for kind in ("dist", "ref"))
     found = [distance(load(), "cpu")([picture], truth)[0][0] for load in (weights.lpips, weights.dists)]

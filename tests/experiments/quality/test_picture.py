@@ -1,4 +1,4 @@
-"""Picture quality: known answers, and pictures that are none."""
+"""Picture quality: known answers, and invalid pictures."""
 
 from __future__ import annotations
 

@@ -119,5 +119,5 @@ def test_without_ffmpeg_or_libvmaf_there_is_a_sentence(monkeypatch: pytest.Monke
     with pytest.raises(NoVmaf, match="/bin/true has no libvmaf"):
         ffmpeg()
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    with pytest.raises(NoVmaf, match=re.escape(install_command("quality"))):
+    with pytest.raises(NoVmaf, match=re.escape(install_command("lab"))):
         ffmpeg()

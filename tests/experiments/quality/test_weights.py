@@ -1,4 +1,4 @@
-"""Trained weights: only what was published is kept and read, and nothing in it runs."""
+"""Trained weights: only the published file is kept and read, and no code in it runs."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def test_without_weights_the_command_that_gets_them_is_named(load: object) -> No
     for source in SOURCES:
         source.cached.parent.mkdir(parents=True, exist_ok=True)
         source.cached.write_bytes(b"changed by somebody")
-    with pytest.raises(NoWeights, match="not what was published: tigas quality fetch"):
+    with pytest.raises(NoWeights, match="differs from the published file: tigas quality fetch"):
         load()
 
 
@@ -122,7 +122,7 @@ def test_torchvisions_networks_do_as_well(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def as_torchvision(model: Perceptual, layers: Sequence[int]) -> State:
-    """A network's convolutions under torchvision's names, with a layer that nobody needs."""
+    """A network's convolutions under torchvision's names, with an unused layer."""
     found = {"classifier.0.weight": torch.zeros(1)}
     for layer, convolution in zip(layers, model.convolutions.children(), strict=True):
         found |= {f"features.{layer}.{name}": value for name, value in convolution.state_dict().items()}

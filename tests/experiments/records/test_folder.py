@@ -1,4 +1,4 @@
-"""Run folders: what is written comes back, and what is broken is said in a sentence."""
+"""Run folders: written data is read back, and broken data is reported in a sentence."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from pydantic import JsonValue
 from tests.experiments.made_up import recording, reply, write_run
 from tests.not_files import NOT_FILES
 from tigas_experiments.quality.picture import Quality
+from tigas_experiments.records.files import BrokenRecording, parse_recording
 from tigas_experiments.records.folder import ExperimentRecord, RunWriter, StoredRun, read_experiment, write_experiment
-from tigas_experiments.records.recording import BrokenRecording, parse_recording
 from tigas_experiments.records.summary import summarise
 
 
@@ -158,6 +158,9 @@ def test_an_experiment_says_what_was_planned(tmp_path: Path) -> None:
     write_experiment(tmp_path / "made", record)
     assert read_experiment(tmp_path / "made") == record
     write_experiment(tmp_path / "made", record)  # a resumed experiment says it again
+    path = tmp_path / "made" / "experiment.json"
+    path.write_text(path.read_text().replace("{", '{"template": "comparison",', 1))
+    assert read_experiment(tmp_path / "made").name == record.name, "early ones said which page their report has"
     assert sorted(path.name for path in (tmp_path / "made").iterdir()) == ["experiment.json", "runs"]
 
 

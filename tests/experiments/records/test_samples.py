@@ -1,7 +1,8 @@
-"""Samples: what is written comes back by its number, and what is broken is said in a sentence."""
+"""Samples: read back by number, and broken ones are reported in a sentence."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -10,8 +11,8 @@ from pydantic import ValidationError
 from tests.experiments.made_up import sampled, write_run
 from tests.not_files import NOT_FILES
 from tigas_common.wire.recording import Sample
+from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import StoredRun
-from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.records.samples import (
     ENHANCED,
     enhanced_path,
@@ -37,6 +38,14 @@ def test_what_is_written_comes_back(tmp_path: Path) -> None:
     path = enhanced_path(run, 1_234_567)
     assert path is not None
     assert read_sample_file(path) == b"lossless"
+
+
+def test_samples_of_an_older_version_stay_readable(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "run")
+    old = json.loads(sampled(3).model_dump_json())
+    old["request"]["stamp"] = None
+    (run / "samples.ndjson").write_text(json.dumps(old, separators=(",", ":")) + "\n")
+    assert StoredRun(run).samples() == [sampled(3)]
 
 
 def test_two_samples_of_one_number_are_refused(tmp_path: Path) -> None:

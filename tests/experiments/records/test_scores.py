@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.scores import SCORES, Score, read_scores, write_scores
 
 

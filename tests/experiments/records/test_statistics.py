@@ -39,7 +39,7 @@ def test_unanswered_inputs_are_slower_than_any() -> None:
 
 
 def test_a_stalled_page_s_missed_poses_are_late_and_no_rest_of_the_viewer() -> None:
-    """It sampled nothing from 500 to 1400 ms: poses 26 to 69 were due meanwhile, and shown with pose 70."""
+    """There were no samples from 500 to 1400 ms: poses 26 to 69 were due in between, and shown with pose 70."""
     whole = inputs(100)
     stalled = [
         entry.model_copy(update={"missed": True, "pose": 71}) if 500 <= entry.at < 1400 else entry for entry in whole
@@ -158,7 +158,7 @@ def test_a_gap_while_the_viewer_moves_is_a_freeze() -> None:
     shown = late(sampled, 40)
     held = [frame(1400, entry.pose) if 500 <= entry.at < 1360 else f for entry, f in zip(sampled, shown, strict=True)]
     found = statistics.freezes(sampled, held, 2100)
-    # The last view before came at 520 ms, of the input at 480 ms; the next input was due 20 ms later.
+    # The previous view arrived at 520 ms, for the input at 480 ms; the next input was due 20 ms later.
     assert found == Freezes(count=1, total_ms=1400 - 520 - 20, longest_ms=860)
 
 

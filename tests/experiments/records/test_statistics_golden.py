@@ -1,4 +1,4 @@
-"""The lab's figures against records worked by hand, which the page's are tested against, too."""
+"""The lab's figures against records worked by hand, which also test the page's."""
 
 from __future__ import annotations
 

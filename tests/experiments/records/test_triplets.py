@@ -1,4 +1,4 @@
-"""Triplets: what belongs together, and pictures that cannot be compared."""
+"""Triplets: matching pictures, and incomparable ones."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from PIL import Image
 from tests.experiments.made_up import png
 from tests.experiments.triplets_made_up import HEIGHT, WIDTH, jpeg, reduced, view, write_triplets
 from tigas_experiments.quality.picture import BrokenPicture, encode
-from tigas_experiments.records.materialised import TRUTH
-from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.records.files import BrokenRecording
+from tigas_experiments.records.rerendered import TRUTH
 from tigas_experiments.records.samples import JPEG, write_sample_file
 from tigas_experiments.records.triplets import triplets
 

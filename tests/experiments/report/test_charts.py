@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.experiments.report.made_up_results import write_run
-from tigas_experiments.report.charts import distribution, draw_boxes
+from tests.experiments.report.synthetic_results import write_run
+from tigas_experiments.report.charts import BINS, binned, distribution, downloaded, draw_boxes
 from tigas_experiments.report.groups import Groups
 from tigas_experiments.report.plot import panel_grid
 from tigas_experiments.report.results import load
@@ -32,3 +32,17 @@ def test_distributions_count_what_never_came() -> None:
     assert (values.tolist(), shares.tolist()) == ([], [])
     values, shares = distribution(np.arange(100_000.0))
     assert (len(values), values[0], values[-1], shares[-1]) == (200, 0, 99_999, 1.0)
+
+
+def test_a_download_takes_what_the_link_carries() -> None:
+    link = np.array([[0.5, 8.0], [1.0, 16.0], [1.5, 0.0]])
+    assert downloaded(link).tolist() == [0.5, 1.5, 1.5]
+
+
+def test_long_series_are_drawn_by_their_medians() -> None:
+    times = np.arange(10_000) / 100
+    values = np.where(np.arange(10_000) % 10 == 0, 900.0, 40.0)
+    binned_times, medians = binned(times, values)
+    assert len(binned_times) <= BINS + 1
+    assert set(medians.tolist()) == {40.0}
+    assert binned(times[:5], values[:5])[1].tolist() == [900, 40, 40, 40, 40]

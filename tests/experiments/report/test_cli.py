@@ -1,4 +1,4 @@
-"""`tigas report`: what it says to a person, and to one who gives it rubbish."""
+"""`tigas report`: its output, and its errors for invalid input."""
 
 from __future__ import annotations
 
@@ -9,22 +9,19 @@ import re
 from pathlib import Path
 
 import pytest
-import typer
-from typer.testing import CliRunner, Result
 
-from tests.experiments.report.made_up_results import write_run
-from tigas_experiments.report.cli import report
+from tests.command import Result, tigas
+from tests.experiments.report.synthetic_results import write_run
+from tigas_experiments.report.cli import MAX_COLUMNS, MOST_NETWORKS
 
 
 def run_report(folder: Path, *options: str) -> Result:
     """The command as a person types it."""
-    app = typer.Typer()
-    app.command()(report)
-    return CliRunner().invoke(app, [str(folder), *options], env={"COLUMNS": "400"})
+    return tigas("report", folder, *options)
 
 
 def page_text(folder: Path) -> str:
-    """What a reader sees of report.html, without styles and drawings."""
+    """The visible text of report.html, without styles and drawings."""
     parts: list[str] = []
 
     class Reader(html.parser.HTMLParser):
@@ -61,8 +58,8 @@ def experiment(tmp_path: Path) -> Path:
 def test_a_report_stands_alone(experiment: Path) -> None:
     said = run_report(experiment)
     assert said.exit_code == 0, said.output
-    assert "not certain: Latency's p95 response, from the pose to the screen, is under 100 ms" in said.output
-    assert "150 ms [no interval over 1 block] at 20 ms" in said.output, "the repeats are of one block"
+    assert "bus,300ms-rtt" in said.output
+    assert "within 108 ms" in said.output, "the table of each network"
     page = (experiment / "report.html").read_text()
     known = ("http://www.w3.org/", "http://purl.org/", "http://creativecommons.org/", "url(#")
     for name in known:
@@ -74,6 +71,17 @@ def test_a_report_stands_alone(experiment: Path) -> None:
         name: (experiment / name).read_bytes() for name in ("runs.csv", "groups.csv", "differences.csv")
     }
     assert page.count("href=") == len(links) + page.count("xlink:href="), "nothing leads away from the page"
+
+
+def test_the_terminal_has_room_for_few_networks_of_few_runs(tmp_path: Path) -> None:
+    for network in range(MOST_NETWORKS + 1):
+        write_run(tmp_path / "runs" / f"{network}", network=f"net{network}", seconds=1.0)
+    for repeat in range(MAX_COLUMNS):
+        write_run(tmp_path / "runs" / f"0-{repeat}", network="net0", seconds=1.0, repeat=repeat + 1)
+    output = run_report(tmp_path).output
+    assert f"net0,20ms-rtt: {MAX_COLUMNS + 1} runs, a row each in table.md." in output
+    assert output.count("Motion-to-photon") == MOST_NETWORKS - 1
+    assert "\n1 more in table.md." in output
 
 
 def test_equal_runs_give_equal_reports(experiment: Path) -> None:
@@ -108,7 +116,7 @@ def test_runs_without_result_are_listed_with_reasons_and_in_no_figure(experiment
     nan.write_text(nan.read_text().replace('"at":', '"at":NaN,"was":', 1))
     said = run_report(experiment)
     assert said.exit_code == 0, said.output
-    assert "5 of 8 runs have no result" in said.output
+    assert "5 of 8 runs failed" in said.output
     text = page_text(experiment)
     for reason in (
         "run.json is broken",
@@ -139,7 +147,7 @@ def test_nothing_but_failures_is_a_report_too(experiment: Path) -> None:
         (run / "inputs.ndjson").unlink()
     said = run_report(experiment)
     assert said.exit_code == 0, said.output
-    assert "8 of 8 runs have no result" in page_text(experiment)
+    assert "8 of 8 runs failed" in page_text(experiment)
     assert rows(experiment / "groups.csv") == []
 
 
@@ -177,7 +185,7 @@ def test_without_runs_there_is_one_sentence(tmp_path: Path, made: str) -> None:
 
 
 def test_without_permission_there_is_one_sentence(experiment: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refused(_: Path) -> None:  # root, whom tests may run as, is refused nothing
+    def refused(_: Path) -> None:  # root, possibly the tests' user, has all permissions
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(Path, "iterdir", refused)

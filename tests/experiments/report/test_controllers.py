@@ -1,4 +1,4 @@
-"""What is compared: its names, and how it is drawn."""
+"""The compared controllers: names and styles."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.experiments.made_up import configuration
 from tigas_common.wire.run import Configuration, Mode
 from tigas_experiments.report.controllers import (
     FIXED_COLOUR,
@@ -20,13 +21,14 @@ from tigas_experiments.report.controllers import (
     Controller,
     in_order,
     looks,
+    run_names,
 )
 
 LINES = {"-": "solid", "--": "dashed", ":": "dotted", "-.": "double"}
 """How the page calls them: as the style of a border."""
 IN_THE_PAGE = Path(__file__).parents[3] / "web/src/experiment/looks.json"
 PAGES = ("#ffffff", "#181b21")
-"""What is drawn on, in both themes."""
+"""Background colours of both themes."""
 TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
 SIGHTS = {
     "usual": np.eye(3),
@@ -34,7 +36,7 @@ SIGHTS = {
     "deuteranopia": np.array([[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]]),
     "tritanopia": np.array([[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]]),
 }
-"""What becomes of linear sRGB in the eyes of people: Machado, Oliveira and Fernandes (2009), severity 1."""
+"""Simulates colour vision deficiency on linear sRGB: Machado, Oliveira and Fernandes (2009), severity 1."""
 
 
 def test_the_page_has_the_colours_and_lines_of_reports() -> None:
@@ -126,6 +128,17 @@ def test_what_is_done_to_all_frames_sets_nothing_apart() -> None:
     both = looks([*plain, *turned])
     assert len({(look.colour, look.dashes) for look in both.values()}) == len(both)
     assert len({(look.colour, look.marker) for look in both.values()}) == len(both)
+
+
+def test_runs_are_called_by_what_tells_them_apart() -> None:
+    two = [configuration("dash-tuned"), configuration(movement="walks/user3.csv")]
+    assert list(run_names(two).values()) == [
+        "DASH tuned, 20mbit,20ms-rtt, stroll",
+        "Stateless budget, 20mbit,20ms-rtt, user3",
+    ]
+    assert list(run_names(two)) == [run.slug for run in two]
+    many = [*two, configuration(scene="garden", segment=1, repeat=2)]
+    assert list(run_names(many).values())[2] == "Stateless budget, 20mbit,20ms-rtt, stroll, garden, part 2, repeat 3"
 
 
 def linear(colour: str) -> NDArray[np.float64]:

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.experiments.report.made_up_results import write_run
+from tests.experiments.report.synthetic_results import write_run
 from tigas_common.errors import StartError
 from tigas_experiments.records.folder import ExperimentRecord
 from tigas_experiments.report.differences import against, choose_baseline
 from tigas_experiments.report.groups import Groups
-from tigas_experiments.report.metrics import FRAME_AGE_MEAN
+from tigas_experiments.report.metrics import METRICS
 from tigas_experiments.report.results import load
 
 
@@ -32,7 +32,7 @@ def test_only_blocks_that_both_have_are_compared(tmp_path: Path) -> None:
         ("budget", "tram", "a", 60),
     )
     (one,) = against(found, next(iter(found.looks)))
-    estimate = one.estimate(FRAME_AGE_MEAN)
+    estimate = one.estimate(METRICS["frame_age_mean_ms"])
     assert estimate is not None
     assert (one.controller.name, one.blocks, estimate.mean, estimate.blocks) == ("l2a", 1, 20, 1)
 
@@ -49,7 +49,7 @@ def test_all_networks_together_come_first(tmp_path: Path) -> None:
     compared = against(found, next(iter(found.looks)))
     names = [(each.network, each.controller.name) for each in compared]
     assert names == [(None, "l2a"), ("bus", "l2a"), ("tram", "lol+"), ("tram", "l2a")]
-    estimate = compared[0].estimate(FRAME_AGE_MEAN)
+    estimate = compared[0].estimate(METRICS["frame_age_mean_ms"])
     assert estimate is not None
     assert (estimate.mean, estimate.blocks) == (25, 2)
 

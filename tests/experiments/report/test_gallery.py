@@ -1,4 +1,4 @@
-"""The samples that a report shows: which, in what size, how far from ground truth, and what must be known of them."""
+"""The samples in a report: selection, size, distance from ground truth, and notices."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from PIL import Image
 
 from tests.experiments.samples.renderers import FakeRenderer, picture, sampled_run
 from tigas_experiments.quality.picture import Picture
-from tigas_experiments.records.materialised import INDEX, TRUTH
+from tigas_experiments.records.rerendered import INDEX, TRUTH
 from tigas_experiments.records.samples import JPEG, sample_path, write_sample_file, write_samples
 from tigas_experiments.records.scores import Score, write_scores
 from tigas_experiments.report.gallery import MOST, GallerySample, gallery
 from tigas_experiments.report.report import write_report
 from tigas_experiments.report.results import load, sampled_runs
-from tigas_experiments.samples.materialise import materialise
+from tigas_experiments.samples.rerender import rerender
 
 pytestmark = pytest.mark.anyio
 
 
 async def made(folder: Path, runs: int = 1, samples: int = 4, shade: int = 0) -> None:
-    """An experiment whose samples were materialised."""
+    """An experiment with samples rendered again."""
     async with FakeRenderer(shade).client() as renderer:
         for number in range(runs):
             run = folder / "runs" / f"{number:02}"
             sampled_run(run, range(1, samples + 1), repeat=number)
-            await materialise(run, renderer)
+            await rerender(run, renderer)
 
 
 def shown(folder: Path) -> list[GallerySample]:
@@ -48,12 +48,12 @@ async def test_a_frame_stands_beside_ground_truth_in_its_size(tmp_path: Path) ->
     (one,) = shown(tmp_path)
     assert (one.title, one.remark, one.width, one.height) == ("00, 1", None, 64, 36)
     assert one.about == "shown at 0.0 s, 20.0 kB, rung 2"
-    assert [each.name for each in one.pictures] == ["as it came", "ground truth", "as it came, difference × 4"]
+    assert [each.name for each in one.pictures] == ["received", "ground truth", "received, difference × 4"]
     assert {decoded(each.url).shape for each in one.pictures} == {(36, 64, 3)}
 
 
 async def test_the_difference_is_from_ground_truth_and_the_enhanced_picture_has_its_own(tmp_path: Path) -> None:
-    """A frame whose blue is off by 20, and an enhanced picture that is just right."""
+    """A frame with a blue error of 20, and a perfect enhanced picture."""
     await made(tmp_path, samples=1)
     run = tmp_path / "runs" / "00"
     write_sample_file(run, 1, JPEG, picture(1, 64, 36, "PNG", 20))
@@ -61,13 +61,13 @@ async def test_the_difference_is_from_ground_truth_and_the_enhanced_picture_has_
     (one,) = shown(tmp_path)
     names = {each.name: decoded(each.url) for each in one.pictures}
     assert list(names) == [
-        "as it came",
+        "received",
         "enhanced",
         "ground truth",
-        "as it came, difference × 4",
+        "received, difference × 4",
         "enhanced, difference × 4",
     ]
-    assert names["as it came, difference × 4"][..., 2].mean() == pytest.approx(80, abs=3)
+    assert names["received, difference × 4"][..., 2].mean() == pytest.approx(80, abs=3)
     assert names["enhanced, difference × 4"].max() <= 1
 
 
@@ -77,7 +77,7 @@ async def test_scores_stand_below_their_pictures(tmp_path: Path) -> None:
     write_scores(tmp_path / "runs" / "00", [score, score.model_copy(update={"seq": 2, "psnr": 20.0})])
     (one, _) = shown(tmp_path)
     assert [each.scores for each in one.pictures] == ["PSNR 31.3 dB, SSIM 0.913", "", ""]
-    assert "as it came<br>PSNR 31.3 dB" in write_report(tmp_path, tmp_path).page.read_text()
+    assert "received<br>PSNR 31.3 dB" in write_report(tmp_path, tmp_path).page.read_text()
 
 
 async def test_there_are_a_few_from_many_runs(tmp_path: Path) -> None:
@@ -103,20 +103,20 @@ async def test_a_report_says_where_the_renderer_answered_differently(tmp_path: P
     await made(tmp_path, samples=3, shade=60)
     report = write_report(tmp_path, tmp_path)
     page = report.page.read_text()
-    assert report.warnings[-1].startswith("00: asked again, the renderer answered differently for 3 of 3 samples")
-    assert len(re.findall(r"The renderer answered differently when it was asked again \([\d.]+ dB apart\)", page)) == 3
+    assert report.warnings[-1].startswith("00: rendering again gave different frames for 3 of 3 samples")
+    assert len(re.findall(r"Rendering it again gave a different frame \([\d.]+ dB apart\)", page)) == 3
     assert '<b class="remark">3 different</b>' in page
 
 
 async def test_a_report_says_what_is_missing_and_needs_no_samples(tmp_path: Path) -> None:
     await made(tmp_path, samples=3)
-    first = write_report(tmp_path, tmp_path, "comparison").page.read_bytes()
+    first = write_report(tmp_path, tmp_path).page.read_bytes()
     assert b"<h2>Samples</h2>" in first
-    assert write_report(tmp_path, tmp_path, "comparison").page.read_bytes() == first, "equal runs give equal reports"
+    assert write_report(tmp_path, tmp_path).page.read_bytes() == first, "equal runs give equal reports"
     run = tmp_path / "runs" / "00"
     (run / INDEX).unlink()
     report = write_report(tmp_path, tmp_path)
-    assert "3 of 3 samples are not rendered again yet: `tigas experiment materialise DIR` does it." in report.warnings
+    assert "3 of 3 samples have not been rendered again yet: run `tigas experiment rerender DIR`." in report.warnings
     assert "<h2>Samples</h2>" not in report.page.read_text()
     write_samples(run, [])
     report = write_report(tmp_path, tmp_path)

@@ -1,4 +1,4 @@
-"""The CSV files, against runs whose figures are known."""
+"""The CSV files of runs with known figures."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.experiments.report.made_up_results import SCENE_BYTES, write_run
+from tests.experiments.report.synthetic_results import SCENE_BYTES, write_run
 from tigas_experiments.report.differences import against
 from tigas_experiments.report.groups import Groups
 from tigas_experiments.report.results import load
@@ -38,7 +38,11 @@ def test_a_row_of_runs_csv_has_every_field_and_figure(tmp_path: Path) -> None:
         "configuration_repeat": "2",
         "configuration_duration_s": "2.0",
         "scene_bytes": str(SCENE_BYTES),
+        "processors_usable": "",
         "saturated": "False",
+        "pegged_thread_of": "",
+        "pegged_thread_pct": "",
+        "services_watched": "",
     }
     assert {name: one[name] for name in expected} == expected
     figures = {
@@ -89,7 +93,7 @@ def test_a_group_has_mean_range_and_interval_over_its_blocks(tmp_path: Path) -> 
     assert [one[name] for name in names] == ["bus", "20.0", "latency", "12", "6"]
     assert [float(one[f"frame_age_mean_ms_{name}"]) for name in ("mean", "min", "max")] == [60, 40, 90]
     low, high = (float(one[f"frame_age_mean_ms_ci95_{end}"]) for end in ("low", "high"))
-    # Twelve runs as good as independent would have it narrower by a factor of the square root of two.
+    # Twelve independent runs would have an interval narrower by a factor of the square root of two.
     half = 1.96 * statistics.pstdev(delays) / math.sqrt(len(delays))
     assert (low, high) == pytest.approx((60 - half, 60 + half), abs=3)
     assert (other["blocks"], other["rtt_ms"], other["frame_age_mean_ms_ci95_low"]) == ("1", "100.0", "")
@@ -109,8 +113,19 @@ def test_differences_csv_has_each_figure_against_the_baseline(tmp_path: Path) ->
     names = ("network", "rtt_ms", "controller", "baseline", "blocks")
     assert [row[name] for name in names] == ["bus", "20.0", "budget", "latency", "6"]
     ends = [float(row[name]) for name in ("difference", "ci95_low", "ci95_high")]
-    assert ends == pytest.approx([-20, -20, -20]), "blocks differ by far more than controllers do in each of them"
+    assert ends == pytest.approx([-20, -20.5, -19.5]), "blocks differ by far more than controllers do in each of them"
     assert rows["response_time_mean_ms"]["difference"] == "", "nobody recorded replies"
+
+
+def test_a_row_says_whether_its_run_is_in_tables_and_figures(tmp_path: Path) -> None:
+    for controller, movement in (("latency", "stroll"), ("budget", "stroll"), ("budget", "orbit")):
+        write_run(tmp_path / "runs" / f"{controller}-{movement}", controller, movement=movement)
+    (write_run(tmp_path / "runs" / "x") / "frames.ndjson").unlink()
+    results = load(tmp_path)
+    write_csv(results, Groups.of(results.runs), [], None, tmp_path)
+    with (tmp_path / "runs.csv").open(newline="") as file:
+        found = {row["folder"]: row["compared"] for row in csv.DictReader(file)}
+    assert found == {"budget-orbit": "False", "budget-stroll": "True", "latency-stroll": "True", "x": ""}
 
 
 @pytest.mark.parametrize("start", ["=", "+", "-", "@", "\t", "\r"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import io
 from collections import Counter
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
@@ -13,11 +14,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.experiments.conftest import Services
+from tests.experiments.conftest import Services, running
+from tests.web.stamping import ROUNDING, STAMPING, heading, read_stamp
+from tigas_common.pose import Pose
 from tigas_common.wire.recording import Recording
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.run.browser import SampleList, Viewer, chromium
-from tigas_render.raster.stamp import read_stamp
+
+pytestmark = pytest.mark.alone
 
 AS_THEY_COME = {"reprojection": False, "prediction": "off", "refine": False, "webp": False}
 """Frames are shown as they come, and asked for where the camera is, once each."""
@@ -26,14 +30,24 @@ TURN = [
     for t in range(0, 2500, 50)
 ]
 
+STANDING = heading(Pose.from_euler(0, 0, 0, (0, 0, 0)))
+"""Before the camera turns."""
+
+
+@pytest.fixture(scope="module")
+def services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Services]:
+    """Services with pictures that encode the camera's direction."""
+    with running(tmp_path_factory.mktemp("models"), STAMPING) as found:
+        yield found
+
 
 def recorded(url: str, settings: dict[str, Any]) -> tuple[Recording, list[int | None]]:
-    """A run whose frames carry their pose's number, and the numbers that its pictures show."""
+    """A run, and the headings that its pictures show."""
 
     async def run() -> tuple[Recording, list[int | None]]:
         async with chromium() as browser:
             page = await browser.new_page(viewport={"width": 640, "height": 360})
-            await page.goto(f"{url}#/scene/pebbles?stamp")
+            await page.goto(f"{url}#/scene/pebbles")
             await page.wait_for_function("() => window.tigas !== undefined")
             viewer = Viewer(page)
             with pytest.raises(RunFailed):
@@ -49,7 +63,7 @@ def recorded(url: str, settings: dict[str, Any]) -> tuple[Recording, list[int | 
 
 
 def stamped(png: bytes) -> int | None:
-    """The number in a picture; None if there is none."""
+    """The heading in a picture, if any."""
     with Image.open(io.BytesIO(png)) as image:
         return read_stamp(np.asarray(image.convert("RGB")))
 
@@ -62,18 +76,26 @@ def stamped(png: bytes) -> int | None:
 def test_pictures_show_the_poses_that_they_are_said_to_show(services: Services, settings: dict[str, Any]) -> None:
     recording, numbers = recorded(services.url, settings)
     said = [capture.pose for capture in recording.captures]
-    print([(a, b) for a, b in zip(said, numbers, strict=True)])
     assert len(said) == 20, "one for each tick of the clock"
+    first = recording.inputs[0].pose
+    headings = {one.pose: heading(one.camera) for one in recording.inputs if not one.missed}
+
+    def expected(pose: int) -> int:
+        """Heading of a pose; those before the run stand, and on a busy machine they are shown for its first ticks."""
+        return headings[pose] if pose >= first else STANDING
+
     following = {a.pose: b.pose for a, b in pairwise(recording.frames)}
     early = 0
     for pose, number in zip(said, numbers, strict=True):
         assert number is not None
-        # A busy browser shows frames of a video without telling of each, and may tell of one just before it shows it.
-        assert number <= following.get(pose, pose), "a picture is of its frame, or of one before the next"
-        early += number < pose
+        # A busy browser skips reports of video frames, and may report a frame just before it shows it.
+        last = expected(following.get(pose, pose))
+        assert number <= last + ROUNDING, "a picture is of its frame, or of one before the next"
+        early += number < expected(pose) - ROUNDING
+        if settings["mode"] == "stateless":
+            assert number == pytest.approx(expected(pose), abs=ROUNDING)
     assert early <= 1
     if settings["mode"] == "stateless":
-        assert numbers == said
         check_replies(recording)
     else:
         assert (recording.replies, recording.requests) == ((), ())
@@ -140,9 +162,7 @@ def test_a_run_goes_on_where_the_browser_keeps_no_files(services: Services) -> N
             await page.goto(f"{services.url}#/scene/pebbles")
             await page.wait_for_function("() => window.tigas !== undefined")
             viewer = Viewer(page)
-            await viewer.prepare(
-                {"mode": "stateless", "controller": "fixed", "profile": 3, "refine": False, "webp": False}, TURN[0]
-            )
+            await viewer.prepare({"mode": "stateless", "controller": "fixed", "profile": 3, **AS_THEY_COME}, TURN[0])
             plan = {"points": TURN, "duration_ms": 1000, "capture_every_ms": 0, "sample_stride": 3}
             return await viewer.record(plan, 30), await viewer.samples()
 

@@ -1,4 +1,4 @@
-"""What runs share: kept while it lives, started again when it has died, and for one experiment at a time."""
+"""The environment of runs: kept while it works, restarted when it has died, and used by one experiment at a time."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_services_are_the_same_whatever_they_are_called() -> None:
 
 def test_another_experiment_s_services_are_left_alone() -> None:
     async def open_it() -> None:
-        async with open_environment("http://127.0.0.1:9", None, None, Inputs(Path())):
+        async with open_environment("http://127.0.0.1:9", Inputs(Path())):
             pass
 
     with (
@@ -103,7 +103,7 @@ def supervised(resource: Any) -> Supervised[Any]:
 
 
 class World:
-    """Services without a shaper, whose page knows two controllers and a model."""
+    """Services without a shaper, with a page that knows two controllers and a model."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, **services: str) -> None:
         self.target = Target("http://127.0.0.1:9", SERVER.model_copy(update={"services": services}))
@@ -125,12 +125,15 @@ class World:
     async def load_scene(self, *_: object) -> object:
         return scene().model_copy(update={"ladder": self.ladder, "downloads": self.downloads})
 
-    async def make_download(self, _: str, scene: str, form: str) -> None:
-        self.made.append(f"{scene} {form}")
+    async def make_download(self, _: str, scene: str) -> None:
+        self.made.append(scene)
 
-    async def prepare(self, settings: dict[str, str], pose: object) -> None:
-        self.asked += settings.values()
-        if not {"budget", "latency", "off", "bicubic"}.issuperset(settings.values()):
+    async def prepare(self, settings: dict[str, Any], pose: object) -> None:
+        if settings.get("reprojection", True):
+            raise RunFailed("Frames are not shown as they should be: No graphics acceleration here.")
+        asked = [value for name, value in settings.items() if name != "reprojection"]
+        self.asked += asked
+        if not {"budget", "latency", "off", "bicubic"}.issuperset(asked):
             raise RunFailed(REFUSED)
 
     def environment(self, directory: Path = Path(), ladder: LadderName = "scene") -> Environment:
@@ -165,7 +168,10 @@ def test_models_are_asked_for_once_before_the_first_run(monkeypatch: pytest.Monk
         ({"profile": "magic"}, f"The controller 'magic' cannot be measured: {REFUSED}"),
         ({"profile": 4}, "There is no rung 4: the ladder at http://127.0.0.1:9 has 4, counted from 0."),
         ({"mode": "dash-tuned"}, "There is no packager behind http://127.0.0.1:9, so dash-tuned cannot be measured."),
-        ({"mode": "local-ply"}, "courtyard is not offered for download, so local-ply cannot be measured."),
+        (
+            {"mode": "local-compressed"},
+            "courtyard is not offered for download, so local-compressed cannot be measured.",
+        ),
     ],
 )
 def test_what_the_services_do_not_have_is_said_before_the_first_run(
@@ -178,12 +184,12 @@ def test_what_the_services_do_not_have_is_said_before_the_first_run(
 
 def test_what_a_run_downloads_is_made_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
     world = World(monkeypatch)
-    world.downloads = (SceneDownload(form="ply"), SceneDownload(form="compressed"))
+    world.downloads = (SceneDownload(),)
     lab = world.environment()
     asyncio.run(lab.setup(unshaped()))
     assert world.made == []
-    asyncio.run(lab.setup(unshaped(mode="local-ply")))
-    assert world.made == ["s ply"]
+    asyncio.run(lab.setup(unshaped(mode="local-compressed")))
+    assert world.made == ["s"]
 
 
 def test_a_representation_has_a_rung_of_the_ladder(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""What a run's configuration names as movement, and where it puts the viewer."""
+"""Movements named by a run's configuration, and the resulting poses."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from tigas_common.errors import StartError
 from tigas_common.pose import Pose
 from tigas_common.wire.render import SceneInfo, StartCamera
 from tigas_common.wire.run import Configuration, Network
-from tigas_experiments.movement.trace import Point
+from tigas_experiments.movement.trace import TimedPose
 from tigas_experiments.run.inputs import Inputs, points_sha256
 
 HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n"
 KINDS = ("stroll", "look-around", "quick-turns", "orbit")
 
 
-def movement_points(configuration: Configuration, scene: SceneInfo) -> list[Point]:
-    """Of a configuration whose files are named from here."""
+def movement_points(configuration: Configuration, scene: SceneInfo) -> list[TimedPose]:
+    """Inputs of a configuration with files relative to here."""
     return Inputs(Path()).points(configuration, scene)
 
 
-def direction(point: Point) -> tuple[float, float, float]:
+def direction(point: TimedPose) -> tuple[float, float, float]:
     """Where it looks."""
     x, y, z, w = point["quaternion"]
     rows = Pose.from_quaternion((0, 0, 0), (x, y, z, w)).rotation
@@ -137,8 +137,8 @@ def test_runs_of_one_configuration_have_one_points_sha256() -> None:
 
 
 def test_only_what_is_seen_counts() -> None:
-    def moved(by: float) -> Point:
-        return Point(t_ms=0.0, position=[by, 1.0, 2.0], quaternion=[0.0, 0.0, 0.0, 1.0])
+    def moved(by: float) -> TimedPose:
+        return TimedPose(t_ms=0.0, position=[by, 1.0, 2.0], quaternion=[0.0, 0.0, 0.0, 1.0])
 
     assert points_sha256([moved(0.0)]) == points_sha256([moved(-0.0)]) == points_sha256([moved(1e-15)])
     assert points_sha256([moved(0.0)]) != points_sha256([moved(1e-6)])

@@ -1,4 +1,4 @@
-"""A run's link: held, watched, and given up when somebody else touches it."""
+"""A run's link: held, watched, and aborted on interference."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def played(begin_ms: float, **at: dict[str, Any]) -> list[ShaperStatus]:
 
 
 def left_alone(network: Network, seen: list[ShaperStatus]) -> bool:
-    """Judged as a run judges it, which was held as the first one says."""
+    """Judged like in a run, with the first one as the reference."""
     return HeldLink(ShaperClient("http://127.0.0.1:9", ""), network, seen[0]).left_alone(seen)
 
 
@@ -103,7 +103,7 @@ def shaper() -> Iterator[FakeShaper]:
 
 
 def watched(shaper: FakeShaper, network: str, somebody: tuple[str, dict[str, Any]] | None) -> None:
-    """A run's link from its beginning to its end; in the middle somebody else may ask for something."""
+    """A run's link from beginning to end, with an optional change by another client in between."""
 
     async def run() -> None:
         target = Target("http://127.0.0.1:9", SERVER.model_copy(update={"services": {"shaper": shaper.url}}))
@@ -141,7 +141,7 @@ def test_a_link_of_ones_own_is_held_and_released(shaper: FakeShaper, network: st
 def test_who_else_touches_the_link_spoils_the_run(
     shaper: FakeShaper, network: str, request_: tuple[str, dict[str, Any]]
 ) -> None:
-    with pytest.raises(RunFailed, match=r"^Somebody else changed the link during the run\.$"):
+    with pytest.raises(RunFailed, match=r"^The link was changed from outside during the run\.$"):
         watched(shaper, network, request_)
     assert shaper.asked[-1] == ("/stop", {}), "it is fast again all the same"
 
@@ -153,5 +153,5 @@ def test_a_shaper_that_ends_in_good_order_spoils_the_run_too() -> None:
             await until(lambda: bool(seen))
             await asyncio.to_thread(shaper.stop)
 
-    with FakeShaper() as shaper, pytest.raises(RunFailed, match="stopped telling of its link"):
+    with FakeShaper() as shaper, pytest.raises(RunFailed, match="stopped reporting its link"):
         asyncio.run(run(shaper))

@@ -1,4 +1,4 @@
-"""One run with a page that is made up: what its record says, and what makes it fail."""
+"""One run with a made-up page: its record, and reasons for failure."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from tigas_common.errors import StartError
 from tigas_common.wire.recording import Recording
 from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.errors import RunFailed
+from tigas_experiments.records.files import parse_recording
 from tigas_experiments.records.folder import InputDigests, RunRecord, StoredRun
+from tigas_experiments.records.load import LoadSample
 from tigas_experiments.records.machine import Server
-from tigas_experiments.records.recording import parse_recording
 from tigas_experiments.run import measure as run_module
 from tigas_experiments.run.environment import Setup
 from tigas_experiments.run.inputs import Inputs, points_sha256
@@ -32,13 +33,14 @@ DIGESTS = InputDigests(movement="a", trace="b")
 
 
 class World:
-    """An environment, its page and its services; a test changes what it wants to go wrong."""
+    """An environment, its page and its services; a test injects faults."""
 
     machine = MACHINE
 
     def __init__(self) -> None:
         self.recording: dict[str, Any] = recording()
         self.services_live = True
+        self.url = "http://127.0.0.1:9"
         self.scene = scene()
         self.enhances = True
         self.can_start = True
@@ -48,7 +50,7 @@ class World:
         if not self.can_start:
             raise StartError("The lab did not start: no.")
         return Setup(
-            target=Target("http://127.0.0.1:9", SERVER),
+            target=Target(self.url, SERVER),
             browser=SimpleNamespace(version="1"),  # type: ignore[arg-type]
             scene=self.scene,
             points=POINTS,
@@ -86,7 +88,7 @@ def world(monkeypatch: pytest.MonkeyPatch) -> World:
 
 
 def run(world: World, folder: Path, asked: Configuration = UNSHAPED) -> RunRecord:
-    """Make it; what is returned is what was written."""
+    """Make it; returns the written record."""
     environment: Any = world
     record = asyncio.run(run_module.run(environment, asked, folder, lambda _: None))
     assert StoredRun(folder).record == record
@@ -112,11 +114,31 @@ def test_the_record_says_what_it_was_made_from_and_with(world: World, tmp_path: 
     assert of_its_own.ladder == SERVER.ladder[1:]
 
 
+def test_the_record_has_the_load_and_says_if_services_were_elsewhere(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start = parse_recording(json.dumps(world.recording)).started_unix_ms
+
+    @asynccontextmanager
+    async def watching_load(processes: object) -> AsyncIterator[list[LoadSample]]:
+        shares = {-1.0: 0.0, 0.0: 0.95, 1.0: 0.5}
+        yield [
+            LoadSample(unix_ms=start + at, cpu=0.5, threads={"chromium": share}, load_average=1.0)
+            for at, share in shares.items()
+        ]
+
+    monkeypatch.setattr(run_module, "watching_load", watching_load)
+    world.url = "http://192.0.2.1:8080"
+    load = run(world, tmp_path / "run").load
+    assert load is not None
+    assert (load.pegged, load.services) == ({"chromium": 0.5}, "elsewhere")
+
+
 def test_a_download_begins_with_the_recording(world: World, tmp_path: Path) -> None:
-    asked = configuration("local-ply", network=Network(), warm_up_s=0.0)
+    asked = configuration("local-compressed", network=Network(), warm_up_s=0.0)
     assert run(world, tmp_path / "run", asked).status == "complete"
     assert world.asked["settings"]["mode"] == "stateless"
-    assert world.asked["download"] == "ply"
+    assert world.asked["download"] is True
 
 
 def test_a_service_that_ended_meanwhile_costs_the_run(world: World, tmp_path: Path) -> None:

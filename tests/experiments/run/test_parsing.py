@@ -1,4 +1,4 @@
-"""What a person writes of a run, and what becomes of it."""
+"""Text forms of a run's parameters, and their meaning."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An experiment's file: the runs that follow from it, and one sentence for whatever is wrong with it."""
+"""An experiment's file: its runs, and one sentence for any fault."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tigas_common.errors import StartError
 from tigas_common.wire.run import MODES, Configuration
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.measure import page_settings
-from tigas_experiments.run.plan import Plan, lasting, seconds
+from tigas_experiments.run.plan import ExperimentPlan, lasting, seconds
 
 REPOSITORY = Path(__file__).parents[3]
 SMALL: dict[str, Any] = {"name": "small", "scenes": ["courtyard"], "movements": ["stroll"], "networks": ["4g-bus"]}
@@ -36,10 +36,10 @@ def _value(value: Any) -> str:
 
 
 def runs(directory: Path, **fields: Any) -> list[Configuration]:
-    """What follows from a file in a directory."""
+    """The plan of a file in a directory."""
     path = directory / "experiment.toml"
     path.write_text(toml(**fields))
-    return Plan.read(path).runs(directory)
+    return ExperimentPlan.read(path).runs(directory)
 
 
 def test_everything_is_combined_and_repeats_go_outermost(tmp_path: Path) -> None:
@@ -177,10 +177,12 @@ def test_dash_plays_single_representations_beside_all_of_them(tmp_path: Path) ->
         assert "representation" in str(error.value)
 
 
-def test_local_runs_download_a_form_and_change_with_nothing_that_the_server_renders(tmp_path: Path) -> None:
+def test_local_runs_download_the_scene_and_change_with_nothing_that_the_server_renders(tmp_path: Path) -> None:
     several = {"controllers": ["latency", "l2a"], "dash_representations": ["r3-500"], "reprojection": [True, False]}
-    made = runs(tmp_path, modes=["local-ply", "local-compressed"], **several, shuffled=False)
-    assert [run.download for run in made] == ["ply", "compressed"]
+    made = runs(tmp_path, modes=["local-compressed", "stateless"], **several, shuffled=False)
+    made, others = made[:1], made[1:]
+    assert [run.local for run in made] == [True]
+    assert not any(run.local for run in others)
     assert {page_settings(run)["mode"] for run in made} == {"stateless"}, "until the run begins"
     assert not any(run.reprojection for run in made)
 
@@ -237,6 +239,9 @@ def test_dash_runs_do_not_change_with_the_controllers(tmp_path: Path) -> None:
         ({"rtts_ms": [-1]}, "rtts_ms.0: input should be greater than or equal to 0"),
         ({"rtts_ms": []}, "rtts_ms: there must be at least one"),
         ({"modes": ["rtsp"]}, "modes.0: input should be"),
+        ({"prediction": "auto"}, "prediction.0: input should be 'off', 'velocity' or 'linear'"),
+        ({"modes": ["local-ply"]}, "there are no runs in the mode 'local-ply' any more, use 'local-compressed'."),
+        ({"variants": [{"modes": ["local-ply"]}]}, "variants.0.modes.0: there are no runs in the mode 'local-ply'"),
         ({"controllers": [-1]}, "The profile is a rung"),
         ({"controllers": [0, "0"]}, "0 is there twice"),
         ({"repeats": 0}, "repeats: input should be greater"),
@@ -248,7 +253,7 @@ def test_dash_runs_do_not_change_with_the_controllers(tmp_path: Path) -> None:
         ({"warm_up_s": -1}, "warm_up_s: input should be greater"),
         ({"trace_offset_s": -1}, "trace_offset_s: input should be greater"),
         ({"repeats": 1000, "rtts_ms": list(range(20))}, "would have 20000 runs; the limit is 10000"),
-        ({"repeats": 1000, "duration_s": 7200}, "would take 83 days"),
+        ({"repeats": 1000, "duration_s": 7200}, "would take 83.4 days"),
         ({"scenes": ["a b", "a-b"]}, "'a b' and 'a-b' would get the same folders"),
     ],
 )
@@ -277,7 +282,7 @@ def test_what_is_no_experiment(tmp_path: Path, content: bytes | None, sentence: 
     if content is not None:
         path.write_bytes(toml().encode() + content if content.startswith(b"duration") else content)
     with pytest.raises(StartError, match=sentence):
-        Plan.read(path)
+        ExperimentPlan.read(path)
 
 
 def test_two_movements_of_one_name_are_refused(tmp_path: Path) -> None:
@@ -291,7 +296,10 @@ def test_two_movements_of_one_name_are_refused(tmp_path: Path) -> None:
 def test_how_long_it_takes(tmp_path: Path) -> None:
     made = runs(tmp_path, duration_s=55, warm_up_s=5, repeats=60)
     assert 3600 < seconds(made) < 4000
-    assert lasting(made).startswith("1:0")
+    assert lasting(made) == "62 minutes"
+    assert lasting(made[:1]) == "62 seconds"
+    assert lasting(made * 2) == "2.1 hours"
+    assert lasting(made * 60) == "2.6 days"
 
 
 def test_comparing_pictures_takes_time_too(tmp_path: Path) -> None:
@@ -314,7 +322,7 @@ def experiments(tmp_path: Path) -> Path:
     folder = shutil.copytree(REPOSITORY / "experiments", tmp_path / "experiments", dirs_exist_ok=True)
     shutil.rmtree(folder / "recorded", ignore_errors=True)
     for file in folder.glob("*.toml"):
-        plan = Plan.read(file)
+        plan = ExperimentPlan.read(file)
         for names, source in ((plan.networks, "network/4g-bus.csv"), (plan.movements, "movement/stroll.csv")):
             for name in names:
                 if name.startswith("recorded/"):
@@ -325,10 +333,12 @@ def experiments(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("name", sorted(path.name for path in (REPOSITORY / "experiments").glob("*.toml")))
 def test_the_experiments_that_come_along_can_be_made(experiments: Path, name: str) -> None:
-    made = Plan.read(experiments / name).runs(experiments)
+    made = ExperimentPlan.read(experiments / name).runs(experiments)
     networks = [Inputs(experiments).network(run.network) for run in made]
     ladder = "scene" if name.startswith(("motivation", "reprojection", "rivals")) else "paper"
-    assert Plan.read(experiments / name).ladder == ladder, "what the others say of the paper's rungs is to stay true"
+    assert ExperimentPlan.read(experiments / name).ladder == ladder, (
+        "what the others say of the paper's rungs is to stay true"
+    )
     assert all(network.trace_file is None or network.trace_file.is_file() for network in networks)
     if name == "motivation.toml":
         return  # one walk, to be looked at
@@ -372,7 +382,7 @@ def test_reprojection_and_prediction_can_be_compared_in_every_mode(tmp_path: Pat
         tmp_path,
         modes=["stateless", "dash-edge"],
         reprojection=[False, True],
-        prediction=["off", "auto"],
+        prediction=["off", "linear"],
         overscan=0.1,
         depth=False,
     )
@@ -381,7 +391,7 @@ def test_reprojection_and_prediction_can_be_compared_in_every_mode(tmp_path: Pat
         (mode, reprojection, prediction)
         for mode in ("stateless", "dash-edge")
         for reprojection in (False, True)
-        for prediction in ("off", "auto")
+        for prediction in ("off", "linear")
     }
     chosen = {"reprojection": True, "prediction": "linear", "overscan": 0.1, "depth": False, "surround": False}
     (one,) = runs(tmp_path, **chosen)
@@ -395,8 +405,8 @@ def test_variants_are_compared_where_it_is_no_product(tmp_path: Path) -> None:
         depth=False,
         variants=[
             {"controllers": ["budget", 2]},
-            {"controllers": [2], "reprojection": True, "prediction": "auto"},
-            {"controllers": [2], "reprojection": True, "prediction": "auto", "surround": False},
+            {"controllers": [2], "reprojection": True, "prediction": "linear"},
+            {"controllers": [2], "reprojection": True, "prediction": "linear", "surround": False},
             {"controllers": [2]},
         ],
         shuffled=False,
@@ -404,25 +414,25 @@ def test_variants_are_compared_where_it_is_no_product(tmp_path: Path) -> None:
     assert [(run.profile, run.reprojection, run.prediction, run.depth, run.surround) for run in made] == [
         ("budget", False, "off", False, True),
         (2, False, "off", False, True),
-        (2, True, "auto", False, True),
-        (2, True, "auto", False, False),
+        (2, True, "linear", False, True),
+        (2, True, "linear", False, False),
     ], "each once"
     with pytest.raises(StartError, match="variants"):
         runs(tmp_path, variants=[{"scenes": ["room"]}])
 
 
 def test_variants_may_have_modes_of_their_own(tmp_path: Path) -> None:
-    variants = [{"modes": ["stateless"], "controllers": ["latency"]}, {"modes": ["video", "local-ply"]}]
+    variants = [{"modes": ["stateless"], "controllers": ["latency"]}, {"modes": ["video", "local-compressed"]}]
     made = runs(tmp_path, modes=["dash-edge"], variants=variants, shuffled=False)
     assert [(run.mode, run.profile) for run in made] == [
         ("stateless", "latency"),
         ("video", "budget"),
-        ("local-ply", "budget"),
+        ("local-compressed", "budget"),
     ]
 
 
 def test_what_is_no_model_s_name_is_told_in_a_sentence(tmp_path: Path) -> None:
-    with pytest.raises(StartError, match=r"upscale: 'Scene!' is no model's name\.$"):
+    with pytest.raises(StartError, match=r"upscale: 'Scene!' is no name of a model or predictor\.$"):
         runs(tmp_path, upscale="Scene!")
 
 

@@ -1,6 +1,6 @@
-"""Experiments that are interrupted in every way: what is complete stays, and only what is missing is made again.
+"""Interrupted experiments: complete runs are kept, and only missing ones are repeated.
 
-The measuring itself is a stub here; `test_cli.py` does it in a real browser.
+Measuring is a stub here; `test_cli.py` does it in a real browser.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner, Result
 
+from tests.command import Result
+from tests.command import tigas as in_process
 from tests.experiments.made_up import SERVER
 from tests.experiments.run.test_plan import toml
 from tests.experiments.stub import Stub, fails
 from tigas_common.errors import StartError
-from tigas_experiments.commands.experiment import experiment
 from tigas_experiments.lock import exclusive
 from tigas_experiments.records.folder import RunWriter, read_experiment
 from tigas_experiments.records.machine import Server
@@ -35,8 +35,8 @@ def file(tmp_path: Path) -> Path:
 
 
 def tigas(command: str, file: Path, *arguments: str) -> Result:
-    """`tigas experiment COMMAND FILE --out out`, beside the file."""
-    return CliRunner().invoke(experiment, [command, str(file), "--out", str(file.parent / "out"), *arguments])
+    """`tigas experiment COMMAND FILE --out out`, next to the file."""
+    return in_process("experiment", command, file, "--out", file.parent / "out", *arguments)
 
 
 def status(file: Path) -> dict[str, str]:
@@ -69,7 +69,8 @@ def test_a_run_that_fails_is_marked_and_alone_repeated(stub: Stub, file: Path) -
     assert result.exit_code == 1
     assert "1 of 6 runs are incomplete. To repeat them: tigas" in result.output
     failed = stub.made[1]
-    assert f"{failed}: The viewer failed: Target closed" in result.output
+    assert "2/6 Stateless " in result.output
+    assert ", repeat 1: The viewer failed: Target closed" in result.output
     assert status(file)[failed] == "The viewer failed: Target closed"
     assert list(status(file).values()).count("complete") == 5, "the others go on"
     assert f"missing   {failed}" in tigas("plan", file).output

@@ -18,7 +18,7 @@ from tigas_experiments.run.targets import Target, alive, load_scene, make_downlo
 
 
 class Services:
-    """A render service and a shaper that say what a test wants them to say."""
+    """A render service and a shaper with answers chosen by the test."""
 
     def __init__(self) -> None:
         self.certificate = "one"
@@ -124,10 +124,10 @@ def test_a_scene_s_name_stays_a_name(services: Services) -> None:
 
 
 def test_a_download_that_cannot_be_made_is_told_in_a_sentence(services: Services) -> None:
-    asyncio.run(make_download(services.url, "garden", "ply"))
+    asyncio.run(make_download(services.url, "garden"))
     services.stop()
     with pytest.raises(StartError, match=r"^The scene 'garden' cannot be loaded from http"):
-        asyncio.run(make_download(services.url, "garden", "ply"))
+        asyncio.run(make_download(services.url, "garden"))
 
 
 @pytest.mark.parametrize("url", ["", "localhost:8080", "ftp://localhost", "http://"])

@@ -1,4 +1,4 @@
-"""Runs whose samples came from a real render service."""
+"""Runs with samples from a real render service."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NUMBERS = (8, 3, 40)
 
 
 def sample_run(server: RenderServer, folder: Path, numbers: Iterable[int] = NUMBERS, **changes: Any) -> Path:
-    """A run whose samples are the service's own frames; `changes` are its configuration's."""
+    """A run with the service's own frames as samples; `changes` apply to its configuration."""
     run = write_run(folder, scene=SMALL, **changes)
     samples = []
     with httpx.Client(base_url=server.url, timeout=60) as http:

@@ -1,4 +1,4 @@
-"""Render services that only pretend, and runs with samples of what they once sent."""
+"""Fake render services, and runs with samples of their frames."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ALONE = ServerConfig(
 
 
 def picture(x: float, width: int, height: int, form: str, shade: int = 0) -> bytes:
-    """A view that tells where the camera stands; another renderer has another shade."""
+    """A view that encodes the camera's position; another renderer has another shade."""
     pixels = np.zeros((height, width, 3), np.uint8)
     pixels[:, :, 0] = np.linspace(0, 255, width, dtype=np.uint8)
     pixels[:, :, 1] = int(x) * 20 % 256
@@ -40,7 +40,7 @@ def picture(x: float, width: int, height: int, form: str, shade: int = 0) -> byt
 
 
 class FakeRenderer:
-    """Answers each request by what it asks for, and remembers that; `refuse` may answer in its place."""
+    """Answers and records each request; `refuse` may answer instead."""
 
     def __init__(
         self,
@@ -76,7 +76,7 @@ class FakeRenderer:
 
 
 def sampled_run(folder: Path, numbers: Sequence[int], **changes: Any) -> list[Sample]:
-    """A run whose samples are what FakeRenderer sends; `changes` are its configuration's."""
+    """A run with FakeRenderer's frames as samples; `changes` apply to its configuration."""
     write_run(folder, **changes)
     record = StoredRun(folder).record
     (folder / "run.json").write_text(record.model_copy(update={"scene_sha256": SHA256}).model_dump_json())
@@ -88,6 +88,6 @@ def sampled_run(folder: Path, numbers: Sequence[int], **changes: Any) -> list[Sa
 
 
 def problem(status: int, detail: str, **headers: str) -> httpx.Response:
-    """As the service says no."""
+    """A refusal in the service's form."""
     told = {"type": "tigas:x", "title": "No", "status": status, "detail": detail}
     return httpx.Response(status, json=told, headers=headers)

@@ -25,9 +25,9 @@ from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.store.app import Store, create_app
 from tigas_experiments.store.experiments import Experiments
-from tigas_experiments.store.materialisations import Materialisations
 from tigas_experiments.store.movements import Movements
 from tigas_experiments.store.reports import Reports
+from tigas_experiments.store.rerendering import Rerendering
 from tigas_experiments.store.workspace import NAME, Workspace
 
 PATIENCE_S = 20
@@ -68,7 +68,7 @@ class Running:
 
 
 def upload(mode: Mode = "stateless", *, repeat: int = 0, **changes: Any) -> dict[str, Any]:
-    """What the page sends after a run, with changes of the recording."""
+    """The page's upload after a run, with changes of the recording."""
     return {
         "configuration": configuration(mode, repeat=repeat).model_dump(mode="json"),
         "recording": recording(mode=mode.partition("-")[0], **changes),
@@ -79,7 +79,7 @@ def upload(mode: Mode = "stateless", *, repeat: int = 0, **changes: Any) -> dict
 
 
 async def until(condition: Callable[[], bool]) -> None:
-    """Wait for what is about to happen."""
+    """Wait for an effect."""
     deadline = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < deadline, "it did not happen"
@@ -87,7 +87,7 @@ async def until(condition: Callable[[], bool]) -> None:
 
 
 async def in_a_thread(function: Callable[[*Ts], T], *arguments: *Ts, limit: Limit | None = None) -> T:
-    """Stands in for a process of its own, which takes seconds to start."""
+    """Replaces the worker process, which takes seconds to start."""
     return await asyncio.to_thread(function, *arguments)
 
 
@@ -102,13 +102,13 @@ async def running_store(
     limits: HttpLimits = HttpLimits(),  # noqa: B008 - it is frozen
     policy: OriginPolicy = POLICY,
 ) -> AsyncIterator[Running]:
-    """A store for as long as the context lasts."""
+    """A store, as a context manager."""
     results, movements = directory / "results", directory / "movements"
     movements.mkdir(exist_ok=True)
     with Workspace.opened(results) as workspace:
         experiments = Experiments(results, workspace)
         reports, kept = Reports(experiments, workspace, offload), Movements(movements)
-        async with Materialisations.opened(experiments, NOBODY) as materialisations:
+        async with Rerendering.opened(experiments, NOBODY) as materialisations:
             store = Store(workspace, experiments, reports, kept, load, MACHINE, offload, materialisations)
             async with (
                 serve_http(create_app(store, policy), Address("127.0.0.1", 0), limits) as port,

@@ -1,4 +1,4 @@
-"""Experiments as the page meets them: begun, added to, listed, removed; and those of commands beside them."""
+"""Experiments of the page: begun, extended, listed, removed; and those of commands in the same store."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ ELSEWHERE = [
 
 
 def ask(port: int, method: str, path: str) -> tuple[int, bytes]:
-    """A request whose path is sent as it is."""
+    """A request with a verbatim path."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
     connection.request(method, path)
     answer = connection.getresponse()

@@ -1,4 +1,4 @@
-"""What the store needs, and what it does not."""
+"""Dependencies of the store."""
 
 from __future__ import annotations
 

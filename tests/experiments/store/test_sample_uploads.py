@@ -14,7 +14,7 @@ from tests.experiments.made_up import configuration, sampled
 from tests.experiments.store.conftest import Running, by_command
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.samples import enhanced_path, read_sample_file, sample_path
-from tigas_experiments.store import app, sample_uploads
+from tigas_experiments.store import app, samples
 
 pytestmark = pytest.mark.anyio
 
@@ -44,7 +44,7 @@ def index(*seqs: int, enhanced: bool = False, **changes: Any) -> dict[str, Any]:
 
 
 async def put(store: Running, run: str, name: str, content: bytes) -> tuple[int, str]:
-    """The status, and what is said of a refusal."""
+    """The status, and the text of a refusal."""
     answer = await store.http.put(f"{run}/samples/{name}", content=content)
     return answer.status_code, "" if answer.status_code == 204 else answer.json()["detail"]
 
@@ -130,12 +130,12 @@ async def test_a_picture_and_a_run_have_limits(store: Running, monkeypatch: pyte
     with monkeypatch.context() as small:
         small.setattr(app, "MAX_PICTURE_BYTES", len(JPEG) - 1)
         assert await put(store, run, "000003.jpg", JPEG) == (413, f"The body is larger than {len(JPEG) - 1} bytes.")
-    monkeypatch.setattr(sample_uploads, "MOST_FILES", 1)
+    monkeypatch.setattr(samples, "MOST_FILES", 1)
     assert await put(store, run, "000003.jpg", JPEG) == (204, "")
     assert await put(store, run, "000003.jpg", JPEG) == (204, ""), "the same again is no other"
     assert (await put(store, run, "000004.jpg", JPEG))[0] == 413
-    monkeypatch.setattr(sample_uploads, "MOST_FILES", 9)
-    monkeypatch.setattr(sample_uploads, "MAX_RUN_BYTES", 10)
+    monkeypatch.setattr(samples, "MOST_FILES", 9)
+    monkeypatch.setattr(samples, "MAX_RUN_BYTES", 10)
     assert await put(store, run, "000004.jpg", JPEG) == (413, "The samples of a run have at most 10 bytes.")
 
 

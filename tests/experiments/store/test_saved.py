@@ -1,4 +1,4 @@
-"""What the page saved as a file is an experiment like any other once it was imported."""
+"""An experiment saved by the page as a file is an ordinary one after its import."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner, Result
 
+from tests.command import Result, tigas
 from tests.experiments.store.conftest import upload
-from tigas_experiments.commands.experiment import experiment
 from tigas_experiments.records.folder import read_experiment
 from tigas_experiments.records.summary import summarise
-from tigas_experiments.report import cli as report_module
+from tigas_experiments.report.cli import Report
 
 FAILED: dict[str, Any] = {
     "status": "failed",
@@ -26,7 +25,7 @@ FAILED: dict[str, Any] = {
 
 
 def saved(*runs: dict[str, Any], **changes: Any) -> str:
-    """What the page writes."""
+    """The page's file."""
     made = {"name": "My walk", "created": "2026-01-01T10:00:00.000Z", "source": "page", "plan": {"repeats": 2}}
     return json.dumps({**made, "runs": runs, **changes})
 
@@ -40,7 +39,7 @@ def complete(**changes: Any) -> dict[str, Any]:
 def reported(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """The folders that a report was asked for."""
     asked: list[Path] = []
-    monkeypatch.setattr(report_module, "report", asked.append)
+    monkeypatch.setattr(Report, "run", lambda report: asked.append(report.folder))
     return asked
 
 
@@ -48,7 +47,7 @@ def tigas_import(directory: Path, text: str) -> Result:
     """`tigas experiment import walk.json --out results/walk`."""
     file = directory / "walk.json"
     file.write_text(text)
-    return CliRunner().invoke(experiment, ["import", str(file), "--out", str(directory / "results" / "walk")])
+    return tigas("experiment", "import", file, "--out", directory / "results" / "walk")
 
 
 def test_it_becomes_a_folder_that_reports_are_made_of(tmp_path: Path, reported: list[Path]) -> None:

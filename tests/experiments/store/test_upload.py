@@ -1,4 +1,4 @@
-"""Runs that are uploaded: what is refused, what breaks off, and what a full or lost disk leaves."""
+"""Uploaded runs: refusals, interruptions, and a full or lost disk."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ import pytest
 
 from tests.experiments.made_up import frame, inputs, reply, sample
 from tests.experiments.store.conftest import Running, running_store, until, upload
+from tests.prerequisites import ROOT_RIGHTS
 from tests.prometheus import figures
 from tests.web.server import Store
 from tigas_common.errors import InvalidRequest
@@ -36,12 +37,12 @@ DISK_BYTES = 1_000_000
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A results directory on a disk of its own, which takes DISK_BYTES."""
+    """A results directory on a separate disk of DISK_BYTES."""
     disk = tmp_path / "results"
     disk.mkdir()
     mount = ("mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES}", "tmpfs", str(disk))
     if subprocess.run(mount, capture_output=True).returncode:
-        pytest.skip("mounting a small disk needs root")
+        ROOT_RIGHTS.skip()
     try:
         yield tmp_path
     finally:
@@ -56,7 +57,7 @@ def fill(path: Path) -> None:
 
 
 def long_upload(poses: int) -> bytes:
-    """A valid run with so many poses."""
+    """A valid run with this many poses."""
     walked = [entry.model_dump() for entry in inputs(poses, every_ms=0.01)]
     return json.dumps(upload(inputs=walked)).encode()
 
@@ -277,7 +278,7 @@ async def test_an_experiment_that_is_removed_in_mid_upload_stays_removed(store: 
     assert store.kept() == []
 
 
-# As the body comes, and as the run is written beside it.
+# While the body is received, and while the run is written.
 @pytest.mark.parametrize("poses", [20_000, 7_000])
 async def test_a_full_disk_keeps_nothing_by_halves(small_disk: Path, poses: int) -> None:
     async with running_store(small_disk) as store:
@@ -312,6 +313,7 @@ async def test_a_disk_without_any_room_is_told_and_reads_on(small_disk: Path) ->
 
 
 @pytest.mark.slow
+@pytest.mark.extended
 async def test_a_store_that_is_killed_in_mid_upload_leaves_no_half_run(tmp_path: Path) -> None:
     results = tmp_path / "results"
     with Store("--results", str(results)) as store:

@@ -1,4 +1,4 @@
-"""Where things are while they are not whole: one store, in a folder that it can use."""
+"""The folder of incomplete data: one store at a time, in a usable folder."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ import pytest
 
 from tests.render.scenes import plys
 from tigas_common.errors import BrokenScene
-from tigas_common.wire.render import DownloadForm, SceneDownload
+from tigas_common.wire.render import SceneDownload
 from tigas_render.downloads.cache import DownloadCache, NoSpace, NoSuchDownload
 from tigas_render.scenes.metadata import SceneMetadata
 from tigas_render.scenes.source import SceneSource
@@ -36,7 +36,7 @@ class Maker:
     def __post_init__(self) -> None:
         self.gate.set()
 
-    def __call__(self, source: SceneSource, form: DownloadForm, path: Path) -> SceneDownload:
+    def __call__(self, source: SceneSource, path: Path) -> SceneDownload:
         self.made.append(source.id)
         self.begun.set()
         content = source.id.encode().ljust(SIZE)
@@ -44,7 +44,7 @@ class Maker:
         assert self.gate.wait(30)
         if self.error:
             raise self.error
-        return SceneDownload(form=form, bytes=SIZE, sha256=hashlib.sha256(content).hexdigest(), gaussians=10)
+        return SceneDownload(bytes=SIZE, sha256=hashlib.sha256(content).hexdigest(), gaussians=10)
 
 
 def files(directory: Path) -> list[str]:
@@ -55,21 +55,21 @@ async def test_a_file_is_made_once_and_known_from_then_on(tmp_path: Path) -> Non
     maker = Maker()
     cache = DownloadCache(tmp_path / "cache", 10 * SIZE, maker)
     assert {each.bytes for each in cache.offered(SOURCE)} == {None}
-    made = await cache.get(SOURCE, "ply")
+    made = await cache.get(SOURCE)
     assert made.path.read_bytes().strip() == b"garden"
-    assert await cache.get(SOURCE, "ply") == made
+    assert await cache.get(SOURCE) == made
     later = DownloadCache(tmp_path / "cache", 10 * SIZE, maker)  # after a restart
-    assert await later.get(SOURCE, "ply") == made
+    assert await later.get(SOURCE) == made
     assert made.about in later.offered(SOURCE)
     assert maker.made == ["garden"]
-    assert len(files(tmp_path / "cache")) == 2  # with what is known of it
+    assert len(files(tmp_path / "cache")) == 2  # with its metadata
 
 
 async def test_concurrent_first_requests_make_it_once_and_may_give_up(tmp_path: Path) -> None:
     maker = Maker()
     maker.gate.clear()
     cache = DownloadCache(tmp_path, 10 * SIZE, maker)
-    first, second = (asyncio.create_task(cache.get(SOURCE, "ply")) for _ in range(2))
+    first, second = (asyncio.create_task(cache.get(SOURCE)) for _ in range(2))
     assert await asyncio.to_thread(maker.begun.wait, 30)
     first.cancel()
     maker.gate.set()
@@ -80,25 +80,25 @@ async def test_concurrent_first_requests_make_it_once_and_may_give_up(tmp_path: 
 async def test_another_version_or_camera_is_another_file(tmp_path: Path) -> None:
     cache = DownloadCache(tmp_path, 10 * SIZE, Maker())
     sources = (SOURCE, replace(SOURCE, version="2"), replace(SOURCE, metadata=SceneMetadata(up=(0, 1, 0))))
-    assert len({(await cache.get(source, "ply")).path for source in sources}) == 3
+    assert len({(await cache.get(source)).path for source in sources}) == 3
 
 
 async def test_the_longest_unused_file_makes_room_for_a_new_one(tmp_path: Path) -> None:
     cache = DownloadCache(tmp_path, 2 * SIZE, Maker())
     a, b, c = (replace(SOURCE, id=id) for id in "abc")
     for age, source in enumerate((b, a)):
-        os.utime((await cache.get(source, "ply")).path, (age, age))
-    await cache.get(b, "ply")  # used again: now the other is the longest unused
-    await cache.get(c, "ply")
+        os.utime((await cache.get(source)).path, (age, age))
+    await cache.get(b)  # used again: now the other is the longest unused
+    await cache.get(c)
     known = {source.id: cache.offered(source)[0].bytes for source in (a, b, c)}
     assert known == {"a": None, "b": SIZE, "c": SIZE}
     assert len(files(tmp_path)) == 4
 
 
 async def test_a_file_over_the_limit_is_refused_and_leaves_the_others(tmp_path: Path) -> None:
-    await DownloadCache(tmp_path, SIZE, Maker()).get(SOURCE, "ply")
+    await DownloadCache(tmp_path, SIZE, Maker()).get(SOURCE)
     with pytest.raises(NoSpace, match=r"^b takes 0\.0 MB as a download, and all together may take 0\.0 MB\.$"):
-        await DownloadCache(tmp_path, SIZE - 1, Maker()).get(replace(SOURCE, id="b"), "ply")
+        await DownloadCache(tmp_path, SIZE - 1, Maker()).get(replace(SOURCE, id="b"))
     assert len(files(tmp_path)) == 2
 
 
@@ -107,25 +107,25 @@ async def test_what_could_not_be_made_leaves_nothing_and_is_tried_again(tmp_path
     maker = Maker(error=error)
     cache = DownloadCache(tmp_path, 10 * SIZE, maker)
     with pytest.raises(NoSpace if isinstance(error, OSError) else BrokenScene):
-        await cache.get(SOURCE, "ply")
+        await cache.get(SOURCE)
     assert not files(tmp_path)
     maker.error = None
-    assert (await cache.get(SOURCE, "ply")).about.bytes == SIZE
+    assert (await cache.get(SOURCE)).about.bytes == SIZE
 
 
 async def test_a_file_that_was_cut_off_is_made_again(tmp_path: Path) -> None:
     maker = Maker()
     cache = DownloadCache(tmp_path, 10 * SIZE, maker)
-    os.truncate((await cache.get(SOURCE, "ply")).path, 5)
+    os.truncate((await cache.get(SOURCE)).path, 5)
     assert cache.offered(SOURCE)[0].bytes is None
-    assert len((await cache.get(SOURCE, "ply")).path.read_bytes()) == SIZE
+    assert len((await cache.get(SOURCE)).path.read_bytes()) == SIZE
     assert maker.made == ["garden", "garden"]
 
 
 async def test_a_cache_that_cannot_be_written_is_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(NoSpace, match="cannot keep garden as a download: "):
-        await DownloadCache(tmp_path / "file" / "cache", SIZE, Maker()).get(SOURCE, "ply")
+        await DownloadCache(tmp_path / "file" / "cache", SIZE, Maker()).get(SOURCE)
 
 
 async def test_what_is_not_offered(tmp_path: Path) -> None:
@@ -133,10 +133,8 @@ async def test_what_is_not_offered(tmp_path: Path) -> None:
     cache = DownloadCache(tmp_path, SIZE, Maker())
     assert cache.offered(broken) == ()
     with pytest.raises(BrokenScene, match="no vertices"):
-        await cache.get(broken, "ply")
-    with pytest.raises(NoSuchDownload, match="'obj'"):
-        await cache.get(SOURCE, "obj")
+        await cache.get(broken)
     without = DownloadCache(tmp_path, 0, Maker())
     assert without.offered(SOURCE) == ()
-    with pytest.raises(NoSuchDownload):
-        await without.get(SOURCE, "ply")
+    with pytest.raises(NoSuchDownload, match=r"^garden is not offered for download\.$"):
+        await without.get(SOURCE)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.playcanvas_ply import read_compressed_ply
+from tests.render.downloads.playcanvas_ply import read_compressed_ply
 from tests.render.scenes import plys
 from tigas_render.downloads.compressed_ply import write_compressed_ply
 from tigas_render.downloads.order import Order

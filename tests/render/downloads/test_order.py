@@ -14,7 +14,7 @@ N = 10_000
 
 
 def wall(radii: torch.Tensor | float = 0.1, opacities: torch.Tensor | float = 0.5, depth: float = 10.0) -> Gaussians:
-    """Round Gaussians all over a wall in front of the origin."""
+    """Round Gaussians on a wall in front of the origin."""
     across = torch.rand(N, 2, generator=torch.Generator().manual_seed(1)) * 4 - 2
     return gaussians_of(
         means=torch.cat((across, torch.full((N, 1), depth)), 1),

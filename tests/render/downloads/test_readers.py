@@ -9,17 +9,17 @@ from pathlib import Path
 import httpx
 import pytest
 
-from benchmarks.playcanvas_ply import read_compressed_ply
+from reference.ply import write_ply
 from tests.render.scenes import plys
-from tigas_render.app import create_app
 from tigas_render.downloads.readers import AT_ONCE, OF_AN_ADDRESS
 from tigas_render.raster.instant import InstantRasterizer
-from tigas_render.scenes.ply import load_ply, write_ply
-from tigas_render.service import RenderService
+from tigas_render.scenes.formats import load_scene
+from tigas_render.server.app import create_app
+from tigas_render.server.service import RenderService
 from tigas_render.settings import RenderSettings
 
 pytestmark = pytest.mark.anyio
-URL = "/scenes/cloud/download/ply"
+URL = "/scenes/cloud/download/compressed"
 
 
 @pytest.fixture
@@ -42,17 +42,18 @@ async def client(service: RenderService) -> AsyncIterator[httpx.AsyncClient]:
 
 async def test_a_scene_is_downloaded_whole_and_then_known(client: httpx.AsyncClient, tmp_path: Path) -> None:
     info = (await client.get("/scenes/cloud")).json()
-    assert info["downloads"][0] == {"form": "ply", "bytes": None, "sha256": None, "gaussians": None}
+    assert info["downloads"] == [{"form": "compressed", "bytes": None, "sha256": None, "gaussians": None}]
     answer = await client.get(URL)
     assert answer.headers["content-length"] == str(len(answer.content))
     assert answer.headers["accept-ranges"] == "bytes"
-    assert answer.headers["content-disposition"] == 'attachment; filename="cloud.ply"'
+    assert answer.headers["content-disposition"] == 'attachment; filename="cloud.compressed.ply"'
     (tmp_path / "got.ply").write_bytes(answer.content)
-    assert len(load_ply(tmp_path / "got.ply")) == 500
+    got = load_scene(tmp_path / "got.ply")
+    assert (len(got), got.sh_degree) == (500, 1)
     sha256 = hashlib.sha256(answer.content).hexdigest()
     assert answer.headers["etag"] == f'"{sha256}"'
-    [known, *_] = (await client.get("/scenes")).json()[1]["downloads"]
-    assert known == {"form": "ply", "bytes": len(answer.content), "sha256": sha256, "gaussians": 500}
+    [known] = (await client.get("/scenes")).json()[1]["downloads"]
+    assert known == {"form": "compressed", "bytes": len(answer.content), "sha256": sha256, "gaussians": 500}
     assert (await client.get("/scenes/cloud")).json()["state"] == "unloaded"  # it need not be on the device
 
 
@@ -69,41 +70,32 @@ async def test_what_was_cut_off_is_resumed(client: httpx.AsyncClient) -> None:
     part = await client.get(URL, headers={"Range": "bytes=10-19"})
     assert (part.content, part.headers["content-length"]) == (whole[10:20], "10")
     changed = await client.get(URL, headers={"Range": "bytes=1000-", "If-Range": '"of-another-file"'})
-    assert (changed.status_code, changed.content) == (200, whole)  # a part of it would not fit what the client has
+    assert (changed.status_code, changed.content) == (200, whole)  # a part would not fit the client's other parts
     beyond = await client.get(URL, headers={"Range": f"bytes={length}-"})
     assert (beyond.status_code, beyond.headers["content-range"]) == (416, f"bytes */{length}")
     assert (await client.get(URL, headers={"If-None-Match": tag})).status_code == 304
 
 
 async def test_refusals_are_sentences(client: httpx.AsyncClient) -> None:
-    async def refusal(scene: str, form: str = "ply") -> tuple[int, str]:
-        answer = await client.get(f"/scenes/{scene}/download/{form}")
+    async def refusal(scene: str) -> tuple[int, str]:
+        answer = await client.get(f"/scenes/{scene}/download/compressed")
         return answer.status_code, answer.json()["detail"]
 
     assert await refusal("nowhere") == (404, "There is no scene 'nowhere'.")
     assert await refusal("broken") == (422, "broken.ply is truncated: its header has no 'end_header'.")
-    assert await refusal("cloud", "obj") == (404, "cloud is not offered as 'obj'.")
+    assert (await client.get("/scenes/cloud/download/ply")).status_code == 404
 
 
 async def test_so_many_may_read_at_once(client: httpx.AsyncClient, service: RenderService) -> None:
     def reading(addresses: list[str]) -> None:
-        service.readers._readers.clear()
-        service.readers._readers.update(addresses)
+        service.readers.limit._running.clear()
+        service.readers.limit._running.update(addresses)
 
     reading(["127.0.0.1"] * (OF_AN_ADDRESS - 1))
     assert (await client.get(URL)).status_code == 200
-    assert (await client.get(URL)).status_code == 200  # whoever has read makes room
+    assert (await client.get(URL)).status_code == 200  # a finished reader makes room
     for addresses in (["127.0.0.1"] * OF_AN_ADDRESS, [str(number) for number in range(AT_ONCE)]):
         reading(addresses)
         refused = await client.get(URL)
         assert (refused.status_code, refused.headers["retry-after"]) == (503, "5")
         assert refused.json()["detail"].startswith("As many scenes are being downloaded as may be;")
-
-
-async def test_a_scene_is_downloaded_compressed(client: httpx.AsyncClient, tmp_path: Path) -> None:
-    answer = await client.get("/scenes/cloud/download/compressed")
-    assert answer.headers["content-disposition"] == 'attachment; filename="cloud.compressed.ply"'
-    (tmp_path / "got.ply").write_bytes(answer.content)
-    got = read_compressed_ply(tmp_path / "got.ply")
-    assert (len(got), got.sh_degree) == (500, 1)
-    assert len(answer.content) < len((await client.get(URL)).content) / 3

@@ -20,7 +20,7 @@ WEBPS = [encode_webp(gradient(64, 36), quality) for quality in (20, 50, 80)]
 
 
 def room(width: int = 184, height: int = 104) -> NDArray[np.float32]:
-    """A floor that comes nearer, with a pillar on it and nothing above."""
+    """A floor with a pillar on it, and an empty sky."""
     inverse = np.linspace(-0.2, 0.4, height, dtype=np.float32).clip(0)[:, None].repeat(width, 1)
     inverse[:, width // 3 : width // 2] = 0.35
     return inverse
@@ -74,7 +74,7 @@ def test_a_speck_before_the_lens_does_not_take_the_others_codes() -> None:
 @pytest.mark.parametrize("shape", [(104, 184), (1, 1), (1, 4096)])
 def test_nothing_at_all_is_infinitely_far(shape: tuple[int, int]) -> None:
     nearest, codes = read(with_depth(JPEG, coded(np.zeros(shape, np.float32))))
-    assert nearest == 0  # whatever the codes
+    assert nearest == 0  # for any codes
     assert codes.shape == shape
 
 

@@ -1,4 +1,4 @@
-"""H.264 for one viewer: a frame for each picture, of about the size that was asked for, in terms of the last one."""
+"""H.264 for one viewer: a frame for each picture, of about the requested size, predicted from the last one."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _WORLD = (_COARSE + _RANDOM.integers(0, 56, _COARSE.shape)).astype(np.uint8)
 
 
 def picture(number: int, width: int = WIDTH, height: int = HEIGHT) -> bytes:
-    """A view that moves: noise of two scales, which no encoder gets for nothing."""
+    """A moving view: noise of two scales, which is expensive to encode."""
     at = 3 * number % 64
     return encode_yuv420p(np.ascontiguousarray(_WORLD[at : at + height, 2 * at : 2 * at + width]))
 
 
 def decoded(frames: list[Encoded]) -> list[av.VideoFrame]:
-    """What a decoder that was told nothing gives for each frame, at once."""
+    """Each frame from an independent decoder, at once."""
     decoder = av.CodecContext.create("h264", "r")
     assert isinstance(decoder, av.VideoCodecContext)
     decoder.thread_count = 1

@@ -1,4 +1,4 @@
-"""Viewers' videos: every frame refers to the last one that its viewer was given, or to none."""
+"""Viewers' videos: every frame refers to the last one received by its viewer, or to none."""
 
 from __future__ import annotations
 

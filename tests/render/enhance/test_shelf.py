@@ -1,4 +1,4 @@
-"""Weights beside scenes: offered while they fit the scene's file and the ladder, refused in a sentence otherwise."""
+"""Weights next to scenes: offered while they fit the scene's file and the ladder, refused in a sentence otherwise."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from tests.common.test_weights import NETWORK, made
 from tests.not_files import NOT_FILES
-from tigas_common.weights import FILE, GENERAL, MAX_BYTES, BrokenWeights, built_in_digest, write_weights
+from tigas_common.weights import FILE, GENERAL, MAX_BYTES, BrokenWeights, write_weights
 from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_render.enhance.shelf import NoPlace, NoWeights, Shelf
 from tigas_render.scenes.demo import DEMO_SOURCE
@@ -49,7 +49,7 @@ def test_a_scene_has_its_own_weights_only_while_its_file_is_the_same(scene: Scen
     assert shelf.content(scene) == (scene.folder / FILE).read_bytes()
     (scene.folder / "garden.ply").write_bytes(b"as it is now")
     assert shelf.kind(scene) is None
-    with pytest.raises(BrokenWeights, match="weights for a scene whose file has changed since"):
+    with pytest.raises(BrokenWeights, match="file has changed since these weights were trained"):
         shelf.content(scene)
 
 
@@ -87,7 +87,7 @@ def test_what_is_no_regular_file_or_too_large_is_refused(what: str, scene: Scene
 
 def test_a_built_in_scenes_weights_are_kept_in_the_cache(shelf: Shelf) -> None:
     place = shelf.writable_place(DEMO_SOURCE)
-    write_weights(place, made(NETWORK, scene=built_in_digest(DEMO_SOURCE.id)))
+    write_weights(place, made(NETWORK, scene=own(DEMO_SOURCE)))
     assert shelf.kind(DEMO_SOURCE) == "scene"
 
 

@@ -1,4 +1,4 @@
-"""The child process that trains: its progress, its failures, one at a time, and that it ends when it is told to."""
+"""The training child process: progress, failures, exclusiveness, and termination on request."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ REPORT = "import json, os, sys, time; say = lambda p: print(json.dumps({'stage':
 
 
 class Told:
-    """A trainer whose child runs this code, with the output file as its argument."""
+    """A trainer with a child that runs this code, with the output file as its argument."""
 
     def __init__(self, code: str) -> None:
         self.trainer = Trainer("cpu", lambda scene, out, url, device: [sys.executable, "-c", REPORT + code, str(out)])

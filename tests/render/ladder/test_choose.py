@@ -1,4 +1,4 @@
-"""The hull of what was measured, and the rungs that lie on it."""
+"""The hull of the measurements, and the rungs on it."""
 
 from __future__ import annotations
 

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from reference.ply import write_ply
+from tests.command import Result, tigas
 from tests.render.ladder.test_measure import cloud
 from tests.render.scenes import plys
 from tigas_common.errors import StartError
-from tigas_render.ladder.make import find_scene, place_of
+from tigas_render.ladder.make import find_scene, make, place_of
 from tigas_render.scenes.directory import read_folder
-from tigas_render.scenes.ply import write_ply
-
-TIGAS = str(Path(sys.executable).parent / "tigas")
 
 
 def test_a_folder_goes_before_a_built_in_scene_of_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -36,21 +34,23 @@ def test_what_is_no_scene_gets_a_sentence(tmp_path: Path) -> None:
         place_of(find_scene("courtyard"))
 
 
-def test_the_command_writes_a_ladder_that_the_service_takes(tmp_path: Path) -> None:
+@pytest.mark.slow
+def test_the_command_writes_a_ladder_that_the_service_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / "cloud"
     folder.mkdir()
     write_ply(folder / "cloud.ply", cloud())
     (folder / "ladder.json").write_text("broken")
 
-    def run(*options: str) -> subprocess.CompletedProcess[str]:
-        command = [TIGAS, "scene", "ladder", str(folder), "--views", "1", "--device", "cpu", *options]
-        return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    monkeypatch.setattr("tigas_render.ladder.make.make", partial(make, rungs=8, views=1))
 
-    refused = run("--plot", str(tmp_path / "plot.gif"))
-    assert refused.returncode == 1
+    def run(*options: object) -> Result:
+        return tigas("scene", "ladder", folder, *options)
+
+    refused = run("--plot", tmp_path / "plot.gif")
+    assert refused.exit_code == 1
     assert refused.stderr.splitlines()[-1] == f"{tmp_path}/plot.gif must end in .png or .svg."
-    done = run("--plot", str(tmp_path / "plot.svg"), "--rungs", "8")
-    assert done.returncode == 0, done.stderr
+    done = run("--plot", tmp_path / "plot.svg")
+    assert done.exit_code == 0, done.stderr
     ladder = read_folder(folder).ladder
     assert ladder is not None
     assert 2 <= len(ladder) <= 8

@@ -1,4 +1,4 @@
-"""What settings take and give: nothing is lost but what size and quality cost."""
+"""Bytes and errors of settings: the only losses are those of size and quality."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import torch
 from tests.render.arrays import gaussians_of
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
-from tigas_common.standpoints import Place
+from tigas_common.sample_cameras import SceneAxes
 from tigas_common.wire.render import StartCamera
 from tigas_render.gaussians import Gaussians
 from tigas_render.ladder.measure import CANDIDATES, DISPLAY, SIZES, measure, walks
@@ -40,7 +40,7 @@ def test_candidates_are_even_and_of_the_displays_shape() -> None:
 def test_more_pixels_and_more_quality_take_more_and_lose_less() -> None:
     rasterizer, done = CpuRasterizer(), list[float]()
     settings = [(1280, 720, 90), (640, 360, 90), (640, 360, 20), (256, 144, 20)]
-    poses = iter([AWAY, AHEAD, AHEAD])  # what shows nothing does not count
+    poses = iter([AWAY, AHEAD, AHEAD])  # empty views do not count
     points = measure(rasterizer, rasterizer.prepare(cloud()), (0.0, 0.0, 0.0), poses, settings, done.append, views=1)
     assert [(point.width, point.height, point.quality) for point in points] == settings
     sizes, errors = [point.kb for point in points], [point.mse for point in points]
@@ -59,8 +59,8 @@ def test_a_scene_that_shows_nothing_has_no_ladder() -> None:
 
 
 def test_walks_are_the_same_ones_for_a_seed_and_stay_near_the_start_camera() -> None:
-    place = Place.of(StartCamera(position=(0, 0, -10), look_at=(0, 0, 0)), (0, -1, 0))
-    poses = list(islice(walks(place, "a"), 30))
-    assert poses == list(islice(walks(place, "a"), 30)) != list(islice(walks(place, "b"), 30))
+    axes = SceneAxes.of(StartCamera(position=(0, 0, -10), look_at=(0, 0, 0)), (0, -1, 0))
+    poses = list(islice(walks(axes, "a"), 30))
+    assert poses == list(islice(walks(axes, "a"), 30)) != list(islice(walks(axes, "b"), 30))
     assert all(abs(pose.position[0]) < 6 and -16 < pose.position[2] < -4 for pose in poses)
     assert len({pose.position for pose in poses}) == 30

@@ -15,7 +15,7 @@ from tigas_render.pipe.server import PipeServer, serve_edges
 
 @dataclass
 class Engine:
-    """The engine's end, and what it hears."""
+    """The engine's end, and its received messages."""
 
     path: Path
     source: FrameSource
@@ -36,7 +36,7 @@ class Engine:
 
 @dataclass
 class Edge:
-    """An edge's end, and what it hears."""
+    """An edge's end, and its received messages."""
 
     path: Path
     number: int = 0
@@ -50,7 +50,7 @@ class Edge:
 
 
 async def until(condition: Callable[[], object]) -> None:
-    """Wait for what nothing announces."""
+    """Poll for a condition without a notification."""
     async with asyncio.timeout(20):
         while not condition():  # noqa: ASYNC110
             await asyncio.sleep(0.001)

@@ -1,4 +1,4 @@
-"""An edge gets through the pipe what the engine would answer in its own process, and lives on when that is gone."""
+"""An edge gets the engine's answers through the pipe, and survives the engine."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ VIEWER = Client("192.0.2.1", "viewer")
 REQUESTS = [
     {},
     {"seq": 2**32 - 1, "roll": -12.5, "profile": None, "format": "png", "scene": "größer/ohne Maß"},
-    {"overscan": 0.15, "depth": True, "deadline_ms": 0.5, "stamp": 2**24 - 1, "display_scale": 2.0, "profile": 255},
+    {"overscan": 0.15, "depth": True, "deadline_ms": 0.5, "display_scale": 2.0, "profile": 255},
     {"azimuth": None, "elevation": None, "translation": None, "position": (1e9, -1e-9, 0.1), "format": "yuv420p"}
     | {"quaternion": (0.1, 0.2, 0.3, -0.4)},
     {"format": "h264", "video": VideoRequest(bitrate_kbps=200_000, frames_per_s=59.94, key=True)},

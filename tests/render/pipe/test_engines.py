@@ -1,4 +1,4 @@
-"""An edge that has several engines: who is asked for what, and who is when that one cannot answer."""
+"""An edge with several engines: the choice of an engine, and its replacement if it fails."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Device:
     server: PipeServer | None = None
 
     def asked(self) -> Counter[str]:
-        """How often it was asked for each scene, by viewers."""
+        """Number of viewers' requests for each scene."""
         return Counter(
             request.scene for client, request in self.frames.requests if not client.session.endswith(WARMING.session)
         )
@@ -98,7 +98,7 @@ async def test_a_video_that_moves_leaves_no_encoder_behind(devices: list[Device]
 
 
 def first(devices: list[Device], scene: str = "courtyard") -> tuple[Device, Device]:
-    """The device that was asked for a scene, and the other."""
+    """The device asked for a scene, and the other one."""
     one, other = devices
     return (one, other) if one.asked()[scene] else (other, one)
 

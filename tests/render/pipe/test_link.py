@@ -1,4 +1,4 @@
-"""What one end says reaches the other in few writes, since each wakes it."""
+"""Messages reach the other end in few writes, since each write wakes it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.anyio
 
 
 class Recorder(asyncio.Transport):
-    """Keeps what is written."""
+    """Records writes."""
 
     def __init__(self) -> None:
         self.writes: list[bytes] = []
@@ -30,7 +30,7 @@ class Recorder(asyncio.Transport):
 
 
 class End(Link):
-    """Hears nothing."""
+    """Ignores messages."""
 
     def received(self, kind: int, content: bytes) -> None:
         raise NotImplementedError

@@ -1,4 +1,4 @@
-"""Whatever an edge does, the engine frees what it held, withdraws its work, and serves the others."""
+"""However an edge behaves, the engine frees its resources, cancels its work, and serves the others."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import gc
 import random
+import resource
 import signal
 import socket
 import sys
@@ -129,7 +130,7 @@ async def test_what_waits_in_the_pipe_counts_in_the_queues_age(tmp_path: Path) -
 
 
 def _kinds(sock: socket.socket, answers: int) -> list[int]:
-    """Kinds of the answers to come, beside the arena and the engine's state."""
+    """Kinds of the following answers, without the arena and the engine's state."""
     kinds: list[int] = []
     with sock.makefile("rb") as stream:
         while len(kinds) < answers:
@@ -207,6 +208,48 @@ async def test_twenty_edges_come_and_go_and_nothing_stays(tmp_path: Path) -> Non
         await until(lambda serving=serving: not serving.edges)  # type: ignore[misc]
     assert _descriptors() <= before
     assert "tigas frames" not in _mapped()
+
+
+async def test_edges_are_connected_again_after_file_descriptors_ran_out(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    engine = Engine(tmp_path / "pipe", FakeFrames())
+    async with engine.running():
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        with socket.socket(socket.AF_UNIX) as waiting:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (3, hard))
+            try:
+                waiting.connect(str(engine.path))
+                await until(lambda: "Too many open files" in caplog.text)
+            finally:
+                resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+            async with Edge(engine.path).connected() as edge:
+                assert (await edge.submit(VIEWER, render_request(), 0.0)).body == b"frame"
+
+
+async def test_an_edge_that_cannot_be_connected_leaves_no_descriptor(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "ACCEPT_AGAIN_S", 0.001)
+    engine = Engine(tmp_path / "pipe", FakeFrames())
+    async with engine.running():
+        gc.collect()
+        before = _descriptors()
+        for count in range(1, 6):
+            with socket.socket(socket.AF_UNIX) as gone:
+                gone.connect(str(engine.path))  # closed before the engine accepts it
+            await until(lambda count=count: len(caplog.records) == count)  # type: ignore[misc]
+        assert _descriptors() == before
+
+
+async def test_the_engine_ends_if_it_cannot_report_its_state(tmp_path: Path) -> None:
+    def state() -> tuple[float, float]:
+        raise RuntimeError("The state is unknown.")
+
+    with pytest.RaisesGroup(RuntimeError):
+        async with server.serve_edges(tmp_path / "pipe", FakeFrames(), state, lambda *_: None):
+            async with asyncio.timeout(20):
+                await asyncio.Event().wait()
 
 
 def _descriptors() -> int:

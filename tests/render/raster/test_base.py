@@ -1,4 +1,4 @@
-"""What the fast rasterisers share."""
+"""Shared code of the fast rasterisers."""
 
 from __future__ import annotations
 

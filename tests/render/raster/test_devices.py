@@ -1,4 +1,4 @@
-"""Which device renders, and what is said of it."""
+"""The choice of the rendering device, and its description."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a viewer sees of a picture that is shown larger than it is: fine things keep their brightness and swell less."""
+"""Pictures shown enlarged: fine structures keep their brightness and swell less."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from reference.rasterizer import ReferenceRasterizer, render_float
 from tests.render.arrays import gaussians_of
 from tests.render.raster.views import balls, camera, pixels
 from tigas_render.raster.base import DILATION, Camera, Rasterizer
 from tigas_render.raster.cpu import CpuRasterizer
-from tigas_render.raster.reference import ReferenceRasterizer, render_float
 
 WIDTH, HEIGHT = 192, 96
 """Of the display, in pixels."""
@@ -29,7 +29,7 @@ WIRE = gaussians_of(
 
 
 def shifted(view: Camera) -> Iterator[Camera]:
-    """The view from places that differ by quarters of a pixel: samples of everything that lies between pixels."""
+    """Views from positions a quarter of a pixel apart: samples between all pixels."""
     lens = view.intrinsics
     for x in range(4):
         for y in range(4):
@@ -38,7 +38,8 @@ def shifted(view: Camera) -> Iterator[Camera]:
 
 
 def wire(rasterizer: Rasterizer, scale: int, display_scale: float) -> tuple[float, float]:
-    """Brightness and width of the wire in the display's pixels, on a picture `scale` times smaller than the display.
+    """Brightness and width of the wire in the display's pixels, on a picture `scale` times smaller than the
+    display.
 
     Each of the picture's pixels is shown as a square. The width is a standard deviation.
     """

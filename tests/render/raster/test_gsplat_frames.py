@@ -1,4 +1,4 @@
-"""The CPU rasteriser draws what gsplat draws on a GPU, of real captured scenes."""
+"""The CPU rasteriser matches gsplat's pictures from a GPU, for real captured scenes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frames in lanes: what came of each is told once, and its lane is free again."""
+"""Frames in lanes: each outcome is reported once, and its lane is freed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WORKS, FAILS = Calls(Call(LIBC.sched_yield, ())), Calls(Call(LIBC.close, (-1,)))
 
 @dataclass
 class Task(Job):
-    """Finds too little room so many times."""
+    """Runs out of room this many times."""
 
     fetch: Calls = WORKS
     tries: int = 1
@@ -32,7 +32,7 @@ class Task(Job):
 
     def fetched(self) -> FetchedImage | None:
         self.tries -= 1
-        return None if self.tries else FetchedImage(2, 1, "png", b"abcdef")
+        return None if self.tries else FetchedImage(2, 1, "png", 90, b"abcdef")
 
     def explained(self) -> AbstractContextManager[None]:
         return nullcontext()
@@ -50,7 +50,7 @@ def lanes() -> Iterator[Lanes]:
 
 
 def outcome(lanes: Lanes, task: Task) -> FetchedImage | Exception:
-    """What comes of a frame."""
+    """Outcome of a frame."""
     told: list[FetchedImage | Exception] = []
     lanes.begin(task, told.append)
     while not told:
@@ -106,10 +106,47 @@ def test_the_end_waits_for_what_has_begun() -> None:
     assert len(told) == 1
 
 
-def test_an_image_is_had_in_the_format_that_it_was_made_in() -> None:
-    jpeg = FetchedImage(1, 1, "jpeg", b"jpeg")
-    assert jpeg.encode("jpeg", 1) == b"jpeg"
-    with pytest.raises(ValueError, match="not as png"):
-        jpeg.encode("png", 1)
-    with pytest.raises(ValueError, match="not as pixels"):
+def test_an_image_has_one_format_and_quality() -> None:
+    jpeg = FetchedImage(1, 1, "jpeg", 35, b"jpeg")
+    assert jpeg.encode("jpeg", 35) == b"jpeg"
+    with pytest.raises(ValueError, match="at quality 35, not 90"):
+        jpeg.encode("jpeg", 90)
+    with pytest.raises(ValueError, match="as jpeg, not png"):
+        jpeg.encode("png", 35)
+    with pytest.raises(ValueError, match="as jpeg, not png"):
         jpeg.to_host()
+
+
+def test_a_job_runs_on_the_calling_thread_until_its_buffers_are_large_enough() -> None:
+    task = Task(tries=3)
+    assert task.run().content == b"abcdef"
+    assert (task.tries, task.closed) == (0, [False])
+    failing = Task(FAILS)
+    with pytest.raises(CallError):
+        failing.run()
+    assert failing.closed == [True]
+
+
+def test_a_callback_that_raises_costs_the_other_frames_nothing(lanes: Lanes) -> None:
+    delivered: list[FetchedImage | Exception] = []
+
+    def deliver(image: FetchedImage | Exception) -> None:
+        delivered.append(image)
+        raise ValueError("an answer of another viewer")
+
+    for _ in range(2):
+        lanes.begin(Task(), deliver)
+    while len(delivered) < 2:
+        assert select.select([lanes], [], [], 10)[0]
+        lanes.collect()
+    assert lanes.free == 2
+    assert isinstance(outcome(lanes, Task()), FetchedImage)
+
+
+def test_a_job_that_cannot_be_closed_frees_its_lane(lanes: Lanes) -> None:
+    class Unclosable(Task):
+        def close(self, *, failed: bool) -> None:
+            raise RuntimeError("the device is gone")
+
+    assert isinstance(outcome(lanes, Unclosable()), RuntimeError)
+    assert isinstance(outcome(lanes, Task()), FetchedImage)

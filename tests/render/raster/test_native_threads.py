@@ -38,7 +38,7 @@ def test_calls_are_made_in_order_and_told_of(threads: NativeThreads) -> None:
     first, second = (Calls(Call(LIBC.strcpy, (ctypes.addressof(to), ctypes.addressof(text)))) for text in letters)
     assert threads.ended() == []
     failing = Calls(NO_SUCH)
-    threads.begin(0, failing, first)  # strcpy gives an address, so it counts as failed, too
+    threads.begin(0, failing, first)  # strcpy returns an address, so it counts as failed as well
     threads.begin(1, second)
     ended: list[int] = []
     while len(ended) < 2:

@@ -1,4 +1,4 @@
-"""The reference rasteriser against what can be worked out by hand."""
+"""The reference rasteriser against results worked out by hand."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import torch
 
+from reference.rasterizer import ReferenceRasterizer, render_float, sh_basis
 from tests.render.raster.views import balls, camera, pixels
 from tigas_render.raster.base import ALPHA_MAX, DILATION
-from tigas_render.raster.reference import ReferenceRasterizer, render_float, sh_basis
 
 
 def test_one_gaussian_falls_off_as_the_formula_says() -> None:

@@ -77,7 +77,7 @@ def psnr(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
 
 
 def gsplat_frames(renders: Mapping[str, NDArray[Any]], name: str) -> Iterator[tuple[Camera, Pixels]]:
-    """What gsplat drew of a captured scene on a GPU, 640×360, and from where; `renders` is the file of all of them."""
+    """gsplat's pictures of a captured scene from a GPU, 640×360, with their views; `renders` is their file."""
     frames, matrices, k = renders[name], renders[f"{name}_w2c"].astype(float), renders[f"{name}_K"].tolist()
     intrinsics = Intrinsics(k[0][0], k[1][1], k[0][2], k[1][2], 640, 360)
     for frame, matrix in zip(frames, matrices, strict=True):

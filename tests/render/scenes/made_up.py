@@ -1,4 +1,4 @@
-"""A small made-up scene, of which `files/` has what PlayCanvas' splat-transform makes of it."""
+"""A small made-up scene, with PlayCanvas' splat-transform's conversions of it in `files/`."""
 
 from __future__ import annotations
 

@@ -61,3 +61,8 @@ class Bench:
             idle_s=60,
             clock=lambda: self.now,
         )
+
+
+def states(registry: SceneRegistry) -> dict[str, str]:
+    """State of each scene, by id."""
+    return {info.id: info.state for info in registry.infos()}

@@ -1,4 +1,4 @@
-"""One scene in all formats: what is drawn of each is nearly the same, whatever the file is called."""
+"""One scene in all formats: nearly the same picture, under any file name."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from reference.ply import write_ply
+from reference.rasterizer import ReferenceRasterizer
 from tests.render.raster.views import psnr
 from tests.render.scenes import made_up, plys
 from tests.shared_data import reference_scene_ply, shared_file
@@ -24,9 +26,7 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_render.downloads.compressed_ply import write_compressed_ply
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera
-from tigas_render.raster.reference import ReferenceRasterizer
 from tigas_render.scenes.formats import load_scene, open_scene, read_scene_file
-from tigas_render.scenes.ply import write_ply
 
 PLACE = (2.0, 1.0, 2.0)
 """Where the pictures are seen from."""
@@ -216,7 +216,7 @@ def picture(scene: Gaussians) -> NDArray[np.uint8]:
 
 
 def assert_same_shapes(loaded: Gaussians, expected: Gaussians) -> None:
-    """Whatever order they are in: each Gaussian's covariance, beside that of the nearest one.
+    """In any order: each Gaussian's covariance, against that of the nearest one.
 
     SPZ 2 is rough where w is near 0.
     """

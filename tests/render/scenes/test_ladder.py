@@ -1,4 +1,4 @@
-"""ladder.json: a scene's own ladder, and the sentence for one that cannot be used, which costs nobody the scene."""
+"""ladder.json: a scene's own ladder, and the sentence for an invalid one, which does not affect the scene."""
 
 from __future__ import annotations
 

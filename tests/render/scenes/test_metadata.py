@@ -1,4 +1,4 @@
-"""scene.json: what it may say, and the sentence for what it may not."""
+"""scene.json: valid contents, and the sentences for invalid ones."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from tigas_render.scenes.metadata import SceneMetadata, read_metadata
 
 
 def test_everything_may_be_said_or_left_out(tmp_path: Path) -> None:
-    assert read_metadata(tmp_path / "scene.json") == SceneMetadata()
-    assert read_metadata(plys.write(tmp_path / "scene.json", b"{}")) == SceneMetadata()
+    assert read_metadata(tmp_path) == SceneMetadata()
+    assert read_metadata(plys.write(tmp_path / "scene.json", b"{}").parent) == SceneMetadata()
     content = (
         b'{"name": "Garden", "up": [0, 0, 1], "background": [1, 0.5, 0],'
         b' "camera": {"position": [1, 2, 3], "look_at": [0, 0, 0]}}'
     )
-    assert read_metadata(plys.write(tmp_path / "scene.json", content)) == SceneMetadata(
+    assert read_metadata(plys.write(tmp_path / "scene.json", content).parent) == SceneMetadata(
         name="Garden",
         up=(0, 0, 1),
         background=(1, 0.5, 0),
@@ -50,7 +50,7 @@ def test_anything_else_is_refused_with_a_sentence(tmp_path: Path, content: bytes
     plys.write(tmp_path / "scene.ply", plys.binary_ply())
     path = plys.write(tmp_path / "scene.json", content)
     with pytest.raises(BrokenScene, match=words) as failure:
-        read_metadata(path)
+        read_metadata(path.parent)
     assert failure.value.detail.startswith("scene.json ")
     assert failure.value.detail.endswith(".")
     assert read_folder(tmp_path).error == failure.value.detail  # the scene is listed as broken

@@ -1,4 +1,4 @@
-"""Packed files that are not what they should be: one sentence each, and no memory by what they promise."""
+"""Malformed packed files: one sentence each, and no memory by their announced sizes."""
 
 from __future__ import annotations
 
@@ -105,8 +105,8 @@ HEADER = {
     "SOG with 10⁷ Gaussians": (sog(lambda meta: meta.update(count=10**7)), "promises 10000000 Gaussians in"),
     "SOG with NaN in its ranges": (sog(lambda meta: meta["means"].update(mins=[float("nan")] * 3)), "finite number"),
     "SOG with half a codebook": (sog(lambda meta: meta["scales"].update(codebook=[0.0] * 128)), "at least 256"),
-    "SOG with a path": (sog(lambda meta: meta["quats"].update(files=["../../etc/passwd"])), "no plain name"),
-    "SOG with an absolute path": (sog(lambda meta: meta["quats"].update(files=["/etc/passwd"])), "no plain name"),
+    "SOG with a path": (sog(lambda meta: meta["quats"].update(files=["../../etc/passwd"])), "not a plain name"),
+    "SOG with an absolute path": (sog(lambda meta: meta["quats"].update(files=["/etc/passwd"])), "not a plain name"),
     "compressed PLY, cut off": (COMPRESSED[:-1], "truncated: 300 vertices make"),
     "compressed PLY with bytes left over": (COMPRESSED + b"\0", "longer than its header says"),
     "compressed PLY with 10¹² vertices": (
@@ -161,7 +161,7 @@ def test_a_broken_header_is_refused_before_anything_is_allocated(tmp_path: Path,
 @pytest.mark.parametrize(("content", "words"), DATA.values(), ids=DATA)
 def test_broken_data_are_refused(tmp_path: Path, content: bytes, words: str) -> None:
     path = plys.write(tmp_path / "scene.bin", content)
-    read_scene_file(path)  # nothing is decoded to list a scene
+    read_scene_file(path)  # listing a scene decodes nothing
     with pytest.raises(BrokenScene, match=words) as failure:
         load_scene(path)
     assert_sentence(failure.value.detail)
@@ -206,7 +206,7 @@ def test_a_folder_reads_no_file_but_those_beside_its_meta_json(tmp_path: Path) -
     meta = json.loads((tmp_path / "scene" / "meta.json").read_bytes())
     meta["quats"]["files"] = ["../quats.webp"]
     (tmp_path / "scene" / "meta.json").write_text(json.dumps(meta))
-    with pytest.raises(BrokenScene, match="no plain name of a file"):
+    with pytest.raises(BrokenScene, match="not a plain name of a file"):
         read_scene_file(tmp_path / "scene" / "meta.json")
 
 

@@ -10,13 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reference.ply import write_ply
+from tests.prerequisites import LINUX
 from tests.render.arrays import gaussians_of
 from tests.render.scenes import plys
 from tests.shared_data import reference_scene_ply
 from tigas_common.errors import BrokenScene
 from tigas_render.gaussians import Gaussians
 from tigas_render.scenes.columns import BLOCK
-from tigas_render.scenes.ply import load_ply, write_ply
+from tigas_render.scenes.ply import load_ply
 from tigas_render.scenes.ply_header import read_header
 
 
@@ -150,7 +152,7 @@ def test_huge_numbers_in_text_drop_their_gaussian(tmp_path: Path) -> None:
     assert len(scene) == 2
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="the peak of a process's memory is read from Linux's /proc")
+@LINUX.mark
 @pytest.mark.parametrize("make", ["binary", "ascii"])
 def test_loading_takes_less_than_three_times_the_tensors(tmp_path: Path, make: str) -> None:
     count = 100_000

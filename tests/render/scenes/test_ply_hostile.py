@@ -1,4 +1,4 @@
-"""Files that are not what they should be: each gets one sentence that says what is wrong."""
+"""Malformed files: each gets one sentence on its fault."""
 
 from __future__ import annotations
 

@@ -4,41 +4,24 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import hashlib
-import os
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from reference.ply import write_ply
 from tests.render.scenes import plys
-from tests.render.scenes.registry_bench import Bench
+from tests.render.scenes.registry_bench import Bench, states
 from tigas_common.errors import BrokenScene, Overloaded, SceneInUse, TigasError, UnknownScene
-from tigas_common.wire.render import StartCamera
 from tigas_render.gaussians import Batches, Gaussians
 from tigas_render.raster.base import PreparedScene
 from tigas_render.scenes.columns import Listener
 from tigas_render.scenes.metadata import SceneMetadata
-from tigas_render.scenes.ply import write_ply
-from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.scenes.source import SceneSource
 
 pytestmark = pytest.mark.anyio
-
-
-@pytest.fixture
-def bench() -> Bench:
-    bench = Bench()
-    for id in ("a", "b", "c"):
-        bench.add(id)
-    return bench
-
-
-def states(registry: SceneRegistry) -> dict[str, str]:
-    return {info.id: info.state for info in registry.infos()}
 
 
 async def until_opened(bench: Bench, count: int = 1) -> None:
@@ -100,7 +83,7 @@ async def test_one_who_gives_up_waiting_does_not_take_the_scene_from_the_others(
     await second
     assert bench.opened == ["a"]
     assert registry.info("a").state == "loaded"
-    registry.unload("a")  # whoever gave up does not hold the scene
+    registry.unload("a")  # a cancelled waiter does not hold the scene
     assert registry.info("a").state == "unloaded"
 
 
@@ -213,7 +196,7 @@ async def test_nobody_unloads_what_another_views(bench: Bench) -> None:
         registry.unload("a")
         assert states(registry)["a"] == "unloaded"
     await registry.load("a")
-    registry.unload("a")  # whoever loads it does not view it
+    registry.unload("a")  # loading does not count as viewing
     assert states(registry)["a"] == "unloaded"
     assert bench.opened == ["a", "a"]
 
@@ -332,118 +315,37 @@ async def test_an_unknown_id_is_only_ever_looked_up(bench: Bench, tmp_path: Path
     assert len(failure.value.detail) < 500
 
 
-def make_scene(folder: Path, count: int = 5, **metadata: Any) -> Path:
-    folder.mkdir(parents=True, exist_ok=True)
-    write_ply(folder / "scene.ply", plys.gaussians(count))
-    if metadata:
-        (folder / "scene.json").write_text(SceneMetadata(**metadata).model_dump_json())
-    return folder
+async def test_stopping_ends_a_load_that_somebody_waits_for(bench: Bench) -> None:
+    reading, registry = slow(bench), bench.registry()
+    waiting = asyncio.create_task(registry.load("slow"))
+    await reading.half_way()
+    registry.close()
+    reading.go_on.set()
+    with pytest.raises(Overloaded, match="the service is stopping"):
+        await waiting
+    with pytest.raises(Overloaded, match="the service is stopping"):
+        await registry.load("a")
+    assert reading.closed.is_set()
 
 
-async def test_a_directory_of_scenes(tmp_path: Path) -> None:
-    make_scene(tmp_path / "garden", name="The garden", background=(0.1, 0.2, 0.3))
-    make_scene(tmp_path / "Küche 2")
-    plys.write(tmp_path / "torn" / "scene.ply", plys.binary_ply()[:-1])
-    registry = Bench(budget=10**6).registry(tmp_path)
-    await registry.scan()
-    assert states(registry) == {"Küche 2": "unloaded", "garden": "unloaded", "torn": "broken"}
-    garden = registry.info("garden")
-    assert (garden.name, garden.gaussians, garden.sh_degree) == ("The garden", 5, 0)
-    assert garden.background == (0.1, 0.2, 0.3)
-    assert garden.file_bytes == (tmp_path / "garden" / "scene.ply").stat().st_size
-    assert registry.info("Küche 2").preview == "/scenes/K%C3%BCche%202/preview"
-    assert "truncated" in (registry.info("torn").error or "")
-    async with registry.use("garden") as scene:
-        assert scene.background == (0.1, 0.2, 0.3)
-    with pytest.raises(BrokenScene, match="truncated"):
-        await registry.load("torn")
-
-
-async def test_a_rescan_follows_the_directory_and_keeps_what_is_loaded(tmp_path: Path) -> None:
-    for name in ("stays", "goes", "changes"):
-        make_scene(tmp_path / name)
-    plys.write(tmp_path / "torn" / "scene.ply", b"")
-    registry = Bench(budget=10**6).registry(tmp_path)
-    await registry.scan()
-    for name in ("stays", "goes", "changes"):
-        await registry.load(name)
-    async with registry.use("stays") as scene:
-        before = scene.prepared
-    for file in (tmp_path / "goes").iterdir():
-        file.unlink()
-    (tmp_path / "goes").rmdir()
-    make_scene(tmp_path / "changes", count=7)
-    make_scene(tmp_path / "torn")
-    make_scene(tmp_path / "stays" / "ignored")
-    (tmp_path / "stays" / "scene.json").write_text(
-        '{"name": "Renamed", "camera": {"position": [1,2,3], "look_at": [0,0,0]}}'
+async def test_a_file_that_is_renamed_while_it_loads_is_a_sentence_without_a_traceback(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    reading = Slow()
+    bench = Bench()
+    bench.builtin["slow"] = SceneSource(
+        "slow",
+        SceneMetadata(),
+        "1",
+        reading.open,
+        digest=lambda: (tmp_path / "renamed.ply").read_text(),
+        sh_degree=0,
+        memory_bytes=200,
     )
-    await registry.scan()
-    assert states(registry) == {"changes": "unloaded", "stays": "loaded", "torn": "unloaded"}
-    assert registry.info("changes").gaussians == 7
-    assert registry.info("stays").name == "Renamed"
-    async with registry.use("stays") as scene:
-        assert scene.prepared is before
-        assert scene.camera == StartCamera(position=(1, 2, 3), look_at=(0, 0, 0))
-
-
-async def test_a_scene_has_the_digest_of_the_file_that_was_loaded(tmp_path: Path) -> None:
-    file = make_scene(tmp_path / "garden") / "scene.ply"
-    registry = Bench(budget=10**6).registry(tmp_path)
-    await registry.scan()
-    assert registry.info("garden").file_sha256 is None, "nobody reads gigabytes to list scenes"
-    await registry.load("garden")
-    first = hashlib.sha256(file.read_bytes()).hexdigest()
-    assert registry.info("garden").file_sha256 == first
-    registry.unload("garden")
-    assert registry.info("garden").file_sha256 == first
-    changed = bytearray(file.read_bytes())
-    changed[-1] ^= 1  # of the same size
-    file.write_bytes(changed)
-    os.utime(file, ns=(1, 1))
-    for rescanned in (False, True):
-        if rescanned:
-            await registry.scan()
-        await registry.load("garden")
-        assert registry.info("garden").file_sha256 == hashlib.sha256(changed).hexdigest()
-
-
-async def test_a_scene_that_vanishes_stays_with_whoever_uses_it_and_counts_until_then(tmp_path: Path) -> None:
-    make_scene(tmp_path / "goes", count=80)
-    bench = Bench(budget=5000)
-    bench.add("other", count=4950)
-    registry = bench.registry(tmp_path)
-    await registry.scan()
-    async with registry.use("goes") as scene:
-        (tmp_path / "goes" / "scene.ply").unlink()
-        (tmp_path / "goes").rmdir()
-        await registry.scan()
-        assert scene.prepared.nbytes == 80
-        with pytest.raises(UnknownScene):
-            registry.info("goes")
-        with pytest.raises(Overloaded):
-            await registry.load("other")
-    await registry.load("other")
-
-
-async def test_loading_a_broken_scene_looks_at_its_file_again(tmp_path: Path) -> None:
-    plys.write(tmp_path / "torn" / "scene.ply", b"")
-    registry = Bench(budget=10**6).registry(tmp_path)
-    await registry.scan()
-    with pytest.raises(BrokenScene, match="empty"):
-        await registry.load("torn")
-    make_scene(tmp_path / "torn")
-    await registry.load("torn")
-    assert registry.info("torn").state == "loaded"
-
-
-async def test_a_folder_takes_the_place_of_a_built_in_scene(bench: Bench, tmp_path: Path) -> None:
-    make_scene(tmp_path / "a", count=3)
-    registry = bench.registry(tmp_path)
-    assert registry.info("a").gaussians is None
-    await registry.scan()
-    assert registry.info("a").gaussians == 3
-    assert set(states(registry)) == {"a", "b", "c"}
+    reading.go_on.set()
+    with pytest.raises(BrokenScene, match=r"^slow cannot be read: No such file or directory\.$"):
+        await bench.registry().load("slow")
+    assert "Traceback" not in caplog.text
 
 
 async def test_every_refusal_is_a_sentence(bench: Bench) -> None:

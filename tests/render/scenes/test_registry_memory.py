@@ -1,4 +1,4 @@
-"""What the registry does when the device's memory is full."""
+"""The registry when the device's memory is full."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ async def test_a_device_that_is_full_gets_room_once(bench: Bench) -> None:
     assert bench.opened == ["older", "old", "new", "new"]
     assert [registry.info(id).state for id in ("older", "old", "new")] == ["unloaded", "loaded", "unloaded"]
     del bench.errors["new"]
-    await registry.load("new")  # the device is asked again: its memory comes and goes
+    await registry.load("new")  # the device is tried again: its free memory varies
     assert registry.info("new").state == "loaded"
 
 

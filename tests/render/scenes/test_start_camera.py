@@ -107,7 +107,7 @@ def test_a_landscape_with_far_background_is_seen_from_inside() -> None:
 
 def test_any_up_will_do() -> None:
     upright = on_box((0.3, 1.0, 0.3))
-    lying = upright[:, [0, 2, 1]] * np.array([1.0, 1.0, -1.0], np.float32)  # what was up is now +z
+    lying = upright[:, [0, 2, 1]] * np.array([1.0, 1.0, -1.0], np.float32)  # the former up axis is now +z
     camera = derive(lying, (0.0, 0.0, 2.0))
     assert camera.position[2] > 0.2
     tangents, depth = picture(camera, lying, (0.0, 0.0, 2.0))

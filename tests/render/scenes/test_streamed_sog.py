@@ -1,4 +1,4 @@
-"""Streamed SOG: of each place the finest level is drawn, and whatever is wrong with its files is one sentence."""
+"""Streamed SOG: the finest level of each part is drawn, and any fault in its files is one sentence."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ from tests.render.raster.views import psnr
 from tests.render.scenes import made_up, plys
 from tests.render.scenes.test_formats import picture, shell_picture
 from tigas_common.errors import BrokenScene
+from tigas_render.downloads.cache import make
 from tigas_render.gaussians import Gaussians
-from tigas_render.scenes.adding import add_scene
 from tigas_render.scenes.directory import find_scene_file, read_folder, scan_directory
 from tigas_render.scenes.formats import load_scene, open_scene, read_scene_file
+from tigas_render.scenes.library_operations import add_scene
 
 NAMES = ("0_0/meta.json", "0_1/meta.json", "1_0/meta.json")
 """Two files of the finest level, and one of the next."""
@@ -116,6 +117,60 @@ def test_an_environment_of_a_lower_degree_is_drawn_too_and_a_file_may_be_one_zip
     assert not loaded.sh[620:, 1:].any()
 
 
+def write_environment(folder: Path, name: str) -> None:
+    """The made-up scene's SOG again: as a file, or else as a folder."""
+    if name.endswith(".sog"):
+        plys.write(folder / name, SHELL.read_bytes())
+    else:
+        with zipfile.ZipFile(SHELL) as bundle:
+            bundle.extractall(folder / name)
+
+
+@pytest.mark.parametrize(
+    ("entry", "name"),
+    [
+        ("sky.sog", "sky.sog"),
+        ("sky/meta.json", "sky"),
+        ("sky", "sky"),
+        ("sky/", "sky"),
+        (None, "environment.sog"),
+        (None, "environment"),
+    ],
+)
+def test_an_environment_is_part_of_the_scene_whether_it_is_named_or_not(
+    tmp_path: Path, entry: str | None, name: str
+) -> None:
+    garden = tmp_path / "garden"
+    write(garden, changed(environment=entry))
+    write_environment(garden, name)
+    source = read_folder(garden)
+    assert (source.error, source.format, source.gaussians) == (None, "streamed SOG", 920)
+    assert source.file_bytes == sum(path.stat().st_size for path in garden.rglob("*") if path.is_file())
+    assert np.array_equal(source.load().means[620:], load_scene(SHELL).means)
+    assert source.digest is not None
+    digest = source.digest()
+    image = garden / name if name.endswith(".sog") else garden / name / "sh0.webp"
+    os.utime(image, (1, 1))
+    image.write_bytes(image.read_bytes() + b"\0")
+    changed_source = read_folder(garden)
+    assert changed_source.version != source.version
+    assert changed_source.digest is not None
+    assert changed_source.digest() != digest
+
+
+@pytest.mark.parametrize("name", ["environment.sog", "scene.ply", "point_cloud/iteration_7/point_cloud.ply"])
+def test_no_other_file_is_taken_for_a_streamed_scene(tmp_path: Path, name: str) -> None:
+    write(tmp_path)
+    write_environment(tmp_path, "environment.sog")
+    plys.write(tmp_path / name, SHELL.read_bytes())
+    assert find_scene_file(tmp_path) == tmp_path / "lod-meta.json"
+    plys.write(tmp_path / "lod-meta.json", b"{")
+    assert "is not one of streamed SOG" in str(read_folder(tmp_path).error)
+    (tmp_path / "lod-meta.json").unlink()
+    (tmp_path / "lod-meta.json").symlink_to("nowhere")
+    assert "cannot be read" in str(read_folder(tmp_path).error)
+
+
 def test_files_from_before_there_were_versions_are_read(tmp_path: Path) -> None:
     old = {name: META[name] for name in ("lodLevels", "filenames", "tree")} | {"environment": None}
     assert read_scene_file(write(tmp_path, old)).count == 620
@@ -140,18 +195,34 @@ def test_a_folder_with_a_lod_meta_is_a_scene_whose_files_count(tmp_path: Path) -
 def test_an_added_one_stays_a_folder_with_what_is_read(tmp_path: Path, named: str) -> None:
     write(tmp_path / "hall", changed(tree=leaf(l0=(0, 0, 300), l1=(2, 0, 75))))
     models = tmp_path / "models"
-    id, file = add_scene(str(tmp_path / named), models, None, lambda _: None)
+    id, file = add_scene(str(tmp_path / named), models, None, lambda _: None, 1_000_000)
     assert (id, file.count) == ("hall", 300)
     assert [path.name for path in models.iterdir()] == ["hall"]
     assert sorted(path.name for path in (models / "hall").iterdir()) == ["0_0", "lod-meta.json"]
     assert len(scan_directory(models)["hall"].load()) == 300
 
 
+@pytest.mark.parametrize("environment", ["environment.sog", "environment"])
+def test_an_added_one_has_its_environment(tmp_path: Path, environment: str) -> None:
+    write(tmp_path / "hall")
+    write_environment(tmp_path / "hall", environment)
+    _, file = add_scene(str(tmp_path / "hall"), tmp_path / "models", None, lambda _: None, 10**9)
+    assert file.count == 920
+    assert scan_directory(tmp_path / "models")["hall"].gaussians == 920
+
+
+def test_one_can_be_downloaded_with_its_environment(tmp_path: Path) -> None:
+    write(tmp_path / "hall")
+    write_environment(tmp_path / "hall", "environment.sog")
+    made = make(read_folder(tmp_path / "hall"), tmp_path / "hall.ply")
+    assert (made.gaussians, len(load_scene(tmp_path / "hall.ply"))) == (920, 920)
+
+
 def test_one_that_cannot_be_added_leaves_nothing(tmp_path: Path) -> None:
     write(tmp_path / "hall")
     (tmp_path / "hall" / "0_1" / "quats.webp").write_bytes(b"GIF89a" + bytes(100))
     with pytest.raises(BrokenScene, match=r"^0_1/meta\.json: quats\.webp is no lossless WebP image\.$"):
-        add_scene(str(tmp_path / "hall"), tmp_path / "models", None, lambda _: None)
+        add_scene(str(tmp_path / "hall"), tmp_path / "models", None, lambda _: None, 1_000_000)
     assert list((tmp_path / "models").iterdir()) == []
 
 
@@ -193,7 +264,7 @@ INDICES: dict[str, tuple[dict[str, Any] | bytes, str]] = {
     **{
         f"with the file {name[:20]}": (
             changed(filenames=[name, *NAMES[1:]]),
-            "no plain name|at most 200|cannot be read",
+            "not a plain name|at most 200|cannot be read",
         )
         for name in (
             *("/etc/passwd", "../0_0/meta.json", "0_0/../../x/meta.json", "0_0\\meta.json", "", ".", "0_0/", "//x"),

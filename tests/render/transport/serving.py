@@ -1,4 +1,4 @@
-"""An HTTP/3 server for tests, and waiting for what it comes to."""
+"""An HTTP/3 server for tests, with helpers that wait for its effects."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from tests.render.transport.client import (
     CERTIFICATE,
     FakeFrames,
 )
+from tigas_render.admission.limits import Limits
+from tigas_render.admission.load import Load
+from tigas_render.admission.request_rate import RequestRate
 from tigas_render.transport.frames import render_session
-from tigas_render.transport.limits import Limits
-from tigas_render.transport.load import Load
-from tigas_render.transport.request_rate import RequestRate
 from tigas_render.transport.server import Http3Server
 
 

@@ -13,9 +13,9 @@ from aioquic.quic.connection import QuicConnection
 from aioquic.quic.events import DatagramFrameReceived, QuicEvent, StreamDataReceived
 
 from tests.render.transport.client import CERTIFICATE
+from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 from tigas_render.transport.cids import ALONE
-from tigas_render.transport.congestion import CongestionControl, algorithm
-from tigas_render.transport.quic import ServerQuicConnection
+from tigas_render.transport.congestion import LIMITED_RENO
 
 CLIENT, SERVER = ("192.0.2.1", 1000), ("192.0.2.2", 2000)
 DELAY = 0.02
@@ -24,23 +24,29 @@ TIMER_SLACK = 1e-6
 """Timers fire a little late, as real ones do: aioquic's sums of floats may not be due at the exact moment."""
 
 Drop = Callable[[str, bytes], bool]
-"""Whether the network loses a datagram; told who sends it (`client`, `server`) and what."""
+"""Whether the network loses a datagram; called with the sender (`client`, `server`) and the bytes."""
 
 
 class Simulation:
-    """Call `run` after every change; it plays until nobody has anything to say, or until a moment."""
+    """Call `run` after every change; it plays until both ends are quiet, or until a given time."""
 
-    def __init__(self, congestion_control: CongestionControl = "reno", **server: Any) -> None:
+    def __init__(
+        self,
+        reset_delay: Callable[[float], float] = lambda now: 0.0,
+        **server: Any,
+    ) -> None:
         self.now = 0.0
+        self.address = CLIENT
+        """Where the client's datagrams come from."""
         self.drop: Drop = lambda sender, data: False
         self.sent: list[tuple[float, str, int]] = []
         """(time, sender, bytes) of every datagram, the lost ones too."""
         self.streams: dict[int, bytearray] = defaultdict(bytearray)
-        """What the client has received."""
+        """Events received by the client."""
         self.ended: list[int] = []
         """The client's streams in the order in which they were complete."""
         self.uploads: dict[int, bytearray] = defaultdict(bytearray)
-        """What the server has received."""
+        """Events received by the server."""
         self.datagrams: list[bytes] = []
         self.client = QuicConnection(
             configuration=QuicConfiguration(
@@ -58,13 +64,14 @@ class Simulation:
         self.server = ServerQuicConnection(
             edge=ALONE,
             reset_token=lambda cid: bytes(16),
+            reset_delay=reset_delay,
             configuration=QuicConfiguration(
                 is_client=False,
                 alpn_protocols=["test"],
                 certificate=CERTIFICATE.x509,
                 private_key=CERTIFICATE.private_key,
                 max_datagram_frame_size=65536,
-                congestion_control_algorithm=algorithm(congestion_control),
+                congestion_control_algorithm=LIMITED_RENO,
                 idle_timeout=600,
                 **{**settings, **server},
             ),
@@ -98,22 +105,22 @@ class Simulation:
             self._flying = [item for item in self._flying if item[0] > self.now]
             for _, sender, data in arrived:
                 if sender == "client":
-                    self.server.receive_datagram(data, CLIENT, self.now)
+                    self.server.receive_datagram(data, self.address, self.now)
                 else:
                     self.client.receive_datagram(data, SERVER, self.now)
             self._events()
             step()
 
     def open(self, size: int = 1) -> int:
-        """The client opens a stream with so many bytes of request, and ends its side."""
+        """The client opens a stream with this many bytes of request, and ends its side."""
         stream_id = self.client.get_next_available_stream_id()
         self.client.send_stream_data(stream_id, bytes(size), end_stream=True)
         return stream_id
 
     def _send(self, sender: str, connection: QuicConnection) -> None:
-        for data, _ in connection.datagrams_to_send(self.now):
+        for data, address in connection.datagrams_to_send(self.now):
             self.sent.append((self.now, sender, len(data)))
-            if not self.drop(sender, data):
+            if address in (self.address, SERVER) and not self.drop(sender, data):
                 self._flying.append((self.now + DELAY, sender, data))
 
     def _events(self) -> None:
@@ -133,7 +140,7 @@ class Simulation:
 
 
 def frames(count: int, size: int = 100_000) -> list[bytes]:
-    """So many answers."""
+    """This many answers."""
     generator = random.Random(4)
     return [generator.randbytes(size) for _ in range(count)]
 

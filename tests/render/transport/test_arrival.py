@@ -1,4 +1,4 @@
-"""The kernel's stamps become times of the monotonic clock, whatever the real-time clock does meanwhile."""
+"""The kernel's timestamps become times of the monotonic clock, despite steps of the real-time clock."""
 
 from __future__ import annotations
 

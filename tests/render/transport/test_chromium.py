@@ -9,17 +9,21 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 import pytest
+from aioquic.tls import Epoch
 from playwright.async_api import async_playwright
 
+from tests.prerequisites import CHROMIUM
 from tests.render.transport.client import CERTIFICATE, FakeFrames, request_body
-from tigas_common.errors import StartError
 from tigas_experiments.run.browser import find_chromium
+from tigas_render.transport import server as server_module
+from tigas_render.transport.aioquic_ext import receiving
+from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
 
 ARGUMENTS = ["--no-sandbox", "--disable-background-networking", "--disable-component-update", "--no-first-run"]
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.slow]
 
 SCRIPT = """
 async ({ url, hash, requests }) => {
@@ -109,12 +113,9 @@ def secure_page() -> Iterator[str]:
 
 @contextlib.asynccontextmanager
 async def browser_page(url: str) -> AsyncIterator[Any]:
-    try:
-        path = find_chromium()
-    except StartError as error:
-        pytest.skip(str(error))
+    CHROMIUM.require()
     async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        browser = await playwright.chromium.launch(executable_path=find_chromium(), args=ARGUMENTS)
         page = await browser.new_page()
         await page.goto(url)
         yield page
@@ -125,8 +126,18 @@ async def no_app(*_: object) -> None:
     raise NotImplementedError
 
 
-@pytest.mark.parametrize("host", ["localhost", "127.0.0.1"])
-async def test_chromium_gets_frames(host: str) -> None:
+@pytest.mark.parametrize(("host", "key_packets"), [("localhost", receiving.KEY_PACKETS), ("127.0.0.1", 20)])
+async def test_chromium_gets_frames(monkeypatch: pytest.MonkeyPatch, host: str, key_packets: int) -> None:
+    """Includes keys for a few packets only."""
+    monkeypatch.setattr(receiving, "KEY_PACKETS", key_packets)
+    keys = set()
+
+    class Watched(ServerQuicConnection):
+        def _renew_keys(self, now: float) -> None:
+            super()._renew_keys(now)
+            keys.add(self._cryptos[Epoch.ONE_RTT].recv.secret)
+
+    monkeypatch.setattr(server_module, "ServerQuicConnection", Watched)
     source = FakeFrames(bytes(range(256)) * 200)
     source.held = {9}
     async with Http3Server(no_app, certificate=CERTIFICATE, webtransport={"/render": render_session(source)}) as server:
@@ -152,6 +163,7 @@ async def test_chromium_gets_frames(host: str) -> None:
     assert result["fragments"] > 30
     assert result["after"] == {**frame, "seq": 21}
     assert len({client for client, _ in source.requests}) == 1
+    assert (len(keys - {None}) > 3) == (key_packets == 20)
 
 
 OPEN = """
@@ -174,7 +186,7 @@ async ({ request, patience }) => {
 }
 """
 PATIENCE_S = 4
-"""Chromium alone gives up what it sends after twice that, and a connection on which it sends nothing after 30 s."""
+"""Chromium alone abandons its data after twice that, and an idle connection after 30 s."""
 
 
 async def test_chromium_does_not_wait_for_a_server_that_has_forgotten_it() -> None:

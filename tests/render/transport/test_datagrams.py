@@ -6,8 +6,9 @@ from typing import Any, cast
 
 import pytest
 
+from tigas_common.errors import InvalidRequest
+from tigas_render.admission.limits import Limits
 from tigas_render.transport.datagrams import FRAGMENT_HEADER, DatagramSender, fragments
-from tigas_render.transport.limits import Limits
 from tigas_render.transport.outlet import DatagramOutlet, Writer
 
 
@@ -22,12 +23,12 @@ def test_fragments_carry_everything(length: int, count: int) -> None:
 
 def test_too_many_fragments_are_refused() -> None:
     assert len(fragments(0, bytes(65_535), max_datagram=9)) == 65_535
-    with pytest.raises(ValueError, match="65535"):
+    with pytest.raises(InvalidRequest, match="65,535"):
         fragments(0, bytes(65_536), max_datagram=9)
 
 
 class Network:
-    """What an outlet uses of a connection; it takes as many datagrams as a test leaves room for."""
+    """The part of a connection used by an outlet; it takes as many datagrams as a test allows."""
 
     max_datagram_payload = 116
 
@@ -49,7 +50,7 @@ class Session:
         self.sender = DatagramSender(DatagramOutlet(self.writer, 0))
 
     def sends(self, room: int) -> list[tuple[int, ...]]:
-        """What leaves when there is so much room: seq, fragment and number of fragments of each datagram."""
+        """Datagrams sent with this much room: seq, fragment and number of fragments of each."""
         self.network.datagram_room, self.network.sent = room, []
         self.writer.hand_over_datagrams()
         return self.network.sent

@@ -1,4 +1,4 @@
-"""The render session over streams and datagrams, as docs/protocol.md has it."""
+"""The render session over streams, as docs/protocol.md has it."""
 
 from __future__ import annotations
 
@@ -6,41 +6,21 @@ import dataclasses
 import json
 import logging
 import random
-import struct
 import time
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from functools import partial
 
 import pytest
 
-from tests.render.transport.client import CERTIFICATE, Client, FakeFrames, connect, request_body, split_frame
+from tests.render.transport.client import FakeFrames, connect, request_body
+from tests.render.transport.session import arrived, served
+from tigas.http3 import split_frame
 from tigas_common.errors import UnknownScene
 from tigas_common.wire.render import RenderRequest, VideoInfo
+from tigas_render.admission.limits import Limits
 from tigas_render.frame import Answered, Frame, Withdraw
 from tigas_render.frame import Client as FrameClient
-from tigas_render.transport.frames import render_session
-from tigas_render.transport.limits import Limits
-from tigas_render.transport.server import Http3Server
 
 pytestmark = pytest.mark.anyio
-
-
-async def no_app(*_: object) -> None:
-    raise NotImplementedError
-
-
-@asynccontextmanager
-async def served(source: FakeFrames, limits: Limits | None = None) -> AsyncIterator[tuple[Http3Server, Client, int]]:
-    sessions = {"/render": render_session(source)}
-    async with (
-        Http3Server(no_app, host="127.0.0.1", certificate=CERTIFICATE, webtransport=sessions, limits=limits) as server,
-        connect(server.port) as client,
-    ):
-        yield server, client, await client.connect_webtransport()
-
-
-# -- streams -----------------------------------------------------------------------------------------------------------
 
 
 async def test_a_frame_on_a_stream() -> None:
@@ -190,7 +170,7 @@ async def test_what_the_client_does_not_want_any_more_is_withdrawn(how: str) -> 
     source.held = True
     async with served(source) as (_, client, session):
         stream = client.open_stream(session, request_body(seq=1), end=how != "reset")
-        if how == "reset":  # before the request is complete: the engine never hears of it
+        if how == "reset":  # before the request is complete: it does not reach the engine
             client._quic.reset_stream(stream, 0)
             client.transmit()
             await client.response(stream)
@@ -312,115 +292,8 @@ async def test_streams_of_no_session_and_unidirectional_ones_are_refused() -> No
     assert len(source.requests) == 1
 
 
-# -- datagrams ---------------------------------------------------------------------------------------------------------
-
-
-def assemble(datagrams: list[bytes]) -> dict[int, bytes | None]:
-    """The answers by seq; None where a fragment is missing."""
-    parts: dict[int, dict[int, bytes]] = {}
-    counts: dict[int, int] = {}
-    for datagram in datagrams:
-        seq, number, count = struct.unpack_from("!IHH", datagram)
-        parts.setdefault(seq, {})[number] = datagram[8:]
-        counts[seq] = count
-    return {
-        seq: b"".join(numbered[n] for n in range(counts[seq])) if len(numbered) == counts[seq] else None
-        for seq, numbered in parts.items()
-    }
-
-
-def arrived(client: Client, seq: int) -> bytes | None:
-    return assemble(client.datagrams).get(seq)
-
-
-async def test_a_frame_in_datagrams() -> None:
-    source = FakeFrames(random.Random(3).randbytes(20_000))
-    async with served(source) as (_, client, session):
-        for seq in (1, 2**32 - 1):
-            client.send_datagram(session, request_body(seq=seq))
-            await client.until(partial(arrived, client, seq))
-            header, body = split_frame(arrived(client, seq) or b"")
-            assert (header["status"], header["seq"]) == (200, seq)
-            assert body == source.body
-        sizes = [len(datagram) for datagram in client.datagrams if struct.unpack_from("!I", datagram)[0] == 1]
-    assert len(set(sizes[:-1])) == 1, "all but the last have the same length"
-    assert sizes[-1] <= sizes[0] > 1350, "fragments fill their packets"
-
-
-@pytest.mark.parametrize("body", [b"", b"\0", b"not json", b"[" * 1000, request_body(seq=0, fx=0)])
-async def test_a_malformed_datagram_is_a_problem(body: bytes) -> None:
-    source = FakeFrames()
-    async with served(source) as (_, client, session):
-        client.send_datagram(session, body)
-        await client.until(lambda: client.datagrams)
-        header, _ = split_frame(assemble(client.datagrams)[0] or b"")
-        assert header["status"] == 400
-        assert (await client.frame(session, request_body()))[0]["status"] == 200
-
-
-async def test_datagrams_of_no_session_are_dropped() -> None:
-    source = FakeFrames()
-    async with served(source) as (_, client, session):
-        client.send_datagram(4 * 1000, request_body())
-        client.send_datagram(session, request_body(seq=1))
-        await client.until(lambda: client.datagrams)
-    assert [request.seq for _, request in source.requests] == [1]
-
-
-async def test_an_older_frame_is_dropped_once_a_newer_one_was_answered() -> None:
-    source = FakeFrames()
-    source.held = True
-    async with served(source) as (_, client, session):
-        client.send_datagram(session, request_body(seq=1))
-        client.send_datagram(session, request_body(seq=2))
-        await source.until(lambda: len(source.requests) == 2)
-        source.release(2)
-        await client.until(lambda: arrived(client, 2))
-        source.release(1)
-        source.held = False
-        client.send_datagram(session, request_body(seq=3))
-        await client.until(lambda: arrived(client, 3))
-        assert 1 not in assemble(client.datagrams)
-
-
-async def test_unsent_fragments_make_way_for_a_newer_frame() -> None:
-    """A frame of 4 MB does not fit the network's window; a newer one overtakes it at once."""
-    source = FakeFrames(bytes(4_000_000))
-    async with served(source) as (server, client, session):
-        client.send_datagram(session, request_body(seq=1))
-        await client.until(lambda: client.datagrams)
-        (connection,) = server._connections
-        assert len(connection._quic._datagrams_pending) < 200, "QUIC has no more than it can send soon"
-        source.body = b"new"
-        client.send_datagram(session, request_body(seq=2))
-        await client.until(lambda: arrived(client, 2))
-        assert assemble(client.datagrams)[1] is None
-        header, body = await client.frame(session, request_body(seq=3))
-        assert (header["seq"], body) == (3, b"new"), "nothing stays in the way of streams"
-        (_, _, count) = struct.unpack_from("!IHH", client.datagrams[0])
-        assert len(client.datagrams) < count
-
-
-async def test_a_flood_of_datagrams_is_bounded() -> None:
-    source = FakeFrames()
-    source.held = True
-    async with served(source) as (_, client, session):
-        for seq in range(1, 41):
-            client.send_datagram(session, request_body(seq=seq))
-        await client.until(lambda: len(client.datagrams) >= 40 - 16)
-        statuses = {split_frame(body)[0]["status"] for body in assemble(client.datagrams).values() if body}
-        assert statuses == {503}
-        assert len(source.requests) == 16
-        client._quic.send_stream_data(session, b"", end_stream=True)
-        client.transmit()
-        await source.until(lambda: len(source.cancelled) == 16)
-
-
-# -- memory that is lent -----------------------------------------------------------------------------------------------
-
-
 class LentFrames(FakeFrames):
-    """Frames in memory that is overwritten as soon as it is given back."""
+    """Frames in memory that is overwritten on release."""
 
     def __init__(self, body: bytes) -> None:
         super().__init__(body)

@@ -1,4 +1,4 @@
-"""HTTP/3 requests reach the ASGI application and its answers come back, whatever either side does wrong."""
+"""HTTP/3 requests reach the ASGI application and its answers return, despite faults on either side."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tests.render.transport.client import CERTIFICATE, Client, Recorder, connect
 from tigas_common.peers import ARRIVED
-from tigas_render.transport.limits import Limits
+from tigas_render.admission.limits import Limits
 from tigas_render.transport.server import Http3Server
 
 pytestmark = pytest.mark.anyio
@@ -65,7 +65,7 @@ async def test_a_request_arrives_when_the_kernel_gets_the_datagram_that_complete
         before = time.monotonic()
         client.h3.send_data(stream, b"body", end_stream=True)
         client.transmit()
-        sent = time.monotonic()  # and the server has not had its turn yet
+        sent = time.monotonic()  # and the server has not run since
         await client.response(stream)
     assert before <= arrivals[0] <= sent
 
@@ -132,7 +132,7 @@ async def test_head_has_headers_and_no_body(monkeypatch: pytest.MonkeyPatch) -> 
         await answer(send, b"four")
 
     async with served(app) as (_, client):
-        # aioquic's client does not know what it asked for
+        # aioquic's client does not know its own request
         monkeypatch.setattr(client.h3, "_check_content_length", lambda _: None)
         response = await client.fetch("HEAD", "/")
     assert (response.status, bytes(response.body), response.ended) == (200, b"", True)
@@ -318,11 +318,11 @@ async def test_a_client_that_stops_reading_holds_up_nobody_and_takes_no_memory(
         assert (await deaf.fetch("GET", "/small")).status == 200, "its other streams go on"
         assert sent.events.count("part") < 20, "no more than the limit waits"
         assert (await deaf.response(stream)).reset is not None
-        await sent.until("all")  # what is left goes nowhere
+        await sent.until("all")  # the remainder is dropped
 
 
 async def test_small_answers_that_nobody_reads_take_no_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each fits in what a stream may hold, but all of them together do not fit in what a connection may hold."""
+    """Each fits in a stream's limit, but all of them together do not fit in a connection's."""
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
         await answer(send, bytes(20_000))

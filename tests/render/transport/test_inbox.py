@@ -1,4 +1,4 @@
-"""Whose datagrams are handled next."""
+"""The order of handling datagrams."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A server that has too much to do keeps those who are in, and says so to all others."""
+"""An overloaded server keeps its present viewers, and refuses others with a reason."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ from contextlib import AsyncExitStack
 import pytest
 from aioquic.quic.packet import QuicErrorCode
 
-from tests.render.transport.client import Client, FakeFrames, connect, request_body, split_frame
+from tests.render.transport.client import Client, FakeFrames, connect, request_body
 from tests.render.transport.serving import eventually, served
-from tigas_render.transport.limits import Limits
-from tigas_render.transport.load import SETTLED_S, Load
+from tigas.http3 import split_frame
+from tigas_render.admission.limits import Limits
+from tigas_render.admission.load import SETTLED_S, Load
+from tigas_render.transport.aioquic_ext import quic
 
 pytestmark = pytest.mark.anyio
 
@@ -51,6 +53,28 @@ async def test_new_clients_are_refused_and_those_who_are_in_go_on() -> None:
             assert newcomer.responses[await newcomer.connect_webtransport()].status == 200
             assert load.state.viewers == 2
     assert load.state.viewers == 0
+
+
+async def test_viewers_that_vanish_count_no_more_until_they_are_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(quic, "AWAY_S", 0.1)
+    load = Load()
+    async with served(load=load) as server, connect(server.port) as gone, connect(server.port) as viewer:
+        for _ in range(2):
+            session = await gone.connect_webtransport()
+        await viewer.connect_webtransport()
+        assert load.state.viewers == 3
+        with monkeypatch.context() as outage:
+            outage.setattr(gone, "datagram_received", lambda *_: None)
+            answer = gone.open_stream(session, request_body())
+            await eventually(lambda: load.state.viewers == 1)
+        assert (await gone.response(answer)).ended
+        await eventually(lambda: load.state.viewers == 3)
+        with monkeypatch.context() as outage:
+            outage.setattr(gone, "datagram_received", lambda *_: None)
+            gone.open_stream(session, request_body())
+            await eventually(lambda: load.state.viewers == 1)
+            await server.close()
+        assert load.state.viewers == 0
 
 
 async def test_a_session_is_refused_with_the_time_to_come_back() -> None:

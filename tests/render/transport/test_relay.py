@@ -9,13 +9,13 @@ import pytest
 
 from tests.render.transport.client import CERTIFICATE, FakeFrames, connect, request_body
 from tests.render.transport.serving import eventually, hello
-from tigas_render.fleet.steering import steer
+from tigas_render.admission.limits import Limits
 from tigas_render.transport.cids import Edge
 from tigas_render.transport.frames import render_session
-from tigas_render.transport.limits import Limits
 from tigas_render.transport.relay import Relay
 from tigas_render.transport.server import Http3Server
 from tigas_render.transport.share import Share
+from tigas_render.transport.steering import steer
 from tigas_render.transport.udp import bind_all, bind_another
 
 pytestmark = pytest.mark.anyio

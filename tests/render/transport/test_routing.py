@@ -1,4 +1,4 @@
-"""Streams that a client opens without ever saying what for, on a simulated network."""
+"""Streams opened by a client without a first frame, on a simulated network."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from aioquic.h3.connection import ErrorCode, FrameType, StreamType, encode_frame
 from aioquic.quic.events import QuicEvent, StreamReset
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from tests.render.transport.aioquic_ext.test_h3 import frame_header, section
 from tests.render.transport.client import Recorder
 from tests.render.transport.simulated import Simulation
-from tests.render.transport.test_h3 import frame_header, section
-from tigas_render.transport.limits import Limits
+from tigas_render.admission.connections import Usage
+from tigas_render.admission.limits import Limits
 from tigas_render.transport.routing import Router, Service
-from tigas_render.transport.usage import Usage
 
 pytestmark = pytest.mark.anyio
 
@@ -27,7 +27,7 @@ async def no_app(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 class Routed(Simulation):
-    """A simulated connection whose server side speaks HTTP/3."""
+    """A simulated connection with HTTP/3 on the server side."""
 
     router: Router | None = None
 
@@ -49,7 +49,7 @@ class Routed(Simulation):
         self.run()
 
     def wait(self, seconds: float) -> None:
-        """The server's timer fires after so long."""
+        """The server's timer fires after this time."""
         assert self.router is not None
         self.now += seconds
         self.router.end_late(self.now)
@@ -69,7 +69,7 @@ class Routed(Simulation):
 
     @property
     def terminated(self) -> int | None:
-        """What the server has closed the connection with."""
+        """The server's close of the connection."""
         event = self.client._close_event
         return None if event is None else event.error_code
 
@@ -93,7 +93,7 @@ async def test_what_is_no_request_in_time_is_ended(start: bytes) -> None:
 
 @pytest.mark.parametrize("is_unidirectional", [False, True], ids=["request", "unidirectional"])
 async def test_a_stream_whose_start_never_comes_is_ended(is_unidirectional: bool) -> None:
-    """Nobody above QUIC hears of it, and QUIC keeps its bytes."""
+    """QUIC keeps its bytes without reporting it."""
     routed = Routed()
     stream_id = routed.client.get_next_available_stream_id(is_unidirectional)
     sender = routed.client._get_or_create_stream_for_send(stream_id).sender

@@ -23,7 +23,7 @@ from tests.render.transport.client import (
 )
 from tests.render.transport.serving import hello, served
 from tigas_common.certificate import Certificate
-from tigas_render.transport.limits import Limits
+from tigas_render.admission.limits import Limits
 from tigas_render.transport.server import Http3Server
 from tigas_render.transport.stateless_reset import StatelessResets
 
@@ -160,7 +160,7 @@ async def test_frames_may_be_early() -> None:
 
 
 async def test_a_ticket_is_good_once() -> None:
-    """So a recorded first flight is worthless to whoever plays it again."""
+    """So replaying a recorded first flight is worthless."""
     async with served() as server:
         ticket = await ticket_from(server)
         for expected in (True, False):

@@ -1,4 +1,4 @@
-"""What one client, or one address, may take of the HTTP/3 server; hostile ones harm nobody else."""
+"""Limits of one client, or one address, at the HTTP/3 server; hostile clients do not affect others."""
 
 from __future__ import annotations
 
@@ -8,24 +8,27 @@ import json
 import os
 import random
 import socket
-from contextlib import AsyncExitStack
+import time
+from contextlib import AsyncExitStack, suppress
 
 import pytest
 from aioquic.h3.connection import ErrorCode
 from aioquic.quic.packet import QuicErrorCode
 
 from tests.render.transport.client import (
+    Client,
     FakeFrames,
     connect,
     request_body,
-    split_frame,
 )
 from tests.render.transport.serving import eventually, served
+from tigas.http3 import split_frame
+from tigas_render.admission import connections as connections_module
+from tigas_render.admission.limits import Limits
 from tigas_render.transport import server as server_module
+from tigas_render.transport.aioquic_ext.stream_credit import LEAST, MOST
 from tigas_render.transport.connection import Connection
-from tigas_render.transport.limits import Limits
 from tigas_render.transport.server import Http3Server
-from tigas_render.transport.stream_credit import LEAST
 
 pytestmark = pytest.mark.anyio
 
@@ -72,8 +75,8 @@ async def test_one_address_cannot_open_connections_all_the_time() -> None:
 
 
 async def test_a_burst_of_connections_of_one_address_holds_nobody_else_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server_module, "HANDSHAKES_AT_ONCE", 1)
-    monkeypatch.setattr(server_module, "HANDSHAKES_PER_S", 0.001)
+    monkeypatch.setattr(connections_module, "HANDSHAKES_AT_ONCE", 1)
+    monkeypatch.setattr(connections_module, "HANDSHAKES_PER_S", 0.001)
     async with served() as server, connect(server.port), connect(server.port, wait=False) as second:
         second.transmit()  # left to be sent again
         async with connect(server.port, source="127.0.0.2") as other:
@@ -81,11 +84,62 @@ async def test_a_burst_of_connections_of_one_address_holds_nobody_else_up(monkey
             assert server.connections == 2
 
 
+async def test_hundreds_behind_one_address_are_handled_in_few_turns_and_hold_nobody_else_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(server_module, "TURNS_S", 20.0)  # so that the count alone ends a turn
+    turns: list[list[str]] = []
+    async with served() as server, connect(server.port), connect(server.port, source="127.0.0.2"):
+        monkeypatch.setattr(server, "_handle", lambda datagram: turns[-1].append(datagram.address[0]))
+        now = time.monotonic()
+        for port in range(1000, 1400):
+            server._received(bytes(50), ("127.0.0.1", port), now)
+        while server._inbox:
+            if len(turns) == 2:
+                server._received(bytes(50), ("127.0.0.2", 1000), now)
+            turns.append([])
+            server._take_turns()
+        assert turns[2].count("127.0.0.2") == 1
+        assert len(turns) < 60
+        assert max(map(len, turns)) <= 400 / 8 + 2
+
+
 async def test_connections_of_one_address_that_come_at_once_all_come_in() -> None:
     async with served() as server, AsyncExitStack() as stack:
         clients = [stack.enter_async_context(connect(server.port)) for _ in range(12)]
         await asyncio.gather(*clients)
         assert server.connections == 12
+
+
+async def reset_streams(client: Client) -> int:
+    """Open and reset streams until the server allows no more. Returns how many they were."""
+    session = await client.connect_webtransport()
+    quic, count = client._quic, 0
+    while count < 2 * MOST:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(1):
+                await client.until(lambda: quic.get_next_available_stream_id() // 4 < quic._remote_max_streams_bidi)
+        if quic.get_next_available_stream_id() // 4 >= quic._remote_max_streams_bidi:
+            break
+        stream_id = client.open_stream(session, b"{", end=False)
+        quic.stop_stream(stream_id, 0)
+        quic.reset_stream(stream_id, 0)
+        client.transmit()
+        count += 1
+    return count
+
+
+async def test_streams_that_one_address_resets_are_replaced_slowly_on_all_of_its_connections() -> None:
+    async with (
+        served(Limits(resets_per_s=0.001)) as server,
+        connect(server.port) as first,
+        connect(server.port) as second,
+        connect(server.port, source="127.0.0.2") as other,
+    ):
+        reset = await reset_streams(first) + await reset_streams(second)
+        assert reset <= 2 * MOST, "no more than may be open at a time"
+        for _ in range(MOST):
+            assert (await other.fetch("GET", "/")).status == 200
 
 
 async def test_an_address_with_unanswered_handshakes_has_to_prove_itself() -> None:
@@ -150,7 +204,7 @@ async def test_a_busy_server_asks_for_proof_of_the_address() -> None:
 
 
 async def test_two_hundred_connections_that_are_dropped_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server_module, "HANDSHAKES_PER_S", 1e6)  # else they would be begun one after the other
+    monkeypatch.setattr(connections_module, "HANDSHAKES_PER_S", 1e6)  # else they would be begun one after the other
     async with served(Limits(idle_timeout=1.0, connections_per_address=512)) as server:
         for number in range(200):
             async with connect(server.port) as client:
@@ -276,3 +330,17 @@ async def test_a_flood_of_requests_and_cancellations_leaves_nothing_behind() -> 
         await client.frame(session, request_body())
         assert len(connection.router._h3._stream) <= 6, "the session and the control streams"
         await eventually(lambda: len(connection._quic._streams) <= 8)
+
+
+async def test_a_connection_that_has_ended_waits_for_no_request() -> None:
+    async with served() as server, connect(server.port) as client:
+        await client.fetch("GET", "/")
+        (connection,) = server._connections
+        client.close()
+        await eventually(lambda: server.connections == 0)
+        assert connection.router is not None
+        connection.router._unfinished.begin(0, 0.0)  # as a stream does that came with the last packets
+        connection._quic._credit_at = 0.0  # as after streams that were reset
+        connection.transmit()
+        assert connection.router.deadline is not None
+        assert connection._due is None

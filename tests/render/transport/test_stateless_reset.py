@@ -1,4 +1,4 @@
-"""Clients of a server that is gone hear of it from the next one, and nobody else is disturbed."""
+"""Clients of a stopped server are reset by the next one, and no others."""
 
 from __future__ import annotations
 

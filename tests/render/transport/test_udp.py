@@ -1,4 +1,4 @@
-"""Datagrams leave in batches, arrive as they were, and none is lost when the socket is full or refuses batches."""
+"""Datagrams leave in batches, arrive unchanged, and survive a full socket or refused batches."""
 
 from __future__ import annotations
 
@@ -10,18 +10,20 @@ from typing import Any
 
 import pytest
 
-from tigas_render.transport.udp import UdpEndpoint, bind
+from tigas_render.transport.udp import BATCHES_AGAIN_S, UdpEndpoint, bind
 
 pytestmark = pytest.mark.anyio
 
 
 class Socket:
-    """A real socket that refuses when told to."""
+    """A real socket that refuses on demand."""
 
     def __init__(self, sock: socket.socket) -> None:
         self._sock = sock
         self.full = False
         self.batch_error: int | None = None
+        self.small_path: Any = None
+        """An address whose path MTU is below a batch's segments; a kernel before 6.14 calls that EINVAL."""
         self.batches = 0
         self.refused = asyncio.Semaphore(0)
         """Released whenever it was full."""
@@ -30,9 +32,11 @@ class Socket:
         if self.full:
             self.refused.release()
             raise BlockingIOError
+        self.batches += 1
         if self.batch_error is not None:
             raise OSError(self.batch_error, "refused")
-        self.batches += 1
+        if arguments[-1] == self.small_path:
+            raise OSError(errno.EINVAL, "Invalid argument")
         return self._sock.sendmsg(*arguments)
 
     def sendto(self, *arguments: Any) -> int:
@@ -55,7 +59,15 @@ class Pair:
         self.socket = Socket(bind("127.0.0.1", 0))
         receiver = bind("127.0.0.1", 0)
         self.address = receiver.getsockname()
-        self.sender = UdpEndpoint(self.socket, lambda *_: None, lambda: None)  # type: ignore[arg-type]
+        self.now = 100.0
+        self.refusals: list[float] = []
+        self.sender = UdpEndpoint(
+            self.socket,  # type: ignore[arg-type]
+            lambda *_: None,
+            lambda: None,
+            lambda: self.refusals.append(self.now),
+            lambda: self.now,
+        )
         self.receiver = UdpEndpoint(receiver, lambda data, *_: self.arrived.append(data), self._news.set)
 
     def send(self, *payloads: bytes) -> None:
@@ -98,7 +110,7 @@ async def test_a_datagram_arrives_when_the_kernel_gets_it() -> None:
                 news.clear()
                 before = time.monotonic()
                 sender.sendto(b"x", receiver.getsockname())
-                sent = time.monotonic()  # and nobody has read it yet
+                sent = time.monotonic()  # and not read yet
                 await news.wait()
                 if before <= arrivals[-1] <= sent:
                     break
@@ -128,6 +140,25 @@ async def test_a_kernel_without_offload_gets_single_datagrams(error: int) -> Non
     pair.send(*payloads)
     assert await pair.delivered() == [*payloads, *payloads]
     pair.close()
+
+
+async def test_a_small_path_mtu_spoils_no_other_clients_batches() -> None:
+    pair, other = Pair(), Pair()
+    pair.socket.small_path = other.address
+    payloads = numbered(20)
+    for _ in range(2):
+        pair.sender.send([(payload, other.address) for payload in payloads])
+        pair.send(*payloads)
+    other._expected = 40
+    assert await other.delivered() == await pair.delivered() == [*payloads, *payloads]
+    assert len(pair.refusals) == 1, "the address is spared further batches for a while"
+    assert pair.socket.batches == 3, "one refused, two sent"
+    pair.now += BATCHES_AGAIN_S
+    pair.socket.small_path = None
+    pair.sender.send([(payload, other.address) for payload in payloads])
+    assert pair.socket.batches == 4, "its path is better now"
+    pair.close()
+    other.close()
 
 
 async def test_what_the_network_refuses_is_dropped() -> None:

@@ -1,4 +1,4 @@
-"""What is opened and not finished counts, and is late after a while."""
+"""Incomplete streams count, and time out."""
 
 from __future__ import annotations
 

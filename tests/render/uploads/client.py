@@ -24,7 +24,7 @@ def part(offset: int) -> dict[str, str]:
 
 
 async def upload(client: httpx.AsyncClient, name: str, content: bytes) -> httpx.Response:
-    """All of a file, and what became of it."""
+    """A whole file, and its outcome."""
     begun = await client.post("/uploads", headers=begin(name, len(content)))
     assert begun.status_code == 201, begun.text
     at = "/" + begun.headers["location"]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import json
 import os
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar, TypeVarTuple
 
@@ -18,15 +20,17 @@ from tests.render.fakes import FakeRasterizer
 from tests.render.scenes import made_up, plys
 from tests.render.uploads.client import TUS, begin, part, upload
 from tigas_common.address import Address
+from tigas_common.errors import Overloaded
 from tigas_common.http_limits import HttpLimits
 from tigas_common.offload import Offload, offload_to_process
 from tigas_common.runner import serve_http
 from tigas_common.work_limits import Limit
-from tigas_render.app import create_app
-from tigas_render.library import Library
-from tigas_render.service import RenderService
+from tigas_render.server.app import create_app
+from tigas_render.server.library import Library
+from tigas_render.server.service import RenderService
 from tigas_render.settings import RenderSettings
-from tigas_render.uploads.parts import FOLDER, IDLE_S, MOST, Uploads
+from tigas_render.uploads import parts
+from tigas_render.uploads.parts import FOLDER, IDLE_S, MOST, MOST_OF_ADDRESS, STALLED_S, UnknownUpload, Uploads
 
 pytestmark = pytest.mark.anyio
 
@@ -49,7 +53,7 @@ Ts = TypeVarTuple("Ts")
 
 
 async def in_a_thread(function: Callable[[*Ts], T], *arguments: *Ts, limit: Limit | None = None) -> T:
-    """Stands in for a process of its own, which takes seconds to start."""
+    """Replaces the worker process, which takes seconds to start."""
     return await asyncio.to_thread(function, *arguments)
 
 
@@ -72,12 +76,16 @@ async def client(models: Path) -> AsyncIterator[httpx.AsyncClient]:
 
 
 def left(models: Path) -> list[str]:
-    """What is there beside scenes."""
+    """Files other than scenes."""
     return [path.name for path in (models / FOLDER).iterdir()] if (models / FOLDER).exists() else []
 
 
 def names(models: Path) -> list[str]:
     return sorted(path.name for path in models.iterdir())
+
+
+def inodes(*paths: Path) -> set[int]:
+    return {path.stat().st_ino for path in paths}
 
 
 async def ids(client: httpx.AsyncClient) -> list[str]:
@@ -123,7 +131,7 @@ async def test_an_upload_goes_on_where_its_connection_was_closed(client: httpx.A
         late = await client.patch(at, headers=part(500), content=content[500:])
         assert (late.status_code, late.json()["type"]) == (409, "tigas:wrong-offset")
         sent = late
-        while sent.status_code != 204:  # what the closed connection had brought is still being written
+        while sent.status_code != 204:  # the closed connection's data is still being written
             begins = await offset()
             sent = await client.patch(at, headers=part(begins), content=content[begins:])
     assert begins > 1_000_000
@@ -158,14 +166,21 @@ async def test_a_file_that_promises_more_than_scenes_may_take_is_not_read(models
     assert left(models) == []
 
 
+def take_memory(*_: object) -> None:
+    """Replaces a check that needs much memory."""
+    bytearray(1_000_000_000)
+
+
 async def test_a_file_that_takes_too_much_to_check_ends_nothing_but_its_own_process(
     models: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async with serving(settings_for(models), offload_to_process) as client:
+        with monkeypatch.context() as patched:
+            patched.setattr("tigas_render.server.library.CHECK_MEMORY", -8_000_000_000)  # no more than it has already
+            patched.setattr("tigas_render.server.library.keep_upload", take_memory)
+            refused = await upload(client, "hostile.ply", plys.binary_ply())
+        assert (refused.status_code, refused.json().get("type")) == (422, "tigas:too-costly")
         assert (await upload(client, "good.spz", SHELL)).status_code == 201
-        monkeypatch.setattr("tigas_render.library.CHECK_MEMORY", -8_100_000_000)  # less than it has already
-        refused = await upload(client, "hostile.ply", plys.binary_ply(40_000))
-        assert (refused.status_code, refused.json()["type"]) == (422, "tigas:too-costly")
         assert await ids(client) == ["attic", "courtyard", "good"]
     assert len(left(models)) == 1, "what the good one has become"
 
@@ -245,18 +260,50 @@ async def test_the_disk_keeps_a_reserve(client: httpx.AsyncClient, monkeypatch: 
     assert (refused.status_code, refused.json()["detail"]) == (507, "The disk that holds the models is full.")
 
 
-async def test_there_are_so_many_at_a_time_until_one_is_given_up(client: httpx.AsyncClient) -> None:
-    places = [(await client.post("/uploads", headers=begin("a.ply", 5))).headers["location"] for _ in range(MOST)]
-    refused = await client.post("/uploads", headers=begin("a.ply", 5))
+async def test_an_address_has_some_of_the_places(client: httpx.AsyncClient, models: Path) -> None:
+    create = partial(client.post, "/uploads", headers=begin("a.ply", 5))
+    places = [(await create()).headers["location"] for _ in range(MOST_OF_ADDRESS)]
+    refused = await create()
     assert (refused.status_code, refused.headers["retry-after"]) == (503, "60")
+    assert "4 files are being uploaded from this address" in refused.json()["detail"]
+    Uploads(models, 10).create("b", 5, "192.0.2.1")
     assert (await client.delete(f"/{places[0]}", headers=TUS)).status_code == 204
-    assert (await client.post("/uploads", headers=begin("a.ply", 5))).status_code == 201
+    assert (await create()).status_code == 201
+
+
+def test_there_are_only_so_many_at_a_time(models: Path) -> None:
+    uploads = Uploads(models, 10)
+    for number in range(MOST):
+        uploads.create("a", 5, f"192.0.2.{number}")
+    with pytest.raises(Overloaded, match="8 files are being uploaded already"):
+        uploads.create("a", 5, "192.0.2.100")
+
+
+def test_a_stalled_upload_keeps_no_place_and_an_empty_one_is_removed(
+    models: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = [time.time()]
+    uploads = Uploads(models, 1000, clock=lambda: now[0])
+    empty, begun, *_ = (uploads.create("a", 1000, "192.0.2.1") for _ in range(MOST_OF_ADDRESS))
+    uploads.append(begun.id, 0, b"part")
+    now[0] += STALLED_S + 5
+    reserved: list[int] = []
+    monkeypatch.setattr(parts, "check_room", lambda _, needed: reserved.append(needed))
+    new = uploads.create("b", 10, "192.0.2.1")
+    assert reserved == [10]
+    assert set(left(models)) == {begun.id, new.id}
+    with pytest.raises(UnknownUpload):
+        uploads.get(empty.id)
+    uploads.append(begun.id, 4, b" and the rest")
+    assert uploads.get(begun.id).offset == 17
 
 
 def test_what_nobody_goes_on_with_is_removed(models: Path) -> None:
     now = [time.time()]
     uploads = Uploads(models, 1000, clock=lambda: now[0])
-    kept, dropped = uploads.create("kept", 10), uploads.create("dropped", 10)
+    kept, dropped = (uploads.create(name, 10, "192.0.2.1") for name in ("kept", "dropped"))
+    for each in (kept, dropped):
+        uploads.append(each.id, 0, b"part")
     now[0] += IDLE_S - 5
     os.utime(kept.path, (now[0], now[0]))
     now[0] += 10
@@ -302,6 +349,96 @@ async def test_without_a_directory_there_is_nothing_to_change(tmp_path: Path) ->
     assert refused.json()["detail"] == "The service may not write to its models directory."
 
 
+async def test_an_added_scene_is_on_the_disk(
+    client: httpx.AsyncClient, models: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced = set()
+    fsync = os.fsync
+
+    def note(handle: int) -> None:
+        synced.add(os.fstat(handle).st_ino)
+        fsync(handle)
+
+    monkeypatch.setattr(os, "fsync", note)
+    assert (await upload(client, "shell.spz", SHELL)).status_code == 201
+    assert inodes(models, models / "shell.spz") <= synced
+
+
+async def test_the_folder_of_uploads_may_be_on_another_disk(
+    client: httpx.AsyncClient, models: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    link = os.link
+
+    def link_on_one_disk(source: Path, target: Path, *, follow_symlinks: bool) -> None:
+        if FOLDER in source.parts:
+            raise OSError(errno.EXDEV, os.strerror(errno.EXDEV))
+        link(source, target, follow_symlinks=follow_symlinks)
+
+    monkeypatch.setattr(os, "link", link_on_one_disk)
+    at = "/" + (await client.post("/uploads", headers=begin("shell.spz", len(SHELL)))).headers["location"]
+    await client.patch(at, headers=part(0), content=SHELL)
+    assert [(await client.post(f"{at}/scene")).status_code for _ in range(2)] == [201, 201]
+    assert (models / "shell.spz").read_bytes() == SHELL
+    assert names(models) == [FOLDER, "attic.ply", "shell.spz"]
+
+
+@pytest.mark.parametrize("call", ["link", "fsync"])
+async def test_a_scene_that_cannot_be_kept_leaves_its_name_free(
+    client: httpx.AsyncClient, models: Path, monkeypatch: pytest.MonkeyPatch, call: str
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    with monkeypatch.context() as broken:
+        broken.setattr(os, call, fail)
+        refused = await upload(client, "shell.spz", SHELL)
+    assert (refused.status_code, refused.json()["detail"]) == (422, "shell could not be kept: Input/output error.")
+    assert (await upload(client, "shell.spz", SHELL)).status_code == 201
+
+
+async def test_a_check_that_outlives_its_service_is_not_forgotten(models: Path) -> None:
+    async with serving(settings_for(models)) as client:
+        at = "/" + (await client.post("/uploads", headers=begin("shell.spz", len(SHELL)))).headers["location"]
+        await client.patch(at, headers=part(0), content=SHELL)
+    uploads = Uploads(models, limit=8_000_000_000)
+    ours = uploads.get(at.rpartition("/")[2])
+    async with serving(settings_for(models)) as client:
+        with uploads.locked(ours):  # the check continues after its service was killed
+            asked = asyncio.create_task(client.post(f"{at}/scene"))
+            await client.get("/scenes")
+            uploads.note_adding(ours)
+            ours.path.rename(models / "shell.spz")
+        assert [(await asked).status_code, (await client.post(f"{at}/scene")).status_code] == [201, 201]
+
+
+@pytest.mark.parametrize("name", ["attic.compressed.compressed.ply", "attic.compressed.compressed.spz"])
+async def test_an_upload_takes_no_other_scenes_name(client: httpx.AsyncClient, models: Path, name: str) -> None:
+    refused = await client.post("/uploads", headers=begin(name, len(SHELL)))
+    assert (refused.status_code, refused.json()["type"]) == (422, "tigas:scene-not-added")
+    assert "its file would be the scene attic" in refused.json()["detail"]
+
+
+async def test_a_failed_rename_changes_nothing(
+    client: httpx.AsyncClient, models: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plys.write(models / "hall" / "scene.ply", plys.binary_ply())
+    (models / "hall" / "scene.json").write_text(json.dumps({"name": "The hall"}))
+    await client.get("/scenes?scan=1")
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    with monkeypatch.context() as broken:
+        broken.setattr(os, "link", fail)
+        broken.setattr(Path, "rename", fail)
+        for id in ("attic", "hall"):
+            refused = await client.post(f"/scenes/{id}/rename", json={"name": "loft"})
+            assert refused.json()["detail"] == "The disk that holds the models refused: Input/output error."
+    assert names(models) == ["attic.ply", "hall"]
+    assert json.loads((models / "hall" / "scene.json").read_text()) == {"name": "The hall"}
+    assert (await client.post("/scenes/attic/rename", json={"name": "loft"})).status_code == 200
+
+
 async def test_a_scene_is_renamed_and_deleted(client: httpx.AsyncClient, models: Path) -> None:
     plys.write(models / "hall" / "scene.ply", plys.binary_ply())
     (models / "hall" / "scene.json").write_text(json.dumps({"name": "The hall", "background": [0, 0, 1]}))
@@ -317,7 +454,7 @@ async def test_a_scene_is_renamed_and_deleted(client: httpx.AsyncClient, models:
     assert (await ids(client), names(models)) == (["courtyard"], [])
 
 
-@pytest.mark.parametrize("name", ["../up", "", "a/b", "hall", "courtyard", ".x", "x" * 300])
+@pytest.mark.parametrize("name", ["../up", "", "a/b", "hall", "courtyard", ".x", "x" * 300, "hall.compressed"])
 async def test_what_cannot_be_a_name_changes_nothing(client: httpx.AsyncClient, models: Path, name: str) -> None:
     plys.write(models / "hall" / "scene.ply", plys.binary_ply())
     refused = await client.post("/scenes/attic/rename", json={"name": name})

@@ -1,4 +1,4 @@
-"""Talking to a tool that runs on: a stand-in that answers, complains and dies as it is told."""
+"""Exchanges with a long-running tool: a fake that answers, complains and exits on demand."""
 
 from __future__ import annotations
 

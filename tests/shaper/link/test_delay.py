@@ -1,4 +1,4 @@
-"""What netem is told. (The relay is tested on its own, and both in the namespaces.)"""
+"""Commands to netem. (The relay has its own tests, and both are tested in the namespaces.)"""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from tigas_shaper.link.interfaces import Interface
 
 
 class Tc:
-    """Remembers what it was told."""
+    """Records its commands."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []

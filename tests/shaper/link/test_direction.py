@@ -1,4 +1,4 @@
-"""What tc is told when a direction of the link changes."""
+"""Commands to tc when a direction of the link changes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ DEVICE = Interface("tigas-down")
 
 
 class Told:
-    """In place of tc and of the delay stage: remembers what it was told."""
+    """In place of tc and of the delay stage: records its commands."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -24,7 +24,7 @@ class Told:
         self.lines.append(f"delay {state.delay_ms:g} {state.jitter_ms:g} {state.loss_pct:g} {blocked}")
 
     def since(self) -> list[str]:
-        """What it was told since the last time."""
+        """Commands since the last call."""
         lines, self.lines = self.lines, []
         return lines
 

@@ -1,4 +1,4 @@
-"""Recordings in published formats, short enough to read, and what tests ask of them."""
+"""Short recordings in published formats, and helpers for tests."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ IRISH = """Timestamp,Longitude,NetworkMode,DL_bitrate,UL_bitrate
 
 
 def read(text: str | bytes) -> NetworkTrace:
-    """The trace in a text, in whatever format it is."""
+    """The trace in a text of any format."""
     return parse_trace("t", text.encode() if isinstance(text, str) else text)
 
 

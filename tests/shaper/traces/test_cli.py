@@ -8,23 +8,25 @@ import threading
 import xml.etree.ElementTree as ElementTree
 import zipfile
 from collections.abc import Iterator
+from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
 from PIL import Image
-from typer.testing import CliRunner, Result
 
+from tests.command import Result, tigas
 from tigas_shaper.traces.cli import trace
 from tigas_shaper.traces.formats import load_trace
 from tigas_shaper.traces.own_traces import own_traces
+from tigas_shaper.traces.sources import load_sources
 
 OWN = Path(__file__).parents[3] / "traces" / "network"
 
 
 def run(*arguments: str | Path) -> Result:
-    return CliRunner().invoke(trace, [str(argument) for argument in arguments])
+    return tigas("trace", *arguments)
 
 
 def test_tigas_finds_the_commands() -> None:
@@ -47,14 +49,15 @@ def test_import_adds_losses_where_a_recording_has_none(tmp_path: Path) -> None:
     assert [(state.down_kbps, state.loss_pct) for state in load_trace(out).states] == [(5000, 1), (4000, 1)]
 
 
-def test_import_does_not_replace_a_file_unless_told_to(tmp_path: Path) -> None:
+def test_import_does_not_replace_a_file(tmp_path: Path) -> None:
     recording, out = tmp_path / "r.txt", tmp_path / "r.csv"
     recording.write_text("5000\n")
     out.write_text("mine")
     result = run("import", recording, out)
     assert (result.exit_code, out.read_text()) == (1, "mine")
-    assert "exists; use --force to overwrite it" in result.output
-    assert run("import", recording, out, "--force", "--up-kbps", "7").exit_code == 0
+    assert "exists; remove it first" in result.output
+    out.unlink()
+    assert run("import", recording, out, "--up-kbps", "7").exit_code == 0
     assert load_trace(out).states[0].up_kbps == 7
 
 
@@ -68,7 +71,7 @@ def test_a_broken_file_is_named_with_one_sentence(command: str, tmp_path: Path) 
     assert f"{broken}: Line 2: each line of this file must be a number, not 'fast'." in result.output
     assert not out.exists()
     assert run("info", tmp_path / "absent").exit_code == 1
-    assert "Unknown format 'x'" in run("info", broken, "--format", "x").output
+    assert "Unknown format 'x'" in run("import", broken, "--format", "x").output
 
 
 def test_info_prints_duration_rates_and_outages() -> None:
@@ -96,8 +99,8 @@ def test_generate_writes_every_own_trace(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def published(tmp_path: Path) -> Iterator[Path]:
-    """A list of one set, of a zip with a checksum and a log without, served from here."""
+def published(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The only set that is known: a zip with a checksum and a log without, served from here."""
     files = tmp_path / "served"
     files.mkdir()
     with zipfile.ZipFile(files / "logs.zip", "w") as archive:
@@ -118,22 +121,26 @@ def published(tmp_path: Path) -> Iterator[Path]:
             f'[mine]\ntitle = "My set"\npage = "p"\nlicence = "CC0"\ncite = "Me 2024"\n'
             f'files = [{{ url = "{base}/logs.zip", sha256 = "{digest}" }}, {{ url = "{base}/b.txt" }}]\n'
         )
-        yield sources
+        monkeypatch.setattr("tigas_shaper.traces.sources.load_sources", partial(load_sources, sources))
+        monkeypatch.chdir(tmp_path)
+        yield
         http.shutdown()
         thread.join()
 
 
-def test_fetch_lists_downloads_unpacks_and_says_what_was_not_checked(published: Path, tmp_path: Path) -> None:
-    assert "mine: My set" in run("fetch", "--sources", published).output
-    result = run("fetch", "mine", "--sources", published, "--to", tmp_path / "to")
+@pytest.mark.usefixtures("published")
+def test_fetch_lists_downloads_unpacks_and_says_what_was_not_checked(tmp_path: Path) -> None:
+    assert "mine: My set" in run("fetch").output
+    result = run("fetch", "mine")
     assert result.exit_code == 0, result.output
-    assert load_trace(tmp_path / "to" / "mine" / "logs" / "a.txt").mean_down_kbps == 5000
+    assert load_trace(tmp_path / "traces/fetched/mine" / "logs" / "a.txt").mean_down_kbps == 5000
     assert "cite: Me 2024" in result.output
     assert "b.txt: no known checksum" in result.output
     assert "logs.zip: no known checksum" not in result.output
 
 
-def test_fetch_of_an_unknown_set_names_those_that_there_are(published: Path) -> None:
-    result = run("fetch", "../x", "--sources", published)
+@pytest.mark.usefixtures("published")
+def test_fetch_of_an_unknown_set_names_the_known_ones() -> None:
+    result = run("fetch", "../x")
     assert result.exit_code == 1
     assert "Unknown trace set '../x': choose one of mine." in result.output

@@ -1,4 +1,4 @@
-"""Our own CSV: what it means, that it survives a round trip, and that faults are named by line."""
+"""Our own CSV: its meaning, round trips, and faults named by line."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ states = st.builds(LinkSetting, rates, rates, st.floats(0, 60_000), st.floats(0,
 @st.composite
 def traces(draw: st.DrawFn) -> NetworkTrace:
     times = [0, *sorted(draw(st.sets(st.integers(1, MAX_DURATION_MS - 1), max_size=8)))]
-    # few different states, so that equal neighbours, whose cells are all empty, come up
+    # few different states, so that equal neighbours, with only empty cells, occur
     pool = draw(st.lists(states, min_size=1, max_size=3))
     chosen = draw(st.lists(st.sampled_from(pool), min_size=len(times), max_size=len(times)))
     return NetworkTrace("t", tuple(times), tuple(chosen), draw(st.integers(times[-1] + 1, MAX_DURATION_MS)))

@@ -1,4 +1,4 @@
-"""Downloading from a local server that breaks off, lies, and does as it likes with ranges."""
+"""Downloads from a local server that disconnects, lies, and mishandles ranges."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SHA256 = hashlib.sha256(CONTENT).hexdigest()
 
 @dataclass
 class Server:
-    """What the server does, and what it was asked."""
+    """The server's script, and its requests."""
 
     url: str = ""
     content: bytes = CONTENT

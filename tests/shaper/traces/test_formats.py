@@ -1,4 +1,4 @@
-"""The published formats: recognised by content, in the right units, and refused where there is nothing to recognise."""
+"""The published formats: recognised by content, in the right units, and refused if unknown."""
 
 from __future__ import annotations
 

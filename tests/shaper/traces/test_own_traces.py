@@ -62,7 +62,7 @@ def test_another_seed_gives_another_trace_of_the_same_model() -> None:
 @pytest.mark.parametrize(
     ("model", "mean", "cv", "at_1_s", "at_10_s"),
     [
-        # the means over the recordings in docs/traces.md; DSL: over its parameters
+        # the means over the recordings in docs/results/2026-11-trace-models.md; DSL: over its parameters
         (BUS_4G, 26.0, 0.46, 0.76, 0.38),
         (TRAIN_4G, 23.1, 0.60, 0.70, 0.25),
         (DRIVING_5G, 61.3, 1.35, 0.86, 0.34),

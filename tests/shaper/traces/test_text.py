@@ -1,4 +1,4 @@
-"""What is no text, or too much of it, is refused before anything is parsed."""
+"""Binary or oversized input is refused before parsing."""
 
 from __future__ import annotations
 

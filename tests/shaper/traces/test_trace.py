@@ -1,4 +1,4 @@
-"""What a trace is: states in force over time, looping, and bounds that nothing gets past."""
+"""Traces: states over time, looping, and strict bounds."""
 
 from __future__ import annotations
 

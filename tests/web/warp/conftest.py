@@ -1,4 +1,4 @@
-"""A page whose WebGL is SwiftShader, with the warp."""
+"""A page with SwiftShader for WebGL, with the warp."""
 
 from __future__ import annotations
 

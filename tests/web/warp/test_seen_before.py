@@ -1,4 +1,4 @@
-"""Where the newest frame has nothing, the page shows what was seen before, or the surround."""
+"""Where the newest frame has no pixels, the page shows earlier views, or the surround."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ SIDE = View(fx=64 / math.tan(math.radians(49)), fy=64 / math.tan(math.radians(49
 
 
 def test_the_surround_is_seen_where_nothing_else_is(stage: Stage) -> None:
-    """Whichever way the view turns, its picture is whole; what was rendered for it goes before."""
+    """The picture is complete for any direction of the view; frames rendered for it have priority."""
     stage.take(far_away(HOME), HOME)
     for turn in ((0, 0, 0), (90, 0, 0), (180, 0, 0), (-90, 0, 0), (0, 90, 0), (0, -90, 0)):
         side = replace(SIDE, turn=turn)

@@ -1,4 +1,4 @@
-"""The page's warp shows what NumPy says a camera elsewhere would see."""
+"""The page's warp matches NumPy's prediction of the view from another camera."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cameras, pictures of what they see as NumPy has it, and the page's canvas with a warp of its own."""
+"""Cameras, NumPy's pictures of their views, and the page's canvas with a warp."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ WIDE = HOME.with_margins(24, 14)
 
 
 def colours(points: Floats) -> Pixels:
-    """A smooth texture of everything there is: what is at these points, [..., 3] to [..., 3]."""
+    """A smooth texture of space: colours at these points, [..., 3] to [..., 3]."""
     x, y, z = np.moveaxis(points, -1, 0)
     waves = [np.sin(7 * x + 2 * y) * np.cos(5 * z), np.sin(6 * y + 3 * z), np.cos(6 * x - 5 * y + 2 * z)]
     return np.round(127.5 + 110 * np.stack(waves, axis=-1)).astype(np.uint8)
@@ -139,7 +139,7 @@ def encoded(picture: NDArray[np.uint8], kind: str, **options: Any) -> bytes:
 
 
 class Stage:
-    """The page's canvas, with a warp of its own."""
+    """The page's canvas, with a separate warp."""
 
     def __init__(self, page: Page, distance: float | None) -> None:
         self.page = page

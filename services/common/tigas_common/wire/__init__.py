@@ -1,1 +1,1 @@
-"""What travels between the services and the page. The TypeScript types are generated from these models."""
+"""Messages between the services and the page. The TypeScript types are generated from these models."""

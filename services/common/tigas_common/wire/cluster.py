@@ -1,4 +1,4 @@
-"""What a render service says of itself to whoever decides where viewers go (`/api/load`)."""
+"""Report of a render service to the director of a cluster (`/api/load`)."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from tigas_common.wire.render import ServerConfig
 
 
 class HostLoad(WireModel):
-    """How busy a host is, and what a page needs to come to it."""
+    """A host's load, and its configuration for the page."""
 
     config: ServerConfig
-    """As `/config.json`, fitted to the name that the host was asked under. `retry_after_s` says whether it is full."""
+    """Like `/config.json`, for the name under which the host was reached. `retry_after_s` is set if it is full."""
     viewers: int = Field(ge=0)
     utilisation: Unit
-    """Of what is busiest: its edges, taken together, or its renderer."""
+    """Utilisation of the busier part: the edges, taken together, or the renderer."""
     queue_age_s: float = Field(ge=0)
     """The longest that anything waited anywhere in the last second."""
     scenes: Entries[str]
-    """Those that are loaded, by id."""
+    """Ids of loaded scenes."""

@@ -1,4 +1,4 @@
-"""What travels between the packager and those who watch its streams."""
+"""Messages between the packager and the viewers of its streams."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class RepresentationRequest(WireModel):
     """One representation that a session wants."""
 
     rung: int = Field(ge=0, le=255)
-    """The rung of the render service's ladder whose resolution it has."""
+    """The rung of the render service's ladder with this resolution."""
     bitrate_kbps: int | None = Field(default=None, ge=50, le=100_000)
     """Left out, it follows from the resolution and the frame rate."""
 
@@ -42,8 +42,6 @@ class StreamRequest(WireModel):
     """fx, fy, cx, cy are in pixels for this viewport."""
     frame_rate: int = Field(default=30, ge=1, le=60)
     """Frames a second."""
-    stamp: bool = False
-    """Draw the pose's number into the frames: a test of what is measured."""
 
     @model_validator(mode="after")
     def _check_viewport(self) -> Self:
@@ -63,12 +61,12 @@ class SessionRequest(StreamRequest):
     representations: Entries[RepresentationRequest] | None = Field(
         default=None, min_length=1, max_length=MAX_REPRESENTATIONS
     )
-    """Left out: every rung that fits into the viewport, and the best of them at three times the bitrate, too."""
+    """By default every rung that fits into the viewport, and the best of them at three times the bitrate as well."""
     segment_s: float = Field(default=1.0, ge=0.2, le=10)
     """A segment's duration, which is also the distance of keyframes."""
     frames_per_chunk: int = Field(default=1, ge=1, le=600)
     target_latency_ms: int = Field(default=200, ge=50, le=10_000)
-    """How far behind the newest pose players are told to stay."""
+    """Target latency of players behind the newest pose."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -126,7 +124,7 @@ class RepresentationInfo(WireModel):
 
 
 class StreamInfo(WireModel):
-    """What a stream is."""
+    """Description of a stream."""
 
     representations: Entries[RepresentationInfo]
     frame_rate: int
@@ -153,11 +151,11 @@ class SessionStatus(WireModel):
     frames: int
     """Frames in the stream so far."""
     repeated: int
-    """Of these, those that repeat the one before, because no new one came in time."""
+    """Frames among them that repeat the previous one, because no new one was ready in time."""
     dropped: int
     """Frames that were left out to stay with the clock; others last longer in their place."""
     poses: int
-    """Pose updates heard."""
+    """Received pose updates."""
     render_failures: int
     """Requests that the render service did not answer with a frame."""
     render_problem: str | None

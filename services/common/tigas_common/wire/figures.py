@@ -6,15 +6,17 @@ from tigas_common.wire.model import WireModel
 
 INTERACTIVE_MS = 108.0
 """The motion-to-photon latency that counts as immediate: between the sixth and the seventh frame of a 60 Hz display, as
-100 ms are the sixth itself, where a hair decides (docs/compare.md).
+100 ms are the sixth itself, where a hair decides (docs/experiments.md).
 """
 USUAL_INTERVAL_MS = 1000 / 60
-"""Between two frames of a display, where a recording does not say."""
+"""The interval between a display's frames if a recording does not say it."""
+AGE_EVERY_MS = 5.0
+"""The interval at which the age of the picture on the screen is sampled."""
 
 
 class Latencies(WireModel):
-    """Motion-to-photon latency of the content, in ms: until pixels of a pose or of a later one were on the screen.
-    None: that share of the inputs was never answered, or there are none.
+    """Motion-to-photon latency of the content, in ms: until pixels of a pose or of a later one were on screen. None:
+    that share of the inputs was never answered, or there are none.
     """
 
     inputs: int
@@ -35,8 +37,8 @@ class Latencies(WireModel):
 
 
 class ViewLatencies(WireModel):
-    """Until the picture on the screen had turned to a pose or to a later one, in ms, whatever pixels it was made of;
-    where the page turns nothing, motion-to-photon latency. None: as there.
+    """Time until the picture on screen was warped to a pose or to a later one, in ms, whatever the age of its pixels;
+    without warping, motion-to-photon latency. None: see there.
     """
 
     unanswered: int
@@ -71,14 +73,14 @@ class ResponseTimes(WireModel):
     """From sending a request to the last byte of its frame, in ms, as the paper has it; None without replies."""
 
     replies: int
-    """To what was asked for during the run."""
+    """Answers to requests of the run."""
     mean: float | None
     p50: float | None
     p95: float | None
 
 
 class Requests(WireModel):
-    """What became of the requests that were sent during the run (`tigas_common.wire.recording.Fate`)."""
+    """Outcomes of the requests sent during the run (`tigas_common.wire.recording.Fate`)."""
 
     sent: int
     shown: int
@@ -89,7 +91,7 @@ class Requests(WireModel):
 
 
 class RenderTimes(WireModel):
-    """The server's, of the frames that came, in ms; None if it told none."""
+    """Server times of received frames, in ms; None if it sent none."""
 
     mean: float | None
     p50: float | None
@@ -138,22 +140,22 @@ class QualityFigures(WireModel):
 
     pictures: int
     picture_psnr_db: float | None
-    """Against the pose that each was rendered from; none of what the page turned."""
+    """Against the pose that each was rendered for; excludes warped pictures."""
     picture_ssim: float | None
     view_psnr_db: float | None
-    """Against the pose to which the page turned it, or else that the viewer had when it came on the screen."""
+    """Against the pose to which the page warped it, or else the viewer's pose when it appeared on screen."""
     view_ssim: float | None
     seen_psnr_db: float | None
-    """Against the pose that the viewer had at the clock's tick: what the viewer sees. None of early recordings."""
+    """Against the viewer's pose at the clock's tick, the ideal picture. None for early recordings."""
     seen_ssim: float | None
     uncovered: float | None = None
-    """Share of the picture, 0 to 1, of which nobody ever had pixels. None of early recordings."""
+    """Share of the picture, 0 to 1, that was never rendered. None for early recordings."""
     seen_lpips: float | None = None
     """Where `tigas quality` was run with the ground truth of the kept pictures."""
 
 
 class Figures(WireModel):
-    """What a complete run says."""
+    """Figures of a complete run."""
 
     latencies: Latencies
     view_latencies: ViewLatencies
@@ -170,8 +172,8 @@ class Figures(WireModel):
     """Of the frames shown, weighted by time, in pixels."""
     median_height: float | None
     filled: float | None
-    """The page's estimate of the share of the picture that the newest frame did not cover, 0 to 1, weighted by time;
-    None where it turned nothing.
+    """The page's estimate of the share of the picture not covered by the newest frame, 0 to 1, weighted by time; None
+    without warping.
     """
     warp_times: WarpTimes
     received_kbps: float | None
@@ -181,7 +183,7 @@ class Figures(WireModel):
     sent_kbps: float | None
     """By the link from the client."""
     target_kbps: float | None
-    """The link's rate towards the client, mean."""
+    """Mean rate of the link towards the client."""
     trace_start_ms: float | None
     """The trace's position when the run began."""
     drops: int | None

@@ -1,4 +1,4 @@
-"""What the viewer records during a run, and what the shaper tells of its link meanwhile.
+"""The viewer's record of a run, and the shaper's record of its link.
 
 All times are milliseconds since the run's start, on the page's own clock.
 """
@@ -13,12 +13,12 @@ from pydantic import Field, model_validator
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.dash import StreamInfo
 from tigas_common.wire.model import MAX_SIDE, Coordinate, Entries, Point, WireModel
-from tigas_common.wire.render import DownloadForm, RenderRequest, ServerTiming
+from tigas_common.wire.render import RenderRequest, ServerTiming
 
 MAX_BYTES = 256_000_000
 """A longer recording is refused."""
 LONGEST_REPLY_MS = 600_000.0
-"""No frame takes longer from being asked for to its last byte."""
+"""Maximum time from a frame's request to its last byte."""
 PlayedMode = Literal["stateless", "video", "dash", "webrtc", "side-by-side", "local"]
 
 
@@ -27,7 +27,9 @@ class Input(WireModel):
 
     at: float
     pose: int = Field(ge=0)
-    """Its number; grows with each change. A missed one has that of the next that was sampled, which shows it, too."""
+    """Its number, increasing with each change. A missed pose has the number of the next sampled one, which also
+    shows it.
+    """
     missed: bool = False
     """The page stalled in a frame of the display in which the movement went on."""
     position: Point
@@ -44,20 +46,21 @@ class ShownFrame(WireModel):
     """A frame that was on the screen."""
 
     side: Literal["stateless", "dash", "webrtc", "local"]
-    """That the page asked for by itself, in the modes `stateless` and `video`, that a stream brought, or that the page
-    drew."""
+    """Frames requested by the page in the modes `stateless` and `video`, frames of a stream, or frames rendered by the
+    page.
+    """
     at: float
     """When it was on the screen."""
     pose: int
-    """The number of the pose at which its pixels were asked for."""
+    """Number of the pose at which its pixels were requested."""
     view: int | None = Field(default=None, ge=0)
-    """The number of the pose to which the page turned it; None where it was shown as it came."""
+    """Number of the pose to which the page warped it; None without a warp."""
     filled: float | None = Field(default=None, ge=0, le=1)
     """The page's estimate of the share of the picture that the newest frame did not cover; None where not turned."""
     warp_ms: float | None = Field(default=None, ge=0)
     """How long turning it kept the page's main thread; None where not turned."""
     latencies: Entries[float]
-    """What the page itself took for the latency of each input whose view this shows first."""
+    """The page's own measurement of the latency of each input first shown by this frame."""
     rung: int | None
     """Of the ladder."""
     width: int = Field(ge=0, le=MAX_SIDE)
@@ -70,10 +73,10 @@ class ShownFrame(WireModel):
 
 
 class Reply(WireModel):
-    """A frame that came in the modes `stateless` and `video`, shown or not. What was overtaken has none."""
+    """A frame received in the modes `stateless` and `video`, shown or not. Superseded requests have none."""
 
     at: float
-    """When its last byte came."""
+    """Arrival of its last byte."""
     asked_at: float
     first_byte_at: float
     pose: int
@@ -81,7 +84,7 @@ class Reply(WireModel):
     asked_rung: int | None
     """Of the ladder; None if the server was to choose."""
     rung: int | None
-    """The one that it has."""
+    """Its rung."""
     bytes: int = Field(ge=0, le=MAX_BYTES)
     server: ServerTiming | None
     """Where the server's time went."""
@@ -90,7 +93,7 @@ class Reply(WireModel):
 
     @property
     def time_ms(self) -> float:
-        """From being asked for to the last byte."""
+        """From the request to the last byte."""
         return self.at - self.asked_at
 
     @model_validator(mode="after")
@@ -101,13 +104,13 @@ class Reply(WireModel):
 
 
 Fate = Literal["shown", "overtaken", "cancelled", "dropped", "unanswered"]
-"""Of a request: its frame was shown; it came, but a newer one was there; the page cancelled it, as a newer one was on
-the screen; the server shed it, or it was lost; nothing had come by the recording's end.
+"""Outcome of a request: its frame was shown; it arrived after a newer one; the page cancelled it, since a newer one was
+on screen; the server shed it, or it was lost; nothing had arrived by the recording's end.
 """
 
 
 class Request(WireModel):
-    """A frame that the mode `stateless` or `video` asked for, and what became of it."""
+    """A request of the mode `stateless` or `video`, and its outcome."""
 
     at: float
     """When it was sent."""
@@ -118,16 +121,16 @@ class Request(WireModel):
 
 
 class Capture(WireModel):
-    """What was on the screen at a tick of the run's clock, whose picture was kept."""
+    """The screen at a tick of the run's clock, with its picture kept."""
 
     at: float
     """The first animation frame at or after the tick."""
     shown_at: float
-    """When the frame had come on the screen; negative before the run."""
+    """Time at which the frame appeared on screen; negative before the run."""
     pose: int
-    """At which its pixels were asked for."""
+    """The pose at which its pixels were requested."""
     view: int | None = Field(default=None, ge=0)
-    """To which the page turned it; None where it was shown as it came."""
+    """The pose to which the page warped it; None without a warp."""
     filled: float | None = Field(default=None, ge=0, le=1)
     """As of a shown frame."""
     rung: int | None
@@ -136,28 +139,28 @@ class Capture(WireModel):
 
 
 class Sample(WireModel):
-    """A shown frame of the mode `stateless` that was kept: the JPEG as it came and, where it was enhanced, as shown."""
+    """A kept frame of the mode `stateless`: the JPEG as received and, with enhancement, as shown."""
 
     seq: int = Field(ge=0, lt=2**32)
-    """Of the request: what belongs to one sample is matched by it, never by order."""
+    """Number of the request, which identifies the parts of a sample."""
     at: float
     """When it was on the screen."""
     request: RenderRequest
-    """Exactly what was asked for, to be asked again."""
+    """The exact request, to be repeated."""
     rung: int | None = Field(ge=0, le=255)
-    """The one that it has."""
+    """Its rung."""
     bytes: int = Field(ge=0, le=MAX_BYTES)
     """Of the JPEG."""
     restore: str = Field(default="off", max_length=100)
     """The model that restored it, or `off`, as for a rung that a network leaves alone."""
     upscale: str = Field(default="off", max_length=100)
     enhance_ms: float | None = Field(default=None, ge=0)
-    """What the two took; None where both were off, or nobody measured it."""
+    """Time of both models; None if both were off, or unmeasured."""
     width: int = Field(gt=0, le=MAX_SIDE)
     height: int = Field(gt=0, le=MAX_SIDE)
-    """Of the picture as it was shown, in pixels."""
+    """Size of the shown picture in pixels."""
     enhanced: bool = False
-    """Whether that picture was kept, too, without loss."""
+    """Whether the shown picture was kept as well, without loss."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -185,7 +188,7 @@ class Lens(WireModel):
 
 
 class Traffic(WireModel):
-    """What the page had received by then."""
+    """Bytes received by the page so far."""
 
     at: float
     bytes: int = Field(ge=0)
@@ -193,7 +196,7 @@ class Traffic(WireModel):
 
 
 class PlayedStream(StreamInfo):
-    """The stream of the modes with DASH, as the packager made it, and who played it."""
+    """The stream of the modes with DASH, as made by the packager, and its player."""
 
     player: str = Field(max_length=100)
     """Its name and version."""
@@ -214,7 +217,7 @@ class PlayedStream(StreamInfo):
 
 
 class PlayedWebRtc(WireModel):
-    """What came over WebRTC."""
+    """Statistics of WebRTC."""
 
     codec: str
     """As RTP names it: H264 or VP8."""
@@ -223,15 +226,16 @@ class PlayedWebRtc(WireModel):
     height: int
     frame_rate: int
     lost_packets: int
-    """Of the video, that never came, since the stream was opened."""
+    """Packets of the video lost since the stream was opened."""
 
 
 class PlayedDownload(WireModel):
-    """The scene as the mode `local` downloaded and drew it. Times in ms; None: that never came."""
+    """Download and rendering of the scene in the mode `local`. Times in ms; None: it never happened."""
 
-    form: DownloadForm
+    form: Literal["compressed", "ply"]
+    """`ply` only in earlier records."""
     renderer: str | None = Field(max_length=100)
-    """What drew it, such as `WebGL 2`."""
+    """The renderer, such as `WebGL 2`."""
     began_ms: float
     """When the download began, since the run's start: below 0 if it began before the run."""
     first_picture_ms: float | None = Field(ge=0)
@@ -241,9 +245,9 @@ class PlayedDownload(WireModel):
     downloaded_bytes: int = Field(ge=0)
     """Of the scene's file, by the run's end."""
     bytes: int = Field(ge=0)
-    """That the file has; 0 if the server never said."""
+    """Bytes of the file; 0 if the server never announced them."""
     gaussians: int | None = Field(ge=0)
-    """That the file has; None if its header never came."""
+    """Gaussians of the file; None if its header never arrived."""
 
 
 class RecordingHead(WireModel):
@@ -252,7 +256,7 @@ class RecordingHead(WireModel):
     scene: str
     mode: PlayedMode
     transport: str | None
-    """How frames came: the page's transport, or `dash`."""
+    """Transport of the frames: the page's, or `dash`."""
     dash: PlayedStream | None = None
     """None without DASH, before it played, and in early recordings."""
     webrtc: PlayedWebRtc | None = None
@@ -266,7 +270,7 @@ class RecordingHead(WireModel):
     duration_ms: float = Field(gt=0)
     """How long the movement lasts."""
     ended_ms: float = Field(ge=0)
-    """When recording ended: the last view was on the screen, or nobody waited for it any longer."""
+    """End of the recording: the last view was on screen, or the wait for it timed out."""
     complete: bool
     """The movement was played to its end."""
     hidden: bool

@@ -1,10 +1,10 @@
-"""What travels between a client and the render service."""
+"""Messages between a client and the render service."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import asdict
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -12,14 +12,13 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Angle, Entries, Point, Quaternion, Unit, WireModel
 
 FrameFormat = Literal["jpeg", "png", "yuv420p"]
-"""What every rasteriser encodes."""
+"""Formats of every rasteriser."""
 AnswerFormat = Literal[FrameFormat, "h264", "webp"]
-"""Of a picture by itself, or, of `h264`, one that may refer to the one before it."""
+"""Formats of an independent picture, or, for `h264`, of one that may refer to its predecessor."""
 StillFormat = Literal["jpeg", "webp"]
-"""Of what a viewer sees in the stateless mode."""
-DownloadForm = Literal["ply", "compressed"]
+"""Formats of frames in the stateless mode."""
 LadderName = Literal["scene", "paper"]
-"""What profiles count in: each scene's own ladder, where it has one, or the paper's for all."""
+"""The ladder that profiles index: each scene's own, if it has one, or the paper's for all."""
 
 
 class Rung(WireModel):
@@ -58,59 +57,65 @@ DEFAULT_LADDER = (
 
 
 class VideoRequest(WireModel):
-    """How a view is to be encoded as the next frame of its session's video."""
+    """How to encode a view as the next frame of its session's video."""
 
     bitrate_kbps: int = Field(ge=10, le=200_000)
+    """The bit rate of the video, key frames included, in kbit/s."""
     frames_per_s: float = Field(default=60, ge=1, le=240)
-    """How many frames share the bit rate: each gets its part, key frames too."""
+    """The number of frames per second that share the bit rate."""
     key: bool = False
-    """The client can use no frame that refers to earlier ones: the answer is to be a key frame."""
+    """Whether the answer must be a key frame, because the client cannot decode references to earlier frames."""
 
 
 class RenderRequest(WireModel):
     """One view to render. The pose is either Euler angles and `translation`, or `position` and `quaternion`."""
 
     scene: str = Field(max_length=256)
+    """The scene's id."""
     seq: int = Field(default=0, ge=0, lt=2**32)
-    """The client's own number for this request; the answer carries it."""
+    """The client's own number for this request; the answer repeats it."""
 
     azimuth: Angle | None = None
     """Degrees, positive to the right."""
     elevation: Angle | None = None
     """Degrees, positive upwards."""
     roll: Angle | None = None
-    """Degrees, positive clockwise."""
+    """Degrees, positive clockwise; 0 if left out."""
     translation: Point | None = None
-    """The camera's centre, in scene units."""
+    """The camera's centre in scene units, together with the angles."""
     position: Point | None = None
-    """The camera's centre, in scene units."""
+    """The camera's centre in scene units, together with `quaternion`."""
     quaternion: Quaternion | None = None
-    """Camera to world, [x, y, z, w]."""
+    """The rotation from camera to world, [x, y, z, w], of any length but zero."""
 
     fx: float = Field(gt=0, le=1e6)
+    """The horizontal focal length, in pixels of the viewport."""
     fy: float = Field(gt=0, le=1e6)
+    """The vertical focal length, in pixels of the viewport."""
     cx: float = Field(ge=-1e6, le=1e6)
+    """The principal point's column, in pixels of the viewport."""
     cy: float = Field(ge=-1e6, le=1e6)
+    """The principal point's row, in pixels of the viewport."""
     width: int = Field(ge=1, le=MAX_SIDE)
+    """The viewport's width in pixels; width × height is at most 16,777,216."""
     height: int = Field(ge=1, le=MAX_SIDE)
-    """fx, fy, cx, cy are in pixels for this viewport."""
+    """The viewport's height in pixels."""
 
     profile: int | None = Field(default=None, ge=0, le=255)
-    """The rung of the scene's ladder; left out: the viewport's own resolution, and the best rung's quality."""
+    """The rung of the scene's ladder; if left out, the viewport's own resolution at the best rung's quality."""
     display_scale: float = Field(default=1, ge=1, le=64)
-    """How many times larger than the viewport the frame is shown, linearly."""
+    """Linear scale at which the viewport shows the frame."""
     overscan: float = Field(default=0, ge=0, le=MAX_OVERSCAN)
-    """How much more the frame shows at each side, as a share of the viewport's width (left, right) and height (top,
-    bottom), at the same pixels per angle."""
+    """The margin that the frame shows beyond each side of the viewport, as a share of its width (left, right) and
+    height (top, bottom), at the same pixels per angle."""
     depth: bool = False
-    """Whether a JPEG or WebP is to carry a coarse depth of the view; other formats never do."""
+    """Whether a JPEG or WebP carries a coarse depth of the view; ignored for other formats."""
     format: AnswerFormat = "jpeg"
+    """The format of the answer's body."""
     video: VideoRequest | None = None
-    """Needed for the format `h264`, and allowed for no other."""
+    """Required for the format `h264`, and allowed for no other."""
     deadline_ms: float | None = Field(default=None, gt=0, le=60_000)
-    """How long after its arrival the frame is still of use, in milliseconds."""
-    stamp: int | None = Field(default=None, ge=0, lt=2**24)
-    """A number to draw into the frame, for tests that read from a screen which request it shows."""
+    """How long after its arrival the frame is still useful, in milliseconds; a later one is not sent."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -133,34 +138,9 @@ class RenderRequest(WireModel):
         return self
 
     @classmethod
-    def at(
-        cls,
-        scene: str,
-        pose: Pose,
-        intrinsics: Intrinsics,
-        *,
-        profile: int | None = None,
-        display_scale: float = 1,
-        overscan: float = 0,
-        depth: bool = False,
-        format: AnswerFormat = "jpeg",
-        video: VideoRequest | None = None,
-        stamp: int | None = None,
-    ) -> Self:
-        """The view of a scene from a pose."""
-        return cls(
-            scene=scene,
-            position=pose.position,
-            quaternion=pose.quaternion,
-            **asdict(intrinsics),
-            profile=profile,
-            display_scale=display_scale,
-            overscan=overscan,
-            depth=depth,
-            format=format,
-            video=video,
-            stamp=stamp,
-        )
+    def at(cls, scene: str, pose: Pose, intrinsics: Intrinsics, **options: Any) -> Self:
+        """The view of a scene from a pose; the options are further fields."""
+        return cls(scene=scene, position=pose.position, quaternion=pose.quaternion, **asdict(intrinsics), **options)
 
     @property
     def pose(self) -> Pose:
@@ -190,7 +170,7 @@ class VideoInfo(WireModel):
     """A frame's place in its session's video."""
 
     key: bool
-    """Whether it can be decoded by itself."""
+    """Whether it can be decoded independently."""
     after: int | None
     """The `seq` of the frame that it refers to, the last one of the video; null for a key frame."""
     codec: str
@@ -198,7 +178,7 @@ class VideoInfo(WireModel):
 
 
 class FrameHeader(WireModel):
-    """Goes before the body on WebTransport. From status 400 on, the body is a Problem and the rest is null."""
+    """Precedes the body on WebTransport. From status 400 on, the body is a Problem and the other fields are null."""
 
     status: int
     seq: int
@@ -206,7 +186,7 @@ class FrameHeader(WireModel):
     width: int | None = None
     height: int | None = None
     margin_x: int | None = None
-    """Of the frame's columns, how many lie beyond the viewport at the left and as many at the right; null for none."""
+    """Number of the frame's columns beyond the viewport at the left, equal to that at the right; null for none."""
     margin_y: int | None = None
     """The same of its rows, at the top and at the bottom."""
     profile: int | None = None
@@ -235,12 +215,12 @@ class StartCamera(WireModel):
 
 
 class SceneDownload(WireModel):
-    """A file of the scene's Gaussians, at `/scenes/{id}/download/{form}`; it is made when somebody first asks for it.
+    """A file of the scene's Gaussians, at `/scenes/{id}/download/compressed`; made on the first request.
 
-    Its rows are ordered so that whoever has only the first of them has the best picture of so many.
+    Its rows are ordered so that every prefix gives the best picture of its size.
     """
 
-    form: DownloadForm
+    form: Literal["compressed"] = "compressed"
     bytes: int | None = None
     """Its length; null until it was made, as are the others."""
     sha256: str | None = None
@@ -249,7 +229,7 @@ class SceneDownload(WireModel):
 
 
 class SceneInfo(WireModel):
-    """What is known of a scene without loading it; `camera` is known once it was loaded, or from its scene.json."""
+    """Facts about a scene that need no loading; `camera` is known once it was loaded, or from its scene.json."""
 
     id: str
     name: str
@@ -262,13 +242,13 @@ class SceneInfo(WireModel):
     sh_degree: int | None
     file_bytes: int
     file_sha256: str | None = None
-    """In hexadecimal digits; null until the file was loaded once, and without a file."""
+    """In hexadecimal digits; null until the file was loaded once."""
     format: str | None = Field(default=None, max_length=100)
-    """Of the file, for people: `PLY`, `SPZ 4`; null if it cannot be read, and without a file."""
+    """Of the file, for people: `PLY`, `SPZ 4`; null if it cannot be read."""
     antialiased: bool = False
-    """Whether its Gaussians are to be drawn with Mip-Splatting's 2D filter, as far as the file says."""
+    """Whether its Gaussians need Mip-Splatting's 2D filter, if the file says so."""
     memory_bytes: int
-    """What it takes in memory now; 0 unless loaded."""
+    """Its present memory; 0 unless loaded."""
     preview: str
     """The preview's URL, relative to the server's root."""
     up: Point
@@ -276,23 +256,23 @@ class SceneInfo(WireModel):
     background: tuple[Unit, Unit, Unit]
     """RGB, 0 to 1."""
     enhance: Literal["scene", "general"] | None = None
-    """Whose networks can enhance its frames: its own, trained on this very file, or those for any scene."""
+    """Networks that can enhance its frames: its own, trained on this very file, or those for any scene."""
     ladder: Entries[Rung] | None = None
-    """What profiles count in where the scene has a ladder of its own; null: in the server's."""
+    """The ladder that profiles index if the scene has its own; null: the server's."""
     builtin: bool = False
     """Whether it is part of the service, which can neither rename nor delete it."""
     downloads: Entries[SceneDownload] = ()
-    """As what it can be downloaded, to be rendered elsewhere; none if it is broken or the server offers none."""
+    """Downloadable forms, to be rendered elsewhere; none if it is broken or the server offers none."""
 
 
 class SceneName(WireModel):
-    """What a scene is to be called from now on."""
+    """New name of a scene."""
 
     name: str = Field(max_length=200)
 
 
 class AddedScene(WireModel):
-    """What an upload has become."""
+    """Result of an upload."""
 
     id: str
 
@@ -303,21 +283,21 @@ class Training(WireModel):
     state: Literal["idle", "running", "done", "failed"]
     progress: Unit = 0
     stage: str = ""
-    """What it is doing."""
+    """Its present step."""
     problem: str | None = None
     """One sentence: why it failed, or why the networks that the scene has cannot be used."""
 
 
 class ServerConfig(WireModel):
-    """What the page needs to know of its server (`/config.json`)."""
+    """The server's configuration for the page (`/config.json`)."""
 
     version: str
     commit: str | None = None
     """Of its code, with `-dirty` if that was changed; null if it is unknown."""
     device: str | None = None
-    """What it renders with: `cpu`, or the graphics processor's name."""
+    """Its rendering device: `cpu`, or the GPU's name."""
     ladder: Entries[Rung]
-    """Of the scenes that have none of their own."""
+    """Ladder of scenes without their own."""
     certificate_sha256: str | None
     """Base64 of the SHA-256 of the certificate's DER, for `serverCertificateHashes`."""
     webtransport_url: str | None
@@ -327,16 +307,16 @@ class ServerConfig(WireModel):
     services: dict[str, str]
     """Other services by name, such as `dash`, with their base URLs."""
     retry_after_s: float | None = None
-    """The server is full: after so many seconds a new viewer may try again. Null if it takes new viewers."""
+    """The server is full: seconds after which a new viewer may try again. Null if it takes new viewers."""
     host: str | None = None
     """In a cluster, the name of the host that serves the scene which was asked about; null: there is only this one."""
     render_url: str | None = None
     """Base URL for `POST /render`; null: the page's own origin."""
     max_upload_bytes: int | None = None
-    """The largest file that a page may add as a scene; null: it may add, rename and delete none."""
+    """Maximum size of a file that a page may add as a scene; null: it may add, rename and delete none."""
     has_scene: bool | None = None
     """Whether there is the scene that was asked about; null if none was, and in a cluster."""
     formats: Entries[StillFormat] = ("jpeg",)
-    """What to ask for pictures as. Others are answered, too, but cost this server more than they are worth."""
+    """Preferred formats of pictures. Others are answered as well, but cost this server more than they gain."""
     why_no_training: str | None = None
     """One sentence: why scenes' networks cannot be trained here; null if they can."""

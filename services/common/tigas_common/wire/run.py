@@ -1,11 +1,11 @@
-"""What one run is: everything that must be known to make it again."""
+"""Configuration of a run: everything needed to repeat it."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, NamedTuple, Self, get_args
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -13,26 +13,17 @@ from tigas_common.wire.dash import RepresentationRequest
 from tigas_common.wire.model import MAX_SIDE, WireModel
 from tigas_common.wire.shaper import LinkSetting
 
-Mode = Literal[
-    "stateless", "video", "dash-typical", "dash-tuned", "dash-edge", "webrtc", "local-ply", "local-compressed"
-]
-"""One JPEG per pose; one frame of a video per pose; DASH as live services ship it; as low as dash.js holds it; as low
-as a bare player does; a video over WebRTC; the scene downloaded and drawn in the page, as it is or compressed."""
-MODES: tuple[Mode, ...] = (
-    "stateless",
-    "video",
-    "dash-typical",
-    "dash-tuned",
-    "dash-edge",
-    "webrtc",
-    "local-ply",
-    "local-compressed",
-)
-PER_VIEW: tuple[Mode, ...] = ("stateless", "video")
-"""The modes in which the page asks for each view by itself, as one of its controllers chooses."""
-LOCAL: tuple[Mode, ...] = ("local-ply", "local-compressed")
-"""The modes in which the page draws the scene."""
-USUALLY_COMPARED: tuple[Mode, ...] = ("stateless", "dash-typical", "dash-tuned", "dash-edge")
+PerViewMode = Literal["stateless", "video"]
+"""The page requests each view, as chosen by a controller: as one JPEG, or as one frame of a video."""
+DashMode = Literal["dash-typical", "dash-tuned", "dash-edge"]
+"""DASH as live services ship it, with the lowest latency that dash.js holds, or with that of a bare player."""
+LocalMode = Literal["local-ply", "local-compressed"]
+"""The page downloads the scene and draws it: from a plain PLY, as only earlier records have, or compressed."""
+Mode = Literal[PerViewMode, DashMode, "webrtc", LocalMode]
+PER_VIEW: tuple[Mode, ...] = get_args(PerViewMode)
+DASH: tuple[Mode, ...] = get_args(DashMode)
+LOCAL: tuple[Mode, ...] = get_args(LocalMode)
+USUALLY_COMPARED: tuple[Mode, ...] = ("stateless", *DASH)
 MODE_NAMES: dict[Mode, str] = {
     "stateless": "Stateless",
     "video": "Video",
@@ -43,34 +34,52 @@ MODE_NAMES: dict[Mode, str] = {
     "local-ply": "Local, PLY",
     "local-compressed": "Local, compressed",
 }
+MODES: tuple[Mode, ...] = tuple(mode for mode in MODE_NAMES if mode != "local-ply")
+"""The modes that new runs can have."""
 FrameRate = Literal[30, 60]
-OFF = "off"
+OFF: Literal["off"] = "off"
 """In place of a model's name."""
 UNSHAPED = "unshaped"
 USUAL_UP_KBPS = 10_000.0
-"""The uplink of a constant link that says nothing of it."""
+"""The uplink of a constant link unless it is given."""
+
+
+class LinkTerm(NamedTuple):
+    """One term of a constant link's label, such as `20mbit`."""
+
+    field: str
+    """Of LinkSetting."""
+    unit: str
+    scale: float
+    """The field's value per unit."""
+    usual: float | None
+    """The field's value at which the label leaves the term out."""
+
+
+LINK_TERMS = (
+    LinkTerm("down_kbps", "mbit", 1000.0, None),
+    LinkTerm("up_kbps", "mbit-up", 1000.0, USUAL_UP_KBPS),
+    LinkTerm("jitter_ms", "ms-jitter", 1.0, 0.0),
+    LinkTerm("loss_pct", "%-loss", 1.0, 0.0),
+    LinkTerm("delay_ms", "ms-rtt", 0.5, 0.0),
+)
+"""The terms of a label, in order; the round trip is two delays."""
 MAX_RTT_MS = 120_000.0
 MAX_OFFSET_S = 86_400.0
 
 
-def _model_name(name: str) -> str:
+def _page_name(name: str) -> str:
     if not re.fullmatch("[a-z0-9][a-z0-9-]{0,23}", name):
-        raise ValueError(f"{name!r} is no model's name")
+        raise ValueError(f"{name!r} is no name of a model or predictor")
     return name
 
 
-ModelName = Annotated[str, AfterValidator(_model_name)]
+PageName = Annotated[str, AfterValidator(_page_name)]
+"""A name that the page gives a model or a predictor."""
+ModelName = PageName
 """Of the page's models; it alone knows which there are."""
-
-
-def _predictor_name(name: str) -> str:
-    if not re.fullmatch("[a-z0-9][a-z0-9-]{0,23}", name):
-        raise ValueError(f"{name!r} is no predictor's name")
-    return name
-
-
-PredictorName = Annotated[str, AfterValidator(_predictor_name)]
-"""Of the page's predictors of poses; it alone knows which there are."""
+PredictorName = Literal["off", "velocity", "linear"]
+"""The page's predictors of poses."""
 Overscan = Literal["auto"] | Annotated[float, Field(ge=0, le=0.5)]
 """How much more frames show at each side, as a share of the viewport; `auto`: the page decides."""
 AUTO: Literal["auto"] = "auto"
@@ -86,7 +95,7 @@ class Network(WireModel):
     trace_file: Path | None = None
     """The trace's file, as a person named it; without it, the shaper knows the trace by its name."""
     rtt_ms: float | None = Field(default=None, ge=0, le=MAX_RTT_MS)
-    """Of a trace: in place of its own delay and jitter. A constant link says its delay itself."""
+    """Replaces a trace's own delay and jitter. A constant link states its delay itself."""
     offset_s: float = Field(default=0.0, ge=0, le=MAX_OFFSET_S)
     """Of a trace: the position that a run begins at."""
 
@@ -114,12 +123,12 @@ class Network(WireModel):
 
     @property
     def name(self) -> str:
-        """For people, without the round trip: `20mbit,0.1%-loss`, `4g-bus` or `unshaped`."""
+        """The label without the round trip: `20mbit,0.1%-loss`, `4g-bus` or `unshaped`."""
         return _rates(self.link) if self.link is not None else self.trace or UNSHAPED
 
     @property
     def label(self) -> str:
-        """For people, as `tigas compare --network` reads it: `20mbit,0.1%-loss,20ms-rtt` or `4g-bus,100ms-rtt`."""
+        """The network as `tigas compare --network` reads it: `20mbit,0.1%-loss,20ms-rtt` or `4g-bus,100ms-rtt`."""
         rtt = self.round_trip_ms
         return self.name if rtt is None or (rtt == 0 and self.trace is None) else f"{self.name},{rtt:g}ms-rtt"
 
@@ -151,21 +160,23 @@ class Configuration(WireModel):
     dash_frame_rate: FrameRate | None = None
     """Of the modes with DASH, in frames a second; None: the preset's own."""
     dash_representation: RepresentationRequest | None = None
-    """Of the modes with DASH: the only one that the stream has; None: all that the packager offers."""
+    """For the modes with DASH: the stream's only representation; None: all offered by the packager."""
     restore: ModelName = OFF
     """Of the modes `stateless` and `video`: the model that restores frames in the page, or `off`."""
     upscale: ModelName = OFF
     """The model that enlarges them afterwards, or `off`."""
     reprojection: bool = False
     """Whether the page turns the newest frame to the pose of each animation frame."""
-    prediction: PredictorName = OFF
-    """What predicts the poses that frames are asked for, or `off`."""
+    prediction: PageName = OFF
+    """Predictor of the requested poses, or `off`; old runs may name a removed predictor."""
     overscan: Overscan = AUTO
     """Of reprojection."""
     depth: bool = True
-    """Of reprojection: whether frames are asked for with a coarse depth."""
+    """For reprojection: whether frames include a coarse depth."""
     surround: bool = True
-    """Of reprojection, in the modes `stateless` and `video`: whether small pictures of all directions are asked for."""
+    """For reprojection, in the modes `stateless` and `video`: whether small pictures of all directions are
+    requested.
+    """
     seed: int = Field(default=1, ge=0, le=2**53 - 1)
     """Of generated movements, and of the controllers' random numbers."""
     segment: int = Field(default=0, ge=0)
@@ -174,7 +185,7 @@ class Configuration(WireModel):
     capture_every_ms: float = Field(default=1000.0, ge=0)
     """A shown frame is kept so often; 0 keeps none."""
     sample_stride: int = Field(default=0, ge=0, le=100_000)
-    """Of the mode `stateless`: every so many shown frames, one is sampled, with its request; 0 samples none."""
+    """For the mode `stateless`: every n-th shown frame is sampled, with its request; 0 samples none."""
     warm_up_s: float = Field(default=5.0, ge=0, le=600)
     """How long the viewer stands at the first pose, with frames on the screen, before the movement begins."""
 
@@ -190,9 +201,9 @@ class Configuration(WireModel):
         return self.mode == "webrtc" or self.mode.startswith("dash")
 
     @property
-    def download(self) -> str | None:
-        """The form in which the page downloads the scene; None in the modes that show pictures of the server's."""
-        return self.mode.removeprefix("local-") if self.mode in LOCAL else None
+    def local(self) -> bool:
+        """Whether the page downloads the scene, and draws it itself."""
+        return self.mode in LOCAL
 
     @property
     def enhanced(self) -> bool:
@@ -202,7 +213,7 @@ class Configuration(WireModel):
     @property
     def motion(self) -> tuple[str, ...]:
         """How the page meets movement: any of `reprojection`, `overscan-0.1`, `no-depth`, `no-surround` and
-        `prediction-auto`."""
+        `prediction-linear`."""
         words = ["reprojection"] if self.reprojection else []
         if self.reprojection and self.overscan != AUTO:
             words.append(f"overscan-{self.overscan:g}")
@@ -213,7 +224,7 @@ class Configuration(WireModel):
         return (*words, *((f"prediction-{self.prediction}",) if self.prediction != OFF else ()))
 
     def asks_for_the_same(self, other: Configuration) -> bool:
-        """Whether the two are equal but for the folders that files lie in."""
+        """Whether the two are equal except for the folders of files."""
         return self._without_folders() == other._without_folders()
 
     def _without_folders(self) -> Configuration:
@@ -236,11 +247,6 @@ class Configuration(WireModel):
 
 
 def _rates(link: LinkSetting) -> str:
-    """All but the round trip; what is usual goes unsaid."""
-    parts = (
-        (link.down_kbps / 1000, "mbit", None),
-        (link.up_kbps / 1000, "mbit-up", USUAL_UP_KBPS / 1000),
-        (link.jitter_ms, "ms-jitter", 0),
-        (link.loss_pct, "%-loss", 0),
-    )
-    return ",".join(f"{value:g}{unit}" for value, unit, usual in parts if value != usual)
+    """All terms but the round trip; usual values are left out."""
+    values = ((term, float(getattr(link, term.field))) for term in LINK_TERMS if term.field != "delay_ms")
+    return ",".join(f"{value / term.scale:g}{term.unit}" for term, value in values if value != term.usual)

@@ -1,25 +1,27 @@
-"""JSON Schemas of wire types, from which the page's TypeScript types are generated (`npm run wire`).
+"""JSON Schemas, constants and field tables of the wire types, from which `npm run wire` generates TypeScript and docs.
 
-Run as a program it prints the schema that its argument names: `python -m tigas_common.wire.schema shaper`.
+`python -m tigas_common.wire.schema shaper` prints the schema of that name; `constants` and `tables` print the others.
 """
 
 from __future__ import annotations
 
+import ast
+import inspect
 import json
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
+from types import ModuleType
 from typing import Any, Literal
 
 from pydantic.json_schema import models_json_schema
 
-from tigas_common.wire import dash, recording, render, shaper, store, webrtc
+from tigas_common.wire import dash, figures, movement, recording, render, run, shaper, store, webrtc
 from tigas_common.wire.model import WireModel
 
 
-def messages_schema(
-    title: str, description: str, *, requests: Sequence[type[Any]], answers: Sequence[type[WireModel]]
-) -> dict[str, Any]:
-    """An object with one property per message; what a client may leave out of a request is optional in it."""
+def messages_schema(*, requests: Sequence[type[Any]], answers: Sequence[type[WireModel]]) -> dict[str, Any]:
+    """An object with one property per message; fields that a client may leave out of a request are optional."""
     validation: Literal["validation"] = "validation"
     serialization: Literal["serialization"] = "serialization"
     references, schema = models_json_schema(
@@ -27,8 +29,7 @@ def messages_schema(
     )
     messages = {model.__name__: reference for (model, _), reference in references.items()}
     return {
-        "title": title,
-        "description": description,
+        "title": "Messages",
         "type": "object",
         "properties": messages,
         "required": list(messages),
@@ -41,8 +42,6 @@ def schemas() -> dict[str, dict[str, Any]]:
     """The schema of each service's messages, by the name of its module here."""
     return {
         "render": messages_schema(
-            "Wire",
-            "All messages between client and server.",
             requests=[render.RenderRequest],
             answers=[
                 render.FrameHeader,
@@ -54,8 +53,6 @@ def schemas() -> dict[str, dict[str, Any]]:
             ],
         ),
         "dash": messages_schema(
-            "DashWire",
-            "All messages between the packager and the page.",
             requests=[dash.SessionRequest, dash.PoseUpdate, webrtc.WebRtcRequest],
             answers=[
                 dash.SessionInfo,
@@ -66,14 +63,10 @@ def schemas() -> dict[str, dict[str, Any]]:
             ],
         ),
         "shaper": messages_schema(
-            "ShaperWire",
-            "All messages between the shaper and the page.",
             requests=[shaper.StartRequest, shaper.SeekRequest, shaper.LoopRequest, shaper.LinkSetting],
             answers=[shaper.TraceList, shaper.TracePoints, shaper.ShaperStatus],
         ),
         "store": messages_schema(
-            "StoreWire",
-            "All messages between the experiments' store and the page.",
             requests=[
                 store.ExperimentRequest,
                 store.RunUpload,
@@ -104,5 +97,75 @@ def _without_field_titles(definition: dict[str, Any]) -> dict[str, Any]:
     return {**definition, "properties": properties} if properties else definition
 
 
+def constants() -> dict[str, dict[str, Any]]:
+    """The constants that the page shares, by the name of their module here."""
+    terms = [term._asdict() for term in run.LINK_TERMS]
+    return {
+        "run": {**_constants(run, "PER_VIEW", "DASH", "LOCAL", "MODE_NAMES", "MODES", "UNSHAPED"), "LINK_TERMS": terms},
+        "figures": _constants(figures, "INTERACTIVE_MS", "USUAL_INTERVAL_MS", "AGE_EVERY_MS"),
+        "movement": _constants(
+            movement, "ANCHORS", "UNITS", "COLUMNS", "MAX_DURATION_MS", "MAX_COORDINATE", "QUATERNION_LENGTHS", "VIEW_M"
+        ),
+    }
+
+
+def _constants(module: ModuleType, *names: str) -> dict[str, Any]:
+    return {name: getattr(module, name) for name in names}
+
+
+def tables() -> dict[str, str]:
+    """The Markdown tables of fields in docs/protocol.md, by the name of the model."""
+    return {model.__name__: field_table(model) for model in (render.RenderRequest, render.VideoRequest)}
+
+
+def field_table(model: type[WireModel]) -> str:
+    """A Markdown table of a model's fields, described by their docstrings."""
+    schema, meanings = model.model_json_schema(), _field_docstrings(model)
+    rows = [
+        f"| `{name}` | {_type_of(field, is_optional=name not in schema.get('required', ()))} | {meanings[name]} |"
+        for name, field in schema["properties"].items()
+    ]
+    return "\n".join(("| field | type | meaning |", "|---|---|---|", *rows))
+
+
+def _field_docstrings(model: type[WireModel]) -> dict[str, str]:
+    """Pydantic reads them too, but for every model and each time that it is imported, which takes long."""
+    (definition,) = ast.parse(inspect.getsource(model)).body
+    assert isinstance(definition, ast.ClassDef)
+    return {
+        field.target.id: " ".join(text.value.value.split())
+        for field, text in pairwise(definition.body)
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+        if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant) and isinstance(text.value.value, str)
+    }
+
+
+def _type_of(field: dict[str, Any], *, is_optional: bool) -> str:
+    """A field's type, limits and default, in words."""
+    present = next((each for each in field.get("anyOf", ()) if each != {"type": "null"}), field)
+    match present:
+        case {"$ref": str(reference)}:
+            kind = reference.rpartition("/")[2]
+        case {"enum": [*choices]}:
+            kind = ", ".join(f"`{choice}`" for choice in choices)
+        case {"prefixItems": [*items]}:
+            kind = f"[{', '.join(item['type'] for item in items)}]"
+        case _:
+            kind = present["type"]
+    signs = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<", "maxLength": "≤"}
+    limits = ", ".join(f"{sign} {_number(present[limit])}" for limit, sign in signs.items() if limit in present)
+    if limits:
+        kind += f" {limits}" + (" characters" if "maxLength" in present else "")
+    default = field.get("default")
+    defaults = [] if default is None else [f"default {f'`{default}`' if kind[0] == '`' else json.dumps(default)}"]
+    optional = ["optional"] if is_optional and not defaults else []
+    return ", ".join((kind, *defaults, *optional))
+
+
+def _number(value: float) -> str:
+    return f"{int(value) if value == int(value) else value:,}"
+
+
 if __name__ == "__main__":
-    print(json.dumps(schemas()[sys.argv[1]], indent=2))
+    printed = {"constants": constants, "tables": tables}.get(sys.argv[1], lambda: schemas()[sys.argv[1]])
+    print(json.dumps(printed(), indent=2))

@@ -1,4 +1,4 @@
-"""What travels between the shaper and those who watch or change its link."""
+"""Messages between the shaper and the clients of its link."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ MAX_UPLOAD_BYTES = 16_000_000
 """Of a trace's file."""
 
 PlaybackMode = Literal["constant", "playing", "paused", "ended"]
-"""What a link does with a trace; `constant` has none."""
+"""Playback of a trace; `constant` has none."""
 Backend = Literal["netem", "relay"]
-"""What makes delay, jitter and loss: the kernel's netem, or our own relay."""
+"""Implementation of delay, jitter and loss: the kernel's netem, or our own relay."""
 
 
 _Number = Annotated[float, Field(ge=0, strict=True, allow_inf_nan=False)]
@@ -32,10 +32,10 @@ Percent = Annotated[_Number, Field(le=100)]
 # A model would be ten times as large, and a trace may have a quarter of a million of them.
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid"))
 class LinkSetting:
-    """What a link does to packets."""
+    """Effects of a link on packets."""
 
     down_kbps: Rate
-    """Towards the client, kbit/s of whole Ethernet frames. 0 is an outage: nothing passes, packets wait."""
+    """Towards the client, kbit/s of whole Ethernet frames. 0 is an outage: packets wait."""
     up_kbps: Rate
     """From the client, likewise."""
     delay_ms: Delay = 0.0
@@ -68,7 +68,7 @@ class LoopRequest(WireModel):
 
 
 class TraceSummary(WireModel):
-    """A trace in the list. Where `error` is not null, the trace cannot be played and the rest is zero."""
+    """A trace in the list. If `error` is not null, the trace cannot be played and the other fields are zero."""
 
     name: str
     uploaded: bool
@@ -80,7 +80,7 @@ class TraceSummary(WireModel):
     max_down_kbps: float = 0.0
     mean_up_kbps: float = 0.0
     outages: int = 0
-    """How often nothing passes towards the client."""
+    """Number of outages towards the client."""
     error: str | None = None
 
 
@@ -91,7 +91,7 @@ class TraceList(WireModel):
 
 
 class TracePoints(WireModel):
-    """A trace to be drawn, as means over spans of time."""
+    """A trace's outline, as means over spans of time."""
 
     name: str
     duration_ms: int
@@ -115,7 +115,7 @@ class DirectionStatus(WireModel):
 
 
 class ShaperStatus(WireModel):
-    """The link at one moment, and what plays on it."""
+    """The link at one moment, and its playback."""
 
     time_ms: float
     """Of the shaper's own steady clock."""
@@ -129,4 +129,4 @@ class ShaperStatus(WireModel):
     up: DirectionStatus
     backend: Backend
     closed: str | None
-    """Why nothing passes any more, in one sentence; null while the link works."""
+    """Reason why the link is closed, in one sentence; null while it works."""

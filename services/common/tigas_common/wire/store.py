@@ -1,4 +1,4 @@
-"""What travels between the store and the page."""
+"""Messages between the store and the page."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from pydantic import AfterValidator, Field, JsonValue, StringConstraints, model_
 
 from tigas_common.wire.figures import Figures
 from tigas_common.wire.model import Entries, WireModel
+from tigas_common.wire.movement import Anchor
 from tigas_common.wire.recording import LinkSample, Recording, Sample
 from tigas_common.wire.run import Configuration
 from tigas_common.wire.shaper import Backend
 
 AROUND_MS = 600_000
-"""What is recorded lies at most so long before a run's start or after its movement's end."""
+"""Maximum distance of records from a run's start and from its movement's end."""
 MOST_KBPS = 1e9
 MOST_BYTES = 10**15
 MOST_SAMPLES = 10_000
@@ -45,7 +46,7 @@ def _finite(plan: dict[str, JsonValue]) -> dict[str, JsonValue]:
 
 
 Plan = Annotated[dict[str, JsonValue], AfterValidator(_finite)]
-"""What an experiment was asked for; any JSON object."""
+"""The plan of an experiment; any JSON object."""
 
 
 class ExperimentRequest(WireModel):
@@ -64,18 +65,18 @@ class ExperimentCreated(WireModel):
 
 
 class RunUpload(WireModel):
-    """One run, after it has ended. Figures can be computed of whatever is valid here."""
+    """One finished run. Figures can be computed from any valid one."""
 
     configuration: Configuration
     recording: Recording
     link: Entries[LinkSample]
-    """What the shaper told of its link meanwhile; none without one."""
+    """The shaper's record of its link; none without one."""
     scene_bytes: int | None = Field(default=None, ge=0, le=MOST_BYTES)
     """Of the scene's file; None if unknown."""
     scene_sha256: str | None = Field(default=None, pattern=r"^[0-9a-f]{64}$")
-    """Of it, too, in hexadecimal digits; None if unknown, or if there is no file."""
+    """Its SHA-256 in hexadecimal digits; None if unknown."""
     backend: Backend | None = None
-    """What made the link's delay; None without a shaper."""
+    """Implementation of the link's delay; None without a shaper."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -111,19 +112,19 @@ class RunUpload(WireModel):
 
 
 class SampleCounts(WireModel):
-    """What is known of a run's samples."""
+    """Summary of a run's samples."""
 
     samples: int
     identical: int
-    """So many frames came again, byte for byte."""
+    """Number of frames that were rendered identically, byte for byte."""
     different: int
-    """So many came otherwise: ground truth may be of another renderer than the frames."""
+    """Number of differing frames: ground truth may be of another renderer than the frames."""
     missing: int
-    """Of so many something is not there yet."""
+    """Number of incomplete samples."""
 
 
 class InterruptedRun(WireModel):
-    """A run of which a page has nothing but samples, because it was closed before the run's end."""
+    """A run with only samples in the page, which was closed before the run's end."""
 
     configuration: Configuration
     started_unix_ms: float = Field(ge=0, le=LATEST_UNIX_MS)
@@ -143,10 +144,10 @@ class UploadedFile(WireModel):
 
 
 class UploadedSamples(WireModel):
-    """What a store has of a run's samples: whoever goes on sends only the rest."""
+    """The store's part of a run's samples: a resumed upload sends only the others."""
 
     complete: bool
-    """Their index is there, too."""
+    """Whether their index is stored as well."""
     files: Entries[UploadedFile]
 
 
@@ -155,7 +156,7 @@ class RunRow(WireModel):
 
     folder: str
     status: Literal["running", "complete", "failed"]
-    """A run that was killed says `running` for ever."""
+    """The status of a killed run stays `running`."""
     problem: str | None
     """Why there are no figures."""
     configuration: Configuration
@@ -163,8 +164,9 @@ class RunRow(WireModel):
     samples: SampleCounts | None
     """null of a run without any."""
     saturated_share: float | None = None
-    """Of the run's time, the share in which all processors were busy, if that was so often that latencies tell of the
-    machine, too; null otherwise, and if it is unknown."""
+    """Share of the run's time in which the machine was out of processor time, if large enough to affect latencies; null
+    otherwise, and if unknown.
+    """
 
 
 class ExperimentSummary(WireModel):
@@ -178,7 +180,7 @@ class ExperimentSummary(WireModel):
     planned: int | None = None
     """How many runs it has when it is complete; null if it does not say."""
     runs: int
-    """That were made, whatever became of them."""
+    """Number of runs made, with any status."""
     complete: int
     """Of these."""
     sampled: int
@@ -199,7 +201,7 @@ class Experiment(WireModel):
     created: str
     source: Literal["command", "page"]
     plan: Plan
-    """As it was given."""
+    """As given."""
     complete: int
     runs: Entries[RunRow]
 
@@ -214,18 +216,18 @@ class SampleRow(WireModel):
     bytes: int
     width: int
     height: int
-    """Of the picture as it was shown, in pixels."""
+    """Size of the shown picture in pixels."""
     restore: str
     upscale: str
     enhance_ms: float | None
     original: str | None
-    """The frame as it came."""
+    """The received frame."""
     enhanced: str | None
-    """The picture as it was shown."""
+    """The shown picture."""
     truth: str | None
     """The same view without loss."""
     replayed: str | None
-    """What the same request got later, if that differs."""
+    """A later answer to the same request, if it differs."""
     identical: bool | None
     """Whether it got the same; null if that is not known."""
     problem: str | None
@@ -237,7 +239,7 @@ class SampleList(WireModel):
 
     samples: Entries[SampleRow]
     problem: str | None
-    """Why there are none, if they cannot be read."""
+    """Why they cannot be read, if so."""
 
 
 class Materialisation(WireModel):
@@ -248,7 +250,7 @@ class Materialisation(WireModel):
     total: int
     """Samples."""
     problem: str | None
-    """What went wrong the last time."""
+    """The last problem."""
 
 
 class Movement(WireModel):
@@ -256,8 +258,7 @@ class Movement(WireModel):
 
     name: str
     duration_ms: float = Field(ge=0)
-    anchor: Literal["start", "scene"]
-    """Placed at the scene's start camera, or absolute in the scene."""
+    anchor: Anchor
     description: str
 
 

@@ -1,4 +1,4 @@
-"""What travels between the packager and those who watch a stream over WebRTC, beside WebRTC itself."""
+"""Messages between the packager and the viewers of a WebRTC stream, in addition to WebRTC itself."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from tigas_common.wire.model import WireModel
 MAX_SDP = 65_536
 """The longest offer, in characters; Chromium's for one video and one data transport has about 7000."""
 POSES = "poses"
-"""The data channel on which the page tells of its camera, as PoseUpdates: unordered, without retransmission."""
+"""Data channel for the page's camera, as PoseUpdates: unordered, without retransmission."""
 FRAMES = "frames"
-"""The data channel on which the packager tells which pose each frame shows, as SentFrames: unordered, reliable."""
+"""Data channel for the pose of each frame, as SentFrames from the packager: unordered, reliable."""
 
 
 class WebRtcRequest(StreamRequest):
@@ -24,9 +24,9 @@ class WebRtcRequest(StreamRequest):
     frame_rate: Literal[30, 60] = 30
     """H.264 has 30 only."""
     rung: int | None = Field(default=None, ge=0, le=255)
-    """The rung of the scene's ladder whose size the video has; left out, the largest that fits into the viewport."""
+    """The rung of the scene's ladder with the video's size; by default the largest that fits into the viewport."""
     bitrate_kbps: int | None = Field(default=None, ge=100, le=100_000)
-    """The most that the encoder may have, whatever the link carries; left out, 10 Mbit/s."""
+    """Maximum rate of the encoder on any link; 10 Mbit/s by default."""
 
 
 class WebRtcSession(WireModel):

@@ -1,4 +1,4 @@
-"""A CMAF chunk: one `moof` and one `mdat` with the next few frames, sent before its segment is complete."""
+"""A CMAF chunk: one `moof` and one `mdat` with a few frames, sent before its segment is complete."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def chunk(
     """The bytes of a chunk.
 
     `sequence` counts chunks from 1; each frame's duration and `decode_time` are in units of the timescale; `captured`
-    is when the first frame's view was asked for; `first` is whether the chunk begins a segment.
+    is the time of the first frame's request; `first` is whether the chunk begins a segment.
     """
     kind = brands(b"styp", b"cmfs", b"cmfs", b"cmff", b"cmfl") if first else brands(b"styp", b"cmfl", b"cmfl")
     size = len(_moof(samples, durations, sequence, decode_time, 0))

@@ -1,4 +1,4 @@
-"""aiortc's encoders, for streams that may have only so many bits a second whatever the link carries."""
+"""aiortc's encoders, for streams limited to a bit rate regardless of the link."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class _BoundedVp8(_Bounded, Vp8Encoder):
 
 
 def bound(sender: RTCRtpSender, codec: str, most_bps: int) -> None:
-    """Before its first frame, gives a sender such an encoder in place of the one that it would make."""
+    """Install such an encoder in a sender, before its first frame."""
     encoder = _BoundedH264() if codec == "H264" else _BoundedVp8()
     encoder.most_bps = most_bps
     vars(sender)["_RTCRtpSender__encoder"] = encoder

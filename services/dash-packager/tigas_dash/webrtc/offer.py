@@ -1,4 +1,4 @@
-"""From a viewer's offer to an answer: one video to send and one data transport, on one connection through our port."""
+"""Answers a viewer's offer: one video to send and one data transport, on one connection through our port."""
 
 from __future__ import annotations
 
@@ -9,11 +9,17 @@ from contextlib import asynccontextmanager, suppress
 from aiortc import MediaStreamTrack, RTCConfiguration, RTCPeerConnection, RTCSessionDescription
 from aiortc.codecs import h264, vpx
 from aiortc.exceptions import OperationError
+from aiortc.rtcdtlstransport import X509_DIGEST_ALGORITHMS
+from aiortc.sdp import SessionDescription
 
 from tigas_common.errors import InvalidRequest
 
 MIN_BPS, MAX_BPS = 100_000, 10_000_000
-"""What congestion control may ask encoders for."""
+"""Bit rates that congestion control may set on encoders."""
+LEAST_MESSAGE = 1024
+"""A viewer must take messages of this size on the data channel, in bytes."""
+UNLIMITED = 0
+"""The largest message of a viewer that takes messages of any size (RFC 8841, 6.1)."""
 NO_SDP = "The offer is no SDP of a WebRTC connection."
 _CANDIDATES = re.compile(r"^a=(candidate:|end-of-candidates).*(\r\n|\n|$)", re.MULTILINE)
 _CODEC = re.compile(r"^a=rtpmap:\d+ ([\w-]+)/", re.MULTILINE)
@@ -27,7 +33,7 @@ def widen_bitrates() -> None:
 
 @asynccontextmanager
 async def taken(offer: str) -> AsyncIterator[RTCPeerConnection]:
-    """A connection that has taken an offer; closed if what follows fails. Raises InvalidRequest."""
+    """A connection that has accepted an offer, as a context manager; closed on errors. Raises InvalidRequest."""
     media = re.findall(r"^m=(\w+)", offer, re.MULTILINE)
     if sorted(media) != ["application", "video"]:
         raise InvalidRequest("The offer must have one video and one data transport, and nothing else.")
@@ -36,25 +42,42 @@ async def taken(offer: str) -> AsyncIterator[RTCPeerConnection]:
         await _take(connection, offer)
         yield connection
     except BaseException:
-        with suppress(AttributeError):  # aiortc's, of what it took in part
+        with suppress(AttributeError):  # aiortc's, after a partial success
             await connection.close()
         raise
 
 
 async def _take(connection: RTCPeerConnection, offer: str) -> None:
-    # Where the viewer can be reached is where it is heard from: see `udp_port`.
+    # Viewers are reached at the address of their packets: see `udp_port`.
     description = RTCSessionDescription(sdp=_CANDIDATES.sub("", offer), type="offer")
     try:
+        _check(SessionDescription.parse(description.sdp))
         await connection.setRemoteDescription(description)
         (video,) = connection.getTransceivers()
         assert connection.sctp is not None
         bundled = video.receiver.transport is connection.sctp.transport
+    except InvalidRequest:
+        raise
     except OperationError:
         raise InvalidRequest("The offer has no video codec that can be sent here: H.264 (baseline) or VP8.") from None
-    except Exception:  # aiortc checks little of what it parses
+    except Exception:  # aiortc validates little of its input
         raise InvalidRequest(NO_SDP) from None
     if not bundled:
         raise InvalidRequest("The offer must have its video and its data on one transport (BUNDLE).")
+
+
+def _check(offer: SessionDescription) -> None:
+    """Check fields that aiortc reads only once the viewer connects, or never checks. Raises InvalidRequest."""
+    for media in offer.media:
+        fingerprints = media.dtls.fingerprints if media.dtls is not None else ()
+        if not any(each.algorithm.lower() in X509_DIGEST_ALGORITHMS for each in fingerprints):
+            raise InvalidRequest("The offer must have a fingerprint (sha-256, sha-384 or sha-512) for each transport.")
+        if media.kind == "application":
+            if media.sctp_port is None or not 0 < media.sctp_port < 65536:
+                raise InvalidRequest("The offer's data transport must have an SCTP port from 1 to 65535.")
+            takes = media.sctpCapabilities
+            if takes is not None and takes.maxMessageSize < LEAST_MESSAGE and takes.maxMessageSize != UNLIMITED:
+                raise InvalidRequest(f"The offer's data transport must take messages of {LEAST_MESSAGE} bytes.")
 
 
 async def answered(connection: RTCPeerConnection, track: MediaStreamTrack, candidate: str) -> tuple[str, str]:

@@ -20,10 +20,10 @@ from tigas_dash.webrtc.udp_port import UdpPort
 
 
 class WebRtc:
-    """What all streams over WebRTC share; `running` opens it."""
+    """State shared by all WebRTC streams; opened by `running`."""
 
     def __init__(self, client: RenderClient, port: UdpPort, clock: Clock, *, on_loopback: bool) -> None:
-        """on_loopback: only this machine reaches the port, although a render service hands on what others ask."""
+        """on_loopback: only this machine reaches the port, although a render service proxies requests of others."""
         self._client = client
         self._on_loopback = on_loopback
         self._port = port
@@ -32,7 +32,7 @@ class WebRtc:
     @classmethod
     @asynccontextmanager
     async def running(cls, client: RenderClient, address: Address, clock: Clock) -> AsyncIterator[WebRtc]:
-        """Listens for as long as the context lasts. Raises OSError."""
+        """Listen, as a context manager. Raises OSError."""
         widen_bitrates()
         async with UdpPort().running(address) as port:
             yield cls(client, port, clock, on_loopback=address.is_loopback)
@@ -43,7 +43,7 @@ class WebRtc:
         return self._port.number
 
     async def make(self, request: WebRtcRequest, host: str) -> WebRtcStream:
-        """A stream that is not yet run, once its first frame is rendered; its viewer asked for this service at `host`.
+        """A stream with its first frame rendered, not running yet; its viewer reached this service at `host`.
 
         Raises InvalidRequest, RenderUnavailable, RenderProblem, and WebRtcUnavailable for a viewer on another machine
         that cannot reach the port.

@@ -28,7 +28,7 @@ from tigas_dash.webrtc.udp_port import UdpPort
 logger = logging.getLogger(__name__)
 
 MOST_UNSENT = 65_536
-"""Bytes that wait on the channel `frames`; a viewer who takes none misses the rest."""
+"""Maximum bytes queued on the channel `frames`; a viewer that does not read misses the rest."""
 CLOSING_S = 5
 """aiortc's closing is given up after this, in seconds."""
 
@@ -44,9 +44,9 @@ class WebRtcStream:
     ) -> None:  # fmt: skip
         self.name = name
         self.used_at = clock.now()
-        """When it was last heard of, on the steady clock."""
+        """Time of its last packet, on the monotonic clock."""
         self.info: WebRtcSession
-        """What its viewer needs to know, once it has begun."""
+        """Its description for the viewer, once it has begun."""
         self.rungs = (size.rung,)
         self._request = request
         self._size = size
@@ -68,7 +68,7 @@ class WebRtcStream:
 
     @property
     def watched(self) -> bool:
-        """For certain never: a viewer who is there is heard all the time, if only in reports of what was received."""
+        """Always False: a present viewer keeps sending, at least receiver reports."""
         return False
 
     async def begin(self, host: str) -> None:
@@ -119,14 +119,14 @@ class WebRtcStream:
         return self._track.behind_s
 
     async def run(self) -> None:
-        """Stream until cancelled, or until the viewer has gone."""
+        """Stream until cancelled, or until the viewer has left."""
         try:
             await self._ended.wait()
         finally:
             await self.close()
 
     async def close(self) -> None:
-        """Give back the encoder, the port, and what was asked of the render service."""
+        """Release the encoder and the port, and cancel requests to the render service."""
         self._views.close()
         self._track.stop()
         with suppress(TimeoutError, AttributeError):  # aiortc's, of an offer that it took in part

@@ -21,12 +21,12 @@ PATIENCE_S = 0.25
 
 
 class ViewTrack(MediaStreamTrack):
-    """Asked for the next frame when the one before has been encoded and sent: what is too slow leaves frames out."""
+    """Polled for the next frame once the previous one has been encoded and sent: a slow encoder skips frames."""
 
     kind = "video"
 
     def __init__(self, views: NewestView, frame_rate: int, clock: Clock, sent: Callable[[int, int], None]) -> None:
-        """`sent` hears of each frame that was sent: its timestamp in RTP_RATE since the first one, and its pose."""
+        """`sent` is called for each frame sent: its timestamp in RTP_RATE since the first one, and its pose."""
         super().__init__()
         self._views = views
         self._frame_rate = frame_rate

@@ -1,9 +1,9 @@
-"""One UDP port for all viewers: each datagram goes to the connection that it belongs to.
+"""One UDP port for all viewers: each datagram is dispatched to its connection.
 
-aioice binds a port for each connection, which a router would have to forward one by one. Here a STUN binding request
-says by its user fragment whose it is (RFC 8445, 7.2.2), and where it came from is that connection's from then on. The
-only candidate is this port under the host that the viewer asked for, and viewers' own candidates are not used: who
-reaches this port is heard from here first (a peer-reflexive candidate), and everything goes the way that it came.
+aioice binds a port for each connection, and a router would have to forward each of them. Here a STUN binding request
+identifies its connection by the user fragment (RFC 8445, 7.2.2), and its source address belongs to that connection from
+then on. The only candidate is this port under the host requested by the viewer, and viewers' own candidates are
+ignored: a viewer that reaches this port is a peer-reflexive candidate, and packets return the way they came.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class UdpPort(asyncio.DatagramProtocol):
 
     @asynccontextmanager
     async def running(self, address: Address) -> AsyncIterator[UdpPort]:
-        """Listens for as long as the context lasts. Raises OSError."""
+        """Listen, as a context manager. Raises OSError."""
         loop = asyncio.get_running_loop()
         await loop.create_datagram_endpoint(lambda: self, local_addr=(address.host, address.port))
         try:
@@ -54,7 +54,7 @@ class UdpPort(asyncio.DatagramProtocol):
         return int(self._transport.get_extra_info("sockname")[1])
 
     def carry(self, connection: Connection, heard: Callable[[], None]) -> Lane:
-        """Gives a connection that has not gathered candidates this port in place of its own.
+        """Give a connection that has not gathered candidates this port instead of its own.
 
         `heard` is called with each datagram.
         """
@@ -70,7 +70,7 @@ class UdpPort(asyncio.DatagramProtocol):
         return lane
 
     def candidate(self, host: str) -> Candidate:
-        """This port, for a viewer who reaches it under `host`, an address or a name."""
+        """This port as a candidate, for a viewer that reaches it under `host`, an address or a name."""
         if host == "localhost" or host.endswith(".localhost"):
             host = "::1" if ":" in self.host else "127.0.0.1"
         return Candidate(
@@ -88,7 +88,7 @@ class UdpPort(asyncio.DatagramProtocol):
         self._transport = cast(asyncio.DatagramTransport, transport)
 
     def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
-        """A datagram that belongs to nobody is dropped."""
+        """Dispatch a datagram; unknown ones are dropped."""
         peer = (addr[0], addr[1])
         lane = self._by_name.get(name) if (name := _asked_for(data)) is not None else self._by_peer.get(peer)
         if lane is None:
@@ -111,7 +111,7 @@ class UdpPort(asyncio.DatagramProtocol):
 
 
 class Lane(StunProtocol):
-    """One connection's share of the port, which aioice takes for a socket of its own."""
+    """One connection's share of the port, which aioice uses like a socket."""
 
     def __init__(self, port: UdpPort, connection: Connection, heard: Callable[[], None]) -> None:
         super().__init__(connection)
@@ -123,9 +123,9 @@ class Lane(StunProtocol):
         self.connection_made(_Share(self))
 
     def received(self, data: bytes, peer: Peer) -> None:
-        """A datagram came for it."""
+        """Handle a datagram for it."""
         self._heard()
-        with suppress(ValueError, KeyError, IndexError, struct.error):  # aioice catches only some of what is malformed
+        with suppress(ValueError, KeyError, IndexError, struct.error):  # aioice catches only some malformed packets
             self.datagram_received(data, peer)
 
     def sendto(self, data: bytes, peer: Peer) -> None:
@@ -142,7 +142,7 @@ class Lane(StunProtocol):
 
 
 class _Share(asyncio.DatagramTransport):
-    """What a lane's protocol sends by."""
+    """The sending side of a lane's protocol."""
 
     def __init__(self, lane: Lane) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The command `tigas compare`: an experiment with one plan and its own report page."""
+"""The command `tigas compare`: an experiment planned by options."""
 
 from __future__ import annotations
 
@@ -7,121 +7,84 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from tigas_common.cli import in_a_sentence
+from tigas_common.command import Metavar
 from tigas_common.errors import StartError
 from tigas_common.terminal import make_console
-from tigas_common.wire.run import OFF, USUALLY_COMPARED
-from tigas_experiments.commands.options import Scenes, Traces, Url, command_as_typed
+from tigas_common.wire.run import USUALLY_COMPARED
+from tigas_experiments.commands.options import Measure, command_as_typed
 
-DEFAULT_NETWORK = "20mbit,20ms-rtt"
-DEFAULT_PROFILE = "budget"
-DEFAULT_MODES = "stateless,dash-typical,dash-tuned,dash-edge"
+CAPTURE_EVERY_S = 0.5
+"""Interval of the pictures kept to measure quality."""
 
 
-def compare(
-    scene: Annotated[str, typer.Option(help="Scene id.")] = "courtyard",
-    movement: Annotated[
-        str, typer.Option(help="A movement trace file, or the name of a generated movement.")
-    ] = "stroll",
-    network: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="A constant link such as 20mbit,20ms-rtt, a network trace file, a trace name in --traces, or "
-            "`unshaped`. Repeatable.",
-            show_default=DEFAULT_NETWORK,
-        ),
-    ] = None,
-    modes: Annotated[str, typer.Option(help="What to compare, comma-separated; `video` is another.")] = ",".join(
-        USUALLY_COMPARED
-    ),
-    duration: Annotated[float, typer.Option(help="Seconds of movement per run.")] = 60,
-    viewport: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels.")] = "640x360",
-    profile: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Stateless and video: a controller, or a fixed rung of the ladder. Repeatable.",
-            show_default=DEFAULT_PROFILE,
-        ),
-    ] = None,
-    ladder: Annotated[
-        str, typer.Option(metavar="scene|paper", help="What rungs count in: the scene's own ladder, or the paper's.")
-    ] = "scene",
-    reprojection: Annotated[
-        bool, typer.Option("--reprojection", help="Turn the newest frame to each animation frame's pose.")
-    ] = False,
-    prediction: Annotated[
-        str, typer.Option(help="What predicts the poses that frames are asked for, such as auto, or off.")
-    ] = OFF,
-    dash_frame_rate: Annotated[
-        int | None, typer.Option(help="DASH frames per second: 30 or 60.", show_default="the preset's")
-    ] = None,
-    dash_representation: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="DASH: `adaptive`, or a single representation such as r2-1414 (rung 2, 1414 kbit/s). Repeatable.",
-            show_default="adaptive",
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of generated movements and of the controllers' random numbers.")] = 1,
-    capture_every: Annotated[
-        float, typer.Option(help="Seconds between pictures kept to measure quality; 0 keeps none.")
-    ] = 0.5,
-    sample_stride: Annotated[
-        int, typer.Option(help="Stateless: sample every n-th shown frame to render it again later; 0 samples none.")
-    ] = 0,
-    warm_up: Annotated[float, typer.Option(help="Seconds before the movement begins.")] = 5,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for the report.", show_default="results/compare-TIME")
-    ] = None,
-    repeats: Annotated[int, typer.Option(help="Runs of each combination.")] = 1,
-    url: Url = None,
-    scenes: Scenes = None,
-    traces: Traces = None,
-) -> None:
-    """Compare one JPEG per pose with low-latency DASH over the same movement and network, and write a report."""
-    from tigas_experiments.report.cli import report
-    from tigas_experiments.run.plan import ADAPTIVE, Plan
-    from tigas_experiments.run.progress import progress
-    from tigas_experiments.run.runner import Experiment, make_missing_runs, reserved
-    from tigas_experiments.run.signals import end_as_ctrl_c
+class Compare(Measure):
+    """Compare one JPEG per pose with low-latency DASH over the same movement and network, and write a report.
 
-    end_as_ctrl_c()
-    with in_a_sentence(StartError, OSError):
-        folder = out or Path("results", f"compare-{datetime.now(UTC):%Y%m%d-%H%M%S}")
-        if folder.exists():
-            raise StartError(f"{folder} already exists; choose another folder with --out.")
-        plan = Plan.of(
-            {
-                "name": folder.name,
-                "scenes": [scene],
-                "movements": [movement],
-                "networks": network or [DEFAULT_NETWORK],
-                "modes": [mode.strip() for mode in modes.split(",")],
-                "controllers": profile or [DEFAULT_PROFILE],
-                "ladder": ladder,
-                "reprojection": reprojection,
-                "prediction": prediction,
-                "dash_frame_rate": dash_frame_rate,
-                "dash_representations": dash_representation or [ADAPTIVE],
-                "repeats": repeats,
-                "duration_s": duration,
-                "viewport": viewport,
-                "seed": seed,
-                "capture_every_s": capture_every,
-                "sample_stride": sample_stride,
-                "warm_up_s": warm_up,
-                "shuffled": False,  # the page has them as they were made
-            },
-            "This comparison cannot be made",
-        )
-        made = Experiment.of(plan, Path(), folder, "comparison", command_as_typed())
-        try:
-            with reserved(made), progress(made.runs, len(made.runs), make_console(stderr=True)) as listener:
-                asyncio.run(make_missing_runs(made, made.missing(), url, scenes, traces, listener))
-        finally:  # Ctrl+C, too, leaves a report of what there is
-            if made.begun:
-                report(folder)
-        if made.missing():
-            raise typer.Exit(1)
+    An experiment's file has more options: `tigas experiment run`.
+    """
+
+    scene: Annotated[str, Metavar("ID")] = "courtyard"
+    """Scene."""
+    movement: Annotated[str, Metavar("FILE|NAME")] = "stroll"
+    """Movement trace, or the name of a generated movement."""
+    networks: tuple[str, ...] = ("20mbit,20ms-rtt",)
+    """Constant link such as 20mbit,20ms-rtt, network trace (a file, or its name at the shaper), or `unshaped`."""
+    modes: str = ",".join(USUALLY_COMPARED)
+    """Modes to compare, separated by commas; `video` is another."""
+    profiles: tuple[str, ...] = ("budget",)
+    """Controller of stateless and video, or a fixed rung of the ladder."""
+    duration: float = 60
+    """Seconds of movement per run."""
+    viewport: Annotated[str, Metavar("WIDTHxHEIGHT")] = "640x360"
+    """Size of the view in pixels."""
+    reprojection: bool = False
+    """Reproject the newest frame to each animation frame's pose."""
+    repeats: int = 1
+    """Runs of each combination."""
+    out: Path | None = None
+    """Folder for the report; results/compare-TIME unless named."""
+
+    def run(self) -> None:
+        """Make the runs and write the report."""
+        from tigas_experiments.commands.options import end_as_ctrl_c
+        from tigas_experiments.report.cli import Report
+        from tigas_experiments.report.controllers import run_names
+        from tigas_experiments.run.plan import ExperimentPlan
+        from tigas_experiments.run.progress import progress
+        from tigas_experiments.run.runner import Experiment, make_missing_runs, reserved
+
+        end_as_ctrl_c()
+        with in_a_sentence(StartError, OSError):
+            folder = self.out or Path("results", f"compare-{datetime.now(UTC):%Y%m%d-%H%M%S}")
+            if folder.exists():
+                raise StartError(f"{folder} already exists; choose another folder with --out.")
+            plan = ExperimentPlan.of(
+                {
+                    "name": folder.name,
+                    "scenes": [self.scene],
+                    "movements": [self.movement],
+                    "networks": self.networks,
+                    "modes": [mode.strip() for mode in self.modes.split(",")],
+                    "controllers": self.profiles,
+                    "reprojection": self.reprojection,
+                    "repeats": self.repeats,
+                    "duration_s": self.duration,
+                    "viewport": self.viewport,
+                    "capture_every_s": CAPTURE_EVERY_S,
+                    "shuffled": False,  # the page shows them in the order of creation
+                },
+                "This comparison cannot be made",
+            )
+            made = Experiment.of(plan, Path(), folder, command_as_typed())
+            names = run_names(made.runs)
+            try:
+                with reserved(made):
+                    missing = made.missing()
+                    with progress(made, missing, names, make_console(stderr=True)) as callbacks:
+                        asyncio.run(make_missing_runs(made, missing, self.url, callbacks))
+            finally:  # Ctrl+C also leaves a report of the finished runs
+                if made.begun:
+                    Report(folder=folder).run()
+            if made.missing():
+                raise SystemExit(1)

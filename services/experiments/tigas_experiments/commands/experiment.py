@@ -6,94 +6,106 @@ import asyncio
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from tigas_common.cli import in_a_sentence
+from tigas_common.command import POSITIONAL, Command, Group
 from tigas_common.errors import StartError
 from tigas_common.terminal import make_console
-from tigas_experiments.commands.materialise import materialise
-from tigas_experiments.commands.options import Scenes, Traces, Url, command_as_typed
-
-experiment = typer.Typer(help="Run a matrix of runs described in one file (docs/experiments.md).", no_args_is_help=True)
-experiment.command("materialise")(materialise)
-
-File = Annotated[Path, typer.Argument(help="The experiment's TOML file.")]
-Out = Annotated[Path | None, typer.Option(help="Folder for the runs.", show_default="results/NAME")]
+from tigas_experiments.commands.options import Measure, command_as_typed
+from tigas_experiments.commands.rerender import Rerender
 
 
-@experiment.command("plan")
-def plan(file: File, out: Out = None) -> None:
+class _RunsCommand(Command):
+    """A command about a folder of runs."""
+
+    out: Path | None = None
+    """Folder for the runs; named after the experiment, in results, unless given."""
+
+
+class _ExperimentCommand(_RunsCommand):
+    """A command about an experiment's file."""
+
+    file: Annotated[Path, POSITIONAL]
+    """Experiment's TOML file."""
+
+
+class Plan(_ExperimentCommand):
     """List an experiment's runs, which are complete, and how long the missing ones take."""
-    from tigas_experiments.run.plan import lasting
-    from tigas_experiments.run.runner import Experiment
 
-    with in_a_sentence(StartError, OSError):
-        planned = Experiment.read(file, out, command_as_typed())
-        missing = planned.missing()
-        todo = {run.slug for run in missing}
-        for run in planned.runs:
-            typer.echo(f"{'missing ' if run.slug in todo else 'complete'}  {run.slug}")
-        typer.echo(f"{len(planned.runs)} runs, {len(missing)} missing, which take about {lasting(missing)} (h:mm:ss).")
+    def run(self) -> None:
+        """Print one line per run, and a summary."""
+        from tigas_experiments.run.plan import lasting
+        from tigas_experiments.run.runner import Experiment
+
+        with in_a_sentence(StartError, OSError):
+            planned = Experiment.read(self.file, self.out, command_as_typed())
+            missing = planned.missing()
+            todo = {run.slug for run in missing}
+            for run in planned.runs:
+                print(f"{'missing ' if run.slug in todo else 'complete'}  {run.slug}")
+            print(f"{len(planned.runs)} runs, {len(missing)} missing, which take about {lasting(missing)}.")
 
 
-@experiment.command("import")
-def import_(
-    file: Annotated[Path, typer.Argument(help="JSON file saved by the page.")],
-    out: Annotated[Path | None, typer.Option(help="Folder for the runs.", show_default="results/FILE")] = None,
-) -> None:
+class Import(_RunsCommand):
     """Import an experiment that the page saved as a file, and write its report."""
-    from tigas_experiments.report.cli import report
-    from tigas_experiments.store.saved import import_saved
 
-    folder = out or Path("results", file.stem)
-    with in_a_sentence(StartError, OSError):
-        import_saved(file, folder)
-        report(folder)
+    file: Annotated[Path, POSITIONAL]
+    """JSON file saved by the page."""
+
+    def run(self) -> None:
+        """Write the runs and their report."""
+        from tigas_experiments.report.cli import Report
+        from tigas_experiments.store.saved import import_saved
+
+        folder = self.out or Path("results", self.file.stem)
+        with in_a_sentence(StartError, OSError):
+            import_saved(self.file, folder)
+            Report(folder=folder).run()
 
 
-@experiment.command("run")
-def run(
-    file: File,
-    out: Out = None,
-    url: Url = None,
-    scenes: Scenes = None,
-    traces: Traces = None,
-    allow_changes: Annotated[
-        bool, typer.Option("--allow-changes", help="Resume even if the commit, browser, ladder or a scene has changed.")
-    ] = False,
-) -> None:
+class Run(_ExperimentCommand, Measure):
     """Make an experiment's missing runs. Start it again to resume after an interruption."""
-    from tigas_experiments.report.cli import report
-    from tigas_experiments.run.plan import lasting
-    from tigas_experiments.run.progress import progress
-    from tigas_experiments.run.runner import Experiment, make_missing_runs, reserved
-    from tigas_experiments.run.signals import end_as_ctrl_c
 
-    def say(text: str) -> None:
-        console.print(text, soft_wrap=True)
+    allow_changes: bool = False
+    """Resume even if the commit, browser, ladder or a scene has changed."""
 
-    end_as_ctrl_c()
-    console = make_console(stderr=True)
-    again = command_as_typed()
-    with in_a_sentence(StartError, OSError):
-        made = Experiment.read(file, out, again)
-        with reserved(made):
-            missing = made.missing()
-            if missing:
-                say(f"{len(missing)} of {len(made.runs)} runs, about {lasting(missing)} (h:mm:ss), into {made.out}")
-                try:
-                    with progress(made.runs, len(missing), console) as listener:
-                        asyncio.run(
-                            make_missing_runs(made, missing, url, scenes, traces, listener, allow_changes=allow_changes)
-                        )
-                except KeyboardInterrupt:
-                    say(f"Interrupted. To resume: {again}")
-                    raise typer.Exit(130) from None
-            incomplete = made.missing()
+    def run(self) -> None:
+        """Make the runs and write the report."""
+        from tigas_experiments.commands.options import end_as_ctrl_c
+        from tigas_experiments.report.cli import Report
+        from tigas_experiments.report.controllers import run_names
+        from tigas_experiments.run.progress import progress
+        from tigas_experiments.run.runner import Experiment, make_missing_runs, reserved
+
+        def say(text: str) -> None:
+            console.print(text, soft_wrap=True)
+
+        end_as_ctrl_c()
+        console = make_console(stderr=True)
+        again = command_as_typed()
+        with in_a_sentence(StartError, OSError):
+            made = Experiment.read(self.file, self.out, again)
+            with reserved(made):
+                missing = made.missing()
+                if missing:
+                    try:
+                        with progress(made, missing, run_names(made.runs), console) as callbacks:
+                            asyncio.run(
+                                make_missing_runs(made, missing, self.url, callbacks, allow_changes=self.allow_changes)
+                            )
+                    except KeyboardInterrupt:
+                        say(f"Interrupted. To resume: {again}")
+                        raise SystemExit(130) from None
+                incomplete = made.missing()
+            if incomplete:
+                say(f"{len(incomplete)} of {len(made.runs)} runs are incomplete. To repeat them: {again}")
+            else:
+                say(f"All {len(made.runs)} runs are complete.")
+            Report(folder=made.out).run()
         if incomplete:
-            say(f"{len(incomplete)} of {len(made.runs)} runs are incomplete. To repeat them: {again}")
-        else:
-            say(f"All {len(made.runs)} runs are complete.")
-        report(made.out)
-    if incomplete:
-        raise typer.Exit(1)
+            raise SystemExit(1)
+
+
+experiment = Group(
+    "Run a matrix of runs described in one file (docs/experiments.md).",
+    {"plan": Plan, "run": Run, "import": Import, "rerender": Rerender},
+)

@@ -1,21 +1,28 @@
-"""Options shared by the commands that make runs."""
+"""Options and helpers shared by the commands that make runs."""
 
 from __future__ import annotations
 
 import shlex
+import signal
 import sys
-from pathlib import Path
 from typing import Annotated
 
-import typer
+from tigas_common.command import Command, Metavar
 
-from tigas_common.settings import MODELS
 
-Url = Annotated[str | None, typer.Option(help="Measure running services at this URL instead of starting the lab.")]
-Scenes = Annotated[Path | None, typer.Option(help="The lab's models directory.", show_default=str(MODELS))]
-Traces = Annotated[Path | None, typer.Option(help="The lab's directory of network traces.")]
+class Measure(Command):
+    """A command that measures running services, or a lab started by it."""
+
+    url: Annotated[str | None, Metavar("URL")] = None
+    """Viewer page of running services to measure; without it, the lab is started."""
 
 
 def command_as_typed() -> str:
-    """The command line that runs it again."""
+    """The command line of this process, for repeating it."""
     return shlex.join(["tigas", *sys.argv[1:]])
+
+
+def end_as_ctrl_c() -> None:
+    """Handle SIGTERM like Ctrl+C, and restore Ctrl+C in background jobs of scripts, so that every end cleans up."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))

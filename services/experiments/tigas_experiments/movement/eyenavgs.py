@@ -17,12 +17,10 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tigas_experiments.movement.errors import MovementError
-from tigas_experiments.movement.placing import level
-from tigas_experiments.movement.table import Floats, Table, read_text
+from tigas_common.wire.movement import MAX_COORDINATE, MAX_DURATION_MS
+from tigas_experiments.movement.placement import level
+from tigas_experiments.movement.table import Floats, MovementError, Table, read_text
 from tigas_experiments.movement.trace import (
-    MAX_COORDINATE,
-    MAX_DURATION_MS,
     TOO_FAR,
     MovementTrace,
     between,
@@ -34,17 +32,17 @@ Quaternion = tuple[float, float, float, float]
 
 VIEWS = {"left": 0, "right": 1}
 TIMES = ("timestep", "Timestamp")
-"""As NTHU and Rutgers call it; milliseconds."""
+"""Time columns of NTHU and Rutgers, milliseconds."""
 POSE = ("PositionX", "PositionY", "PositionZ", "QuaternionX", "QuaternionY", "QuaternionZ", "QuaternionW")
 FLIP = np.array((1.0, -1.0, -1.0))
-"""Of a position, and of a rotation's axis: the frame is turned by 180° about x."""
+"""Factors of a position and of a rotation's axis: the frame is turned by 180° about x."""
 MOST_LEFT_OUT = 0.01
 SOURCE = "EyeNavGS (Ding et al. 2025, arXiv:2506.02380)"
 
 
 @dataclass(frozen=True, slots=True)
 class SceneSettings:
-    """What scene_setting.csv says of a scene."""
+    """A scene's row of scene_setting.csv."""
 
     scale: float
     """The scene's units a metre."""
@@ -87,7 +85,7 @@ def read_eyes(path: Path, eye: Eye) -> MovementTrace:
 
 
 def in_its_scene(way: MovementTrace, up: Sequence[float]) -> MovementTrace:
-    """The way in the levelled frame of the scene that it was recorded in, whose up axis is `up`."""
+    """The path in the levelled frame of its recorded scene, with up axis `up`."""
     return _turned(way, level(up).inv())
 
 

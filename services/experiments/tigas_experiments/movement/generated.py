@@ -1,7 +1,7 @@
-"""Movements that a seed decides: the same for the same arguments, and a longer one begins with the shorter one.
+"""Seeded generated movements: equal arguments give equal movements, and a longer one begins with the shorter one.
 
-All are in metres, begin at the origin looking along z, and know nothing of the scene; docs/movement.md says what each
-is for. What a scene's start camera looks at is `VIEW_M` ahead.
+All are in metres, begin at the origin looking along z, and are independent of the scene; docs/experiments.md describes
+their purposes. The subject of a scene's start camera is `VIEW_M` ahead.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from random import Random
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tigas_experiments.movement.placing import VIEW_M
+from tigas_common.wire.movement import VIEW_M
 from tigas_experiments.movement.table import Floats
 from tigas_experiments.movement.trace import MovementTrace
 
@@ -24,12 +24,12 @@ ORBIT_S = 40.0
 """Once round; 0.6 m/s."""
 
 Wave = Callable[[Floats], Floats]
-Movement = Callable[[Floats, Random], tuple[Floats, Rotation]]
+Generator = Callable[[Floats, Random], tuple[Floats, Rotation]]
 """Positions [N, 3] and rotations [N] at times [N] in seconds, of chances."""
 
 
 def generate(kind: str, duration_s: float, seed: int) -> MovementTrace:
-    """A movement of one of `KINDS`, at least so long. Raises KeyError."""
+    """A movement of one of `KINDS` with at least this duration. Raises KeyError."""
     times = np.arange(math.ceil(duration_s * RATE_HZ) + 1) / RATE_HZ
     positions, rotations = KINDS[kind](times, Random(seed))
     comments = {
@@ -40,7 +40,7 @@ def generate(kind: str, duration_s: float, seed: int) -> MovementTrace:
 
 
 def stroll(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
-    """A person who looks around while walking to and fro: sums of slow sines."""
+    """Walking back and forth while looking around: sums of slow sines."""
     yaw, pitch = _wave(chance, 50, 5, 11), _wave(chance, 8, 4, 9)
     aside, ahead = _wave(chance, 0.12 * VIEW_M, 8, 13), _wave(chance, 0.2 * VIEW_M, 9, 17)
     positions = np.column_stack((aside(times), np.zeros_like(times), ahead(times)))
@@ -48,13 +48,13 @@ def stroll(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
 
 
 def look_around(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
-    """A person who stands and looks about, tilting the head a little."""
+    """Standing and looking around, with slight tilts of the head."""
     yaw, pitch, roll = _wave(chance, 80, 7, 13), _wave(chance, 15, 5, 11), _wave(chance, 4, 6, 10)
     return _standing(_turned(yaw(times), pitch(times), roll(times)))
 
 
 def quick_turns(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
-    """A person who stands and turns from one thing to another: stillness, then 30° to 150° at once.
+    """Standing and turning abruptly between targets: pauses, then turns by 30° to 150°.
 
     A turn of A degrees takes 0.3 s + A / 300°/s and follows the minimum-jerk profile 10τ³ − 15τ⁴ + 6τ⁵ (Flash and
     Hogan, J. Neuroscience 5, 1985), whose peak is 1.875 times its mean: 140 to 350°/s.
@@ -80,7 +80,7 @@ def quick_turns(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
 
 
 def orbit(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
-    """A person who walks round what the start camera looks at and faces it, now nearer, now higher."""
+    """Walking around the start camera's subject and facing it, at varying distance and height."""
     turning = chance.choice((-1, 1)) * math.tau / (ORBIT_S * chance.uniform(0.8, 1.2))
     distance = VIEW_M + _wave(chance, 0.25, 9, 17)(times)
     lower = _wave(chance, 0.1, 7, 12)(times)
@@ -89,7 +89,7 @@ def orbit(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
     return positions, _turned(np.degrees(yaw), np.degrees(np.arctan2(lower, distance)))
 
 
-KINDS: Mapping[str, Movement] = {
+KINDS: Mapping[str, Generator] = {
     "stroll": stroll,
     "look-around": look_around,
     "quick-turns": quick_turns,

@@ -12,9 +12,9 @@ from tigas_experiments.movement.summary import Pace
 from tigas_experiments.movement.trace import MovementTrace
 
 BLUE, ORANGE, GREEN = "#0072b2", "#d55e00", "#009e73"
-"""Okabe and Ito's, which people with colour blindness tell apart."""
+"""Okabe and Ito's palette for colour blindness."""
 MOST = 5000
-"""Poses in a picture: more cannot be told apart."""
+"""Maximum number of drawn poses."""
 
 
 def plot_movement(trace: MovementTrace, title: str, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What can be said of a movement in numbers: how long, how dense, how far and how fast."""
+"""Statistics of a movement: duration, density, distance and speed."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ class Summary:
     poses: int
     duration_s: float
     median_rate_hz: float
-    """Of the steps between poses; 0 with one pose."""
+    """Median rate of the steps between poses; 0 with one pose."""
     longest_step_ms: float
     path: float
-    """In the trace's unit."""
+    """Path length in the trace's unit."""
     speed: float
     """Mean, in the trace's unit a second."""
     turning: Mapping[int, float]

@@ -1,7 +1,7 @@
-"""Numbers of a CSV by the names of its columns: what our own traces and recordings of others are read with.
+"""Numeric columns of CSV files: movement traces and recordings of other projects.
 
-The text is gone through line by line and never split as a whole, so that a million rows take little more memory than
-their text and their numbers do.
+The text is read line by line and never split as a whole, so a million rows need little more memory than their text and
+numbers.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tigas_common.errors import StartError
 from tigas_common.files import open_regular
-from tigas_experiments.movement.errors import MovementError
 
 Floats = NDArray[np.float64]
 
@@ -24,7 +24,11 @@ MAX_ROWS = 2_000_000
 MAX_NUMBER = 1e100
 """Squares of smaller numbers are finite."""
 MAX_LINE = 10_000
-"""Characters; bounds what splitting one hostile line can cost."""
+"""Maximum characters of a line; bounds the cost of splitting a hostile line."""
+
+
+class MovementError(StartError):
+    """Reason why a text is not a movement or cannot be imported: one sentence, with the line if known."""
 
 
 def read_text(path: Path) -> str:
@@ -49,11 +53,11 @@ class Table:
     """A CSV: `# key: value` lines, a header, rows of numbers. Blank lines and later lines with a # are passed over."""
 
     def __init__(self, text: str, name: str) -> None:
-        """`name` is what messages call it. Raises MovementError if there is no header."""
+        """`name` appears in messages. Raises MovementError without a header."""
         self.name = name
         self._text = text
         self.comments: dict[str, str] = {}
-        """What the lines before the header say."""
+        """Key-value lines before the header."""
         for line, content in self._lines():
             if not content.startswith("#"):
                 self._header = line
@@ -68,9 +72,9 @@ class Table:
             raise MovementError(f"{name} has the column {twice[:40]!r} twice.")
 
     def numbers(self, columns: Sequence[str]) -> Floats:
-        """[rows, columns], all finite, and their squares, too.
+        """Values [rows, columns], finite and with finite squares.
 
-        Raises MovementError that names the first line which has other than numbers.
+        Raises MovementError with the first line that is not numeric.
         """
         for column in columns:
             if column not in self.columns:

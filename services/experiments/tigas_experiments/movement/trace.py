@@ -1,36 +1,38 @@
-"""Movement traces: poses of a camera with their own time stamps, and their CSV (docs/movement.md)."""
+"""Movement traces: poses of a camera with their own time stamps, and their CSV (docs/experiments.md)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, TypedDict, TypeVar, get_args
+from typing import TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from tigas_experiments.movement.errors import MovementError
-from tigas_experiments.movement.table import Floats, Table, read_text
+from tigas_common.wire.movement import (
+    ANCHORS,
+    COLUMNS,
+    MAX_COORDINATE,
+    MAX_DURATION_MS,
+    QUATERNION_LENGTHS,
+    UNITS,
+    Anchor,
+    Unit,
+)
+from tigas_experiments.movement.table import Floats, MovementError, Table, read_text
 
-COLUMNS = ("t_ms", "x", "y", "z", "qx", "qy", "qz", "qw")
-MAX_DURATION_MS = 86_400_000.0
-MAX_COORDINATE = 1e6
 TOO_FAR = f"is farther away than {MAX_COORDINATE:,.0f}"
-LENGTHS = (0.1, 10.0)
-"""Of a quaternion: within these it is taken for a rotation whose numbers were rounded or scaled."""
 ROUNDED = 0.01
-"""A quaternion may be so much longer or shorter than 1 before it is worth a note."""
+"""Deviation of a quaternion's length from 1 above which a note is added."""
 GAP_MS = 100.0
-"""A longer step between poses is called a gap: eyes notice when a movement is made up for so long."""
+"""Step between poses above which it counts as a gap, because interpolation becomes noticeable."""
 
-Anchor = Literal["start", "scene"]
-Unit = Literal["m", "scene"]
 T = TypeVar("T", bound=str)
 
 
-class Point(TypedDict):
+class TimedPose(TypedDict):
     """A pose at a time, in the scene's own frame."""
 
     t_ms: float
@@ -40,7 +42,7 @@ class Point(TypedDict):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MovementTrace:
-    """A movement in a levelled frame: y points down, along gravity; x and z lie on the floor."""
+    """A movement in a levelled frame: y points down along gravity, x and z are horizontal."""
 
     times_ms: Floats
     """[N], growing; the first is 0."""
@@ -51,11 +53,11 @@ class MovementTrace:
     anchor: Anchor
     """`start`: it begins at the origin, looking along z: a scene's start camera. `scene`: it is absolute."""
     unit: Unit
-    """Of the positions: metres, or the scene's own."""
+    """Unit of the positions: metres, or the scene's own."""
     comments: Mapping[str, str] = field(default_factory=dict)
-    """What else the file says of itself."""
+    """Other metadata of the file."""
     notes: tuple[str, ...] = ()
-    """What was repaired when it was read, a sentence each."""
+    """Repairs made when reading it, one sentence each."""
 
     @classmethod
     def read(cls, path: Path) -> MovementTrace:
@@ -69,8 +71,8 @@ class MovementTrace:
         if "ViewIndex" in table.columns:
             raise MovementError(f"{name} is a recording of EyeNavGS; `tigas movement import` makes a movement of it.")
         comments = dict(table.comments)
-        anchor = _choice(comments.pop("anchor", "scene"), get_args(Anchor), name, "anchor")
-        unit = _choice(comments.pop("unit", "scene"), get_args(Unit), name, "unit")
+        anchor = _choice(comments.pop("anchor", "scene"), ANCHORS, name, "anchor")
+        unit = _choice(comments.pop("unit", "scene"), UNITS, name, "unit")
         if (anchor, unit) == ("scene", "m"):
             raise MovementError(
                 f"{name}: `anchor: scene` is in the scene's own unit; only `anchor: start` may be in m."
@@ -103,12 +105,12 @@ class MovementTrace:
 
     @property
     def duration_ms(self) -> float:
-        """From the first pose to the last."""
+        """Duration from the first pose to the last."""
         return float(self.times_ms[-1])
 
     @property
     def description(self) -> str:
-        """What the file says that it is, or nothing."""
+        """The file's description, or an empty string."""
         return self.comments.get("description", "")
 
     @property
@@ -126,11 +128,11 @@ class MovementTrace:
         return [f"{count} between poses, up to {gaps.max():,.0f} ms long, will be played straight across."]
 
     @property
-    def points(self) -> list[Point]:
+    def points(self) -> list[TimedPose]:
         """All poses, in the trace's own frame and unit."""
         return as_points(self.times_ms, self.positions, self.quaternions)
 
-    def pose_at(self, t_ms: float) -> Point:
+    def pose_at(self, t_ms: float) -> TimedPose:
         """The pose at a time: straight between positions, along the arc between rotations; the ends hold."""
         return as_points([t_ms], *self.poses_at([t_ms]))[0]
 
@@ -172,7 +174,7 @@ class MovementTrace:
 def unit_quaternions(table: Table, quaternions: Floats) -> tuple[Floats, list[str]]:
     """Rotations [N, 4] of length 1, one for each row of a table, and a note if they were not. Raises MovementError."""
     lengths = np.linalg.norm(quaternions, axis=1)
-    low, high = LENGTHS
+    low, high = QUATERNION_LENGTHS
     table.refuse((lengths < low) | (lengths > high), "has a quaternion that is no rotation: its length is not 1")
     scaled = int((np.abs(lengths - 1) > ROUNDED).sum())
     notes = [f"Quaternions that did not have the length 1 were scaled to it: {scaled:,}."] if scaled else []
@@ -184,10 +186,10 @@ def between(first: Rotation, second: Rotation, share: ArrayLike) -> Rotation:
     return first * Rotation.from_rotvec((first.inv() * second).as_rotvec() * share)
 
 
-def as_points(times_ms: ArrayLike, positions: Floats, quaternions: Floats) -> list[Point]:
-    """Poses as they are handed on. `times_ms` [N], `positions` [N, 3], `quaternions` [N, 4]."""
+def as_points(times_ms: ArrayLike, positions: Floats, quaternions: Floats) -> list[TimedPose]:
+    """Poses as dictionaries, from `times_ms` [N], `positions` [N, 3] and `quaternions` [N, 4]."""
     rows = zip(np.asarray(times_ms, np.float64).tolist(), positions.tolist(), quaternions.tolist(), strict=True)
-    return [Point(t_ms=at, position=position, quaternion=quaternion) for at, position, quaternion in rows]
+    return [TimedPose(t_ms=at, position=position, quaternion=quaternion) for at, position, quaternion in rows]
 
 
 def _cell(value: float) -> str:

@@ -53,9 +53,9 @@ class GroundTruth:
     async def assess(
         self, shown: bytes, capture: Capture, inputs: Sequence[Input], *, predicted: bool = False
     ) -> CaptureQuality | None:
-        """A capture against ground truth; None while the viewer has not moved yet. Raises BrokenPicture, too.
+        """Compare a capture with ground truth; None before the viewer's first input. Also raises BrokenPicture.
 
-        predicted: frames were asked for where the viewer was expected to be, which no recording says.
+        `predicted`: frames were requested for predicted poses, which the recording lacks.
         """
         current = pose_at(inputs, capture.at)
         if current is None:

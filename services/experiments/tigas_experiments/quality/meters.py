@@ -1,5 +1,5 @@
-"""The metrics that a command asks for, with what they need: weights, a device, and ffmpeg. What needs something that is
-not here is left out, with a sentence.
+"""The requested metrics with their requirements: weights, a device, and ffmpeg. Unavailable metrics are left out, with
+a sentence each.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tigas_experiments.quality.weights import NoWeights
 MOST_TOGETHER = 2_000_000
 """Pixels of a picture; larger ones are compared one at a time: DISTS takes 1.6 GB for each megapixel of a pair."""
 VIDEO: tuple[Name, ...] = ("vmaf", "vif")
-"""Those that are computed of a sequence of pictures."""
+"""Metrics of a sequence of pictures."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,12 +30,12 @@ class Meter:
 
     names: tuple[Name, ...]
     measure: Callable[[Sequence[Picture], Picture], list[tuple[float, ...]]]
-    """Of each picture against one ground truth of the same size: the values of `names`."""
+    """Values of `names` for each picture, against one ground truth of the same size."""
 
 
 @dataclass(slots=True)
 class Meters:
-    """What can be computed here of what was asked for."""
+    """The requested metrics that are available."""
 
     single: list[Meter] = field(default_factory=list)
     video: bool = False
@@ -66,7 +66,7 @@ class Meters:
 
 
 def distance(model: Perceptual, device: str) -> Callable[[Sequence[Picture], Picture], list[tuple[float, ...]]]:
-    """Measures with a model on a device. Raises StartError if the device cannot be had."""
+    """A measurement with a model on a device. Raises StartError if the device is unavailable."""
     try:
         model = model.to(device).eval()
     except (RuntimeError, AssertionError) as error:
@@ -81,7 +81,9 @@ def distance(model: Perceptual, device: str) -> Callable[[Sequence[Picture], Pic
                 return [(value,) for value in model(batch[1:], batch[:1]).tolist()]
         except torch.OutOfMemoryError:
             size = f"{truth.shape[1]}×{truth.shape[0]}"
-            raise StartError(f"The GPU's memory is too small for pictures of {size}: use --device cpu.") from None
+            raise StartError(
+                f"The GPU's memory is too small for pictures of {size}: hide it with CUDA_VISIBLE_DEVICES=."
+            ) from None
 
     return measure
 

@@ -18,7 +18,7 @@ class PictureMetric:
     """Its field in scores.ndjson, and its name in commands and CSV files."""
     title: str
     variant: str
-    """Exactly what is computed, and of what."""
+    """Exact definition and input."""
     unit: str
     digits: int
     better: Literal["high", "low"]

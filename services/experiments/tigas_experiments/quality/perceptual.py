@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from torch.nn.functional import conv2d, max_pool2d, relu
 
 ALEXNET = ((64, 11, 4, 2), (192, 5, 1, 2), (384, 3, 1, 1), (256, 3, 1, 1), (256, 3, 1, 1))
-"""Of each convolution: channels, kernel, stride and padding."""
+"""Channels, kernel, stride and padding of each convolution."""
 VGG16 = ((64, 64), (128, 128), (256, 256, 256), (512, 512, 512), (512, 512, 512))
 """Channels of the 3×3 convolutions of each stage."""
 
@@ -18,7 +18,7 @@ class Perceptual(nn.Module):
     """How far pictures are from one ground truth: 0 if they are equal, more if they differ more."""
 
     convolutions: nn.ModuleList
-    """Of the network whose features are compared, in their order."""
+    """Convolutions of the network with compared features."""
 
     def forward(self, pictures: Tensor, truth: Tensor) -> Tensor:
         """Distances [n] of `pictures` [n, 3, h, w] from `truth` [1, 3, h, w], all RGB in 0 to 1."""
@@ -39,7 +39,7 @@ class Lpips(Perceptual):
         """[channels] How much each channel of a layer counts."""
 
     def forward(self, pictures: Tensor, truth: Tensor) -> Tensor:
-        """As Perceptual says."""
+        """Distances, see Perceptual."""
         x = _normalised(torch.cat((truth, pictures)))
         total = x.new_zeros(len(pictures))
         for layer, (convolution, head) in enumerate(zip(self.convolutions, self.heads, strict=True)):
@@ -67,7 +67,7 @@ class Dists(Perceptual):
         """[channels of all stages] How much equal structure counts."""
 
     def forward(self, pictures: Tensor, truth: Tensor) -> Tensor:
-        """As Perceptual says."""
+        """Distances, see Perceptual."""
         x = torch.cat((truth, pictures))
         sizes = [3, *(stage[-1] for stage in VGG16)]
         weights = zip(torch.split(self.alpha, sizes), torch.split(self.beta, sizes), strict=True)
@@ -101,6 +101,6 @@ def _l2_pooled(x: Tensor) -> Tensor:
 
 
 def _normalised(x: Tensor) -> Tensor:
-    """As the networks were trained: by ImageNet's mean and deviation."""
+    """Normalise by ImageNet's mean and deviation, as in training."""
     mean, deviation = (x.new_tensor(each)[:, None, None] for each in ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225)))
     return (x - mean).div(deviation)

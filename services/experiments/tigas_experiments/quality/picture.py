@@ -34,31 +34,30 @@ class Quality(WireModel):
 
 
 class CaptureQuality(WireModel):
-    """What a person saw at one moment, compared with ground truth in up to three ways."""
+    """The screen at one moment, compared with ground truth in up to three ways."""
 
     at: float
     pose: int
     rung: int | None
     picture: Quality | None
-    """Against the very pose that the frame was rendered from: what resolution and compression cost. None of a frame
-    from before the run, and of a picture that is no frame as it was rendered: the page turned it, or the pose was
-    predicted.
+    """Against the pose that the frame was rendered from: the cost of resolution and compression. None for frames from
+    before the run, and for reprojected frames or predicted poses.
     """
     view: Quality | None
-    """Against the pose to which the page turned it: what turning costs, too. Of a frame that was shown as it came,
-    against the pose that the viewer had when it came on the screen: what lateness costs. None of what is from before
+    """Against the pose that the frame was reprojected to, which includes the cost of reprojection. For an unchanged
+    frame: against the viewer's pose when it appeared, which includes the cost of lateness. None for frames from before
     the run.
     """
     seen: Quality | None = None
-    """Against the pose that the viewer had at that moment: what ageing and freezes cost, too. None in early records,
-    whose moments were those at which frames came on the screen.
+    """Against the viewer's pose at that moment, which includes the cost of ageing and freezes. None in early records,
+    which were made when frames appeared.
     """
     uncovered: float | None = Field(default=None, ge=0, le=1)
-    """Share of the picture of which nobody ever had pixels; they count as black. None in early records."""
+    """Share of the picture that was never covered, which counts as black. None in early records."""
 
 
 def decode_shown(data: bytes) -> tuple[Picture, float]:
-    """What was on the screen, on black, and the share of it that had no pixels. Raises BrokenPicture."""
+    """The screen on a black background, and its share without pixels. Raises BrokenPicture."""
     with opened(data) as image:
         if "A" not in image.getbands():
             return np.asarray(image.convert("RGB")), 0.0
@@ -76,9 +75,9 @@ def decode(data: bytes) -> Picture:
 
 @contextmanager
 def opened(data: bytes) -> Iterator[Image.Image]:
-    """A picture in a format that we write, of which no more than its size is known to be right.
+    """Open a picture in a supported format; only its size has been checked.
 
-    Raises BrokenPicture, also for what goes wrong with the picture in the context.
+    Raises BrokenPicture, including for errors in the context.
     """
     try:
         with Image.open(io.BytesIO(data), formats=FORMATS) as image:
@@ -97,7 +96,7 @@ def encode(picture: Picture) -> bytes:
 
 
 def enlarged(picture: Picture, width: int, height: int) -> Picture:
-    """As a browser shows it on a stage of this size: bilinear."""
+    """Scale bilinearly to a stage of this size, like a browser."""
     if picture.shape[:2] == (height, width):
         return picture
     return np.asarray(Image.fromarray(picture).resize((width, height), Image.Resampling.BILINEAR))
@@ -116,7 +115,7 @@ def compare(shown: Picture, reference: Picture) -> Quality:
     SSIM as Wang et al. 2004 (IEEE TIP 13) with their Gaussian weights (σ = 1.5), mean over channels; PSNR over all
     channels. Raises BrokenPicture if the pictures are too small.
     """
-    from skimage.metrics import structural_similarity  # heavy, and most who read figures compute none
+    from skimage.metrics import structural_similarity  # heavy, and only needed for computing scores
 
     height, width = reference.shape[:2]
     if min(height, width) < 11:

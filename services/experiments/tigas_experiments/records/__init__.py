@@ -1,1 +1,1 @@
-"""What is known of runs: how they were configured, what was recorded, and the figures that follow."""
+"""Records of runs: configuration, recording, and the resulting figures."""

@@ -1,18 +1,19 @@
-"""One folder a run.
+"""One folder per run.
 
     run.json         the configuration, versions, machine, load, and whether the run is complete
-    inputs.ndjson    poses that the viewer sampled        frames.ndjson   frames that were on the screen
-    replies.ndjson   frames that came (if any did)        requests.ndjson frames that were asked for (if any were)
-    traffic.ndjson   what the page received               load.ndjson     the machine's load
-    link.ndjson      what the shaper told of its link
-    captures/        pictures that were shown, as PNG     captures.ndjson which frames these are
-    quality.ndjson   how they compare with ground truth
-    snapshot.json    one of them, beside which captures/view.png shows what the viewer should have seen then
+    inputs.ndjson    poses sampled by the viewer          frames.ndjson   frames on screen
+    replies.ndjson   received frames (if any)             requests.ndjson requested frames (if any)
+    traffic.ndjson   bytes received by the page           load.ndjson     the machine's load
+    link.ndjson      the shaper's record of its link
+    captures/        shown pictures, as PNG               captures.ndjson their frames
+    quality.ndjson   their comparison with ground truth
+    snapshot.json    one of them, with the ideal picture in captures/view.png
     samples.ndjson   every n-th shown frame (if any)      samples/        their pictures (`samples.py`)
 
-A run is complete when its run.json says so, which is written last: whatever happens before leaves an incomplete run.
+A run is complete if its run.json says so, which is written last: any earlier interruption leaves an incomplete
+run.
 
-The runs of an experiment lie in one folder, as runs/<slug>, beside experiment.json, which says what was planned.
+The runs of an experiment are in one folder, as runs/<slug>, next to experiment.json with the plan.
 """
 
 from __future__ import annotations
@@ -40,14 +41,10 @@ from tigas_common.wire.recording import (
 from tigas_common.wire.run import Configuration
 from tigas_common.wire.store import ExperimentName, Plan
 from tigas_experiments.quality.picture import CaptureQuality
-from tigas_experiments.records.lines import read_lines, read_record, write_lines, write_record
+from tigas_experiments.records.files import BrokenRecording, read_lines, read_record, write_lines, write_record
 from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.records.machine import Machine, Server
-from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.records.samples import MAX_PICTURE_BYTES, read_samples, write_sample_file, write_samples
-
-Template = Literal["experiment", "comparison"]
-"""Which page tells of it: claims over groups of runs, or run by run."""
 
 
 class ExperimentRecord(WireModel):
@@ -58,35 +55,35 @@ class ExperimentRecord(WireModel):
     """ISO 8601, UTC."""
     source: Literal["command", "page"]
     plan: Plan
-    """As it was given."""
+    """As given."""
     planned: int | None = Field(default=None, ge=0)
     """How many runs it has when it is complete; unknown of early ones."""
-    template: Template = "experiment"
-    """Of its report."""
     command: str | None = None
-    """As it was typed, to run it again; None of what a page made, and of early ones."""
+    """The command line, to repeat it; None for the page's and early experiments."""
+    template: object = Field(default=None, exclude=True)
+    """Of early experiments, which had two kinds of reports."""
 
 
 def write_experiment(folder: Path, record: ExperimentRecord) -> None:
-    """Make an experiment's folder, if it is not there, and say in it what is planned. Raises OSError."""
+    """Make an experiment's folder, if missing, and write its plan. Raises OSError."""
     (folder / "runs").mkdir(parents=True, exist_ok=True)
     write_record(folder / "experiment.json", record)
 
 
 def read_experiment(folder: Path) -> ExperimentRecord:
-    """What write_experiment wrote. Raises BrokenRecording."""
+    """Parse the output of write_experiment. Raises BrokenRecording."""
     return read_record(folder / "experiment.json", ExperimentRecord)
 
 
 class Snapshot(WireModel):
-    """One capture beside which ground truth was kept."""
+    """One capture with its ground truth."""
 
     at: float
     capture: int
 
 
 class InputDigests(WireModel):
-    """SHA-256 of the files that a run was made from, in hexadecimal digits; None for what is no file."""
+    """SHA-256 of a run's input files, in hexadecimal digits; None for inputs other than files."""
 
     movement: str | None
     trace: str | None
@@ -108,9 +105,9 @@ class RunRecord(WireModel):
     """Unknown of runs that a page made, and of early ones."""
     browser: str | None = None
     backend: str | None = None
-    """What made the link's delay: netem or relay."""
+    """Implementation of the link's delay: netem or relay."""
     scene_bytes: int | None = None
-    """Of the scene's file: what a viewer that renders for itself would have to download."""
+    """Size of the scene's file, the download of a viewer that renders itself."""
     scene_sha256: str | None = None
     """Of the scene's file; None without one, and of early runs."""
     sampling_problem: str | None = None
@@ -137,21 +134,21 @@ class StoredRun:
         return read_lines(self.folder / "frames.ndjson", ShownFrame)
 
     def replies(self) -> list[Reply]:
-        """Frames that came; empty for DASH, and where nobody recorded them."""
+        """Received frames; empty for DASH, and if not recorded."""
         path = self.folder / "replies.ndjson"
         return read_lines(path, Reply) if path.exists() else []
 
     def requests(self) -> list[Request]:
-        """Frames that were asked for; empty for DASH, and where nobody recorded them."""
+        """Requested frames; empty for DASH, and if not recorded."""
         path = self.folder / "requests.ndjson"
         return read_lines(path, Request) if path.exists() else []
 
     def traffic(self) -> list[Traffic]:
-        """What was received."""
+        """Received bytes over time."""
         return read_lines(self.folder / "traffic.ndjson", Traffic)
 
     def link(self) -> list[LinkSample]:
-        """What the link did; empty for an unshaped run."""
+        """States of the link; empty for an unshaped run."""
         return read_lines(self.folder / "link.ndjson", LinkSample)
 
     def load(self) -> list[LoadSample]:
@@ -163,7 +160,7 @@ class StoredRun:
         return read_lines(self.folder / "quality.ndjson", CaptureQuality)
 
     def captures(self) -> list[Capture]:
-        """When pictures were kept, and of what; their files: `capture_path`."""
+        """Times and frames of kept pictures; their files: `capture_path`."""
         return read_lines(self.folder / "captures.ndjson", Capture)
 
     def samples(self) -> list[Sample]:
@@ -171,7 +168,7 @@ class StoredRun:
         return read_samples(self.folder)
 
     def snapshot(self) -> tuple[float, bytes, bytes] | None:
-        """When (ms), what was on the screen, and the view that the viewer had then, both as PNG; None without."""
+        """Time (ms), the screen, and the viewer's ideal view, both as PNG; None without."""
         if not (self.folder / "snapshot.json").exists():
             return None
         snapshot = read_record(self.folder / "snapshot.json", Snapshot)
@@ -192,7 +189,7 @@ class RunWriter:
         write_record(folder / "run.json", record)
 
     def recording(self, recording: Recording) -> None:
-        """What the page recorded."""
+        """The page's record."""
         self._lines("inputs", recording.inputs)
         self._lines("frames", recording.frames)
         if recording.replies:
@@ -212,7 +209,7 @@ class RunWriter:
         capture_path(self.folder, index).write_bytes(png)
 
     def snapshot(self, snapshot: Snapshot, view: bytes) -> None:
-        """Ground truth of what the viewer should have seen at a capture's time."""
+        """The viewer's ideal view at a capture's time."""
         (self.folder / "captures" / "view.png").write_bytes(view)
         (self.folder / "snapshot.json").write_text(snapshot.model_dump_json() + "\n", encoding="utf-8")
 
@@ -239,5 +236,5 @@ class RunWriter:
 
 
 def capture_path(folder: Path, index: int, suffix: str = "png") -> Path:
-    """A kept picture of a run, or what is beside it."""
+    """A kept picture of a run, or an additional file of it."""
     return folder / "captures" / f"{index:04}.{suffix}"

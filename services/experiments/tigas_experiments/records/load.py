@@ -1,32 +1,38 @@
-"""The load of the machine during a run: with saturated processors, latencies tell of it, not of the network."""
+"""The load of the machine during a run: under high load, latencies reflect the machine, not the network."""
 
 from __future__ import annotations
 
-import asyncio
-import time
-from collections import deque
-from collections.abc import AsyncIterator, Sequence
-from contextlib import asynccontextmanager
-
-import psutil
+from collections.abc import Sequence
+from typing import Literal
 
 from tigas_common.wire.model import WireModel
 
-EVERY_S = 0.5
-SATURATED = 0.95
-"""Above this share of busy processor time, work waits for a processor."""
+LIMIT = 0.9
+"""Above this share of busy time, work waits for a processor, or for a thread."""
 TOO_OFTEN = 0.1
-"""A run with more saturated samples than this share is marked."""
+"""In more than this share of a run's samples, it is worth saying."""
+WatchedServices = Literal["threads", "processors", "elsewhere"]
+"""Extent of watching the services: each of their threads; only the processors shared with the browser; nothing, since
+some of them ran on another machine.
+"""
 
 
 class LoadSample(WireModel):
-    """One moment."""
+    """One moment, or the interval since the previous sample."""
 
     unix_ms: float
     cpu: float
-    """Busy share of all processors since the sample before, 0 to 1."""
+    """Busy share, 0 to 1, of the processors available to the run or of the time granted by a control group, whichever
+    is greater. Early runs: of all processors of the machine.
+    """
+    processors: float | None = None
+    """How many the run might use; unknown of early runs."""
+    throttled: bool = False
+    """Whether a control group had to wait, as its time was used up."""
+    threads: dict[str, float] | None = None
+    """Busy share of each process's busiest thread, 0 to 1, by process name; None if not monitored."""
     load_average: float
-    """Of the last minute: processes that run or want to."""
+    """Average number of running or runnable processes over the last minute."""
 
 
 class Load(WireModel):
@@ -35,48 +41,44 @@ class Load(WireModel):
     cpu_mean: float
     cpu_max: float
     saturated_share: float
-    """Share of the samples above SATURATED."""
+    """Share of the samples in which processors were above LIMIT (95 % in early runs), or a control group waited."""
     load_average_max: float
-    processors: int
+    processors: float | None
+    """How many the run might use; of early runs, how many the machine had."""
+    pegged: dict[str, float] | None = None
+    """Share of samples with a thread above LIMIT, by process name; None if not monitored."""
+    services: WatchedServices | None = None
+    """None for runs made on a page, and for early ones."""
 
     @property
     def saturated(self) -> bool:
         """Whether the figures have to be doubted."""
         return self.saturated_share > TOO_OFTEN
 
+    @property
+    def often_pegged(self) -> dict[str, float]:
+        """The significant entries of `pegged`, highest first."""
+        often = [each for each in (self.pegged or {}).items() if each[1] > TOO_OFTEN]
+        return dict(sorted(often, key=lambda each: -each[1]))
+
+    @property
+    def worst_pegged(self) -> tuple[str, float] | None:
+        """The highest entry of `pegged`; None without entries."""
+        return max((self.pegged or {}).items(), key=lambda each: each[1], default=None)
+
     @classmethod
-    def of(cls, samples: Sequence[LoadSample]) -> Load | None:
+    def of(cls, samples: Sequence[LoadSample], services: WatchedServices | None = None) -> Load | None:
         """None without samples."""
         if not samples:
             return None
+        watched = [sample.threads for sample in samples if sample.threads is not None]
+        pegged = [name for threads in watched for name, share in threads.items() if share > LIMIT]
         return cls(
             cpu_mean=sum(sample.cpu for sample in samples) / len(samples),
             cpu_max=max(sample.cpu for sample in samples),
-            saturated_share=sum(sample.cpu > SATURATED for sample in samples) / len(samples),
+            saturated_share=sum(sample.cpu > LIMIT or sample.throttled for sample in samples) / len(samples),
             load_average_max=max(sample.load_average for sample in samples),
-            processors=psutil.cpu_count() or 1,
+            processors=samples[-1].processors,
+            pegged={name: pegged.count(name) / len(watched) for name in sorted(set(pegged))} if watched else None,
+            services=services,
         )
-
-
-@asynccontextmanager
-async def watching_load(keep: int | None = None) -> AsyncIterator[deque[LoadSample]]:
-    """Grows by a sample every EVERY_S for as long as the context lasts, up to the newest `keep`."""
-    samples: deque[LoadSample] = deque(maxlen=keep)
-
-    async def watch() -> None:
-        psutil.cpu_percent()
-        while True:
-            await asyncio.sleep(EVERY_S)
-            samples.append(
-                LoadSample(
-                    unix_ms=time.time() * 1000,
-                    cpu=psutil.cpu_percent() / 100,
-                    load_average=psutil.getloadavg()[0],
-                )
-            )
-
-    task = asyncio.create_task(watch())
-    try:
-        yield samples
-    finally:
-        task.cancel()

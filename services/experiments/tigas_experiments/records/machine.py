@@ -1,4 +1,4 @@
-"""What a figure depends on beside its configuration: versions, machines, and what served the frames."""
+"""Dependencies of a figure apart from its configuration: versions, machines, and the render service."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Machine(WireModel):
     python: str
     tigas: str
     commit: str | None
-    """Of the lab's code, with `-dirty` if it was changed; None if it is unknown."""
+    """Commit of the lab's code, with `-dirty` if modified; None if unknown."""
     packages: dict[str, str]
 
 
@@ -35,21 +35,21 @@ class Server(WireModel):
 
     version: str
     commit: str | None
-    """Of its code."""
+    """Commit of its code."""
     device: str | None
-    """What it renders with."""
+    """Rendering device."""
     ladder: Entries[Rung]
-    """What the run's profiles count in: that of its scene, where it has one of its own."""
+    """Ladder that the run's profiles refer to: the scene's own, if it has one."""
 
     @classmethod
     def of(cls, config: ServerConfig, scene: SceneInfo | None = None) -> Self:
-        """From what it tells its pages, of itself and of a run's scene."""
+        """From the service's public configuration and a run's scene."""
         own = scene.ladder if scene is not None else None
         return cls(version=config.version, commit=config.commit, device=config.device, ladder=own or config.ladder)
 
 
 def this_machine() -> Machine:
-    """As it is now."""
+    """The current machine."""
     return Machine(
         system=f"{platform.system()} {platform.release()} {platform.machine()}",
         processor=_processor(),

@@ -1,10 +1,10 @@
-"""A run's samples: shown frames whose pictures were kept, so that they can be rendered again and compared.
+"""A run's samples: displayed frames with kept pictures, so that they can be rendered again and compared.
 
-    samples.ndjson                  a Sample a line
-    samples/000123.jpg              the frame of request 123, as it came
-    samples/000123.enhanced.webp    (or .png) the picture that was shown, without loss; if it was enhanced
+    samples.ndjson                  one Sample per line
+    samples/000123.jpg              the received frame of request 123
+    samples/000123.enhanced.webp    (or .png) the displayed picture without loss, if it was enhanced
 
-Whatever else is known of a sample has its number, too: `samples/000123.…`, or a line with its `seq`.
+Other data of a sample also carry its number: `samples/000123.…`, or a line with its `seq`.
 """
 
 from __future__ import annotations
@@ -14,13 +14,14 @@ from pathlib import Path
 
 from tigas_common.files import read_regular
 from tigas_common.wire.recording import Sample
-from tigas_experiments.records.lines import read_lines, write_lines
-from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.records.files import BrokenRecording, read_lines, write_lines
 
 INDEX = "samples.ndjson"
 FOLDER = "samples"
 JPEG = "jpg"
 ENHANCED = ("enhanced.webp", "enhanced.png")
+STAMP = ',"stamp":null'
+"""At the end of an older record's requests."""
 MAX_PICTURE_BYTES = 64_000_000
 """A lossless picture of the largest viewport has hardly more."""
 
@@ -40,7 +41,7 @@ def read_samples(run: Path) -> list[Sample]:
     path = run / INDEX
     if not path.exists():
         return []
-    samples = read_lines(path, Sample)
+    samples = read_lines(path, Sample, gone=STAMP)
     if len({sample.seq for sample in samples}) < len(samples):
         raise BrokenRecording(f"{path} has two samples of one sequence number.")
     return samples

@@ -1,4 +1,4 @@
-"""scores.ndjson of a run: what each metric says of each sampled picture."""
+"""File scores.ndjson of a run: each metric's value for each sampled picture."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import Field
 
 from tigas_common.wire.model import WireModel
 from tigas_experiments.quality.metrics import PICTURE_METRICS, Name
-from tigas_experiments.records.lines import read_lines, write_lines
+from tigas_experiments.records.files import read_lines, write_lines
 from tigas_experiments.records.triplets import Kind
 
 SCORES = "scores.ndjson"
@@ -22,9 +22,9 @@ class Score(WireModel):
     seq: int = Field(ge=0)
     picture: Kind
     digest: str = Field(max_length=64)
-    """Of the two pictures: the score holds for no others."""
+    """Digest of the two pictures that the score belongs to."""
     model: str | None = Field(default=None, max_length=210)
-    """What enhanced it; None of an original, and where nothing says it."""
+    """Enhancement model; None for originals, and if unknown."""
     psnr: float | None = None
     ssim: float | None = None
     vmaf: float | None = None
@@ -39,7 +39,7 @@ class Score(WireModel):
 
     @property
     def values(self) -> dict[Name, float]:
-        """Those that were computed."""
+        """The computed values."""
         every: dict[Name, float | None] = {metric.name: getattr(self, metric.name) for metric in PICTURE_METRICS}
         return {name: value for name, value in every.items() if value is not None}
 
@@ -59,7 +59,7 @@ def read_scores(run: Path) -> list[Score]:
 
 
 def write_scores(run: Path, scores: Iterable[Score]) -> None:
-    """Whoever reads meanwhile sees the old ones or the new ones. Raises OSError."""
+    """Replace the file atomically. Raises OSError."""
     new = run / f"{SCORES}.new"
     in_order: list[Score] = sorted(scores, key=lambda score: score.key)
     write_lines(new, in_order)

@@ -1,8 +1,8 @@
-"""Figures of a run from its records, with the definitions that docs/compare.md states. Pure: records in, figures out.
+"""Figures of a run from its records, as defined in docs/experiments.md. All functions are pure.
 
-Every mode is measured from the same two lists, the poses that the rig sampled and the frames that were on the screen,
-so that no player's own idea of latency or stall enters. A frame that the page turned has two poses: `content`, that of
-its pixels, and `view`, that of the picture. Latency, ages and new views are of contents where nothing else is said.
+Every mode is measured from the same two lists, the sampled poses and the displayed frames, independently of a player's
+own notion of latency or stalls. A reprojected frame has two poses: `content`, the pose of its pixels, and `view`, the
+displayed pose. Latency, ages and new views refer to contents by default.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import get_args
 
 from tigas_common.wire.figures import (
+    AGE_EVERY_MS,
     INTERACTIVE_MS,
     USUAL_INTERVAL_MS,
     ContentAges,
@@ -32,8 +33,7 @@ from tigas_common.wire.figures import (
 from tigas_common.wire.recording import Fate, Input, Reply, Request, ShownFrame, Traffic
 
 FREEZE_MS, FREEZE_HISTORY = 150.0, 30
-"""As W3C webrtc-stats has them."""
-AGE_EVERY_MS = 5.0
+"""Constants of W3C webrtc-stats."""
 
 
 PoseOf = Callable[[ShownFrame], int]
@@ -45,7 +45,7 @@ def content(frame: ShownFrame) -> int:
 
 
 def view(frame: ShownFrame) -> int:
-    """The pose that it shows, turned or as it came."""
+    """The displayed pose, reprojected or not."""
     return frame.pose if frame.view is None else frame.view
 
 
@@ -79,10 +79,7 @@ def latencies(
         inputs=len(values),
         missed=sum(entry.missed for entry in inputs),
         unanswered=sum(map(math.isinf, values)),
-        p50=_finite(percentile(values, 0.5)),
-        p90=_finite(percentile(values, 0.9)),
-        p95=_finite(percentile(values, 0.95)),
-        p99=_finite(percentile(values, 0.99)),
+        **_percentiles(values),
         share_interactive=share(INTERACTIVE_MS),
         share_frame_less=share(INTERACTIVE_MS - interval_ms),
         share_frame_more=share(INTERACTIVE_MS + interval_ms),
@@ -90,15 +87,9 @@ def latencies(
 
 
 def view_latencies(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> ViewLatencies:
-    """As `latencies`, of views."""
+    """Like `latencies`, for views."""
     values = answers(inputs, frames, view)
-    return ViewLatencies(
-        unanswered=sum(map(math.isinf, values)),
-        p50=_finite(percentile(values, 0.5)),
-        p90=_finite(percentile(values, 0.9)),
-        p95=_finite(percentile(values, 0.95)),
-        p99=_finite(percentile(values, 0.99)),
-    )
+    return ViewLatencies(unanswered=sum(map(math.isinf, values)), **_percentiles(values))
 
 
 def new_views(frames: Sequence[ShownFrame], of: PoseOf = content) -> list[ShownFrame]:
@@ -117,7 +108,7 @@ def ages_when_new(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> list
 
 
 def frame_ages(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> FrameAges:
-    """Over the frames, where `latencies` is over the inputs: what no frame was asked for does not count here."""
+    """Ages over the frames, where `latencies` is over the inputs: inputs without a request do not count here."""
     values = [ms for _, ms in ages_when_new(inputs, frames)]
     return FrameAges(
         frames=len(values),
@@ -155,13 +146,13 @@ def response_times(replies: Sequence[Reply]) -> ResponseTimes:
 
 
 def requests(sent: Sequence[Request]) -> Requests | None:
-    """How many there were of each fate; None if there are none."""
+    """Number of requests by fate; None without requests."""
     fates = Counter(request.fate for request in sent)
     return Requests(sent=len(sent), **{fate: fates[fate] for fate in get_args(Fate)}) if sent else None
 
 
 def render_times(replies: Sequence[Reply]) -> RenderTimes:
-    """Of the same frames."""
+    """Rendering times of the same frames."""
     values = [reply.server.render for reply in replies if reply.asked_at >= 0 and reply.server is not None]
     return RenderTimes(mean=_mean(values), p50=percentile(values, 0.5))
 
@@ -219,14 +210,14 @@ def rungs(frames: Sequence[ShownFrame], duration_ms: float) -> Rungs:
 
 
 def mean_height(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
-    """Height in pixels of what was on the screen until the movement's end, weighted by time; None without frames."""
+    """Mean height in pixels on the screen until the movement's end, weighted by time; None without frames."""
     lasted = _heights(frames, duration_ms)
     total = sum(lasted.values())
     return sum(height * time for height, time in lasted.items()) / total if total else None
 
 
 def median_height(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
-    """The least height that what was on the screen did not exceed for half of the time; None without frames."""
+    """Median height on the screen, weighted by time; None without frames."""
     lasted = _heights(frames, duration_ms)
     half, passed = sum(lasted.values()) / 2, 0.0
     for height, time in sorted(lasted.items()):
@@ -247,7 +238,7 @@ def filled(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
 
 
 def warp_times(frames: Sequence[ShownFrame], duration_ms: float) -> WarpTimes:
-    """Of the pictures that the page turned until the movement's end."""
+    """Times of the pictures that the page reprojected until the movement's end."""
     values = [frame.warp_ms for frame in frames if frame.warp_ms is not None and 0 <= frame.at <= duration_ms]
     return WarpTimes(mean=_mean(values), p95=percentile(values, 0.95))
 
@@ -281,5 +272,7 @@ def _mean(values: Sequence[float]) -> float | None:
     return sum(values) / len(values) if values else None
 
 
-def _finite(value: float | None) -> float | None:
-    return None if value is None or math.isinf(value) else value
+def _percentiles(values: Sequence[float]) -> dict[str, float | None]:
+    """Fields p50 to p99; None for infinite percentiles."""
+    found = {rank: percentile(values, rank / 100) for rank in (50, 90, 95, 99)}
+    return {f"p{rank}": None if value is None or math.isinf(value) else value for rank, value in found.items()}

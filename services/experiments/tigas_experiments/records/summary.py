@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from tigas_common.wire.figures import USUAL_INTERVAL_MS, Figures, QualityFigures
 from tigas_common.wire.model import WireModel
-from tigas_common.wire.recording import Input, LinkSample, RecordingHead, Reply, Request, ShownFrame, Traffic
+from tigas_common.wire.recording import Input, LinkSample, Recording, RecordingHead, Reply, Request, ShownFrame, Traffic
 from tigas_experiments.quality.picture import CaptureQuality, Quality
 from tigas_experiments.records import statistics
+from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import RunRecord, StoredRun
-from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.records.scores import Score, read_scores
 
 
 class Summary(WireModel):
-    """A run with its figures, or with the reason why there are none."""
+    """A run with its figures, or with the reason for their absence."""
 
     folder: str
     record: RunRecord
@@ -26,7 +27,7 @@ class Summary(WireModel):
 
 @dataclass(frozen=True, slots=True)
 class Records:
-    """What was recorded in a complete run, read once."""
+    """Records of a complete run, read once."""
 
     head: RecordingHead
     inputs: list[Input]
@@ -38,9 +39,25 @@ class Records:
     """While the movement lasted."""
     quality: list[CaptureQuality]
     scores: list[Score]
-    """Of sampled pictures."""
+    """Scores of sampled pictures."""
     scores_problem: str | None
-    """Why these are missing: they were made after the run, which is none the worse for it."""
+    """Reason why the scores are unreadable, which does not invalidate the run."""
+
+    @classmethod
+    def of_recording(cls, recording: Recording, link: Sequence[LinkSample]) -> Records:
+        """Records of a page's recording, which has no pictures."""
+        return cls(
+            head=recording.head,
+            inputs=list(recording.inputs),
+            frames=list(recording.frames),
+            replies=list(recording.replies),
+            requests=list(recording.requests),
+            traffic=list(recording.traffic),
+            link=[sample for sample in link if 0 <= sample.at <= recording.duration_ms],
+            quality=[],
+            scores=[],
+            scores_problem=None,
+        )
 
     @classmethod
     def of(cls, stored: StoredRun) -> Records:

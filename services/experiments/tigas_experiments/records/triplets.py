@@ -1,7 +1,7 @@
-"""Triplets: of each sample of a run, the frame as it came, the enhanced picture as it was shown, and ground truth.
+"""Triplets of a sample: received frame, enhanced picture as displayed, and ground truth.
 
-A folder with `samples/` alone has them, too, however its pictures came about. Of each kept picture of a run: what was
-seen, and ground truth of the pose that the viewer had.
+Also found in any folder with `samples/`. For kept pictures of a run: the displayed picture, and ground truth of the
+viewer's pose.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Literal
 
 from tigas_experiments.quality.picture import BrokenPicture, Picture, decode, decode_shown, enlarged, upscaled
-from tigas_experiments.records.materialised import TRUTH
+from tigas_experiments.records.rerendered import TRUTH
 from tigas_experiments.records.samples import ENHANCED, JPEG, read_sample_file
 
 LEAST_SIDE, MOST_PIXELS = 32, 3840 * 2160
-"""Of ground truth. VIFp's lowest scale is an eighth as large; DISTS takes 13 GB for a pair of the largest."""
+"""Limits of ground truth. VIFp's lowest scale is an eighth as large; DISTS takes 13 GB for a pair of the largest."""
 Kind = Literal["original", "enhanced", "seen"]
 KINDS: tuple[Kind, ...] = ("original", "enhanced", "seen")
 
@@ -27,9 +27,9 @@ class Triplet:
     """The files of one sample, or of one kept picture, that has a ground truth."""
 
     seq: int
-    """Of a kept picture: its place among them."""
+    """Sequence number; index of a kept picture."""
     pictures: dict[Kind, Path]
-    """The original, the enhanced one, or both; or what was seen."""
+    """The original, the enhanced picture, or both; or the displayed picture."""
     truth: Path
 
     @property
@@ -45,18 +45,18 @@ class Triplet:
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """Of the files of one sample."""
+    """File contents of one sample."""
 
     pictures: dict[Kind, bytes]
     truth: bytes
 
     def digest(self, kind: Kind) -> str:
-        """Of a picture and its ground truth, 16 hexadecimal digits."""
+        """Digest of a picture and its ground truth, 16 hexadecimal digits."""
         parts = (self.pictures[kind], self.truth)
         return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()[:16]
 
     def decoded(self) -> tuple[Picture, dict[Kind, Picture]]:
-        """Ground truth, and the pictures at its size: the original by bicubic, what was seen by bilinear, on black.
+        """Ground truth, and the pictures at its size: originals by bicubic, displayed pictures by bilinear on black.
 
         Raises BrokenPicture.
         """

@@ -1,1 +1,1 @@
-"""Reports: one self-contained HTML page, JSON, a Markdown table and a figure, from run folders."""
+"""Reports: tables, figures and one self-contained page, from run folders."""

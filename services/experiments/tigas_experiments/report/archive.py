@@ -1,4 +1,4 @@
-"""One archive of the raw runs of a report, from which the report is made again: equal runs give equal bytes."""
+"""A reproducible archive of a report's raw runs: equal runs give equal bytes."""
 
 from __future__ import annotations
 
@@ -9,30 +9,29 @@ from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from tigas_common.errors import StartError
 from tigas_common.parsing import legible
 from tigas_common.wire.model import WireModel
-from tigas_experiments.records.folder import Template
 from tigas_experiments.report.results import LADDER, run_folders
 
 MOST_TIMES = 1000
-"""What is unpacked may have so many times the archive's bytes: ten to twenty for records, and xz reaches seven
-thousand for zeros."""
+"""Maximum expansion: records expand ten to twenty times, zeros up to seven thousand times."""
 OPTIONS = "options.json"
 
 
 class Options(WireModel):
-    """options.json of an archive, and of a folder that came from one: how its report was made."""
+    """Contents of options.json in an archive and in its unpacked folder: options of the report."""
 
-    template: Template | None = None
     baseline: str | None = None
     """A controller's name."""
+    template: object = Field(default=None, exclude=True)
+    """Ignored field of early archives."""
 
 
 def read_options(folder: Path) -> Options:
-    """What an archive says; nothing, if the folder came from none. Raises StartError."""
+    """Options of an unpacked archive; defaults for any other folder. Raises StartError."""
     try:
         return Options.model_validate_json((folder / OPTIONS).read_bytes())
     except FileNotFoundError:
@@ -42,10 +41,9 @@ def read_options(folder: Path) -> Options:
 
 
 def pack(folder: Path, archive: Path, options: Options) -> None:
-    """Write an experiment's record, its ladder and runs, complete or not, as .tar.xz under its name, with the options.
+    """Write an experiment's record, ladder, runs and options as .tar.xz, without owners, times and links.
 
-    Whose they are and when they were written is left out, and links are. Raises StartError if there are no runs, and
-    OSError; then the archive is what it was.
+    An existing archive is only replaced on success. Raises StartError if there are no runs, and OSError.
     """
     name = folder.resolve().name
     unfinished = archive.with_name(f".{archive.name}.part")
@@ -66,9 +64,9 @@ def pack(folder: Path, archive: Path, options: Options) -> None:
 
 
 def unpack(archive: Path) -> Path:
-    """The folder of the packed runs, beside the archive; complete or not there at all.
+    """Unpack an archive atomically into a folder next to it, and return the folder.
 
-    Raises StartError if it exists, or if this is no archive, and OSError.
+    Raises StartError if the folder exists or the file is not such an archive, and OSError.
     """
     with TemporaryDirectory(dir=archive.parent, prefix=".unpack-") as scratch:
         try:
@@ -85,7 +83,7 @@ def unpack(archive: Path) -> Path:
 
 
 def _one_folder(archive: Path, tar: tarfile.TarFile) -> str:
-    """The name of the folder that holds all of an archive. Raises StartError if `pack` wrote no such archive."""
+    """Name of the single folder in an archive. Raises StartError unless `pack` could have written the archive."""
     names, room = set(), MOST_TIMES * archive.stat().st_size
     for entry in tar:
         parts = PurePosixPath(entry.name).parts

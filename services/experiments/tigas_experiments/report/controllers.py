@@ -1,16 +1,15 @@
-"""What an experiment compares: controllers, fixed rungs, DASH's presets and single representations; each has one name
-and one look throughout.
-"""
+"""Names and styles of compared items: controllers, fixed rungs, DASH presets and representations."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Literal
 
 from tigas_common.wire.dash import RepresentationRequest
-from tigas_common.wire.run import MODE_NAMES, MODES, PER_VIEW, Configuration, Mode
+from tigas_common.wire.run import MODE_NAMES, PER_VIEW, Configuration, Mode
 
 LineStyle = Literal["-", "--", ":", "-."]
 CONTROLLER_TITLES = {
@@ -20,13 +19,13 @@ CONTROLLER_TITLES = {
     "lol+": "LoL+",
     "l2a": "L2A",
 }
-"""As the page has them; a controller of one's own is called by its name."""
+"""Titles as on the page; a custom controller is shown by its name."""
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How its lines and points are drawn: colour, dashes and marker each tell it apart."""
+    """Line style: colour, dashes and marker are each distinctive."""
 
     colour: str
     dashes: LineStyle
@@ -34,7 +33,7 @@ class Look:
 
     @property
     def line(self) -> dict[str, Any]:
-        """As matplotlib takes them for a line."""
+        """Arguments of matplotlib's line functions."""
         return {"color": self.colour, "linestyle": self.dashes}
 
 
@@ -46,42 +45,42 @@ KNOWN_LOOKS = {
     "l2a": Look("#56b4e9", "-", "v"),
     "dash-typical": Look("#d55e00", "--", "X"),
     "dash-tuned": Look("#009e73", "--", "P"),
-    "dash-edge": Look("#1c2430", "--", "*"),  # the text's colour, which is another one in the dark
+    "dash-edge": Look("#1c2430", "--", "*"),  # the text colour, which changes on a dark page
     "webrtc": Look("#117733", "--", "p"),
     "local-ply": Look("#8844dd", "-.", "h"),
     "local-compressed": Look("#885588", "-.", "d"),
 }
-"""Okabe and Ito's colours, which people with colour blindness tell apart."""
+"""Okabe and Ito's palette for colour blindness."""
 OTHER_COLOURS = ("#999933", "#882255", "#44aa99", "#ddcc77")
 FIXED_COLOUR = "#7b8490"
 USUAL = "budget"
-"""The page's own choice, which is compared with itself most often."""
+"""The page's default, the one with most compared variants."""
 STAGES = {
     (True, False): Look("#dd0044", "--", "<"),
     (False, True): Look("#bb66ff", ":", ">"),
     (True, True): Look("#7733ff", "-.", "8"),
 }
-"""Of what is done to a controller's frames: whether they are turned to the view, and whether they are enhanced."""
+"""Looks by whether frames are reprojected, and whether they are enhanced."""
 FIXED_DASHES: tuple[LineStyle, ...] = (":", "-.", "--", "-")
 
 
 @dataclass(frozen=True, slots=True)
 class Controller:
-    """What decides the profile: a controller, a fixed rung, or a preset of DASH, perhaps of one representation."""
+    """A controller, a fixed rung, or a DASH preset, perhaps with a single representation."""
 
     mode: Mode
     profile: int | str | None
-    """None in the modes that have none."""
+    """None in modes without profiles."""
     representation: RepresentationRequest | None = None
-    """The only one that a DASH stream had."""
+    """The single representation of a DASH stream."""
     enhancement: str | None = None
-    """The models that enhanced the frames, such as `anime4k-restore-m + scene`."""
+    """Enhancement models, such as `anime4k-restore-m + scene`."""
     motion: tuple[str, ...] = ()
-    """How the page met movement, such as `reprojection`, `prediction-auto`."""
+    """Motion compensation, such as `reprojection`, `prediction-linear`."""
 
     @classmethod
     def of(cls, configuration: Configuration) -> Controller:
-        """Of a run."""
+        """The controller of a run."""
         mode = configuration.mode
         if mode not in PER_VIEW:
             return cls(mode, None, configuration.dash_representation, motion=configuration.motion)
@@ -90,22 +89,22 @@ class Controller:
 
     @property
     def fixed(self) -> bool:
-        """Whether nothing adapts."""
+        """Whether the quality is constant."""
         return isinstance(self.profile, int) or self.representation is not None
 
     @property
     def plain(self) -> bool:
-        """Whether frames were shown as they came."""
+        """Whether frames were shown unchanged."""
         return self.enhancement is None and not self.motion
 
     @property
     def bare(self) -> Controller:
-        """The same, with frames shown as they come."""
+        """The same controller with unchanged frames."""
         return replace(self, enhancement=None, motion=())
 
     @property
     def name(self) -> str:
-        """For programs: `latency`, `profile-2`, `dash-tuned`."""
+        """Machine-readable name: `latency`, `profile-2`, `dash-tuned`."""
         if self.profile is None:
             name = self._with_representation(self.mode, "-")
         else:
@@ -115,7 +114,7 @@ class Controller:
 
     @property
     def title(self) -> str:
-        """For people."""
+        """Display name."""
         if self.profile is None:
             name = self._with_representation(MODE_NAMES[self.mode].replace(",", ""), " ")  # without commas, for lists
             return self._with_stages(name)
@@ -125,7 +124,7 @@ class Controller:
 
     @property
     def title_with_mode(self) -> str:
-        """For people who compare modes."""
+        """Display name for comparisons of modes."""
         if self.profile is None:
             return self._with_stages(self._with_representation(MODE_NAMES[self.mode], ", "))
         profile = f"rung {self.profile}" if isinstance(self.profile, int) else self.profile
@@ -140,11 +139,11 @@ class Controller:
 
 
 def in_order(controllers: Iterable[Controller]) -> list[Controller]:
-    """Each once, mode by mode: the known controllers, one's own, fixed rungs; or a stream's representations."""
-    known = list(CONTROLLER_TITLES)
+    """Distinct controllers by mode: known ones, custom ones, then fixed rungs or representations."""
+    known, modes = list(CONTROLLER_TITLES), list(MODE_NAMES)
 
     def place(controller: Controller) -> tuple[int, int, int, str, tuple[str, ...]]:
-        return MODES.index(controller.mode), *kind(controller), controller.motion
+        return modes.index(controller.mode), *kind(controller), controller.motion
 
     def kind(controller: Controller) -> tuple[int, int, str]:
         profile, enhancement = controller.profile, controller.enhancement or ""
@@ -158,9 +157,29 @@ def in_order(controllers: Iterable[Controller]) -> list[Controller]:
     return sorted(set(controllers), key=place)
 
 
+def run_names(runs: Sequence[Configuration]) -> dict[str, str]:
+    """Display names of an experiment's runs by folder: `DASH tuned, 20mbit,20ms-rtt, stroll`."""
+    scenes, segments, repeats = ({getattr(run, name) for run in runs} for name in ("scene", "segment", "repeat"))
+
+    def parts(run: Configuration) -> Iterator[str]:
+        yield Controller.of(run).title_with_mode.replace(",", "")
+        yield run.network.label
+        yield Path(run.movement).stem
+        if len(scenes) > 1:
+            yield run.scene
+        if len(segments) > 1:
+            yield f"part {run.segment + 1}"
+        if len(repeats) > 1:
+            yield f"repeat {run.repeat + 1}"
+
+    return {run.slug: ", ".join(parts(run)) for run in runs}
+
+
 def looks(controllers: Iterable[Controller]) -> dict[Controller, Look]:
-    """One for each; the known ones' are the same in every report. What is done to frames shows only where a controller
-    is compared with itself without it, or with something else done."""
+    """A style for each controller; known controllers have the same one in every report.
+
+    Variants of frames have separate styles only if several variants of the controller are compared.
+    """
     ordered = in_order(controllers)
     variants = Counter(controller.bare for controller in ordered)
     found: dict[Controller, Look] = {}
@@ -177,7 +196,7 @@ def looks(controllers: Iterable[Controller]) -> dict[Controller, Look]:
 
 
 def _usual(controller: Controller, place: int) -> Look | None:
-    """Whatever is done to its frames; None: it has none. `place`: how many fixed ones of its mode came before it."""
+    """Predefined look of a controller, if any; `place` counts the preceding fixed controllers of its mode."""
     if controller.representation is not None:
         colour = KNOWN_LOOKS[controller.mode].colour
         return Look(colour, FIXED_DASHES[place % len(FIXED_DASHES)], MARKERS[place % len(MARKERS)])
@@ -189,7 +208,7 @@ def _usual(controller: Controller, place: int) -> Look | None:
 
 
 def _set_apart(look: Look, controller: Controller) -> Look:
-    """By dashes and marker, and the usual controller by colours of its own."""
+    """A distinct look for a variant: dashes and marker, and the colour too for the default controller."""
     stage = STAGES[bool(controller.motion), controller.enhancement is not None]
     colour = stage.colour if controller.bare.name == USUAL else look.colour
     return Look(colour, ":" if stage.dashes == look.dashes else stage.dashes, stage.marker)

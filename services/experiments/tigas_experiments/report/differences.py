@@ -1,4 +1,4 @@
-"""What each controller's figures are less a baseline's, block by block, over the same networks and round trips."""
+"""Paired differences of each controller from a baseline, block by block over the same networks and round trips."""
 
 from __future__ import annotations
 
@@ -7,44 +7,38 @@ from dataclasses import dataclass
 
 from tigas_common.errors import StartError
 from tigas_experiments.records.folder import ExperimentRecord
-from tigas_experiments.report.blocks import Estimate, differences
 from tigas_experiments.report.controllers import Controller
-from tigas_experiments.report.groups import Group, Groups
+from tigas_experiments.report.estimates import Estimate, paired
+from tigas_experiments.report.groups import Group, Groups, rtt_order
 from tigas_experiments.report.metrics import Metric
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Difference:
-    """A controller against the baseline, over one network or all of them, at one round trip."""
+    """A controller against the baseline at one round trip, over one network or all of them."""
 
     network: str | None
-    """None: over all."""
+    """None for all networks."""
     rtt_ms: float | None
     controller: Controller
     pairs: tuple[tuple[Group, Group], ...]
-    """The controller's runs and the baseline's, network by network."""
+    """Groups of the controller and of the baseline, one pair per network."""
 
     def estimate(self, metric: Metric) -> Estimate | None:
-        """The mean difference over all blocks that both have; None if there is none."""
-        return Estimate.over(
-            [
-                value
-                for own, base in self.pairs
-                for value in differences(own.blocks(metric), base.blocks(metric)).values()
-            ]
-        )
+        """Mean difference over all common blocks; None without any."""
+        values = [paired(own.blocks(metric), base.blocks(metric)) for own, base in self.pairs]
+        return Estimate.over([value for found in values for value in found.values()], metric.step)
 
     @property
     def blocks(self) -> int:
-        """That both have runs of."""
-        return sum(len(own.every_block & base.every_block) for own, base in self.pairs)
+        """Number of common blocks."""
+        return sum(len(own.all_blocks & base.all_blocks) for own, base in self.pairs)
 
 
 def against(groups: Groups, baseline: Controller) -> list[Difference]:
-    """Of all controllers but the baseline: over all networks at the round trips that all have, then over each."""
-    conditions = list(dict.fromkeys((group.condition.network, group.condition.rtt_ms) for group in groups))
+    """Differences over all networks at their common round trips, then over each network."""
     each: list[Difference] = []
-    for network, rtt in conditions:
+    for network, rtt in groups.conditions:
         by_controller = {group.controller: group for group in groups.at(network, rtt)}
         base = by_controller.pop(baseline, None)
         if base is not None:
@@ -53,24 +47,20 @@ def against(groups: Groups, baseline: Controller) -> list[Difference]:
 
 
 def _over_all(groups: Groups, each: Sequence[Difference]) -> list[Difference]:
-    networks = groups.networks
-    if len(networks) < 2:
-        return []
-    by_key: dict[tuple[float | None, Controller], list[Difference]] = {}
-    for rtt in sorted({one.rtt_ms for one in each}, key=lambda rtt: -1.0 if rtt is None else rtt):
-        for controller in groups.looks:
-            by_key[rtt, controller] = [one for one in each if (one.rtt_ms, one.controller) == (rtt, controller)]
-    return [
-        Difference(None, rtt, controller, tuple(pair for one in found for pair in one.pairs))
-        for (rtt, controller), found in by_key.items()
-        if len(found) == len(networks)
-    ]
+    found = []
+    if len(groups.networks) > 1:
+        for rtt in sorted({one.rtt_ms for one in each}, key=rtt_order):
+            for controller in groups.looks:
+                own = [one for one in each if (one.rtt_ms, one.controller) == (rtt, controller)]
+                if len(own) == len(groups.networks):
+                    found.append(Difference(None, rtt, controller, tuple(pair for one in own for pair in one.pairs)))
+    return found
 
 
 def choose_baseline(groups: Groups, experiment: ExperimentRecord | None, asked: str | None) -> Controller | None:
-    """By its name; otherwise the first that the experiment's file names, or of the runs. None without runs.
+    """The controller named `asked`, else the first in the experiment's file, else the first of the runs.
 
-    Raises StartError if there are no runs of the one that was asked for.
+    None without runs. Raises StartError if there are no runs of the controller named `asked`.
     """
     present = {controller.name: controller for controller in groups.looks}
     if asked is not None:
@@ -81,7 +71,7 @@ def choose_baseline(groups: Groups, experiment: ExperimentRecord | None, asked: 
 
 
 def _planned(experiment: ExperimentRecord | None) -> list[str]:
-    """Names of controllers in the file's order; a page's plan may say nothing of them."""
+    """Controller names in the order of the experiment's file; a plan made on the page may have none."""
     plan = {} if experiment is None else experiment.plan
     variants = plan.get("variants")
     first = variants[0] if isinstance(variants, list) and variants and isinstance(variants[0], dict) else {}

@@ -1,58 +1,92 @@
-"""Aggregates runs: those of equal network, round trip and controller are a group, with one spread for each metric."""
+"""Groups of runs with equal network, round trip and controller, and their means and ranges.
+
+Groups of one network and round trip cover the same blocks: a controller without runs of the hard blocks would look
+better than it is.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
 
 import numpy as np
 
+from tigas_common.wire.run import Configuration
 from tigas_experiments.records.folder import RunRecord
-from tigas_experiments.report.blocks import Block, Estimate
 from tigas_experiments.report.controllers import Controller, Look, in_order, looks
+from tigas_experiments.report.estimates import Estimate
 from tigas_experiments.report.metrics import Metric, Value
 from tigas_experiments.report.results import Floats, Run
 
 
 @dataclass(frozen=True, slots=True)
-class Condition:
-    """What a run was made under, but for its scene, movement and repeat."""
+class Block:
+    """Inputs of a run apart from its controller: part of a network trace × part of a movement × scene.
+
+    Repeats share a block: they measure how much a run varies, not how inputs differ.
+    """
 
     network: str
-    """Without its round trip."""
+    """Name without the round trip."""
+    trace_offset_s: float
+    scene: str
+    movement: str
+    movement_offset_s: float
+
+    @classmethod
+    def of(cls, configuration: Configuration) -> Self:
+        """The block of a run."""
+        network = configuration.network
+        return cls(
+            network.name,
+            network.offset_s,
+            configuration.scene,
+            Path(configuration.movement).name,
+            configuration.movement_offset_s,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """Conditions of a run apart from its scene, movement and repeat."""
+
+    network: str
+    """Name without the round trip."""
     rtt_ms: float | None
-    """None: the trace's own, or unknown."""
+    """None if it varies with the trace or is unknown."""
     controller: Controller
 
     @classmethod
     def of(cls, record: RunRecord) -> Condition:
-        """Of a run."""
+        """The condition of a run."""
         network = record.configuration.network
         return cls(network.name, network.round_trip_ms, Controller.of(record.configuration))
 
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """A metric over several runs."""
+    """Mean and range of a metric over several runs."""
 
     mean: float
     low: float
     high: float
     runs: int
-    """That have the metric."""
+    """Number of runs that have the metric."""
 
     @classmethod
     def over(cls, values: Sequence[Value], means: Iterable[float] = ()) -> Spread | None:
-        """Without the runs that do not have it; None if none has. inf in one makes the mean inf.
+        """Spread of the known values; None without any. One infinite value makes the mean infinite.
 
-        `means` are those of the blocks that the runs are of, each of which counts the same.
+        `means` are the means of blocks, which are weighted equally.
         """
         found = [value for value in values if value is not None]
         if not found:
             return None
         low, high = min(found), max(found)
         counted = list(means) or found
-        # Rounding must not carry the mean of equal values beyond them.
+        # Rounding must not move the mean of equal values outside their range.
         return cls(min(max(sum(counted) / len(counted), low), high), low, high, len(found))
 
 
@@ -65,127 +99,180 @@ class Group:
 
     @property
     def controller(self) -> Controller:
-        """What was compared."""
+        """The controller or stream under comparison."""
         return self.condition.controller
 
     @property
     def saturated(self) -> bool:
-        """Whether the machine was the bottleneck in a run."""
+        """Whether the machine was the bottleneck in any run."""
         return any(run.saturated for run in self.runs)
 
     def spread(self, metric: Metric) -> Spread | None:
-        """Of one metric: the mean over blocks, the least and the greatest run."""
-        return Spread.over([metric.of(run.record, run.figures) for run in self.runs], self.blocks(metric).values())
+        """Mean over blocks, and range over runs."""
+        return Spread.over([run.values[metric.name] for run in self.runs], self.blocks(metric).values())
 
     def estimate(self, metric: Metric) -> Estimate | None:
-        """The mean over blocks with its interval; None if no run has the metric."""
+        """Mean over blocks with its interval; None if no run has the metric."""
         return Estimate.over(list(self.blocks(metric).values()))
 
     def blocks(self, metric: Metric) -> dict[Block, float]:
-        """The mean over the repeats of each block that have the metric."""
+        """Mean over repeats in each block that has the metric."""
         values: dict[Block, list[float]] = {}
         for run in self.runs:
-            value = metric.of(run.record, run.figures)
-            if value is not None:
+            if (value := run.values[metric.name]) is not None:
                 values.setdefault(Block.of(run.record.configuration), []).append(value)
         return {block: sum(found) / len(found) for block, found in values.items()}
 
     @property
-    def every_block(self) -> set[Block]:
-        """That the runs are of."""
+    def all_blocks(self) -> set[Block]:
+        """Blocks covered by the runs."""
         return {Block.of(run.record.configuration) for run in self.runs}
-
-    def has(self, metric: Metric) -> bool:
-        """Whether all runs have the metric."""
-        return all(metric.of(run.record, run.figures) is not None for run in self.runs)
 
     @property
     def latencies(self) -> Floats:
-        """[inputs] Motion-to-photon of all runs together, ms; inf where no frame came."""
+        """[inputs] Motion-to-photon latencies of all runs, ms; inf for unanswered inputs."""
         return np.concatenate([run.latencies[:, 1] for run in self.runs])
 
     @property
     def frame_ages(self) -> Floats:
-        """[frames] Of all runs together, ms."""
+        """[frames] Frame ages of all runs, ms."""
         return np.concatenate([run.frame_ages[:, 1] for run in self.runs])
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """All runs over one network at one round trip."""
+
+    runs: Mapping[Condition, tuple[Run, ...]]
+
+    @property
+    def blocks(self) -> dict[Condition, set[Block]]:
+        """Blocks covered by each controller."""
+        return {
+            condition: {Block.of(run.record.configuration) for run in runs} for condition, runs in self.runs.items()
+        }
+
+    @property
+    def common(self) -> set[Block]:
+        """Blocks covered by all controllers."""
+        return set.intersection(*self.blocks.values())
+
+    @property
+    def missing(self) -> dict[Controller, int]:
+        """Number of blocks that each controller lacks, if any."""
+        blocks = self.blocks
+        every = set.union(*blocks.values())
+        return {condition.controller: len(every - own) for condition, own in blocks.items() if len(own) < len(every)}
+
+    @property
+    def common_runs(self) -> Mapping[Condition, tuple[Run, ...]]:
+        """Runs of the common blocks; all runs without common blocks."""
+        common = self.common
+        if not common:
+            return self.runs
+        return {
+            condition: tuple(run for run in runs if Block.of(run.record.configuration) in common)
+            for condition, runs in self.runs.items()
+        }
+
+
+def comparisons(runs: Iterable[Run]) -> list[Comparison]:
+    """One comparison for each network and round trip."""
+    found: dict[tuple[str, float | None], dict[Condition, tuple[Run, ...]]] = {}
+    for run in runs:
+        condition = Condition.of(run.record)
+        own = found.setdefault((condition.network, condition.rtt_ms), {})
+        own[condition] = (*own.get(condition, ()), run)
+    return [Comparison(own) for own in found.values()]
+
+
 class Groups(tuple[Group, ...]):
-    """All groups of an experiment, by network, round trip and controller."""
+    """All groups of an experiment, sorted by network, round trip and controller."""
 
     __slots__ = ()
 
     @classmethod
     def of(cls, runs: Iterable[Run]) -> Groups:
-        """Of all runs."""
-        by_condition: dict[Condition, list[Run]] = {}
-        for run in runs:
-            by_condition.setdefault(Condition.of(run.record), []).append(run)
+        """Groups of the runs in common blocks, or of all runs without common blocks."""
+        by_condition = {
+            condition: common for compared in comparisons(runs) for condition, common in compared.common_runs.items()
+        }
         order = in_order(condition.controller for condition in by_condition)
 
         def place(condition: Condition) -> tuple[str, float, int]:
-            rtt = -1.0 if condition.rtt_ms is None else condition.rtt_ms
-            return condition.network, rtt, order.index(condition.controller)
+            return condition.network, rtt_order(condition.rtt_ms), order.index(condition.controller)
 
-        return cls(Group(condition, tuple(by_condition[condition])) for condition in sorted(by_condition, key=place))
+        return cls(Group(condition, by_condition[condition]) for condition in sorted(by_condition, key=place))
 
     @property
     def networks(self) -> list[str]:
-        """By name."""
+        """Names of the networks."""
         return list(dict.fromkeys(group.condition.network for group in self))
 
     @property
+    def conditions(self) -> list[tuple[str, float | None]]:
+        """Each network with each of its round trips."""
+        return list(dict.fromkeys((group.condition.network, group.condition.rtt_ms) for group in self))
+
+    @property
     def looks(self) -> dict[Controller, Look]:
-        """Each controller's, in the order of every table and legend."""
+        """Line style of each controller, in the order of all tables and legends."""
         return looks(group.controller for group in self)
 
     def rtts(self, network: str) -> list[float]:
-        """The round trips that are known, from the lowest."""
-        found = {group.condition.rtt_ms for group in self if group.condition.network == network}
-        return sorted(rtt for rtt in found if rtt is not None)
+        """Known round trips of a network, ascending."""
+        return sorted(rtt for name, rtt in self.conditions if name == network and rtt is not None)
 
     def at(self, network: str, rtt_ms: float | None) -> list[Group]:
-        """Those of one network and round trip."""
+        """Groups of one network and round trip."""
         return [g for g in self if (g.condition.network, g.condition.rtt_ms) == (network, rtt_ms)]
 
     def base_rtt(self, network: str) -> float | None:
-        """The round trip that stands for the network where only one is shown: the lowest."""
+        """The lowest round trip, which figures with only one round trip show."""
         return next(iter(self.rtts(network)), None)
+
+    def base(self, network: str) -> list[Group]:
+        """Groups of a network at its lowest round trip."""
+        return self.at(network, self.base_rtt(network))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Overall:
-    """One controller at one round trip."""
+    """One controller at one round trip, over all networks."""
 
     rtt_ms: float | None
     controller: Controller
     groups: tuple[Group, ...]
-    """One a network."""
+    """One for each network."""
 
     @property
     def runs(self) -> int:
-        """Of all networks."""
+        """Number of runs over all networks."""
         return sum(len(group.runs) for group in self.groups)
 
     @property
     def name(self) -> str:
-        """The controller's, marked if the machine was the bottleneck in a run."""
+        """The controller's title, marked with * if the machine was the bottleneck in any run."""
         return self.controller.title + "*" * any(group.saturated for group in self.groups)
 
     def spread(self, metric: Metric) -> Spread | None:
-        """Of the networks' means, each of which counts the same."""
+        """Spread of the networks' means, which are weighted equally."""
         spreads = [group.spread(metric) for group in self.groups]
         return Spread.over([None if spread is None else spread.mean for spread in spreads])
 
 
 def overall(groups: Groups) -> list[Overall]:
-    """By round trip and controller; of round trips that all networks have, so that their metrics can be compared."""
+    """Controllers at the round trips that all networks share, by round trip and controller."""
     networks = groups.networks
     found = []
-    for rtt in sorted({group.condition.rtt_ms for group in groups}, key=lambda rtt: -1.0 if rtt is None else rtt):
-        at = [group for group in groups if group.condition.rtt_ms == rtt]
+    for rtt in sorted({rtt for _, rtt in groups.conditions}, key=rtt_order):
         for controller in groups.looks:
-            its = tuple(group for group in at if group.controller == controller)
-            if len(its) == len(networks):
-                found.append(Overall(rtt, controller, its))
+            own = tuple(g for g in groups if (g.condition.rtt_ms, g.controller) == (rtt, controller))
+            if len(own) == len(networks):
+                found.append(Overall(rtt, controller, own))
     return found
+
+
+def rtt_order(rtt_ms: float | None) -> float:
+    """Sort key of a round trip: unknown ones first."""
+    return -1.0 if rtt_ms is None else rtt_ms

@@ -1,28 +1,65 @@
-"""ladder.jpg and ladder.csv: one view of an experiment at each rung of the ladder, with its size."""
+"""Files ladder.jpg and ladder.csv: one view of an experiment at each rung, with its size."""
 
 from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tigas_common.errors import StartError
-from tigas_common.pose import Pose
+from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.recording import Lens
-from tigas_experiments.quality.picture import Picture
+from tigas_common.wire.render import RenderRequest, Rung
+from tigas_experiments.quality.picture import Picture, Quality, compare, decode, upscaled
+from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import StoredRun
-from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.report.plot import style
 from tigas_experiments.report.results import LADDER, run_folders
-from tigas_experiments.samples.ladder import Step
+from tigas_experiments.samples.renderer import Renderer
 
 PICTURE_IN = 3.2
 DPI = 150
 DETAIL = 4
-"""Below a picture is its middle, so many times larger."""
+"""Magnification of the detail below each picture."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """The view at one rung."""
+
+    number: int
+    rung: Rung
+    width: int
+    height: int
+    """Frame height, pixels."""
+    bytes: int
+    """Size of its JPEG."""
+    shown: Picture
+    """The frame enlarged by bicubic to the best rung's size."""
+    quality: Quality
+    """Quality against a lossless rendering at that size."""
+
+
+async def ladder(renderer: Renderer, scene: str, pose: Pose, lens: Lens) -> list[Step]:
+    """One view at every rung, best first, at the best rung's size and the viewport's aspect ratio.
+
+    Raises RendererAway, NotRendered and BrokenPicture.
+    """
+    rungs = (await renderer.load(scene)).ladder or (await renderer.config()).ladder
+    view = _at_best(lens.intrinsics, rungs[0])
+    truth = decode(await renderer.frame(RenderRequest.at(scene, pose, view, format="png")))
+    found = []
+    for number, rung in enumerate(rungs):
+        data = await renderer.frame(RenderRequest.at(scene, pose, view, profile=number))
+        frame = decode(data)
+        shown = upscaled(frame, view.width, view.height)
+        height, width = frame.shape[:2]
+        found.append(Step(number, rung, width, height, len(data), shown, compare(shown, truth)))
+    return found
 
 
 def middle_view(folder: Path) -> tuple[str, Pose, Lens]:
@@ -36,11 +73,11 @@ def middle_view(folder: Path) -> tuple[str, Pose, Lens]:
         if stored.record.recording is not None and inputs:
             middle = inputs[len(inputs) // 2]
             return stored.record.configuration.scene, middle.camera, stored.record.recording.lens
-    raise StartError(f"{folder} has no run that tells where a viewer was.")
+    raise StartError(f"{folder} has no run with recorded poses.")
 
 
 def write_ladder(steps: Sequence[Step], folder: Path) -> list[Path]:
-    """The two files. Raises OSError."""
+    """Write both files and return their paths. Raises OSError."""
     shape = steps[0].shown.shape
     height = PICTURE_IN * shape[0] / shape[1]
     with style():
@@ -59,6 +96,10 @@ def write_ladder(steps: Sequence[Step], folder: Path) -> list[Path]:
             size = (step.width, step.height, step.rung.quality, step.bytes)
             writer.writerow((step.number, step.rung.name, *size, step.quality.psnr_db, step.quality.ssim))
     return [picture, table]
+
+
+def _at_best(intrinsics: Intrinsics, best: Rung) -> Intrinsics:
+    return intrinsics.resized(*best.size_for(intrinsics.width, intrinsics.height))
 
 
 def _title(step: Step) -> str:

@@ -1,37 +1,42 @@
-"""Where a frame's age comes from: the mean of each of its parts, over the frames that showed a new pose first."""
+"""Breakdown of frame age: the mean of each part, over the frames that first showed a new pose."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from tigas_common.wire.recording import Input, Reply, ShownFrame
+
+PART_TITLES = {
+    "wait": "Wait for a request",
+    "queue": "Server queue",
+    "render": "Rendering",
+    "encode": "Encoding",
+    "network": "Network",
+    "enhance": "Enhancement",
+    "page": "Page and display",
+}
 
 
 @dataclass(frozen=True, slots=True)
 class LatencyParts:
-    """ms; their sum is the mean age of these frames."""
+    """Consecutive parts in ms; their sum is the mean age of these frames."""
 
     wait: float
-    """From the input to the request: as many are in flight as may be."""
+    """From the input to the request, while the limit of requests in flight is reached."""
     queue: float
     render: float
     encode: float
     network: float
-    """Up and down, and what the server does beside the three."""
+    """Both directions, including the server's time outside queue, rendering and encoding."""
     enhance: float
-    """What the page's enhancement took; 0 where it was off."""
+    """The page's enhancement; 0 without it."""
     page: float
-    """The rest from the last byte to the screen: decoding, and the display's next refresh."""
-
-    @property
-    def by_name(self) -> dict[str, float]:
-        """In the order in which they follow one another."""
-        return asdict(self)
+    """The remainder from the last byte to the screen: decoding and the next display refresh."""
 
     @classmethod
     def of(cls, inputs: Sequence[Input], frames: Sequence[ShownFrame], replies: Sequence[Reply]) -> LatencyParts | None:
-        """None if no reply tells of the server's times, as in DASH."""
+        """Parts from a run's records; None without server times, as in DASH."""
         sampled = {entry.pose: entry.at for entry in inputs if not entry.missed}
         answers = {reply.pose: reply for reply in reversed(replies) if reply.server is not None}  # the first of a pose
         found = []
@@ -49,14 +54,3 @@ class LatencyParts:
         if not found:
             return None
         return cls(*(sum(column) / len(found) for column in zip(*found, strict=True)))
-
-
-PART_TITLES = {
-    "wait": "Wait for a request",
-    "queue": "Server's queue",
-    "render": "Rendering",
-    "encode": "Encoding",
-    "network": "Network",
-    "enhance": "Enhancement",
-    "page": "Page and display",
-}

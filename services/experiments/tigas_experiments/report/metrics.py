@@ -1,32 +1,68 @@
-"""The figures that reports have of each run, one definition for CSV files, tables and plots."""
+"""The figures of a run: one table that defines the columns of CSV files, tables and plots."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
-from tigas_common.wire.figures import INTERACTIVE_MS, Figures, QualityFigures, Requests, ViewLatencies
-from tigas_common.wire.recording import PlayedDownload
+from tigas_common.wire.figures import INTERACTIVE_MS, USUAL_INTERVAL_MS, Figures
 from tigas_experiments.records.folder import RunRecord
+from tigas_experiments.report.latency_parts import PART_TITLES, LatencyParts
 
 Value = float | None
+Better = Literal["low", "high"] | None
 NEVER = "never"
 NONE = "–"
 
 
 @dataclass(frozen=True, slots=True)
+class Measured:
+    """The inputs that the figures of a run are taken from."""
+
+    record: RunRecord
+    figures: Figures
+    parts: LatencyParts | None = None
+
+    @property
+    def minutes(self) -> float:
+        """The movement's duration."""
+        recording = self.record.recording
+        return (recording.duration_ms if recording else self.record.configuration.duration_s * 1000) / 60_000
+
+
+@dataclass(frozen=True, slots=True)
 class Metric:
-    """One figure. inf: so many inputs were never answered that there is no such time."""
+    """One figure; inf means that too many inputs were never answered for the statistic to exist."""
 
     name: str
-    """Its column in the CSV files, with its unit."""
+    """Column name in the CSV files, including the unit."""
     title: str
     unit: str
     digits: int
-    better: Literal["low", "high"] | None
-    of: Callable[[RunRecord, Figures], Value]
+    better: Better
+    source: str | Callable[[Measured], Value]
+    """Attribute path below `Measured`, or a function of it."""
+    scale: float = 1.0
+    at_frames: bool = False
+    """Whether values are times of display frames."""
+
+    def of(self, measured: Measured) -> Value:
+        """Value of one run; None if it was not measured."""
+        if callable(self.source):
+            return self.source(measured)
+        found: Any = measured
+        for name in self.source.split("."):
+            parent, found = found, getattr(found, name)
+            if found is None:
+                return math.inf if getattr(parent, "unanswered", 0) else None
+        return float(found) * self.scale
+
+    @property
+    def step(self) -> float:
+        """Smallest observable difference: one frame of a common display, or the last printed digit."""
+        return USUAL_INTERVAL_MS if self.at_frames else 10.0**-self.digits
 
     @property
     def heading(self) -> str:
@@ -34,241 +70,134 @@ class Metric:
         return f"{self.title}, {self.unit}" if self.unit else self.title
 
     def text(self, value: Value) -> str:
-        """As a person reads it, without the unit."""
+        """Formatted value without its unit."""
         if value is None:
             return NONE
         return NEVER if math.isinf(value) else f"{value:,.{self.digits}f}"
 
-    def with_unit(self, value: float) -> str:
-        """As it stands in a sentence."""
-        if math.isinf(value) or not self.unit:
-            return self.text(value)
-        return f"{self.text(value)}{'' if self.unit.startswith('/') else ' '}{self.unit}"
 
+def _download_s(event: Literal["first_picture_ms", "complete_ms"]) -> Callable[[Measured], Value]:
+    """Seconds from the start of the run to an event of a scene's download; inf if it never occurred."""
 
-def _minutes(record: RunRecord) -> float:
-    return (record.recording.duration_ms if record.recording else record.configuration.duration_s * 1000) / 60_000
-
-
-def _answered(percentile: Callable[[Figures], Value]) -> Callable[[RunRecord, Figures], Value]:
-    def of(_: RunRecord, figures: Figures) -> Value:
-        value = percentile(figures)
-        return math.inf if value is None and figures.latencies.unanswered else value
-
-    return of
-
-
-def _turned(percentile: Callable[[ViewLatencies], Value]) -> Callable[[RunRecord, Figures], Value]:
-    def of(_: RunRecord, figures: Figures) -> Value:
-        value = percentile(figures.view_latencies)
-        return math.inf if value is None and figures.view_latencies.unanswered else value
-
-    return of
-
-
-def _plain(of: Callable[[Figures], Value]) -> Callable[[RunRecord, Figures], Value]:
-    return lambda _, figures: of(figures)
-
-
-def _of_download(time: Callable[[PlayedDownload], Value]) -> Callable[[RunRecord, Figures], Value]:
-    """Seconds since the run began; inf if that never came."""
-
-    def of(record: RunRecord, _: Figures) -> Value:
-        local = None if record.recording is None else record.recording.local
-        if local is None:
+    def of(measured: Measured) -> Value:
+        recording = measured.record.recording
+        if recording is None or recording.local is None:
             return None
-        ms = time(local)
-        return math.inf if ms is None else (local.began_ms + ms) / 1000
+        ms: Value = getattr(recording.local, event)
+        return math.inf if ms is None else (recording.local.began_ms + ms) / 1000
 
     return of
 
 
-def _quality(of: Callable[[QualityFigures], Value]) -> Callable[[RunRecord, Figures], Value]:
-    return lambda _, figures: None if figures.quality is None else of(figures.quality)
+def _switches_per_min(measured: Measured) -> Value:
+    rungs = measured.figures.rungs
+    return rungs.switches / measured.minutes if rungs.share else None
 
 
-def _requests(of: Callable[[Requests], int]) -> Callable[[RunRecord, Figures], Value]:
-    return lambda _, figures: None if figures.requests is None else of(figures.requests)
+def _times(
+    name: str, title: str, source: str, *statistics: str, digits: int = 0, at_frames: bool = False
+) -> tuple[Metric, ...]:
+    """Mean and percentiles of one kind of time."""
+    return tuple(
+        Metric(
+            f"{name}_{statistic}_ms",
+            f"Mean {title[0].lower()}{title[1:]}" if statistic == "mean" else f"{title} {statistic}",
+            "ms",
+            digits,
+            "low",
+            f"figures.{source}.{statistic}",
+            at_frames=at_frames and statistic != "mean",
+        )
+        for statistic in statistics
+    )
 
 
-def _scaled(value: Value, factor: float) -> Value:
-    return None if value is None else value * factor
+_PERCENTILES = ("p50", "p90", "p95", "p99")
+IN_TIME = f"inputs_within_{INTERACTIVE_MS:g}ms_pct"
+
+_TABLE = (
+    *_times("view_latency", "View latency", "view_latencies", *_PERCENTILES, at_frames=True),
+    *_times("motion_to_photon", "Motion-to-photon", "latencies", *_PERCENTILES, at_frames=True),
+    Metric(IN_TIME, f"Inputs within {INTERACTIVE_MS:g} ms", "%", 1, "high", "figures.latencies.share_interactive", 100),
+    Metric(
+        "inputs_within_a_frame_less_pct",
+        "Inputs within a frame less",
+        "%",
+        1,
+        "high",
+        "figures.latencies.share_frame_less",
+        100,
+    ),
+    Metric(
+        "inputs_within_a_frame_more_pct",
+        "Inputs within a frame more",
+        "%",
+        1,
+        "high",
+        "figures.latencies.share_frame_more",
+        100,
+    ),
+    Metric("inputs", "Inputs", "", 0, None, "figures.latencies.inputs"),
+    Metric("inputs_missed", "Inputs missed by the page", "", 0, "low", "figures.latencies.missed"),
+    Metric("inputs_unanswered", "Unanswered inputs", "", 0, "low", "figures.latencies.unanswered"),
+    *_times("content_age", "Content age", "content_ages", "mean", "p50", "p95", at_frames=True),
+    *_times("frame_age", "Frame age", "frame_ages", "mean", "p50", "p95", at_frames=True),
+    *(Metric(f"age_{part}_ms", title, "ms", 1, "low", f"parts.{part}") for part, title in PART_TITLES.items()),
+    *_times("response_time", "Response time", "response_times", "mean", "p50", "p95"),
+    *_times("render", "Rendering time", "render_times", "mean", "p50", digits=1),
+    Metric("requests_sent", "Requests", "", 0, None, "figures.requests.sent"),
+    Metric("requests_shown", "Requests shown", "", 0, None, "figures.requests.shown"),
+    Metric("requests_overtaken", "Requests overtaken", "", 0, "low", "figures.requests.overtaken"),
+    Metric("requests_cancelled", "Requests cancelled", "", 0, "low", "figures.requests.cancelled"),
+    Metric("requests_dropped", "Requests dropped", "", 0, "low", "figures.requests.dropped"),
+    Metric("requests_unanswered", "Requests unanswered", "", 0, "low", "figures.requests.unanswered"),
+    Metric("new_views_per_s", "New views", "/s", 1, "high", "figures.frames.new_views_per_s"),
+    Metric("frames_per_s", "Frames", "/s", 1, None, "figures.frames.per_s"),
+    Metric("freezes_per_min", "Freezes", "/min", 1, "low", lambda run: run.figures.freezes.count / run.minutes),
+    Metric("frozen_s", "Frozen", "s", 1, "low", "figures.freezes.total_ms", 1e-3),
+    Metric("mean_height_px", "Mean height", "px", 0, "high", "figures.mean_height"),
+    Metric("median_height_px", "Median height", "px", 0, "high", "figures.median_height"),
+    Metric("mean_profile", "Mean profile (0 is best)", "", 2, "low", "figures.rungs.mean"),
+    Metric("profile_changes_per_min", "Profile changes", "/min", 1, "low", _switches_per_min),
+    Metric("received_mbit_s", "Received", "Mbit/s", 1, None, "figures.received_kbps", 1e-3),
+    Metric("over_link_mbit_s", "Over the link", "Mbit/s", 1, None, "figures.delivered_kbps", 1e-3),
+    Metric("link_mbit_s", "Link rate", "Mbit/s", 1, None, "figures.target_kbps", 1e-3),
+    Metric("trace_began_s", "Start position in the trace", "s", 1, None, "figures.trace_start_ms", 1e-3),
+    Metric("lost_packets", "Lost packets", "", 0, None, "figures.drops"),
+    Metric("picture_ssim", "SSIM of the picture", "", 3, "high", "figures.quality.picture_ssim"),
+    Metric("picture_psnr_db", "PSNR of the picture", "dB", 1, "high", "figures.quality.picture_psnr_db"),
+    Metric("view_ssim", "SSIM of the view", "", 3, "high", "figures.quality.view_ssim"),
+    Metric("view_psnr_db", "PSNR of the view", "dB", 1, "high", "figures.quality.view_psnr_db"),
+    Metric("seen_ssim", "SSIM at display time", "", 3, "high", "figures.quality.seen_ssim"),
+    Metric("seen_psnr_db", "PSNR at display time", "dB", 1, "high", "figures.quality.seen_psnr_db"),
+    Metric("seen_lpips", "LPIPS at display time", "", 3, "low", "figures.quality.seen_lpips"),
+    Metric("border_never_seen_pct", "Border never covered", "%", 1, "low", "figures.quality.uncovered", 100),
+    Metric("border_filled_pct", "Border outside the newest frame", "%", 1, "low", "figures.filled", 100),
+    *_times("warp", "Main thread per reprojected picture", "warp_times", "mean", "p95", digits=2),
+    Metric("first_picture_s", "First picture of the download", "s", 1, "low", _download_s("first_picture_ms")),
+    Metric("whole_scene_s", "Complete download on the screen", "s", 1, "low", _download_s("complete_ms")),
+)
+METRICS = {metric.name: metric for metric in _TABLE}
+"""Every figure by its column name."""
 
 
-VIEW_LATENCY_P50 = Metric("view_latency_p50_ms", "View latency p50", "ms", 0, "low", _turned(lambda v: v.p50))
-VIEW_LATENCY_P90 = Metric("view_latency_p90_ms", "View latency p90", "ms", 0, "low", _turned(lambda v: v.p90))
-VIEW_LATENCY_P95 = Metric("view_latency_p95_ms", "View latency p95", "ms", 0, "low", _turned(lambda v: v.p95))
-VIEW_LATENCY_P99 = Metric("view_latency_p99_ms", "View latency p99", "ms", 0, "low", _turned(lambda v: v.p99))
-PHOTON_P50 = Metric(
-    "motion_to_photon_p50_ms", "Motion-to-photon p50", "ms", 0, "low", _answered(lambda f: f.latencies.p50)
-)
-PHOTON_P90 = Metric(
-    "motion_to_photon_p90_ms", "Motion-to-photon p90", "ms", 0, "low", _answered(lambda f: f.latencies.p90)
-)
-PHOTON_P95 = Metric(
-    "motion_to_photon_p95_ms", "Motion-to-photon p95", "ms", 0, "low", _answered(lambda f: f.latencies.p95)
-)
-PHOTON_P99 = Metric(
-    "motion_to_photon_p99_ms", "Motion-to-photon p99", "ms", 0, "low", _answered(lambda f: f.latencies.p99)
-)
-IN_TIME = Metric(
-    f"inputs_within_{INTERACTIVE_MS:g}ms_pct",
-    f"Inputs within {INTERACTIVE_MS:g} ms",
-    "%",
-    1,
-    "high",
-    _plain(lambda f: _scaled(f.latencies.share_interactive, 100)),
-)
-IN_TIME_FRAME_LESS = Metric(
-    "inputs_within_a_frame_less_pct",
-    "Inputs within a frame less",
-    "%",
-    1,
-    "high",
-    _plain(lambda f: _scaled(f.latencies.share_frame_less, 100)),
-)
-IN_TIME_FRAME_MORE = Metric(
-    "inputs_within_a_frame_more_pct",
-    "Inputs within a frame more",
-    "%",
-    1,
-    "high",
-    _plain(lambda f: _scaled(f.latencies.share_frame_more, 100)),
-)
-FRAME_AGE_MEAN = Metric("frame_age_mean_ms", "Mean frame age", "ms", 0, "low", _plain(lambda f: f.frame_ages.mean))
-FRAME_AGE_P50 = Metric("frame_age_p50_ms", "Frame age p50", "ms", 0, "low", _plain(lambda f: f.frame_ages.p50))
-FRAME_AGE_P95 = Metric("frame_age_p95_ms", "Frame age p95", "ms", 0, "low", _plain(lambda f: f.frame_ages.p95))
-RESPONSE_TIME_MEAN = Metric(
-    "response_time_mean_ms", "Mean response time", "ms", 0, "low", _plain(lambda f: f.response_times.mean)
-)
-RESPONSE_TIME_P50 = Metric(
-    "response_time_p50_ms", "Response time p50", "ms", 0, "low", _plain(lambda f: f.response_times.p50)
-)
-RESPONSE_TIME_P95 = Metric(
-    "response_time_p95_ms", "Response time p95", "ms", 0, "low", _plain(lambda f: f.response_times.p95)
-)
-RENDER_MEAN = Metric("render_mean_ms", "Mean rendering time", "ms", 1, "low", _plain(lambda f: f.render_times.mean))
-RENDER_P50 = Metric("render_p50_ms", "Rendering time p50", "ms", 1, "low", _plain(lambda f: f.render_times.p50))
-NEW_VIEWS = Metric("new_views_per_s", "New views", "/s", 1, "high", _plain(lambda f: f.frames.new_views_per_s))
-HEIGHT = Metric("mean_height_px", "Mean height", "px", 0, "high", _plain(lambda f: f.mean_height))
-MEDIAN_HEIGHT = Metric("median_height_px", "Median height", "px", 0, "high", _plain(lambda f: f.median_height))
-PROFILE = Metric("mean_profile", "Mean profile (0 is best)", "", 2, "low", _plain(lambda f: f.rungs.mean))
-SWITCHES = Metric(
+def chosen(*names: str) -> tuple[Metric, ...]:
+    """The metrics of these columns."""
+    return tuple(METRICS[name] for name in names)
+
+
+TABLE = chosen(
+    "view_latency_p95_ms",
+    "motion_to_photon_p50_ms",
+    "motion_to_photon_p95_ms",
+    IN_TIME,
+    "frame_age_mean_ms",
+    "frame_age_p95_ms",
+    "new_views_per_s",
+    "mean_height_px",
+    "mean_profile",
     "profile_changes_per_min",
-    "Profile changes",
-    "/min",
-    1,
-    "low",
-    lambda record, f: f.rungs.switches / _minutes(record) if f.rungs.share else None,
+    "received_mbit_s",
+    "seen_ssim",
 )
-RECEIVED = Metric("received_mbit_s", "Received", "Mbit/s", 1, None, _plain(lambda f: _scaled(f.received_kbps, 1e-3)))
-OVER_LINK = Metric(
-    "over_link_mbit_s", "Over the link", "Mbit/s", 1, None, _plain(lambda f: _scaled(f.delivered_kbps, 1e-3))
-)
-FREEZES = Metric("freezes_per_min", "Freezes", "/min", 1, "low", lambda record, f: f.freezes.count / _minutes(record))
-FROZEN = Metric("frozen_s", "Frozen", "s", 1, "low", _plain(lambda f: f.freezes.total_ms / 1000))
-PICTURE_SSIM = Metric("picture_ssim", "SSIM of the picture", "", 3, "high", _quality(lambda q: q.picture_ssim))
-PICTURE_PSNR = Metric("picture_psnr_db", "PSNR of the picture", "dB", 1, "high", _quality(lambda q: q.picture_psnr_db))
-VIEW_SSIM = Metric("view_ssim", "SSIM of the view", "", 3, "high", _quality(lambda q: q.view_ssim))
-VIEW_PSNR = Metric("view_psnr_db", "PSNR of the view", "dB", 1, "high", _quality(lambda q: q.view_psnr_db))
-SEEN_SSIM = Metric("seen_ssim", "SSIM of what is seen", "", 3, "high", _quality(lambda q: q.seen_ssim))
-SEEN_PSNR = Metric("seen_psnr_db", "PSNR of what is seen", "dB", 1, "high", _quality(lambda q: q.seen_psnr_db))
-FILLED = Metric(
-    "border_filled_pct", "Border outside the newest frame", "%", 1, "low", _plain(lambda f: _scaled(f.filled, 100))
-)
-UNCOVERED = Metric(
-    "border_never_seen_pct", "Border never seen", "%", 1, "low", _quality(lambda q: _scaled(q.uncovered, 100))
-)
-SEEN_LPIPS = Metric("seen_lpips", "LPIPS of what is seen", "", 3, "low", _quality(lambda q: q.seen_lpips))
-WARP_MEAN = Metric(
-    "warp_mean_ms", "Main thread per turned picture", "ms", 2, "low", _plain(lambda f: f.warp_times.mean)
-)
-WARP_P95 = Metric(
-    "warp_p95_ms", "Main thread per turned picture p95", "ms", 2, "low", _plain(lambda f: f.warp_times.p95)
-)
-CONTENT_AGE_MEAN = Metric(
-    "content_age_mean_ms", "Mean content age", "ms", 0, "low", _plain(lambda f: f.content_ages.mean)
-)
-CONTENT_AGE_P50 = Metric("content_age_p50_ms", "Content age p50", "ms", 0, "low", _plain(lambda f: f.content_ages.p50))
-CONTENT_AGE_P95 = Metric("content_age_p95_ms", "Content age p95", "ms", 0, "low", _plain(lambda f: f.content_ages.p95))
-
-FIRST_PICTURE = Metric(
-    "first_picture_s", "First picture of the download", "s", 1, "low", _of_download(lambda d: d.first_picture_ms)
-)
-WHOLE_SCENE = Metric(
-    "whole_scene_s", "All of the download on the screen", "s", 1, "low", _of_download(lambda d: d.complete_ms)
-)
-
-METRICS = (
-    VIEW_LATENCY_P50,
-    VIEW_LATENCY_P90,
-    VIEW_LATENCY_P95,
-    VIEW_LATENCY_P99,
-    PHOTON_P50,
-    PHOTON_P90,
-    PHOTON_P95,
-    PHOTON_P99,
-    IN_TIME,
-    IN_TIME_FRAME_LESS,
-    IN_TIME_FRAME_MORE,
-    Metric("inputs", "Inputs", "", 0, None, _plain(lambda f: f.latencies.inputs)),
-    Metric("inputs_missed", "Inputs missed by the page", "", 0, "low", _plain(lambda f: f.latencies.missed)),
-    Metric("inputs_unanswered", "Unanswered inputs", "", 0, "low", _plain(lambda f: f.latencies.unanswered)),
-    CONTENT_AGE_MEAN,
-    CONTENT_AGE_P50,
-    CONTENT_AGE_P95,
-    FRAME_AGE_MEAN,
-    FRAME_AGE_P50,
-    FRAME_AGE_P95,
-    RESPONSE_TIME_MEAN,
-    RESPONSE_TIME_P50,
-    RESPONSE_TIME_P95,
-    RENDER_MEAN,
-    RENDER_P50,
-    Metric("requests_sent", "Requests", "", 0, None, _requests(lambda r: r.sent)),
-    Metric("requests_shown", "Requests shown", "", 0, None, _requests(lambda r: r.shown)),
-    Metric("requests_overtaken", "Requests overtaken", "", 0, "low", _requests(lambda r: r.overtaken)),
-    Metric("requests_cancelled", "Requests cancelled", "", 0, "low", _requests(lambda r: r.cancelled)),
-    Metric("requests_dropped", "Requests dropped", "", 0, "low", _requests(lambda r: r.dropped)),
-    Metric("requests_unanswered", "Requests unanswered", "", 0, "low", _requests(lambda r: r.unanswered)),
-    NEW_VIEWS,
-    Metric("frames_per_s", "Frames", "/s", 1, None, _plain(lambda f: f.frames.per_s)),
-    FREEZES,
-    FROZEN,
-    HEIGHT,
-    MEDIAN_HEIGHT,
-    PROFILE,
-    SWITCHES,
-    RECEIVED,
-    OVER_LINK,
-    Metric("link_mbit_s", "Link's rate", "Mbit/s", 1, None, _plain(lambda f: _scaled(f.target_kbps, 1e-3))),
-    Metric("lost_packets", "Lost packets", "", 0, None, _plain(lambda f: f.drops)),
-    PICTURE_SSIM,
-    PICTURE_PSNR,
-    VIEW_SSIM,
-    VIEW_PSNR,
-    SEEN_SSIM,
-    SEEN_PSNR,
-    SEEN_LPIPS,
-    UNCOVERED,
-    FILLED,
-    WARP_MEAN,
-    WARP_P95,
-    FIRST_PICTURE,
-    WHOLE_SCENE,
-)
-TABLE = (
-    VIEW_LATENCY_P95,
-    PHOTON_P50,
-    PHOTON_P95,
-    IN_TIME,
-    FRAME_AGE_MEAN,
-    FRAME_AGE_P95,
-    NEW_VIEWS,
-    HEIGHT,
-    PROFILE,
-    SWITCHES,
-    RECEIVED,
-    SEEN_SSIM,
-)
-"""Those that a page has room for."""
+"""The most important figures, for tables on the page."""

@@ -1,5 +1,4 @@
-"""How every plot of a report is drawn: its style, panels, axes and legend, and SVG without dates or random ids, so that
-equal data give equal files."""
+"""Style, panels, axes and legends of all plots, and reproducible SVG: no dates or random ids."""
 
 from __future__ import annotations
 
@@ -19,17 +18,17 @@ from matplotlib.ticker import MaxNLocator
 
 from tigas_common.wire.figures import INTERACTIVE_MS
 from tigas_experiments.report.groups import Group
-from tigas_experiments.report.metrics import IN_TIME, PROFILE, Metric
+from tigas_experiments.report.metrics import IN_TIME, Metric
 
 INK, QUIET, GRID, AREA, PAPER = "#1c2430", "#8a929c", "#e4e7eb", "#eef0f3", "#ffffff"
 IN_A_PAGE = {INK: "var(--ink)", QUIET: "var(--quiet)", GRID: "var(--grid)", AREA: "var(--area)", PAPER: "var(--paper)"}
-"""What a page may show in other colours when it is dark; the names are those of templates/style.css.j2."""
+"""Colours that a dark page replaces, with their variables in templates/style.css.j2."""
 NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
 STYLE: Any = {
     "font.size": 9,
     "font.family": "sans-serif",
     "text.color": INK,
-    "text.parse_math": False,  # a name may have a dollar sign
+    "text.parse_math": False,  # names may contain dollar signs
     "axes.labelcolor": INK,
     "axes.titlesize": 9,
     "axes.titlelocation": "left",
@@ -50,22 +49,24 @@ STYLE: Any = {
     "svg.hashsalt": "tigas",
 }
 PANEL_IN, HEIGHT_IN = 3.5, 2.5
-"""Of one panel, inches."""
+"""Panel size, inches."""
 ALONE = 2.0
-"""How many times as wide a panel is that has no other beside it."""
+"""Width of a single panel, in panels."""
 LEGEND_IN = 1.25
-"""What an entry of a legend takes."""
+"""Width of a legend entry."""
 MOST_COLUMNS = 3
+NAME_LENGTH = 18
+"""Maximum length of a name on an axis."""
 TICKS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000)
 LOGARITHMIC_FROM = 8.0
-"""Times that differ by more than this factor need a logarithmic axis."""
+"""Ratio of times above which their axis is logarithmic."""
 
 
 @contextmanager
 def style() -> Iterator[None]:
-    """A context in which figures are made and written."""
+    """The context in which figures are made and written."""
     with mpl.rc_context(STYLE), warnings.catch_warnings():
-        # A name in a script that the font does not have is drawn as boxes; the page's text has it.
+        # Characters missing from the font are drawn as boxes; the page's text shows them.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         yield
 
@@ -75,26 +76,28 @@ class Plot:
     """One figure of a report."""
 
     name: str
-    """Of its file, without .svg."""
+    """File name without .svg."""
     title: str
-    """What is seen."""
     caption: str
-    """What is drawn, and over what."""
     svg: str
-    values: str | None = None
-    """The CSV file that has nothing but what is drawn."""
 
     @property
     def markup(self) -> Markup:
-        """For a page, with the page's own colours for text and lines, so that it can be read in a dark page, too."""
+        """SVG for a page, with the page's colours for text and lines, which may be dark."""
         drawing = self.svg
         for colour, variable in IN_A_PAGE.items():
             drawing = drawing.replace(f": {colour}", f": {variable}")
         return Markup(drawing)  # matplotlib escapes text itself
 
 
+def finish(figure: Figure, panels: Sequence[Axes], name: str, title: str, caption: str) -> Plot:
+    """A plot of a figure with a common legend above its panels."""
+    add_legend(figure, panels)
+    return Plot(name, title, caption, svg(figure))
+
+
 def svg(figure: Figure) -> str:
-    """Without the XML declaration, to be put into HTML."""
+    """SVG without an XML declaration, for embedding in HTML."""
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata=NO_METADATA)
     text = buffer.getvalue()
@@ -104,7 +107,7 @@ def svg(figure: Figure) -> str:
 def panel_grid(
     count: int, *, width: float = 0.0, share: bool = False, columns: int = MOST_COLUMNS
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with so many panels, `width` times PANEL_IN wide; with `share`, all have the same axes."""
+    """A figure of `count` panels, each `width` times PANEL_IN wide; `share` gives all panels the same axes."""
     columns = min(count, columns)
     width = width or (ALONE if count == 1 else 1.0)
     rows = math.ceil(count / columns)
@@ -115,66 +118,64 @@ def panel_grid(
     return figure, grid[:count]
 
 
-def add_legend(figure: Figure, panels: Sequence[Axes]) -> None:
-    """One above all panels."""
-    entries = legend_entries(panels)
+def add_legend(figure: Figure, panels: Iterable[Axes]) -> None:
+    """One legend above all panels, each label once."""
+    entries = {
+        str(label): handle for axes in panels for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
     if entries:
         columns = max(2, int(figure.get_figwidth() / LEGEND_IN))
         figure.legend(entries.values(), entries.keys(), loc="outside upper left", ncols=columns, fontsize=8)
 
 
 def label_lowest(panels: Sequence[Axes], *, columns: int = MOST_COLUMNS) -> None:
-    """Of panels above one another, the lowest says what all of them have from left to right."""
+    """Keep the horizontal labels of only the lowest panel of each column."""
     for panel in panels[: max(0, len(panels) - columns)]:
         panel.tick_params(labelbottom=False)
         panel.set_xlabel("")
 
 
 def metric_axis(axes: Axes, metric: Metric, values: Sequence[float]) -> None:
-    """Name a panel after its figure, and let its vertical axis reach over the values."""
-    better = {"low": "lower is better", "high": "higher is better", None: ""}[metric.better]
-    axes.set_title(metric.heading + (f" ({better})" if better and metric is not PROFILE else ""))
+    """Title a panel with its metric and scale its vertical axis to the values."""
+    profile = metric.name == "mean_profile"
+    better = "" if metric.better is None or profile else f" ({metric.better}er is better)"
+    axes.set_title(metric.heading + better)
     finite = [value for value in values if math.isfinite(value)]
     if metric.unit == "ms" and finite and min(finite) > 0 and max(finite) / min(finite) > LOGARITHMIC_FROM:
         plain_log(axes, finite)
     else:
         axes.set_ylim(bottom=0)
-    if metric is PROFILE:
+    if profile:
         axes.yaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set_ylim(max([1.0, *finite]) + 0.2, -0.2)
-    elif metric is IN_TIME:
+    elif metric.name == IN_TIME:
         axes.set_ylim(0, 102)
     if metric.unit == "ms":
         interactive_limit(axes)
 
 
 def extent(groups: Sequence[Group], metric: Metric) -> list[float]:
-    """What an axis has to reach over."""
+    """Lowest and highest value of each group, which an axis must cover."""
     spreads = [spread for group in groups if (spread := group.spread(metric))]
     return [value for spread in spreads for value in (spread.low, spread.high)]
 
 
 def plain_log(axes: Axes, values: Iterable[float], *, horizontal: bool = False) -> None:
-    """A logarithmic axis with plain numbers, over the values in ms and the interactive limit."""
+    """A logarithmic axis with plain numbers, which covers the values in ms and the interactive limit."""
     finite = [value for value in values if math.isfinite(value) and value > 0] or [INTERACTIVE_MS]
     low, high = min(20.0, *finite), max(200.0, *finite)
     ticks = [tick for tick in TICKS if low / 1.5 <= tick <= high * 1.5]
-    if horizontal:
-        axes.set_xscale("log")
-    else:
-        axes.set_yscale("log")
-    axis = axes.xaxis if horizontal else axes.yaxis
+    axis, set_scale, set_limits = (
+        (axes.xaxis, axes.set_xscale, axes.set_xlim) if horizontal else (axes.yaxis, axes.set_yscale, axes.set_ylim)
+    )
+    set_scale("log")
     axis.set_ticks(ticks, [f"{tick:,}" for tick in ticks])
     axis.set_ticks([], minor=True)
-    limits = (low / 1.1, high * 1.1)
-    if horizontal:
-        axes.set_xlim(*limits)
-    else:
-        axes.set_ylim(*limits)
+    set_limits(low / 1.1, high * 1.1)
 
 
 def interactive_limit(axes: Axes, *, horizontal: bool = False) -> None:
-    """The line of INTERACTIVE_MS."""
+    """A dashed line at INTERACTIVE_MS."""
     line: dict[str, Any] = {"color": INK, "linewidth": 0.8, "linestyle": "--", "zorder": 1}
     if horizontal:
         axes.axvline(INTERACTIVE_MS, **line)
@@ -182,8 +183,7 @@ def interactive_limit(axes: Axes, *, horizontal: bool = False) -> None:
         axes.axhline(INTERACTIVE_MS, **line)
 
 
-def legend_entries(panels: Iterable[Axes]) -> dict[str, Any]:
-    """Label → handle, each label once."""
-    return {
-        str(label): handle for axes in panels for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
+def short(name: str) -> str:
+    """A name shortened in the middle: its ends distinguish traces of one collection."""
+    half = NAME_LENGTH // 2
+    return name if len(name) <= NAME_LENGTH else f"{name[:half]}…{name[half + 1 - NAME_LENGTH :]}"

@@ -1,4 +1,4 @@
-"""Quality against rate: curves through fixed rungs, and what others differ from them by at equal rates."""
+"""Quality against rate: curves through fixed rungs, and differences from them at equal rates."""
 
 from __future__ import annotations
 
@@ -9,34 +9,35 @@ from dataclasses import dataclass
 import numpy as np
 
 from tigas_common.wire.run import MODE_NAMES
-from tigas_experiments.report.blocks import Block, Estimate
 from tigas_experiments.report.controllers import Controller, in_order
-from tigas_experiments.report.groups import Group, Groups
-from tigas_experiments.report.metrics import PICTURE_PSNR, PICTURE_SSIM, RECEIVED, SEEN_PSNR, SEEN_SSIM, Metric
+from tigas_experiments.report.estimates import Estimate
+from tigas_experiments.report.groups import Block, Group, Groups
+from tigas_experiments.report.metrics import METRICS, Metric, chosen
 
-QUALITIES = (SEEN_SSIM, SEEN_PSNR, PICTURE_SSIM, PICTURE_PSNR)
+RECEIVED = METRICS["received_mbit_s"]
+QUALITIES = chosen("seen_ssim", "seen_psnr_db", "picture_ssim", "picture_psnr_db")
 
 Sample = Mapping[Metric, float]
-"""A block's rate (RECEIVED, above 0) and its qualities."""
+"""Rate (RECEIVED, above 0) and qualities of a block."""
 Points = list[tuple[float, float]]
-"""Rate (Mbit/s) and quality, from the lowest rate on."""
+"""Rate (Mbit/s) and quality, by ascending rate."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Series:
-    """What is drawn as one: a controller that adapts, or all fixed rungs of a mode: a curve if there are several."""
+    """An adaptive controller, or all fixed rungs of a mode, which form a curve if there are several."""
 
     controllers: tuple[Controller, ...]
     samples: Mapping[Controller, Mapping[Block, Sample]]
 
     @property
     def is_curve(self) -> bool:
-        """Whether quality is known at more than one rate that nothing chose."""
+        """Whether quality is known at several fixed rates."""
         return len(self.controllers) > 1
 
     @property
     def title(self) -> str:
-        """For people."""
+        """Display name."""
         first = self.controllers[0]
         if not self.is_curve:
             return first.title
@@ -44,12 +45,12 @@ class Series:
         return " + ".join((name, *(word.replace("-", " ") for word in first.motion)))
 
     def mean(self, controller: Controller, metric: Metric) -> Estimate | None:
-        """Over the blocks of one controller that have the metric."""
+        """Mean over the blocks of one controller that have the metric."""
         samples = self.samples[controller].values()
         return Estimate.over([sample[metric] for sample in samples if metric in sample])
 
     def points(self, block: Block, metric: Metric) -> Points:
-        """In one block; a curve that has fewer than two there has none."""
+        """Points of one block; none for a curve with fewer than two."""
         found = sorted(
             (sample[RECEIVED], sample[metric])
             for controller in self.controllers
@@ -59,53 +60,55 @@ class Series:
 
     @property
     def blocks(self) -> list[Block]:
-        """Of all its controllers."""
+        """Blocks of all controllers."""
         return list(dict.fromkeys(block for samples in self.samples.values() for block in samples))
 
     @property
     def rates(self) -> tuple[float, float]:
-        """Mbit/s, the mean of its lowest controller and of its highest."""
+        """Mean rates of the lowest and the highest controller, Mbit/s."""
         means = [estimate.mean for each in self.controllers if (estimate := self.mean(each, RECEIVED))]
         return min(means), max(means)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EqualRate:
-    """A series against a curve, where both have the same rate."""
+    """A series against a curve at equal rates."""
 
     curve: Series
     other: Series
     blocks: int
-    """That both have a quality in."""
+    """Number of blocks in which both have a quality."""
     overlapping: int
-    """Of these, those in which their rates overlap."""
+    """Number of these blocks in which their rates overlap."""
     rates: tuple[float, float] | None
-    """Mbit/s, from the least to the greatest rate that was compared at; None if rates overlap in no block."""
+    """Lowest and highest compared rate, Mbit/s; None if rates overlap in no block."""
     differences: Mapping[Metric, Estimate]
-    """Of the other less the curve, over the blocks in which rates overlap."""
+    """Quality of the series minus that of the curve, over the overlapping blocks."""
 
     @property
-    def apart(self) -> str:
-        """Why there is no difference."""
-        ranges = [
-            f"{series.title} {'–'.join(dict.fromkeys(map(RECEIVED.text, series.rates)))}"
-            for series in (self.curve, self.other)
-        ]
+    def rates_text(self) -> str | None:
+        """The formatted rates without their unit; None if rates overlap in no block."""
+        return None if self.rates is None else _range(self.rates)
+
+    @property
+    def no_overlap(self) -> str:
+        """Explanation of a missing difference."""
+        ranges = [f"{series.title} {_range(series.rates)}" for series in (self.curve, self.other)]
         return f"no overlap: {', '.join(ranges)} Mbit/s"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RateDistortion:
-    """All that was measured over one network and round trip, or over several networks."""
+    """All series of one network and round trip, or of several networks."""
 
     network: str | None
-    """None: over all."""
+    """None for all networks."""
     rtt_ms: float | None
     series: tuple[Series, ...]
 
     @classmethod
     def of(cls, groups: Sequence[Group], network: str | None, rtt_ms: float | None) -> RateDistortion | None:
-        """Of groups that differ in their controllers and perhaps networks. None if no quality was measured."""
+        """Series of groups with different controllers and perhaps networks; None without a measured quality."""
         samples: dict[Controller, dict[Block, Sample]] = {}
         for group in groups:
             samples.setdefault(group.controller, {}).update(_samples(group))
@@ -121,7 +124,7 @@ class RateDistortion:
 
     @property
     def equal_rates(self) -> list[EqualRate]:
-        """Each curve against all series that come after it: curves first, then what adapts."""
+        """Each curve against all later series: curves first, then adaptive controllers."""
         return [
             _equal_rate(curve, other)
             for place, curve in enumerate(self.series)
@@ -131,23 +134,26 @@ class RateDistortion:
 
 
 def by_condition(groups: Groups) -> list[RateDistortion]:
-    """Of each network at each round trip."""
-    conditions = dict.fromkeys((group.condition.network, group.condition.rtt_ms) for group in groups)
-    found = (RateDistortion.of(groups.at(network, rtt), network, rtt) for network, rtt in conditions)
+    """Series of each network at each round trip."""
+    found = (RateDistortion.of(groups.at(network, rtt), network, rtt) for network, rtt in groups.conditions)
     return [one for one in found if one is not None]
 
 
 def over_all(groups: Groups) -> RateDistortion | None:
-    """Of the controllers that all networks have, each at its lowest round trip. None with fewer than two networks."""
+    """Controllers that all networks share, each at its lowest round trip. None with fewer than two networks."""
     networks = groups.networks
-    own = [group for network in networks for group in groups.at(network, groups.base_rtt(network))]
+    own = [group for network in networks for group in groups.base(network)]
     counts = {controller: sum(group.controller == controller for group in own) for controller in groups.looks}
     everywhere = [group for group in own if counts[group.controller] == len(networks)]
     return RateDistortion.of(everywhere, None, None) if len(networks) > 1 else None
 
 
+def _range(rates: tuple[float, float]) -> str:
+    return "–".join(dict.fromkeys(map(RECEIVED.text, rates)))
+
+
 def _samples(group: Group) -> dict[Block, Sample]:
-    """Of the blocks that have a rate and a quality."""
+    """Blocks that have a rate and a quality."""
     rates = {block: rate for block, rate in group.blocks(RECEIVED).items() if rate > 0}
     found: dict[Block, dict[Metric, float]] = {}
     for metric in QUALITIES:
@@ -179,21 +185,21 @@ def _equal_rate(curve: Series, other: Series) -> EqualRate:
         blocks=len(compared),
         overlapping=len(ranges),
         rates=(min(low for low, _ in ranges.values()), max(high for _, high in ranges.values())) if ranges else None,
-        differences={metric: found for metric in QUALITIES if (found := Estimate.over(values[metric]))},
+        differences={metric: found for metric in QUALITIES if (found := Estimate.over(values[metric], metric.step))},
     )
 
 
 def _mean_over(low: float, high: float, one: Points, two: Points) -> float:
-    """The other's quality less the curve's, mean over the logarithm of the rate, from low to high.
+    """Mean quality difference `two - one` over the logarithm of the rate, from low to high.
 
-    As Bjøntegaard's delta (VCEG-M33), but with straight lines between the points, of which there are few.
+    Bjøntegaard's delta (VCEG-M33) with linear interpolation, because there are few points.
     """
     within = [rate for rate, _ in (*one, *two) if low < rate < high]
     rates = np.log(np.unique([low, *within, high]))
     gaps = _interpolated(two)(rates) - _interpolated(one)(rates)
     if len(rates) == 1:
         return float(gaps[0])
-    return float(np.sum((gaps[1:] + gaps[:-1]) / 2 * np.diff(rates)) / (rates[-1] - rates[0]))
+    return float(np.trapezoid(gaps, rates) / (rates[-1] - rates[0]))
 
 
 def _interpolated(points: Iterable[tuple[float, float]]) -> Callable[[np.ndarray], np.ndarray]:

@@ -1,9 +1,7 @@
-"""The tables as files: runs.csv with a row for each run, groups.csv with a row for each group, differences.csv with a
-row for each figure of a controller against the baseline, rate_distortion.csv and equal_rates.csv of quality against
-rate, system.csv and picture_scores.csv of the system panel and the heat maps, what_to_use.csv of which mode is the best
-when; overall.md and what_to_use.md, for papers and docs.
+"""The tables as files: runs.csv (the run table), groups.csv, differences.csv, equal_rates.csv, picture_scores.csv and
+overall.md.
 
-An empty cell of a CSV file is a metric that there is not; `inf` is a time that never came.
+An empty CSV cell is a missing figure; `inf` is a time that was never reached.
 """
 
 from __future__ import annotations
@@ -14,50 +12,39 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from tigas_experiments.records.folder import RunRecord
-from tigas_experiments.report import what_to_use
-from tigas_experiments.report.blocks import LEAST_BLOCKS, Estimate
+from tigas_experiments.records.load import Load
 from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.differences import Difference
-from tigas_experiments.report.groups import Condition, Group, Groups, Overall
-from tigas_experiments.report.metrics import METRICS, RECEIVED, TABLE, Metric
+from tigas_experiments.report.groups import Group, Groups, Overall
+from tigas_experiments.report.metrics import METRICS, TABLE, Metric
 from tigas_experiments.report.picture_scores import Row as PictureRow
 from tigas_experiments.report.picture_scores import computed, rows_of
 from tigas_experiments.report.rate_distortion import QUALITIES, RateDistortion, by_condition, over_all
-from tigas_experiments.report.results import Failure, Results, Run
-from tigas_experiments.report.system_figure import METRICS as SYSTEM_METRICS
-from tigas_experiments.report.system_figure import mean_parts
-
-Row = dict[str, Any]
+from tigas_experiments.report.results import Results
+from tigas_experiments.report.run_table import Row, run_table
 
 
 def write_csv(
     results: Results, groups: Groups, compared: Sequence[Difference], baseline: Controller | None, folder: Path
 ) -> list[Path]:
-    """All CSV files. Raises OSError."""
-    runs = [*map(_run, results.runs), *map(_failure, results.failures)]
+    """Write all CSV files. Raises OSError."""
+    distortions = [found for found in (over_all(groups), *by_condition(groups)) if found is not None]
     files = {
-        "runs.csv": sorted(runs, key=lambda row: str(row["folder"])),
+        "runs.csv": run_table(results, groups),
         "groups.csv": [_group(group) for group in groups],
-        "system.csv": [row for group in groups for row in _system(group)],
         "picture_scores.csv": [cell for row in rows_of(groups) for cell in _picture_scores(row)],
-        "differences.csv": [_difference(each, baseline.name, metric) for each in compared for metric in METRICS]
+        "differences.csv": [
+            _difference(each, baseline.name, metric) for each in compared for metric in METRICS.values()
+        ]
         if baseline is not None
         else [],
-        "rate_distortion.csv": [row for found in by_condition(groups) for row in _rate_distortion(found)],
-        "equal_rates.csv": [
-            row
-            for found in (over_all(groups), *by_condition(groups))
-            if found is not None
-            for row in _equal_rates(found)
-        ],
-        "what_to_use.csv": list(what_to_use.rows(what_to_use.places(groups))),
+        "equal_rates.csv": [row for found in distortions for row in _equal_rates(found)],
     }
     return [_write(folder / name, rows) for name, rows in files.items()]
 
 
 def overall_markdown(rows: Sequence[Overall]) -> str:
-    """Means alone."""
+    """Means over all networks, for papers."""
     if not rows:
         return "No controller was measured over all networks at one round trip.\n"
     lines = [
@@ -70,100 +57,19 @@ def overall_markdown(rows: Sequence[Overall]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def what_to_use_markdown(results: Results, found: Sequence[what_to_use.Place]) -> str:
-    """What the runs were made with, and each mode's means at each place: the best in bold, and in italics those of
-    which no difference from it is shown.
-    """
-    metrics = {question: answer.metric for place in found for question, answer in place.answers.items()}
-    if not metrics:
-        return "No two modes were measured over one network.\n"
-    headings = " | ".join(metric.heading for metric in metrics.values())
-    lines = [
-        *_made_with(results),
-        "",
-        f"| network | round trip, ms | scene | mode | {headings} |",
-        "|---|---:|---|---|" + "---:|" * len(metrics),
-    ]
-    for place in found:
-        cells: dict[str, dict[str, str]] = {}
-        for question, answer in place.answers.items():
-            for each in answer.contenders:
-                mark = {"best": "**" * answer.decided, "no difference shown": "*"}.get(each.verdict, "")
-                cells.setdefault(each.name, {})[question] = f"{mark}{answer.metric.text(each.mean)}{mark}"
-        for name, row in cells.items():
-            where = (place.network, rtt_text(place.rtt_ms), place.scene_text, name.replace("*", "\\*"))
-            lines.append(f"| {' | '.join([*map(escaped, where), *(row.get(each, '') for each in metrics)])} |")
-    return "\n".join(lines) + "\n"
-
-
 def rtt_text(rtt_ms: float | None) -> str:
-    """As it stands in a table."""
-    return "its own" if rtt_ms is None else f"{rtt_ms:g}"
+    """A round trip as a table cell."""
+    return "varies" if rtt_ms is None else f"{rtt_ms:g}"
 
 
-def _made_with(results: Results) -> list[str]:
-    """Lines of Markdown."""
-    records = [run.record for run in results.runs]
-    commits, lengths, viewports, processors = (
-        " and ".join(sorted(set(each)))
-        for each in zip(
-            *(
-                (
-                    record.machine.commit or "unknown",
-                    f"{record.configuration.duration_s:g} s",
-                    f"{record.configuration.width}×{record.configuration.height}",
-                    f"{record.machine.processors}",
-                )
-                for record in records
-            ),
-            strict=True,
-        )
-    )
-    saturated = sum(run.saturated for run in results.runs)
-    return [
-        f"{len(records)} runs of {lengths} at {viewports}, commit {commits}, {processors} processors, the",
-        f"bottleneck in {saturated} runs (\\*). Means over the blocks that all modes have. **Bold**: the best;",
-        f"*italics*: no difference from the best is shown; neither with fewer than {LEAST_BLOCKS} blocks.",
-    ]
-
-
-def _run(run: Run) -> Row:
-    figures = {metric.name: metric.of(run.record, run.figures) for metric in METRICS}
-    shares = {f"profile_{rung}_pct": 100 * share for rung, share in run.figures.rungs.share.items()}
-    return {"folder": run.folder, "status": "complete", "problem": "", **_record(run.record), **figures, **shares}
-
-
-def _failure(failure: Failure) -> Row:
-    record = failure.record
-    status = record.status if record is not None and record.status != "complete" else "broken"
-    return {
-        "folder": failure.folder,
-        "status": status,
-        "problem": failure.reason,
-        **(_record(record) if record else {}),
-    }
-
-
-def _record(record: RunRecord) -> Row:
-    condition = Condition.of(record)
-    load = record.load
-    return {
-        "network": condition.network,
-        "rtt_ms": condition.rtt_ms,
-        "controller": condition.controller.name,
-        **_flat("configuration", record.configuration.model_dump(mode="json")),
-        "started": record.started,
-        "tigas": record.machine.tigas,
-        "commit": record.machine.commit,
-        "browser": record.browser,
-        "link_made_by": record.backend,
-        "scene_bytes": record.scene_bytes,
-        "scene_sha256": record.scene_sha256,
-        "processors": record.machine.processors,
-        "processors_busy_pct": None if load is None else 100 * load.cpu_mean,
-        "saturated_pct": None if load is None else 100 * load.saturated_share,
-        "saturated": None if load is None else load.saturated,
-    }
+def pegged_text(load: Load | None) -> str:
+    """The busiest saturated thread as a table cell."""
+    if load is None or load.pegged is None:
+        return "unknown"
+    if load.worst_pegged is None:
+        return "never"
+    process, share = load.worst_pegged
+    return f"{100 * share:.0f} % ({process})"
 
 
 def _group(group: Group) -> Row:
@@ -175,23 +81,23 @@ def _group(group: Group) -> Row:
         "mode": condition.controller.mode,
         "controller": condition.controller.name,
         "runs": len(group.runs),
-        "blocks": len(group.every_block),
+        "blocks": len(group.all_blocks),
         "runs_saturated": sum(run.saturated for run in group.runs),
         "scenes": _names(configuration.scene for configuration in configurations),
         "movements": _names(Path(configuration.movement).name for configuration in configurations),
     }
-    for metric in METRICS:
-        spread = group.spread(metric)
+    for metric in METRICS.values():
+        spread, estimate = group.spread(metric), group.estimate(metric)
         row[f"{metric.name}_mean"] = spread and spread.mean
         row[f"{metric.name}_min"] = spread and spread.low
         row[f"{metric.name}_max"] = spread and spread.high
-        row[f"{metric.name}_ci95_low"], row[f"{metric.name}_ci95_high"] = _ends(group.estimate(metric))
+        row[f"{metric.name}_ci95_low"], row[f"{metric.name}_ci95_high"] = estimate.ends if estimate else (None, None)
     return row
 
 
 def _difference(difference: Difference, baseline: str, metric: Metric) -> Row:
     estimate = difference.estimate(metric)
-    low, high = _ends(estimate)
+    low, high = estimate.ends if estimate else (None, None)
     return {
         "network": "all" if difference.network is None else difference.network,
         "networks": len(difference.pairs),
@@ -206,24 +112,8 @@ def _difference(difference: Difference, baseline: str, metric: Metric) -> Row:
     }
 
 
-def _system(group: Group) -> Iterator[Row]:
-    """What the system panel shows; nothing of groups without the server's times."""
-    parts = mean_parts(group)
-    if parts:
-        condition = group.condition
-        shown = {metric.name: (spread := group.spread(metric)) and spread.mean for metric in SYSTEM_METRICS}
-        yield {
-            "network": condition.network,
-            "rtt_ms": condition.rtt_ms,
-            "controller": condition.controller.name,
-            "runs": len(group.runs),
-            **{f"{name}_ms": mean for name, mean in parts.items()},
-            **shown,
-        }
-
-
 def _picture_scores(row: PictureRow) -> Iterator[Row]:
-    """A row for each metric."""
+    """One row for each metric."""
     for metric in computed([row]):
         mean = row.mean(metric)
         if mean is not None and row.condition is not None:
@@ -231,7 +121,7 @@ def _picture_scores(row: PictureRow) -> Iterator[Row]:
                 "network": row.condition.network,
                 "rtt_ms": row.condition.rtt_ms,
                 "controller": row.condition.controller.name,
-                "picture": row.what,
+                "picture": row.kind,
                 "model": row.model,
                 "metric": metric.name,
                 "variant": metric.variant,
@@ -242,30 +132,12 @@ def _picture_scores(row: PictureRow) -> Iterator[Row]:
             }
 
 
-def _rate_distortion(found: RateDistortion) -> Iterator[Row]:
-    """A row for each block of each controller."""
-    for series in found.series:
-        for controller, samples in series.samples.items():
-            for block, sample in samples.items():
-                yield {
-                    "network": found.network,
-                    "rtt_ms": found.rtt_ms,
-                    "controller": controller.name,
-                    "fixed": controller.fixed,
-                    "trace_offset_s": block.trace_offset_s,
-                    "scene": block.scene,
-                    "movement": block.movement,
-                    "movement_offset_s": block.movement_offset_s,
-                    **{metric.name: sample.get(metric) for metric in (RECEIVED, *QUALITIES)},
-                }
-
-
 def _equal_rates(found: RateDistortion) -> Iterator[Row]:
-    """A row for each quality of each series against each curve."""
+    """One row for each quality of each series against each curve."""
     for each in found.equal_rates:
         for metric in QUALITIES:
             estimate = each.differences.get(metric)
-            low, high = _ends(estimate)
+            low, high = estimate.ends if estimate else (None, None)
             yield {
                 "network": found.network or "all",
                 "rtt_ms": found.rtt_ms,
@@ -282,19 +154,8 @@ def _equal_rates(found: RateDistortion) -> Iterator[Row]:
             }
 
 
-def _ends(estimate: Estimate | None) -> tuple[float | None, float | None]:
-    return (None, None) if estimate is None or estimate.interval is None else estimate.interval
-
-
 def _names(names: Iterable[str]) -> str:
     return " ".join(sorted(set(names)))
-
-
-def _flat(prefix: str, value: Any) -> Row:
-    """Nested fields as columns of their own: configuration_network_link_down_kbps."""
-    if isinstance(value, dict):
-        return {name: cell for key, inner in value.items() for name, cell in _flat(f"{prefix}_{key}", inner).items()}
-    return {prefix: value}
 
 
 def _write(path: Path, rows: Sequence[Row]) -> Path:
@@ -307,13 +168,13 @@ def _write(path: Path, rows: Sequence[Row]) -> Path:
 
 
 def _cell(value: Any) -> Any:
-    """Text that a spreadsheet would take for a formula has an apostrophe before it, as OWASP has it; numbers stay."""
+    """Prefix text that a spreadsheet would run as a formula with an apostrophe, as OWASP recommends."""
     if not isinstance(value, str):
         return value
-    text = value.replace("\r", " ")  # which would end the row, as Python does not quote it
+    text = value.replace("\r", " ")  # ends the row, because Python does not quote it
     return f"'{text}" if value.startswith(("=", "+", "-", "@", "\t", "\r", "\n")) else text
 
 
 def escaped(text: str) -> str:
-    """As a cell of a Markdown table."""
+    """Text as a cell of a Markdown table."""
     return " ".join(text.split()).replace("|", "\\|")

@@ -22,7 +22,7 @@ from tigas_common.parsing import sentence
 from tigas_common.wire.model import Entries, WireModel
 from tigas_common.wire.recording import Recording, Sample
 from tigas_experiments.errors import RunFailed
-from tigas_experiments.records.recording import parse_recording
+from tigas_experiments.records.files import parse_recording
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 ARGUMENTS = (
@@ -39,17 +39,17 @@ ARGUMENTS = (
     "--disable-backgrounding-occluded-windows",
 )
 HARDWARE_ARGUMENTS = ("--use-angle=vulkan", "--enable-features=Vulkan", "--ignore-gpu-blocklist")
-"""Without them headless Chromium draws WebGL on the processor, or loses it, whatever graphics processor there is."""
+"""Required for hardware WebGL in headless Chromium."""
 WEBGPU_ARGUMENT = "--enable-unsafe-webgpu"
-"""Headless Chromium has WebGPU only if it is told to."""
+"""Required for WebGPU in headless Chromium."""
 SOFTWARE_WEBGPU_ARGUMENTS = ("--enable-features=Vulkan", "--use-vulkan=swiftshader", "--use-angle=swiftshader")
 """Where there is no graphics processor: correct, and slow."""
 GRAPHICS_DEVICES = ("nvidia0", "dri/renderD*")
-"""In /dev; a screen alone (`dri/card0`) draws nothing."""
+"""Device files in /dev; a display controller alone (`dri/card0`) cannot render."""
 READY_MS = 60_000
 """How long the viewer may take from being opened to its first frame."""
 ANSWER_S = 60
-"""How long a page may take to answer; one whose processes hang never does."""
+"""Timeout for a page's answer, in case its processes hang."""
 CLOSE_S = 10
 
 
@@ -63,9 +63,9 @@ def find_chromium() -> str:
 
 @asynccontextmanager
 async def chromium(*, webgpu: bool = False) -> AsyncIterator[Browser]:
-    """A headless browser for as long as the context lasts, with WebGPU for pages that need it. Raises StartError.
+    """A headless browser during the context, optionally with WebGPU. Raises StartError.
 
-    It draws with the graphics processor, if there is one, and its driver has Vulkan.
+    It uses the graphics processor if one is available with a Vulkan driver.
     """
     path = find_chromium()
     # As root it has no sandbox to go into.
@@ -84,7 +84,7 @@ async def chromium(*, webgpu: bool = False) -> AsyncIterator[Browser]:
 
 
 def graphics_arguments(*, webgpu: bool, devices: Path = Path("/dev")) -> tuple[str, ...]:
-    """What Chromium has to be told about this machine's graphics; `devices`: where the kernel lists them."""
+    """Chromium's arguments for this machine's graphics; `devices` is the kernel's device directory."""
     hardware = any(True for pattern in GRAPHICS_DEVICES for _ in devices.glob(pattern))
     if hardware:
         return (*HARDWARE_ARGUMENTS, WEBGPU_ARGUMENT) if webgpu else HARDWARE_ARGUMENTS
@@ -92,7 +92,7 @@ def graphics_arguments(*, webgpu: bool, devices: Path = Path("/dev")) -> tuple[s
 
 
 async def responds(browser: Browser) -> bool:
-    """Whether it lives, and what speaks to it does; Playwright does not notice that its own process has died."""
+    """Whether the browser and its connection are alive; Playwright does not notice the death of its own process."""
     try:
         async with asyncio.timeout(CLOSE_S):
             session = await browser.new_browser_cdp_session()
@@ -131,13 +131,13 @@ class Viewer:
         await self.check()
 
     async def check(self) -> None:
-        """Whether the page enhances, turns or draws frames as it was told to, or shows them as they come."""
+        """Raise RunFailed unless the page enhances, reprojects or draws frames as configured."""
         state = await self._call("state", None)
         if isinstance(state, dict) and state.get("problem"):
             raise RunFailed(f"Frames are not shown as they should be: {state['problem']}")
 
     async def record(self, plan: dict[str, Any], patience_s: float) -> Recording:
-        """Play a movement and record it. Raises BrokenRecording, too."""
+        """Play a movement and record it. Also raises BrokenRecording."""
         recorded = await self._call("run", plan, patience_s)
         return parse_recording(recorded)
 
@@ -149,7 +149,7 @@ class Viewer:
         return base64.b64decode(picture)
 
     async def samples(self) -> SampleList:
-        """What the last run sampled."""
+        """Samples of the last run."""
         told = await self._call("samples", None)
         try:
             return SampleList.model_validate_json(json.dumps(told))

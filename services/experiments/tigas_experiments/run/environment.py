@@ -1,7 +1,6 @@
-"""The environment of many runs: the services, one browser, and the inputs.
+"""The environment of many runs: services, one browser, and inputs.
 
-Starting these takes far longer than what is new in each run, a context of the browser. What has died is started again
-for the next run.
+Starting these takes much longer than a run's new browser context. Dead resources are started again for the next run.
 """
 
 from __future__ import annotations
@@ -9,21 +8,19 @@ from __future__ import annotations
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Generic, TypeVar
 
 from playwright.async_api import Browser
 
 from tigas_common.errors import StartError
-from tigas_common.wire.render import LadderName, SceneInfo
-from tigas_common.wire.run import OFF, PER_VIEW, Configuration, Network
+from tigas_common.wire.render import LadderName, Rung, SceneInfo
+from tigas_common.wire.run import PER_VIEW, Configuration, Network
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.lock import exclusive, services_lock
-from tigas_experiments.movement.trace import Point
-from tigas_experiments.records.folder import InputDigests
+from tigas_experiments.movement.trace import TimedPose
+from tigas_experiments.records.folder import InputDigests, RunRecord
 from tigas_experiments.records.machine import Machine, Server, this_machine
 from tigas_experiments.run.browser import chromium, find_chromium, responds, viewer
-from tigas_experiments.run.changes import MadeWith
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.link import held
 from tigas_experiments.run.targets import LAB_URL, Target, alive, lab_target, load_scene, make_download, url_target
@@ -33,15 +30,27 @@ Resource = TypeVar("Resource")
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What one run is made with."""
+    """The resources of one run."""
 
     target: Target
     browser: Browser
     scene: SceneInfo
-    points: Sequence[Point]
+    points: Sequence[TimedPose]
     network: Network
-    """With a path to its trace's file that can be opened."""
+    """The network, with an absolute path to its trace file."""
     digests: InputDigests
+
+
+@dataclass(frozen=True, slots=True)
+class MadeWith:
+    """Versions and inputs that new runs are made with."""
+
+    commit: str | None
+    """Commit of the experiment's code."""
+    browser: str
+    server: Server
+    scenes: Mapping[str, SceneInfo]
+    """Loaded scenes by id, with the digests of their files."""
 
 
 class Supervised(Generic[Resource]):
@@ -58,7 +67,7 @@ class Supervised(Generic[Resource]):
         self._now: Resource | None = None
 
     async def get(self) -> Resource:
-        """One that lives. Raises what opening raises."""
+        """A live resource. Raises the errors of opening it."""
         if self._now is not None and not await self._lives(self._now):
             await self.close()
         if self._now is None:
@@ -66,7 +75,7 @@ class Supervised(Generic[Resource]):
         return self._now
 
     async def close(self) -> None:
-        """Until it is asked for again."""
+        """Close the resource until the next `get`."""
         self._now = None
         await self._stack.aclose()
 
@@ -86,13 +95,13 @@ class Environment:
         self._target = target
         self._browser = browser
         self._inputs = inputs
-        self._points: dict[tuple[object, ...], Sequence[Point]] = {}
+        self._points: dict[tuple[object, ...], Sequence[TimedPose]] = {}
         self.machine = machine
 
     async def check(self, runs: Sequence[Configuration]) -> None:
-        """Find out before the first run whether all that the runs need can be had. Raises StartError with one sentence.
+        """Check before the first run that all runs can be made. Raises StartError with one sentence.
 
-        Services and browser, scenes, movements and networks, packager, rungs, controllers and models.
+        Checks services, browser, scenes, movements, networks, packager, rungs, controllers and models.
         """
         await self._browser.get()
         target = await self._target.get()
@@ -112,23 +121,21 @@ class Environment:
         asked = {f"The controller {name!r}": {"controller": name} for name in sorted(controllers)}
         for restore, upscale in sorted({(run.restore, run.upscale) for run in runs if run.enhanced}):
             asked[f"restore = {restore!r}, upscale = {upscale!r}"] = {"restore": restore, "upscale": upscale}
-        for prediction in sorted({run.prediction for run in runs} - {OFF}):
-            asked[f"The predictor {prediction!r}"] = {"prediction": prediction}
         if asked:
             await self._ask_the_page(runs[0], asked)
 
     async def made_with(self, scenes: Iterable[str]) -> MadeWith:
-        """What runs in these scenes would be made with now. Raises StartError."""
+        """Versions and inputs of new runs in these scenes. Raises StartError."""
         target, browser = await self._target.get(), await self._browser.get()
         found = {scene: await load_scene(target.url, scene) for scene in scenes}
         return MadeWith(self.machine.commit, browser.version, Server.of(target.config), found)
 
     async def setup(self, configuration: Configuration) -> Setup:
-        """What a run needs; the scene is loaded, and its download is made. Raises StartError."""
+        """Resources of a run, with its scene loaded and its download prepared. Raises StartError."""
         target = await self._target.get()
         scene = await load_scene(target.url, configuration.scene)
-        if configuration.download is not None and any(one.form == configuration.download for one in scene.downloads):
-            await make_download(target.url, scene.id, configuration.download)
+        if configuration.local and scene.downloads:
+            await make_download(target.url, scene.id)
         digests = self._inputs.digests(configuration)
         key = (*_inputs(configuration), digests.movement)
         if key not in self._points:
@@ -137,13 +144,16 @@ class Environment:
         return Setup(target, await self._browser.get(), scene, self._points[key], network, digests)
 
     async def _ask_the_page(self, run: Configuration, asked: Mapping[str, dict[str, str]]) -> None:
-        """Whether it has what these settings, by their names for people, ask for: it alone knows. Raises StartError."""
+        """Check these settings, by display name, on the page, which alone knows its controllers and models. Raises
+        StartError.
+        """
         setup = await self.setup(run)
         try:
             async with viewer(setup.browser, setup.target.url, setup.scene.id, run.width, run.height) as page:
                 for what, settings in asked.items():
                     try:
-                        await page.prepare(settings, setup.points[0])
+                        # Not by default: without graphics acceleration, the page reports that it turns none.
+                        await page.prepare({"reprojection": False, **settings}, setup.points[0])
                     except RunFailed as error:
                         raise StartError(f"{what} cannot be measured: {error}") from None
         except RunFailed as error:
@@ -153,23 +163,21 @@ class Environment:
 @asynccontextmanager
 async def open_environment(
     url: str | None,
-    scenes: Path | None,
-    traces: Path | None,
     inputs: Inputs,
     *,
     ladder: LadderName = "scene",
     webgpu: bool = False,
 ) -> AsyncIterator[Environment]:
-    """For as long as the context lasts, and for nobody else meanwhile. Raises StartError.
+    """Exclusive use of the services at `url`, or of the lab's, which is started on first use.
 
-    The services at `url`, or the lab's, which is started when it is first needed; `scenes` and `traces` are its
-    directories, and `ladder` what profiles count in. With `webgpu`, pages can enhance frames.
+    The render service and the shaper of the lab take their directories from their own settings. `ladder` is the ladder
+    of profiles. With `webgpu`, pages can enhance frames. Raises StartError.
     """
     find_chromium()
     where = url or LAB_URL
 
     with exclusive(services_lock(where), f"Another experiment uses the services at {where}; wait until it has ended."):
-        target = Supervised(lambda: lab_target(scenes, traces, ladder) if url is None else url_target(url), alive)
+        target = Supervised(lambda: lab_target(ladder) if url is None else url_target(url), alive)
         browser = Supervised(lambda: chromium(webgpu=webgpu), responds)
         try:
             yield Environment(target, browser, this_machine(), inputs, ladder)
@@ -188,9 +196,9 @@ def _check_packager(runs: Sequence[Configuration], target: Target) -> None:
 
 
 def _check_downloads(runs: Sequence[Configuration], scenes: Mapping[str, SceneInfo]) -> None:
-    """Whether scenes are offered in the forms that the runs download. Raises StartError."""
+    """Whether the scenes that the runs download are offered. Raises StartError."""
     for run in runs:
-        if run.download is not None and run.download not in {one.form for one in scenes[run.scene].downloads}:
+        if run.local and not scenes[run.scene].downloads:
             raise StartError(f"{run.scene} is not offered for download, so {run.mode} cannot be measured.")
 
 
@@ -215,7 +223,7 @@ def _check_rungs(
 
 
 def _inputs(configuration: Configuration) -> tuple[object, ...]:
-    """What decides the poses."""
+    """The parameters that determine the poses."""
     return (
         configuration.scene,
         configuration.movement,
@@ -223,3 +231,37 @@ def _inputs(configuration: Configuration) -> tuple[object, ...]:
         configuration.seed,
         configuration.duration_s,
     )
+
+
+def changes(kept: Iterable[RunRecord], now: MadeWith) -> list[str]:
+    """Differences from earlier runs, each with old and new value; unknown values do not differ."""
+    found: dict[str, str] = {}
+
+    def compare(name: str, was: object, new: object) -> None:
+        if was is not None and new is not None and was != new:
+            found.setdefault(name, f"{name} ({was}, now {new})")
+
+    for record in kept:
+        scene = now.scenes.get(record.configuration.scene)
+        compare("commit", record.machine.commit, now.commit)
+        compare("browser", record.browser, now.browser)
+        if record.server is not None:
+            compare("render service's commit", record.server.commit, now.server.commit)
+            own = scene.ladder if scene is not None else None
+            compare("ladder", _rungs(record.server.ladder), _rungs(own or now.server.ladder))
+        if scene is not None:
+            compare(f"scene {scene.id}", _size(record.scene_bytes), _size(scene.file_bytes))
+            compare(f"scene {scene.id}", _digest(record.scene_sha256), _digest(scene.file_sha256))
+    return list(found.values())
+
+
+def _rungs(ladder: Iterable[Rung]) -> str:
+    return ", ".join(f"{rung.width}x{rung.height} q{rung.quality}" for rung in ladder)
+
+
+def _size(size: int | None) -> str | None:
+    return None if size is None else f"{size:,} bytes"
+
+
+def _digest(sha256: str | None) -> str | None:
+    return None if sha256 is None else f"SHA-256 {sha256[:12]}…"

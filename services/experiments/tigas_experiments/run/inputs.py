@@ -1,4 +1,4 @@
-"""What a run is made from: the poses in the scene's own frame, and the files that its configuration names."""
+"""Inputs of a run: poses in the scene's frame, and the files named by its configuration."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from tigas_common.files import open_regular
 from tigas_common.wire.render import SceneInfo
 from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.movement.generated import KINDS, generate
-from tigas_experiments.movement.placing import placed
-from tigas_experiments.movement.trace import MovementTrace, Point
+from tigas_experiments.movement.placement import placed
+from tigas_experiments.movement.trace import MovementTrace, TimedPose
 from tigas_experiments.records.folder import InputDigests
 
 DECIMALS = 9
-"""Of the digest of points: differences in the last bits, which mathematical libraries have, are no other movement."""
+"""Decimals of the points' digest, so that rounding differences between mathematical libraries do not matter."""
 
 
 class Inputs:
-    """The files that configurations name, whose paths are relative to a directory.
+    """Files named by configurations, relative to a directory.
 
-    Methods raise StartError with one sentence where a file is missing, or is none of its kind.
+    Methods raise StartError with one sentence for missing or invalid files.
     """
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
 
-    def points(self, configuration: Configuration, scene: SceneInfo) -> list[Point]:
+    def points(self, configuration: Configuration, scene: SceneInfo) -> list[TimedPose]:
         """The poses of a run, from 0 ms to its end or just after it."""
         return placed(self._movement(configuration), scene)
 
@@ -42,7 +42,7 @@ class Inputs:
         return network.model_copy(update={"trace_file": self._directory / network.trace_file})
 
     def digests(self, configuration: Configuration) -> InputDigests:
-        """Of the files as they are now. What the shaper knows by name is no file."""
+        """Digests of the current files; traces known to the shaper by name have none."""
         movement, trace = self._movement_file(configuration.movement), self.network(configuration.network).trace_file
         return InputDigests(
             movement=None if movement is None else _sha256(movement), trace=None if trace is None else _sha256(trace)
@@ -74,7 +74,7 @@ class Inputs:
         return path
 
 
-def points_sha256(points: Sequence[Point]) -> str:
+def points_sha256(points: Sequence[TimedPose]) -> str:
     """SHA-256 of the times (ms), positions and quaternions, in hexadecimal digits."""
     rows = np.array([[point["t_ms"], *point["position"], *point["quaternion"]] for point in points], dtype="<f8")
     # + 0.0: a negative zero is a zero

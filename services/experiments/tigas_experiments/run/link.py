@@ -22,7 +22,7 @@ JUMP_MS = 500
 
 @dataclass(frozen=True, slots=True)
 class HeldLink:
-    """A link that is a run's own, for as long as nobody else touches it."""
+    """A link reserved for a run."""
 
     shaper: ShaperClient
     network: Network
@@ -35,7 +35,7 @@ class HeldLink:
             await self.shaper.play(self.network)
 
     def left_alone(self, seen: Iterable[ShaperStatus]) -> bool:
-        """Whether the link did what its network does by itself; `seen` begins before the trace was played."""
+        """Whether the link only changed according to its network; `seen` begins before the trace was played."""
         playing: ShaperStatus | None = None
         for status in seen:
             if status.trace != self.first.trace:
@@ -76,9 +76,9 @@ async def held(target: Target, network: Network) -> AsyncIterator[HeldLink | Non
 
 @asynccontextmanager
 async def watching_link(link: HeldLink | None) -> AsyncIterator[list[tuple[float, ShaperStatus]]]:
-    """(unix ms, status) of the link, for as long as the context lasts.
+    """Record (unix ms, status) of the link during the context.
 
-    Raises RunFailed in the end if it was closed, or if somebody else changed it.
+    Raises RunFailed at the end if the link was closed or changed from outside.
     """
     seen: list[tuple[float, ShaperStatus]] = []
     if link is None:
@@ -95,18 +95,18 @@ async def watching_link(link: HeldLink | None) -> AsyncIterator[list[tuple[float
     finally:
         task.cancel()
         await asyncio.wait([task])
-        # Asked for in any case: asyncio prints an exception that nobody asks for.
+        # Always retrieved, because asyncio logs unretrieved exceptions.
         error = None if task.cancelled() else task.exception()
     if error is not None:
         raise error
     if closed := next((status.closed for _, status in seen if status.closed), None):
         raise RunFailed(f"The link was closed during the run: {closed}")
     if not link.left_alone(status for _, status in seen):
-        raise RunFailed("Somebody else changed the link during the run.")
+        raise RunFailed("The link was changed from outside during the run.")
 
 
 def link_sample(status: ShaperStatus, at: float) -> LinkSample:
-    """What a run keeps of a status; `at` is in ms since the run's start."""
+    """The recorded part of a status; `at` is in ms since the run's start."""
     return LinkSample(
         at=at,
         position_ms=status.position_ms,

@@ -15,18 +15,20 @@ from tigas_common.errors import StartError
 from tigas_common.wire.recording import Recording
 from tigas_common.wire.run import OFF, Configuration
 from tigas_experiments.errors import RunFailed
-from tigas_experiments.movement.trace import Point
+from tigas_experiments.movement.trace import TimedPose
 from tigas_experiments.quality.ground_truth import TIMEOUT_S, GroundTruth, pose_at
 from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, encode
+from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import RunRecord, RunWriter, Snapshot
-from tigas_experiments.records.load import Load, watching_load
+from tigas_experiments.records.load import Load
 from tigas_experiments.records.machine import Server
-from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.records.readings import watching_load
 from tigas_experiments.run.browser import Viewer, viewer
 from tigas_experiments.run.environment import Environment, Setup
 from tigas_experiments.run.inputs import points_sha256
 from tigas_experiments.run.link import held, link_sample, watching_link
 from tigas_experiments.run.targets import alive
+from tigas_experiments.run.watched import watched
 
 DRAIN_S = 30
 """How much longer than its movement a recording may take."""
@@ -35,10 +37,10 @@ DRAIN_S = 30
 async def run(
     environment: Environment, configuration: Configuration, folder: Path, stage: Callable[[str], None]
 ) -> RunRecord:
-    """Make one run, write its folder, and return its record. A run that fails is marked, and raises nothing.
+    """Make one run, write its folder, and return its record. A failed run is marked, and does not raise.
 
-    `stage` hears what is going on. If it is cancelled, the run is marked, too. On a full disk a mark may be impossible:
-    a run whose run.json says "running", or that has none, is as incomplete as one that is marked.
+    `stage` receives the current step. A cancelled run is also marked. On a full disk marking may fail: a run whose
+    run.json says "running" or is missing counts as incomplete.
     """
     record = RunRecord(
         status="running",
@@ -79,13 +81,14 @@ async def _measure(
             stage("warms up")
             await asyncio.sleep(configuration.warm_up_s)
             stage("measures")
-            async with watching_load() as load, watching_link(link) as seen:
+            watch = await asyncio.to_thread(watched, setup.target)
+            async with watching_load(processes=watch.processes) as load, watching_link(link) as seen:
                 if link is not None:
                     await link.play()
                 recording = await recorded(page, configuration, setup.points)
                 await page.check()
         writer.recording(recording)
-        if not await alive(setup.target):  # a page whose frames stop coming plays on to the end
+        if not await alive(setup.target):  # a page that no longer receives frames still plays to the end
             raise RunFailed("A service ended, or was started again, during the run.")
         start = recording.started_unix_ms
         during = [sample for sample in load if 0 <= sample.unix_ms - start <= recording.ended_ms]
@@ -104,7 +107,7 @@ async def _measure(
             scene_bytes=setup.scene.file_bytes,
             scene_sha256=setup.scene.file_sha256,
             points_sha256=points_sha256(setup.points),
-            load=Load.of(during),
+            load=Load.of(during, watch.services),
             recording=recording.head,
         )
 
@@ -113,8 +116,8 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
     """The viewer's settings before a run: everything that is not said here has its default."""
     mode, profile = configuration.mode, configuration.profile
     chosen: dict[str, Any]
-    if configuration.download is not None:
-        chosen = {"mode": "stateless"}  # its download is part of what is recorded
+    if configuration.local:
+        chosen = {"mode": "stateless"}  # the recording includes its download
     elif mode == "webrtc":
         chosen = {"mode": "webrtc", "webrtcStream": "h264-30"}
     elif configuration.streamed:
@@ -130,7 +133,8 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
         chosen = {"mode": mode, "controller": "fixed", "profile": profile}
     else:
         chosen = {"mode": mode, "controller": profile}
-    # Nothing beside the picture, so that the stage is the viewport; no second request for a view that stands still; one
+    # Nothing next to the picture, so that the stage is the viewport; no second request for a view that stands
+    # still; one
     # format, so that a rung is the same picture on every link.
     enhancement = {"restore": configuration.restore, "upscale": configuration.upscale}
     motion = configuration.model_dump(include={"reprojection", "prediction", "overscan", "depth", "surround"})
@@ -146,7 +150,7 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
     }
 
 
-async def recorded(page: Viewer, configuration: Configuration, points: Sequence[Point]) -> Recording:
+async def recorded(page: Viewer, configuration: Configuration, points: Sequence[TimedPose]) -> Recording:
     """Play a run's movement in a page that is prepared for it. Raises RunFailed and BrokenRecording."""
     duration_ms = configuration.duration_s * 1000
     plan = {
@@ -154,13 +158,13 @@ async def recorded(page: Viewer, configuration: Configuration, points: Sequence[
         "duration_ms": duration_ms,
         "capture_every_ms": configuration.capture_every_ms,
         "sample_stride": configuration.sample_stride,
-        "download": configuration.download,
+        "download": configuration.local,
     }
     return await page.record(plan, patience_s=configuration.duration_s + DRAIN_S)
 
 
 async def _keep_samples(page: Viewer, writer: RunWriter) -> str | None:
-    """Fetch what the page sampled, picture by picture; why there is not all of it."""
+    """Fetch the page's samples picture by picture; returns the reason for missing ones."""
     told = await page.samples()
     for name in told.pictures:
         seq, _, kind = name.partition(".")

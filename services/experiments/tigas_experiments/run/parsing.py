@@ -1,33 +1,29 @@
-"""What a person writes of a run, in a file or as an option, as what it means."""
+"""Parsers of user input for runs, from files and options."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
-from tigas_common.wire.run import UNSHAPED, USUAL_UP_KBPS, Network
+from tigas_common.wire.run import LINK_TERMS, UNSHAPED, USUAL_UP_KBPS, Network
 from tigas_common.wire.shaper import LinkSetting
 
 MOST_PICTURES = 120
-"""Of a run: they lie in the page's memory until it has ended."""
+"""Maximum number of pictures per run: they stay in the page's memory until its end."""
 _PART = re.compile(r"(?P<value>\d+(?:\.\d+)?)(?P<unit>mbit-up|kbit-up|mbit|kbit|ms-rtt|ms-jitter|%-loss)", re.ASCII)
 _UNITS = {
-    "mbit": ("down_kbps", 1000.0),
+    **{term.unit: (term.field, term.scale) for term in LINK_TERMS},
     "kbit": ("down_kbps", 1.0),
-    "mbit-up": ("up_kbps", 1000.0),
     "kbit-up": ("up_kbps", 1.0),
-    "ms-rtt": ("delay_ms", 0.5),
-    "ms-jitter": ("jitter_ms", 1.0),
-    "%-loss": ("loss_pct", 1.0),
 }
 _OVERRIDE = re.compile(r"(?P<trace>.+),(?P<rtt>\d+(?:\.\d+)?)ms-rtt", re.ASCII)
 _PIXELS = re.compile("[0-9]{1,5}")
 
 
 def parse_network(text: str, directory: Path = Path()) -> Network:
-    """Read what a person wrote: `20mbit,20ms-rtt`, `unshaped`, or a trace (file or name), or `TRACE,100ms-rtt`.
+    """Parse a network: `20mbit,20ms-rtt`, `unshaped`, a trace (file or name), or `TRACE,100ms-rtt`.
 
-    A file's path is relative to `directory`, and kept as it was written. Raises ValueError with one sentence.
+    File paths are relative to `directory`, and kept unchanged. Raises ValueError with one sentence.
     """
     if text == UNSHAPED:
         return Network()
@@ -52,7 +48,7 @@ def parse_viewport(text: str) -> tuple[int, int]:
 
 
 def capture_interval_ms(every_s: float, duration_s: float) -> float:
-    """How often a frame is kept, for one in so many seconds, but at most MOST_PICTURES a run; 0 keeps none."""
+    """Interval between kept frames, at least as long as MOST_PICTURES per run require; 0 keeps none."""
     return max(every_s, duration_s / MOST_PICTURES) * 1000 if every_s else 0.0
 
 

@@ -1,4 +1,4 @@
-"""An experiment's file: TOML that says what to vary, and the runs that follow from it (docs/experiments.md)."""
+"""An experiment's file: a TOML matrix, and its runs (docs/experiments.md)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import math
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
-from datetime import timedelta
 from itertools import product
 from pathlib import Path
 from random import Random
@@ -25,6 +24,7 @@ from tigas_common.wire.run import (
     LOCAL,
     MAX_OFFSET_S,
     MAX_RTT_MS,
+    MODES,
     OFF,
     PER_VIEW,
     Configuration,
@@ -40,14 +40,14 @@ from tigas_experiments.run.parsing import capture_interval_ms, parse_network, pa
 from tigas_experiments.run.segments import movement_offsets, trace_offsets
 
 MAX_BYTES = 100_000
-"""Of a file."""
+"""Maximum size of a file."""
 MAX_RUNS = 10_000
 MAX_S = 31 * 86_400
 """An experiment that would take longer is a mistake."""
 OVERHEAD_S = 2.0
-"""What a run takes beside its warm-up, its movement and its pictures, about."""
+"""Approximate time of a run outside its warm-up, movement and pictures."""
 PICTURE_S, MEGAPIXEL_S = 0.1, 1.2
-"""What it takes to compare a kept picture with ground truth on two cores, and as much more for each megapixel."""
+"""Time for comparing a kept picture with ground truth on two cores, and additional time per megapixel."""
 
 Value = TypeVar("Value")
 
@@ -56,6 +56,12 @@ def _no_path(name: str) -> str:
     if name in (".", "..") or not name.isprintable() or any(separator in name for separator in "/\\"):
         raise ValueError(f"{name!r} must not be a path")
     return name
+
+
+def _made(mode: Mode) -> Mode:
+    if mode not in MODES:
+        raise ValueError(f"there are no runs in the mode {mode!r} any more, use 'local-compressed'")
+    return mode
 
 
 def _several(values: tuple[Value, ...]) -> tuple[Value, ...]:
@@ -77,9 +83,10 @@ def _rung(controller: int | str) -> int | str:
 
 ADAPTIVE = "adaptive"
 Chosen = tuple[Mode, dict[str, Any]]
-"""A mode, and the fields of a run that say what chooses its quality."""
+"""A mode, with the fields of a run that select its quality."""
 Inputs = tuple[str, str, tuple[int, Network]]
 """Scene, movement, and network with the segment that it begins at."""
+RunMode = Annotated[Mode, AfterValidator(_made)]
 Name = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_no_path)]
 Controller = Annotated[int | Annotated[str, Field(min_length=1, max_length=40)], AfterValidator(_rung)]
 Representation = Annotated[str, Field(pattern=rf"^({ADAPTIVE}|r[0-9]{{1,3}}-[0-9]{{2,6}})$")]
@@ -89,9 +96,9 @@ OneOrSeveral = Annotated[tuple[Value, ...], BeforeValidator(_one_or_several), Af
 
 
 class Variant(WireModel):
-    """What is compared, in place of what the file says itself; left out: as there."""
+    """Overrides of the file's values; omitted values are inherited."""
 
-    modes: Several[Mode] | None = None
+    modes: Several[RunMode] | None = None
     controllers: Several[Controller] | None = None
     restore: ModelName | None = None
     upscale: ModelName | None = None
@@ -102,54 +109,54 @@ class Variant(WireModel):
     surround: bool | None = None
 
 
-class Plan(WireModel):
-    """What an experiment's file says."""
+class ExperimentPlan(WireModel):
+    """Contents of an experiment's file."""
 
     name: Annotated[ExperimentName, AfterValidator(_no_path)]
     scenes: Several[Name]
     movements: Several[Text]
     """Movement traces' files, and names of generated movements."""
     networks: Several[Text]
-    """As `tigas compare --network` takes them."""
+    """Networks in the syntax of `tigas compare --network`."""
     rtts_ms: Several[Annotated[float, Field(ge=0, le=MAX_RTT_MS)]] | None = None
     """Round trips in place of the networks' own; without them, each network keeps its own."""
-    modes: Several[Mode] = ("stateless",)
+    modes: Several[RunMode] = ("stateless",)
     controllers: Several[Controller] = ("budget",)
-    """Of the modes `stateless` and `video`: controllers' names, and fixed rungs of the ladder."""
+    """Modes `stateless` and `video`: names of controllers, and fixed rungs of the ladder."""
     ladder: LadderName = "scene"
     """Each scene's own, where it has one, or the paper's for all."""
     restore: ModelName = OFF
-    """Of the modes `stateless` and `video`: the page's model that restores frames (docs/enhancement.md), or `off`."""
+    """Modes `stateless` and `video`: the model that restores frames (docs/experiments.md), or `off`."""
     upscale: ModelName = OFF
-    """The one that enlarges it afterwards, or `off`."""
+    """The model that enlarges frames afterwards, or `off`."""
     reprojection: OneOrSeveral[bool] = (False,)
     """Whether the page turns the newest frame to each animation frame's pose; both, to compare."""
     prediction: OneOrSeveral[PredictorName] = (OFF,)
-    """What predicts the poses that frames are asked for, or `off`."""
+    """Predictor of requested poses, or `off`."""
     overscan: Overscan = AUTO
-    """Of reprojection: how much more frames show at each side, or `auto`."""
+    """Reprojection: additional margin at each side, or `auto`."""
     depth: bool = True
-    """Of reprojection: whether frames come with a coarse depth."""
+    """Reprojection: whether frames include a coarse depth map."""
     surround: bool = True
-    """Of reprojection, in the modes `stateless` and `video`: whether small pictures of all directions are asked for."""
+    """Reprojection in the modes `stateless` and `video`: whether small pictures of all directions are requested."""
     variants: Annotated[tuple[Variant, ...], Field(min_length=1)] = (Variant(),)
-    """What is compared where it is no product of the above: each with the runs of its own."""
+    """Comparisons that are not a product of the above, each with runs of its variant."""
     dash_frame_rate: FrameRate | None = None
-    """Of the modes with DASH, in frames a second; without it, each preset's own."""
+    """DASH modes: frames per second; the preset's by default."""
     dash_representations: Several[Representation] = (ADAPTIVE,)
-    """Of the modes with DASH: `adaptive`, or single representations by rung and kbit/s, such as `r2-1414`."""
+    """DASH modes: `adaptive`, or single representations by rung and kbit/s, such as `r2-1414`."""
     segments: int = Field(default=1, ge=1, le=1000)
-    """So many different parts of the traces and movements, chosen by the seed; 1: as they begin."""
+    """Number of different parts of the traces and movements, chosen by the seed; 1 uses their beginnings."""
     repeats: int = Field(default=1, ge=1, le=1000)
     duration_s: float = 20.0
     viewport: str = "640x360"
     seed: int = 1
-    """Of generated movements, segments, the order of runs, and the controllers' random numbers; of all repeats."""
+    """Seed of generated movements, segments, the order of runs, and controllers, for all repeats."""
     shuffled: bool = True
     """Whether runs are made in random order."""
     capture_every_s: float = Field(default=0.0, ge=0)
     sample_stride: int = Field(default=0, ge=0, le=100_000)
-    """Of the mode `stateless`: every so many shown frames, one is sampled; 0 samples none."""
+    """Mode `stateless`: sample every n-th displayed frame; 0 samples none."""
     warm_up_s: float = 3.0
     trace_offset_s: float = Field(default=0.0, ge=0, le=MAX_OFFSET_S)
     """The position that network traces begin at."""
@@ -169,7 +176,7 @@ class Plan(WireModel):
 
     @classmethod
     def of(cls, data: dict[str, Any], source: str) -> Self:
-        """What a file held. Raises StartError with one sentence."""
+        """Parse a file's contents. Raises StartError with one sentence."""
         if unknown := [key for key in data if key not in cls.model_fields]:
             raise StartError(f"{source}: there is no {unknown[0]!r}, only {', '.join(cls.model_fields)}.")
         try:
@@ -179,10 +186,10 @@ class Plan(WireModel):
             raise StartError(f"{source}: {sentence(error)}") from None
 
     def runs(self, directory: Path) -> list[Configuration]:
-        """All runs, in the order in which they are to be made; paths are relative to `directory`, and stay as they are.
+        """All runs, in order; paths are relative to `directory`, and kept unchanged.
 
-        Repeats go outermost, so that an experiment that was interrupted has as many runs of each kind, and controllers
-        innermost, so that a machine that drifts does so for all of them; within that, the seed shuffles. Raises
+        Repeats are outermost, so that an interrupted experiment has equal numbers of each kind; controllers are
+        innermost, so that drift of the machine affects all of them. Within that order, the seed shuffles. Raises
         StartError with one sentence.
         """
         profiles = self._profiles()
@@ -229,7 +236,7 @@ class Plan(WireModel):
         return runs
 
     def _profiles(self) -> list[Chosen]:
-        """Those of all variants, each once."""
+        """Distinct profiles of all variants."""
         found: list[Chosen] = []
         for variant in self.variants:
             own = self.model_copy(update=variant.model_dump(exclude_none=True))
@@ -256,7 +263,7 @@ class Plan(WireModel):
     def _ordered(
         self, networks: Sequence[tuple[int, Network]], profiles: Sequence[Chosen]
     ) -> Iterator[tuple[int, Inputs, Chosen]]:
-        """A randomised block design: what is compared is compared close in time, in an order that favours nothing."""
+        """A randomised block design: compared runs are close in time, in unbiased order."""
         chance = Random(self.seed)
 
         def in_order(values: Iterable[Value]) -> list[Value]:
@@ -323,8 +330,12 @@ def _comparing_s(run: Configuration) -> float:
 
 
 def lasting(runs: Sequence[Configuration]) -> str:
-    """How long runs take, about, for people: hours, minutes and seconds."""
-    return str(timedelta(seconds=round(seconds(runs))))
+    """How long runs take, about, for people: `6 minutes`."""
+    whole = seconds(runs)
+    for unit, size, digits in (("days", 86_400, 1), ("hours", 3600, 1), ("minutes", 60, 0)):
+        if whole >= 2 * size:
+            return f"{round(whole / size, digits):g} {unit}"
+    return f"{whole:.0f} seconds"
 
 
 def _check_movement(text: str, directory: Path) -> None:

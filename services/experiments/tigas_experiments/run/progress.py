@@ -1,8 +1,8 @@
-"""What is shown while runs are made: a bar over all with the time left, and below it what the current one does."""
+"""Progress of an experiment: estimated time, an overall bar, and the current run's step."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 from rich.console import Console, Group
@@ -16,20 +16,27 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.table import Column
 
 from tigas_common.wire.run import Configuration
 from tigas_experiments.records.folder import RunRecord
-from tigas_experiments.run.runner import Listener
+from tigas_experiments.run.plan import lasting
+from tigas_experiments.run.runner import Experiment, RunCallbacks
 
 SPEED_OVER_S = 3600
 """The time left is judged by the runs of the last hour: single runs take many seconds."""
 REFRESHES_PER_S = 2
-"""Drawing takes processor time from what is measured."""
+"""Low, because drawing takes processor time from the measurement."""
 
 
 @contextmanager
-def progress(runs: Sequence[Configuration], missing: int, console: Console) -> Iterator[Listener]:
-    """For as long as the context lasts. Where nobody watches, such as in a log, it prints a line a run."""
+def progress(
+    experiment: Experiment, missing: Sequence[Configuration], names: Mapping[str, str], console: Console
+) -> Iterator[RunCallbacks]:
+    """Show progress during the context; prints a line per run outside a terminal.
+
+    `names` are the runs' display names by folder.
+    """
     overall = Progress(
         MofNCompleteColumn(),
         BarColumn(),
@@ -38,31 +45,38 @@ def progress(runs: Sequence[Configuration], missing: int, console: Console) -> I
         console=console,
         speed_estimate_period=SPEED_OVER_S,
     )
-    current = Progress(SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
-    done = len(runs) - missing
-    bar, line = overall.add_task("", total=len(runs), completed=done), current.add_task("", total=None)
+    wrapped = Column(overflow="fold")
+    current = Progress(
+        SpinnerColumn(), TextColumn("{task.description}", markup=False, table_column=wrapped), TimeElapsedColumn()
+    )
+    total = len(experiment.runs)
+    done = total - len(missing)
+    bar, line = overall.add_task("", total=total, completed=done), current.add_task("", total=None)
     name = ""
 
-    def begins(configuration: Configuration) -> None:
+    def on_begin(configuration: Configuration) -> None:
         nonlocal name
-        name = configuration.slug
+        name = f"{done + 1}/{total} {names[configuration.slug]}"
         current.reset(line)
 
-    def stage(what: str) -> None:
+    def on_stage(what: str) -> None:
         current.update(line, description=f"{name}: {what}" if name else what)
 
-    def finished(record: RunRecord) -> None:
+    def on_finish(record: RunRecord) -> None:
         nonlocal done
         done += 1
         if record.problem is not None:
             say(f"{name}: {record.problem}", "red")
         elif not console.is_terminal:
-            say(f"{done}/{len(runs)} {name}")
+            say(name)
         overall.advance(bar)
 
     def say(text: str, style: str | None = None) -> None:
         console.print(text, style=style, soft_wrap=True)
 
+    count = f"{total} run{'s' if total != 1 else ''}"
+    if missing:
+        say(f"{f'{len(missing)} of ' if done else ''}{count}, about {lasting(missing)}, into {experiment.out}")
     shown = Group(overall, current) if console.is_terminal else ""
     with Live(shown, console=console, refresh_per_second=REFRESHES_PER_S, transient=True):
-        yield Listener(begins, stage, finished)
+        yield RunCallbacks(on_begin, on_stage, on_finish)

@@ -1,4 +1,4 @@
-"""Makes an experiment's runs, those that are missing, and never gives up the others for one that fails."""
+"""Makes an experiment's missing runs, and continues after a failed run."""
 
 from __future__ import annotations
 
@@ -12,69 +12,65 @@ from pathlib import Path
 from tigas_common.errors import StartError
 from tigas_common.wire.run import Configuration
 from tigas_experiments.lock import EXPERIMENT, exclusive
+from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import (
     ExperimentRecord,
     InputDigests,
     RunRecord,
     StoredRun,
-    Template,
     read_experiment,
     write_experiment,
 )
-from tigas_experiments.records.recording import BrokenRecording
-from tigas_experiments.run.changes import changes
-from tigas_experiments.run.environment import Environment, open_environment
+from tigas_experiments.run.environment import Environment, changes, open_environment
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.measure import run
-from tigas_experiments.run.plan import Plan
+from tigas_experiments.run.plan import ExperimentPlan
 
 GIVE_UP_AFTER = 5
-"""So many failures in a row are no coincidence."""
+"""Consecutive failures that end an experiment."""
 RUNS, EARLIER = "runs", "earlier"
 
 
 @dataclass(frozen=True, slots=True)
-class Listener:
-    """Who wants to know how it goes."""
+class RunCallbacks:
+    """Callbacks of an experiment's progress."""
 
-    begins: Callable[[Configuration], None]
-    stage: Callable[[str], None]
-    """What is going on in this run."""
-    finished: Callable[[RunRecord], None]
+    on_begin: Callable[[Configuration], None]
+    on_stage: Callable[[str], None]
+    """Receives the current step of the run."""
+    on_finish: Callable[[RunRecord], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """Runs, what they are made from, and the folder that they belong into."""
+    """Runs with their inputs and output folder."""
 
-    plan: Plan
+    plan: ExperimentPlan
     runs: Sequence[Configuration]
     inputs: Inputs
     out: Path
-    template: Template
-    """Of its report."""
     command: str
-    """As it was typed."""
+    """The command line."""
 
     @classmethod
-    def of(cls, plan: Plan, directory: Path, out: Path, template: Template, command: str) -> Experiment:
-        """A plan whose paths are relative to a directory. Raises StartError."""
-        return cls(plan, plan.runs(directory), Inputs(directory), out, template, command)
+    def of(cls, plan: ExperimentPlan, directory: Path, out: Path, command: str) -> Experiment:
+        """An experiment from a plan with paths relative to a directory. Raises StartError."""
+        return cls(plan, plan.runs(directory), Inputs(directory), out, command)
 
     @classmethod
     def read(cls, file: Path, out: Path | None, command: str) -> Experiment:
         """An experiment's file; its folder is results/NAME if it is not said. Raises StartError."""
-        plan = Plan.read(file)
-        return cls.of(plan, file.parent, out or Path("results", plan.name), "experiment", command)
+        plan = ExperimentPlan.read(file)
+        return cls.of(plan, file.parent, out or Path("results", plan.name), command)
 
     @property
     def begun(self) -> bool:
-        """Whether a run was made, whatever became of it."""
+        """Whether any run was started."""
         runs = self.out / RUNS
         return runs.is_dir() and any(runs.iterdir())
 
     def folder(self, configuration: Configuration) -> Path:
-        """Of a run."""
+        """Folder of a run."""
         return self.out / RUNS / configuration.slug
 
     def missing(self) -> list[Configuration]:
@@ -92,31 +88,29 @@ async def make_missing_runs(
     experiment: Experiment,
     missing: Sequence[Configuration],
     url: str | None,
-    scenes: Path | None,
-    traces: Path | None,
-    listener: Listener,
+    callbacks: RunCallbacks,
     *,
     allow_changes: bool = False,
 ) -> None:
-    """Make an experiment's runs that are missing, against the services at a URL or the lab's.
+    """Make an experiment's missing runs with the services at a URL or in the lab.
 
-    Raises StartError if nothing can be begun, if what runs are made with has changed since those that are kept, or if
-    GIVE_UP_AFTER runs have failed in a row, and OSError.
+    Raises OSError, and StartError if nothing can start, if versions or inputs have changed since the kept runs, or
+    after GIVE_UP_AFTER consecutive failures.
     """
     ladder, webgpu = experiment.plan.ladder, any(run.enhanced for run in missing)
-    opened = open_environment(url, scenes, traces, experiment.inputs, ladder=ladder, webgpu=webgpu)
+    opened = open_environment(url, experiment.inputs, ladder=ladder, webgpu=webgpu)
     async with opened as environment:
-        listener.stage("starts the services")
+        callbacks.on_stage("starts the services")
         await environment.check(missing)
         if not allow_changes:
             await _check_changes(experiment, missing, environment)
         _say_what_is_planned(experiment)
-        await _make(experiment, missing, environment, listener)
+        await _make(experiment, missing, environment, callbacks)
 
 
 @contextmanager
 def reserved(experiment: Experiment) -> Iterator[None]:
-    """The folder, for nobody else as long as the context lasts; of what could not be begun, none is left.
+    """Lock the folder during the context, and remove it if nothing was started.
 
     Raises StartError and OSError.
     """
@@ -133,13 +127,13 @@ def reserved(experiment: Experiment) -> Iterator[None]:
             yield
         finally:
             lock = experiment.out / EXPERIMENT
-            if is_new and list(experiment.out.iterdir()) == [lock]:  # which nobody can take meanwhile
+            if is_new and list(experiment.out.iterdir()) == [lock]:  # which is still locked
                 lock.unlink()
                 experiment.out.rmdir()
 
 
 async def _check_changes(experiment: Experiment, missing: Sequence[Configuration], environment: Environment) -> None:
-    """Raises StartError if commit, browser, ladder or scenes are others than those of the runs that are kept."""
+    """Raise StartError if commit, browser, ladder or scenes differ from the kept runs'."""
     todo = {run.slug for run in missing}
     kept = [StoredRun(experiment.folder(run)).record for run in experiment.runs if run.slug not in todo]
     if not kept:
@@ -153,15 +147,15 @@ async def _check_changes(experiment: Experiment, missing: Sequence[Configuration
 
 
 async def _make(
-    experiment: Experiment, missing: Sequence[Configuration], environment: Environment, listener: Listener
+    experiment: Experiment, missing: Sequence[Configuration], environment: Environment, callbacks: RunCallbacks
 ) -> None:
     failures = 0
     for configuration in missing:
-        listener.begins(configuration)
+        callbacks.on_begin(configuration)
         folder = experiment.folder(configuration)
         _set_aside(folder, experiment.out / EARLIER)
-        record = await run(environment, configuration, folder, listener.stage)
-        listener.finished(record)
+        record = await run(environment, configuration, folder, callbacks.on_stage)
+        callbacks.on_finish(record)
         failures = 0 if record.status == "complete" else failures + 1
         if failures == GIVE_UP_AFTER:
             raise StartError(
@@ -180,7 +174,7 @@ def _is_complete(folder: Path, configuration: Configuration, inputs: InputDigest
 
 
 def _set_aside(folder: Path, earlier: Path) -> None:
-    """Keep what is there from an earlier attempt where no report reads it."""
+    """Move an earlier attempt to a folder that reports ignore."""
     if folder.exists():
         earlier.mkdir(exist_ok=True)
         folder.rename(next(path for number in count(1) if not (path := earlier / f"{folder.name}.{number}").exists()))
@@ -198,7 +192,6 @@ def _say_what_is_planned(experiment: Experiment) -> None:
         source="command",
         plan=experiment.plan.model_dump(mode="json", exclude_none=True),
         planned=len(experiment.runs),
-        template=experiment.template,
         command=experiment.command,
     )
     write_experiment(experiment.out, record)

@@ -16,9 +16,9 @@ from tigas_experiments.movement.trace import MovementTrace
 def trace_offsets(
     network: Network, directory: Path, *, begin_s: float, length_s: float, count: int, seed: int
 ) -> list[float]:
-    """Where `count` parts of a trace's file begin, s, none before `begin_s` and no two overlapping; in their order.
+    """Start times (s) of `count` parts of a trace file, in order, from `begin_s` on and without overlap.
 
-    Raises StartError if the file is none of ours, or too short.
+    Raises StartError if the file is not a TIGAS trace, or too short.
     """
     if network.trace_file is None:
         raise StartError(f"Segments need the trace's file, so {network.name!r} must be a path.")
@@ -58,12 +58,12 @@ def _apart(total_s: float, length_s: float, count: int, chance: Random) -> list[
 
 
 def _milliseconds(seconds: float) -> float:
-    """Whole ones, rounded down, so that a part ends before what it is of."""
+    """Round down to whole milliseconds, so that a part ends before its source."""
     return int(seconds * 1000) / 1000
 
 
 def _trace_duration_s(path: Path) -> float:
-    """Of a trace in our own CSV, the last row of which says when it ends (docs/traces.md)."""
+    """Duration of a TIGAS trace, whose last row is its end (docs/network.md)."""
     try:
         text = read_regular(path, MAX_UPLOAD_BYTES).decode("utf-8", errors="replace")
     except OSError as error:

@@ -65,8 +65,8 @@ class ShaperClient:
                     if line.startswith("data:"):
                         yield self._status(json.loads(line.removeprefix("data:")))
         except (httpx.HTTPError, json.JSONDecodeError) as error:
-            raise RunFailed(f"The shaper at {self.url} stopped telling of its link ({_reason(error)}).") from None
-        raise RunFailed(f"The shaper at {self.url} stopped telling of its link (it has ended).")
+            raise RunFailed(f"The shaper at {self.url} stopped reporting its link ({_reason(error)}).") from None
+        raise RunFailed(f"The shaper at {self.url} stopped reporting its link (it has ended).")
 
     async def _seek(self, network: Network) -> ShaperStatus:
         return await self._post("/seek", {"position_ms": network.offset_s * 1000})
@@ -75,7 +75,9 @@ class ShaperClient:
         try:
             return ShaperStatus.model_validate(data, extra="ignore")  # of a newer shaper
         except ValidationError as error:
-            raise RunFailed(f"The shaper at {self.url} tells of its link in other words: {sentence(error)}") from None
+            raise RunFailed(
+                f"The shaper at {self.url} reports its link in an unknown form: {sentence(error)}"
+            ) from None
 
     async def _upload(self, path: Path) -> str:
         try:

@@ -11,7 +11,6 @@ import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
-from pathlib import Path
 from urllib.parse import quote, urlsplit
 
 import httpx
@@ -34,13 +33,13 @@ LOAD_S = 300
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Where the page is, and what it leads to."""
+    """URLs and processes of the services under test."""
 
     url: str
     """Without a slash at its end; also the page's origin."""
     config: ServerConfig
     lab: psutil.Process | None = None
-    """What keeps the services running, if we have started it."""
+    """Process of the lab, if this command started it."""
     processes: frozenset[psutil.Process] = frozenset()
     """The lab's services."""
 
@@ -56,20 +55,20 @@ class Target:
 
 
 @asynccontextmanager
-async def lab_target(scenes: Path | None, traces: Path | None, ladder: LadderName) -> AsyncIterator[Target]:
-    """The namespace lab, for as long as the context lasts. Raises StartError."""
+async def lab_target(ladder: LadderName) -> AsyncIterator[Target]:
+    """The namespace lab, as a context manager. Raises StartError."""
     await asyncio.to_thread(_check)
     if await _serves(LAB_URL):
         raise StartError(f"Something serves {LAB_URL} already; stop it, or measure it with --url {LAB_URL}.")
-    options = [*(("--scenes", str(scenes)) if scenes else ()), *(("--traces", str(traces)) if traces else ())]
-    # A session of its own: Ctrl+C reaches us alone, so that runs end before their services. If we die, it ends, too.
+    # A separate session: Ctrl+C only reaches this process, so runs end before their services. The lab ends if this
+    # process dies.
     process = subprocess.Popen(  # noqa: ASYNC220 - starting takes no time
-        with_parent([*tigas("lab", "up", "--ladder", ladder), *options]),
+        with_parent(tigas("lab", "up")),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         start_new_session=True,
-        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+        env=os.environ | {"PYTHONUNBUFFERED": "1", "TIGAS_RENDER_LADDER": ladder},
     )
     log = asyncio.create_task(asyncio.to_thread(_last_words, process))
     try:
@@ -91,7 +90,7 @@ async def url_target(url: str) -> AsyncIterator[Target]:
 
 
 async def read_config(url: str) -> ServerConfig:
-    """What the services at a URL say of themselves. Raises StartError."""
+    """Configuration of the services at a URL. Raises StartError."""
     async with httpx.AsyncClient(timeout=ANSWER_S, trust_env=False, verify=False) as http:
         try:
             return ServerConfig.model_validate_json((await http.get(f"{url}/config.json")).content)
@@ -100,9 +99,9 @@ async def read_config(url: str) -> ServerConfig:
 
 
 async def alive(target: Target) -> bool:
-    """Whether all services answer, the shaper's link works, and none was started again.
+    """Whether all services answer, the shaper's link works, and none was restarted.
 
-    A render service that was has another certificate, which its configuration tells; a lab's service another process.
+    A restarted render service has another certificate in its configuration, a restarted lab service another process.
     """
     try:
         config = await read_config(target.url)
@@ -123,13 +122,13 @@ async def load_scene(url: str, scene: str) -> SceneInfo:
         raise StartError(f"The scene {scene!r} cannot be loaded from {url}: {error}") from None
 
 
-async def make_download(url: str, scene: str, form: str) -> None:
-    """Have a scene's file made, which takes a large one seconds that are none of a download's. Raises StartError."""
-    await _ask_for(url, scene, "GET", f"download/{form}", Range="bytes=0-0")
+async def make_download(url: str, scene: str) -> None:
+    """Prepare a scene's file for download, which takes seconds for large scenes. Raises StartError."""
+    await _ask_for(url, scene, "GET", "download/compressed", Range="bytes=0-0")
 
 
 async def _ask_for(url: str, scene: str, method: str, what: str, **headers: str) -> bytes:
-    """What is answered about a scene, however long it takes. Raises StartError."""
+    """Response to a request about a scene, with a long timeout. Raises StartError."""
     async with httpx.AsyncClient(timeout=LOAD_S, trust_env=False, verify=False) as http:
         try:
             answer = await http.request(method, f"{url}/scenes/{quote(scene, safe='')}/{what}", headers=headers)

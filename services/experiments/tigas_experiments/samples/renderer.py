@@ -1,10 +1,11 @@
-"""The render service or a cluster, asked for one frame after another, with the patience that nobody has who watches."""
+"""A client of the render service or a cluster for single frames, with long timeouts."""
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Awaitable, Callable
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
 from contextlib import asynccontextmanager
-from typing import Self
+from typing import Self, TypeVar
 from urllib.parse import quote
 
 import httpx
@@ -18,18 +19,35 @@ AT_ONCE = 4
 """Frames that are asked for: enough to keep a renderer and the encoders behind it busy."""
 LOAD_S = 300
 FRAME_S = 60
+Item = TypeVar("Item")
 
 
 class RendererAway(Exception):
-    """Why no frame at all can be had, in one sentence."""
+    """Reason why the service is unavailable, in one sentence."""
 
 
 class NotRendered(Exception):
-    """Why one frame cannot be had, in one sentence; others may be."""
+    """Reason why one frame is unavailable, in one sentence; others may succeed."""
+
+
+async def concurrently(items: Iterable[Item], work: Callable[[Item], Awaitable[None]]) -> None:
+    """Process items with AT_ONCE workers. Raises the first RendererAway or OSError of a worker."""
+    left = iter(items)
+
+    async def worker() -> None:
+        for item in left:
+            await work(item)
+
+    try:
+        async with asyncio.TaskGroup() as group:
+            for _ in range(AT_ONCE):
+                group.create_task(worker())
+    except* (RendererAway, OSError) as errors:
+        raise errors.exceptions[0] from None
 
 
 class Renderer:
-    """One render service, or a cluster's. Its caller says how often it is asked at once."""
+    """One render service or cluster. The caller limits concurrency."""
 
     def __init__(self, http: httpx.AsyncClient) -> None:
         self._http = http
@@ -38,7 +56,7 @@ class Renderer:
     @classmethod
     @asynccontextmanager
     async def at(cls, url: str) -> AsyncIterator[Self]:
-        """The one at a URL, for as long as the context lasts."""
+        """A client for a URL during the context."""
         limits = httpx.Limits(max_connections=AT_ONCE)
         async with httpx.AsyncClient(base_url=url, trust_env=False, verify=False, limits=limits) as http:
             yield cls(http)
@@ -50,7 +68,7 @@ class Renderer:
         try:
             return SceneInfo.model_validate_json(answer.content)
         except ValidationError:
-            raise RendererAway(f"What answers at {self._http.base_url} is no TIGAS render service.") from None
+            raise RendererAway(f"The server at {self._http.base_url} is no TIGAS render service.") from None
 
     async def frame(self, request: RenderRequest) -> bytes:
         """The frame that was asked for. Raises RendererAway and NotRendered."""
@@ -61,12 +79,12 @@ class Renderer:
         return answer.content
 
     async def config(self) -> ServerConfig:
-        """What the service says of itself, such as its ladder. Raises RendererAway and NotRendered."""
+        """The service's configuration, such as its ladder. Raises RendererAway and NotRendered."""
         answer = await self._ask(lambda: self._http.get("/config.json", timeout=FRAME_S))
         try:
             return ServerConfig.model_validate_json(answer.content)
         except ValidationError:
-            raise RendererAway(f"What answers at {self._http.base_url} is no TIGAS render service.") from None
+            raise RendererAway(f"The server at {self._http.base_url} is no TIGAS render service.") from None
 
     async def _ask(self, ask: Callable[[], Awaitable[httpx.Response]]) -> httpx.Response:
         try:
@@ -80,6 +98,6 @@ class Renderer:
             detail = Problem.model_validate_json(answer.content).detail
         except ValidationError:
             raise RendererAway(
-                f"What answers at {self._http.base_url} is no TIGAS render service: it says {answer.status_code}."
+                f"The server at {self._http.base_url} is no TIGAS render service: it says {answer.status_code}."
             ) from None
         raise NotRendered(detail)

@@ -1,4 +1,4 @@
-"""One sample, rendered again: is it the frame that came in the run, and what should it have looked like?"""
+"""Renders one sample again: compares it with the run's frame, and adds ground truth."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from tigas_common.pose import Intrinsics
 from tigas_common.wire.recording import Sample
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.quality.picture import BrokenPicture, compare, decode, opened
-from tigas_experiments.records.materialised import REPLAYED, TRUTH, Materialised
+from tigas_experiments.records.rerendered import REPLAYED, TRUTH, Rerendered
 from tigas_experiments.records.samples import JPEG, MAX_PICTURE_BYTES, sample_path
 from tigas_experiments.samples.renderer import NotRendered, Renderer
 
 
 def request_again(sample: Sample) -> RenderRequest:
-    """What was asked for in the run, now that nobody waits for it."""
+    """The run's request, without its deadline."""
     return sample.request.model_copy(update={"deadline_ms": None})
 
 
@@ -35,11 +35,11 @@ def shown_size(sample: Sample) -> tuple[int, int]:
 
 
 def request_truth(sample: Sample) -> RenderRequest:
-    """The same view without loss, in the size that it was shown in. Raises NotRendered if nobody can have that."""
+    """Request for the same view without loss in its displayed size. Raises NotRendered if the size is impossible."""
     request = sample.request
     lens = _lens(request).resized(*shown_size(sample))
     plain = {
-        "profile": None, "format": "png", "deadline_ms": None, "stamp": None, "overscan": 0.0, "depth": False
+        "profile": None, "format": "png", "deadline_ms": None, "overscan": 0.0, "depth": False
     }  # fmt: skip
     try:
         return RenderRequest.model_validate(request.model_dump() | asdict(lens) | plain)
@@ -48,13 +48,13 @@ def request_truth(sample: Sample) -> RenderRequest:
 
 
 def _lens(request: RenderRequest) -> Intrinsics:
-    """Of the whole view that was asked for, in the viewport's pixels."""
+    """Intrinsics of the whole requested view, in viewport pixels."""
     margins = (round(side * request.overscan) for side in (request.width, request.height))
     return request.intrinsics.widened(*margins)
 
 
-async def replay(run: Path, sample: Sample, renderer: Renderer, *, again: bool = False) -> Materialised:
-    """Ask for a sample again and for its ground truth, if that is not there or asked for `again`; keep what came.
+async def replay(run: Path, sample: Sample, renderer: Renderer, *, again: bool = False) -> Rerendered:
+    """Render a sample and its ground truth, if missing or `again`, and keep the results.
 
     Raises RendererAway and OSError.
     """
@@ -70,7 +70,7 @@ async def replay(run: Path, sample: Sample, renderer: Renderer, *, again: bool =
             await asyncio.to_thread(_keep_truth, run, sample, truth)
         except (NotRendered, BrokenPicture) as error:
             problems.append(str(error))
-    return Materialised(
+    return Rerendered(
         seq=sample.seq, identical=identical, problem=" ".join(dict.fromkeys(problems)) or None, psnr_db=psnr_db
     )
 
@@ -96,13 +96,13 @@ def check_truth(data: bytes, sample: Sample) -> None:
 
 
 async def _compare(run: Path, sample: Sample, again: bytes) -> tuple[bool, float | None]:
-    """Whether it is what came in the run and, if not, how far it is from that. Keeps it then."""
+    """Whether the frame is identical to the run's and, if not, their PSNR. Keeps a differing frame."""
     kept = sample_path(run, sample.seq, REPLAYED)
     try:
         path = sample_path(run, sample.seq, JPEG)
         came = await asyncio.to_thread(read_regular, path, MAX_PICTURE_BYTES, follow=False)
     except OSError as error:
-        raise BrokenPicture(f"The frame that came in the run cannot be read: {error.strerror or error}.") from None
+        raise BrokenPicture(f"The frame received in the run cannot be read: {error.strerror or error}.") from None
     if came == again:
         with _in_the_way(kept):
             kept.unlink(missing_ok=True)
@@ -113,7 +113,7 @@ async def _compare(run: Path, sample: Sample, again: bytes) -> tuple[bool, float
 
 
 def _psnr_db(came: bytes, again: bytes) -> float | None:
-    """None of frames that differ in size. Raises BrokenPicture."""
+    """PSNR of two frames; None for different sizes. Raises BrokenPicture."""
     one, other = decode(came), decode(again)
     return compare(one, other).psnr_db if one.shape == other.shape else None
 
@@ -124,7 +124,7 @@ def _keep_truth(run: Path, sample: Sample, truth: bytes) -> None:
 
 
 def _write_whole(path: Path, data: bytes) -> None:
-    """Under its name only once it is whole; a link of that name is replaced, not followed.
+    """Write a file atomically; a link of that name is replaced, not followed.
 
     Raises BrokenPicture if a folder has that name, and OSError.
     """

@@ -55,19 +55,19 @@ from tigas_experiments.records.samples import MAX_PICTURE_BYTES
 from tigas_experiments.store.archive import archive
 from tigas_experiments.store.errors import storage_explained
 from tigas_experiments.store.experiments import MAX_PLAN_BYTES, Experiments
-from tigas_experiments.store.materialisations import Materialisations
-from tigas_experiments.store.metrics import StoreMetrics
+from tigas_experiments.store.metrics import MonitoredLock, StoreMetrics
 from tigas_experiments.store.movements import Movements
 from tigas_experiments.store.reports import Reports
-from tigas_experiments.store.sample_uploads import (
+from tigas_experiments.store.rerendering import Rerendering
+from tigas_experiments.store.samples import (
     MAX_INDEX_BYTES,
     check_room,
     keep_index,
     keep_picture,
+    list_samples,
+    picture,
     uploaded,
 )
-from tigas_experiments.store.samples import list_samples, picture
-from tigas_experiments.store.turns import Turns
 from tigas_experiments.store.upload import check_limit, keep_interrupted, keep_upload
 from tigas_experiments.store.workspace import Workspace
 
@@ -77,30 +77,30 @@ REPORT_HEADERS = NO_STORE | {
     "img-src data:; font-src data:; sandbox allow-scripts allow-popups allow-downloads"
 }
 
-# Whatever a file of this name has in it, it is a picture.
+# Always served as a picture, regardless of its content.
 PICTURE_HEADERS = NO_STORE | {"X-Content-Type-Options": "nosniff", "Content-Security-Policy": "default-src 'none'"}
 
 
 @dataclass(frozen=True)
 class Store:
-    """What the routes work with; its caller's to open and close."""
+    """Components of the store; opened and closed by the caller."""
 
     workspace: Workspace
     experiments: Experiments
     reports: Reports
     movements: Movements
     load: Sequence[LoadSample]
-    """Of this machine, as far back as a run may last; grows by itself."""
+    """This machine's load over the longest possible run; grows continuously."""
     machine: Machine
     offload: Offload
-    materialisations: Materialisations
-    checks: Turns = field(default_factory=Turns)
+    rerendering: Rerendering
+    checks: MonitoredLock = field(default_factory=MonitoredLock)
     """Runs are checked in turn: a long one takes much memory."""
 
 
 def create_app(store: Store, policy: OriginPolicy) -> ASGIApp:
     """The application over a store."""
-    queues = {"check": store.checks, "report": store.reports.turns, "materialise": store.materialisations.turns}
+    queues = {"check": store.checks, "report": store.reports.lock, "materialise": store.rerendering.lock}
     figures = StoreMetrics(store.experiments.results, queues)
     registry = new_registry("store", figures)
     app = Starlette(
@@ -114,9 +114,9 @@ def create_app(store: Store, policy: OriginPolicy) -> ASGIApp:
             Route("/experiments/{id}/runs", add_run, methods=["POST"]),
             Route("/experiments/{id}/runs/{run}/samples", samples),
             Route("/experiments/{id}/runs/{run}/samples/{name}", sample),
-            Route("/experiments/{id}/materialise", materialise, methods=["POST"]),
-            Route("/experiments/{id}/materialise", materialised),
-            Route("/experiments/{id}/materialise", stop_materialising, methods=["DELETE"]),
+            Route("/experiments/{id}/materialise", start_rerendering, methods=["POST"]),
+            Route("/experiments/{id}/materialise", rerendering),
+            Route("/experiments/{id}/materialise", stop_rerendering, methods=["DELETE"]),
             Route("/experiments/{id}/interrupted-runs", add_interrupted_run, methods=["POST"]),
             Route("/experiments/{id}/runs/{run}/uploaded-samples", uploaded_samples),
             Route("/experiments/{id}/runs/{run}/samples/{name}", add_picture, methods=["PUT"]),
@@ -188,21 +188,21 @@ async def sample(request: Request) -> Response:
     return Response(data, media_type=media_type, headers=PICTURE_HEADERS)
 
 
-async def materialise(request: Request) -> ModelResponse[Materialisation]:
+async def start_rerendering(request: Request) -> ModelResponse[Materialisation]:
     """Render the samples of an experiment again: begin, or go on."""
-    answer = json_response(await _store(request).materialisations.start(request.path_params["id"]))
+    answer = json_response(await _store(request).rerendering.start(request.path_params["id"]))
     answer.status_code = 202
     return answer
 
 
-async def materialised(request: Request) -> ModelResponse[Materialisation]:
+async def rerendering(request: Request) -> ModelResponse[Materialisation]:
     """How far that is."""
-    return json_response(await _store(request).materialisations.get(request.path_params["id"]))
+    return json_response(await _store(request).rerendering.get(request.path_params["id"]))
 
 
-async def stop_materialising(request: Request) -> ModelResponse[Materialisation]:
-    """End it; what is there stays."""
-    return json_response(await _store(request).materialisations.stop(request.path_params["id"]))
+async def stop_rerendering(request: Request) -> ModelResponse[Materialisation]:
+    """Stop rendering samples; results so far are kept."""
+    return json_response(await _store(request).rerendering.stop(request.path_params["id"]))
 
 
 @takes(InterruptedRun)
@@ -217,7 +217,7 @@ async def add_interrupted_run(request: Request, body: Body[InterruptedRun]) -> M
 
 
 async def uploaded_samples(request: Request) -> ModelResponse[UploadedSamples]:
-    """What is there of a run's samples."""
+    """List a run's uploaded samples."""
     return json_response(await asyncio.to_thread(lambda: uploaded(_page_run(request))))
 
 
@@ -292,7 +292,7 @@ async def _receive(request: Request, path: Path, limit: int) -> None:
 
 
 def _archived(folder: Path) -> Iterator[bytes]:
-    """Breaks off where the archive cannot be finished, so that nobody takes the part for the whole."""
+    """Stream a ZIP, and abort the response if it cannot be completed."""
     with storage_explained():
         yield from archive(folder)
 

@@ -13,10 +13,11 @@ LEVEL = 5
 """Records shrink to about a tenth; more costs time that the services need."""
 
 COMPRESSED = (".png", ".jpg", ".webp")
+"""Suffixes of files that are stored without further compression."""
 
 
 def archive(folder: Path) -> Iterator[bytes]:
-    """The ZIP of a folder, under its name and as it is, but without links.
+    """The ZIP of a folder, under its name and without links.
 
     Raises OSError if the folder is removed meanwhile.
     """
@@ -28,7 +29,7 @@ def archive(folder: Path) -> Iterator[bytes]:
         for name in sorted(names):
             path = Path(parent, name)
             if path.is_file() and not path.is_symlink():
-                stored = path.suffix in (".png", ".jpg", ".webp")  # compressed already
+                stored = path.suffix in COMPRESSED
                 stream.add_path(
                     path, str(inside / name), recurse=False, compress_type=ZIP_STORED if stored else ZIP_DEFLATED
                 )

@@ -1,4 +1,4 @@
-"""What can go wrong here only, and how the system's errors are told."""
+"""Errors of the store, and the translation of system errors."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tigas_common.errors import TigasError
 
 
 class UnknownExperiment(TigasError):
-    """No experiment has this id, or what its folder says of it cannot be read."""
+    """No experiment has this id, or its record is unreadable."""
 
     status, type, title = 404, "unknown-experiment", "There is no such experiment"
 

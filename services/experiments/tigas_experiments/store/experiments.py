@@ -1,6 +1,6 @@
-"""Experiments as folders of one directory, those of commands among them: found, begun, added to and removed.
+"""Experiments as folders of one directory, including those of commands: listed, created, extended and removed.
 
-Everything here blocks; the application calls it in threads. An experiment's id is its folder's name. Links are not
+All functions block; the application calls them in threads. An experiment's id is its folder's name. Links are not
 followed, so that nothing outside the directory can be reached.
 """
 
@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from tigas_common.errors import StartError
+from tigas_common.files import names_to_disk
 from tigas_common.parsing import parse
 from tigas_common.wire.store import (
     Experiment,
@@ -27,9 +28,9 @@ from tigas_common.wire.store import (
     SampleCounts,
 )
 from tigas_experiments.lock import EXPERIMENT, exclusive
+from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import ExperimentRecord, RunRecord, StoredRun, read_experiment, write_experiment
-from tigas_experiments.records.materialised import INDEX as MATERIALISED
-from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.records.rerendered import INDEX as RERENDERED
 from tigas_experiments.records.samples import INDEX as SAMPLES
 from tigas_experiments.records.scores import SCORES
 from tigas_experiments.records.summary import Summary, summarise
@@ -39,10 +40,10 @@ from tigas_experiments.store.workspace import Workspace
 
 CACHED_RUNS = 10_000
 MAX_PLAN_BYTES = 64 * 1024
-"""Of a request that begins an experiment."""
+"""Maximum size of a request that creates an experiment."""
 T = TypeVar("T")
 TAKEN = (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR)
-"""What the system says where a folder cannot be put because something is there."""
+"""Error numbers for an existing target."""
 
 
 class Experiments:
@@ -54,7 +55,7 @@ class Experiments:
         self._workspace = workspace
 
     def all(self) -> ExperimentList:
-        """Those whose experiment.json can be read."""
+        """All experiments with a readable record."""
         found = []
         for folder, record in self._read():
             runs = list(_read(_record, folder))
@@ -87,7 +88,7 @@ class Experiments:
         )
 
     def find(self, experiment: str) -> tuple[Path, ExperimentRecord]:
-        """Its folder and what is said there. Raises UnknownExperiment."""
+        """Folder and record of an experiment. Raises UnknownExperiment."""
         folder = self.results / experiment
         # Compared as a name, since as a path it could lead anywhere.
         if folder.name != experiment or not _is_folder(folder):
@@ -106,7 +107,7 @@ class Experiments:
         return found
 
     def page_run(self, experiment: str, name: str) -> Path:
-        """The same, of an experiment that a page may change. Raises ExperimentInUse, too."""
+        """The folder of a run in an experiment that a page may change. Also raises ExperimentInUse."""
         self._check_page(experiment)
         return self.run(experiment, name)
 
@@ -128,7 +129,7 @@ class Experiments:
             return _placed(made, self.results, f"{slug}-{created:%Y%m%d-%H%M%S}")
 
     def _read(self) -> Iterator[tuple[Path, ExperimentRecord]]:
-        """Folders and records of those that can be read."""
+        """Folders and records of all readable experiments."""
         with storage_explained():
             folders = [path for path in self.results.iterdir() if _is_folder(path)]
         for folder in folders:
@@ -144,7 +145,7 @@ class Experiments:
         return next(one for one in itertools.chain([name], numbered) if one not in taken)
 
     def add_run(self, experiment: str, made: Path, summary: Summary) -> RunRow:
-        """Keep a run that lies in the workspace as a whole. Raises UnknownExperiment and ExperimentInUse."""
+        """Move a complete run from the workspace into an experiment. Raises UnknownExperiment and ExperimentInUse."""
         parent = self._check_page(experiment)
         runs = parent / "runs"
         with storage_explained():
@@ -158,7 +159,7 @@ class Experiments:
         return _row(summary.model_copy(update={"folder": name}))
 
     def _check_page(self, experiment: str) -> Path:
-        """The folder of an experiment that is no command's: that would refuse to go on with what it does not know."""
+        """Folder of an experiment made on a page: commands refuse to continue with unknown runs."""
         folder, record = self.find(experiment)
         if record.source == "command":
             raise ExperimentInUse(f"The experiment {experiment} is a command's; begin one of the page's own.")
@@ -195,7 +196,7 @@ def version(run: Path) -> tuple[int, ...] | None:
     None if it says nothing of itself.
     """
     found: tuple[int, ...] = ()
-    for name in ("run.json", SAMPLES, MATERIALISED, SCORES):
+    for name in ("run.json", SAMPLES, RERENDERED, SCORES):
         try:
             told = (run / name).lstat()
         except OSError:
@@ -208,7 +209,7 @@ def version(run: Path) -> tuple[int, ...] | None:
 
 
 def _read(reader: Callable[[Path, tuple[int, ...]], T], folder: Path) -> Iterator[T]:
-    """What a reader says of an experiment's runs, of those that say something of themselves."""
+    """A reader's results for all runs with readable records."""
     for run in made_runs(folder):
         if (written := version(run)) is not None:
             try:
@@ -257,5 +258,6 @@ def _placed(made: Path, parent: Path, name: str) -> str:
             if error.errno not in TAKEN:
                 raise
         else:
+            names_to_disk(parent)
             return chosen
     raise AssertionError

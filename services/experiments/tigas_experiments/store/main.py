@@ -1,4 +1,4 @@
-"""Wires the store together: settings in, API up, until told to stop."""
+"""Wires the store together and serves its API until it is stopped."""
 
 from __future__ import annotations
 
@@ -6,17 +6,19 @@ import asyncio
 from contextlib import AsyncExitStack
 
 from tigas_common.address import say_if_open
+from tigas_common.http_limits import HttpLimits
+from tigas_common.loop_share import LoopShare
 from tigas_common.memory import keep_together
 from tigas_common.offload import offload_to_process
 from tigas_common.origins import OriginPolicy
-from tigas_common.runner import explained, serve_http, until_stopped
-from tigas_experiments.records.load import EVERY_S, watching_load
+from tigas_common.runner import explained, serve_listener, until_stopped
 from tigas_experiments.records.machine import this_machine
+from tigas_experiments.records.readings import EVERY_S, watching_load
 from tigas_experiments.store.app import Store, create_app
 from tigas_experiments.store.experiments import Experiments
-from tigas_experiments.store.materialisations import Materialisations
 from tigas_experiments.store.movements import Movements
 from tigas_experiments.store.reports import Reports
+from tigas_experiments.store.rerendering import Rerendering
 from tigas_experiments.store.settings import StoreSettings
 from tigas_experiments.store.workspace import Workspace
 
@@ -27,7 +29,10 @@ REMEMBERED_S = 3 * 3600
 async def serve(settings: StoreSettings) -> None:
     """Run the store until SIGINT or SIGTERM. Raises StartError."""
     keep_together()
+    limits = HttpLimits.of(settings.http_limits)
     async with AsyncExitStack() as stack:
+        with explained(settings.http, "--http"):  # before anything that takes time
+            listener = stack.enter_context(settings.http.listen(limits.unread_s))
         workspace = stack.enter_context(Workspace.opened(settings.results))
         load = await stack.enter_async_context(watching_load(keep=int(REMEMBERED_S / EVERY_S)))
         experiments = Experiments(settings.results, workspace)
@@ -39,12 +44,11 @@ async def serve(settings: StoreSettings) -> None:
             load=load,
             machine=await asyncio.to_thread(this_machine),
             offload=offload_to_process,
-            materialisations=await stack.enter_async_context(Materialisations.opened(experiments, settings.render)),
+            rerendering=await stack.enter_async_context(Rerendering.opened(experiments, settings.render)),
         )
-        with explained(settings.http, "--http"):
-            policy = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins)
-            app = create_app(store, policy)
-            port = await stack.enter_async_context(serve_http(app, settings.http, settings.http_limits))
+        policy = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins)
+        app = LoopShare(create_app(store, policy), limits.loop_share_per_address, policy)
+        port = await stack.enter_async_context(serve_listener(app, listener, limits))
         say_if_open([settings.http])
         print(f"Experiments in {settings.results} on http://{settings.http.reachable_host}:{port}/", flush=True)
         await until_stopped()

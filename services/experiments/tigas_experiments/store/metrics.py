@@ -1,42 +1,83 @@
-"""The store's figures for Prometheus: what came in, what waits for its turn, and how much room is left."""
+"""The store's Prometheus metrics, and locks that report their queues."""
 
 from __future__ import annotations
 
+import asyncio
 import os
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Self
 
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from tigas_experiments.store.turns import Turns
+
+class MonitoredLock:
+    """An asyncio lock that reports its waiting tasks."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        """`clock` returns seconds."""
+        self._clock = clock
+        self._lock = asyncio.Lock()
+        self._waiting: list[float] = []
+        """Start times of the waiting tasks."""
+
+    @property
+    def waiting(self) -> int:
+        """Number of waiting tasks."""
+        return len(self._waiting)
+
+    @property
+    def working(self) -> bool:
+        """Whether a task holds the lock."""
+        return self._lock.locked()
+
+    @property
+    def age_s(self) -> float:
+        """Longest current wait, seconds."""
+        return self._clock() - min(self._waiting) if self._waiting else 0.0
+
+    async def __aenter__(self) -> Self:
+        since = self._clock()
+        self._waiting.append(since)
+        try:
+            await self._lock.acquire()
+        finally:
+            self._waiting.remove(since)
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self._lock.release()
 
 
 class StoreMetrics(Collector):
-    """Of one store."""
+    """Metrics of one store."""
 
-    def __init__(self, results: Path, queues: Mapping[str, Turns]) -> None:
-        """queues: the work that is done in turn, by its name."""
+    def __init__(self, results: Path, queues: Mapping[str, MonitoredLock]) -> None:
+        """`queues` are locks by the name of their work."""
         self._results = results
         self._queues = queues
         self.runs = 0
-        """Runs that were kept."""
+        """Number of stored runs."""
         self.received_bytes = 0
-        """Of runs and pictures, also those that were refused."""
+        """Bytes of uploaded runs and pictures, including refused ones."""
 
     def collect(self) -> Iterator[Metric]:
-        """As it is now."""
-        yield CounterMetricFamily("tigas_store_runs", "Runs that were kept", self.runs)
-        yield CounterMetricFamily("tigas_store_received_bytes", "Bytes of runs and pictures", self.received_bytes)
-        waiting = GaugeMetricFamily("tigas_store_waiting", "Pieces of work that wait for their turn", labels=["queue"])
-        working = GaugeMetricFamily("tigas_store_working", "Pieces of work that are done now", labels=["queue"])
-        ages = GaugeMetricFamily("tigas_store_queue_age_seconds", "The longest wait", labels=["queue"])
+        """Current values."""
+        yield CounterMetricFamily("tigas_store_runs", "Stored runs", self.runs)
+        yield CounterMetricFamily(
+            "tigas_store_received_bytes", "Uploaded bytes of runs and pictures", self.received_bytes
+        )
+        waiting = GaugeMetricFamily("tigas_store_waiting", "Tasks waiting for the lock", labels=["queue"])
+        working = GaugeMetricFamily("tigas_store_working", "Running tasks", labels=["queue"])
+        ages = GaugeMetricFamily("tigas_store_queue_age_seconds", "Longest wait", labels=["queue"])
         for name, queue in self._queues.items():
             waiting.add_metric([name], queue.waiting)
             working.add_metric([name], queue.working)
             ages.add_metric([name], queue.age_s)
         yield from (waiting, working, ages)
-        with suppress(OSError):  # the folder is gone: there is nothing to tell
+        with suppress(OSError):  # the folder was removed
             disk = os.statvfs(self._results)
-            yield GaugeMetricFamily("tigas_store_free_bytes", "Room for results", disk.f_bavail * disk.f_frsize)
+            yield GaugeMetricFamily("tigas_store_free_bytes", "Free space for results", disk.f_bavail * disk.f_frsize)

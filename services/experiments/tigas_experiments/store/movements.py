@@ -8,8 +8,7 @@ from pathlib import Path
 
 from tigas_common.files import read_regular
 from tigas_common.wire.store import Movement, MovementList
-from tigas_experiments.movement.errors import MovementError
-from tigas_experiments.movement.table import MAX_BYTES
+from tigas_experiments.movement.table import MAX_BYTES, MovementError
 from tigas_experiments.movement.trace import MovementTrace
 from tigas_experiments.store.errors import UnknownMovement, storage_explained
 
@@ -23,7 +22,7 @@ class Movements:
         self._directory = directory
 
     def all(self) -> MovementList:
-        """What they are."""
+        """All movements."""
         found = []
         for path in sorted(self._directory.glob("*.csv")):
             try:

@@ -1,4 +1,4 @@
-"""Reports of experiments, made when somebody asks and kept until a run comes or goes."""
+"""Reports of experiments, made on demand and cached until runs change."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tigas_common.files import read_regular
 from tigas_common.offload import Offload
 from tigas_experiments.store.errors import NothingToReport, UnknownExperiment, storage_explained
 from tigas_experiments.store.experiments import Experiments, made_runs, version
-from tigas_experiments.store.turns import Turns
+from tigas_experiments.store.metrics import MonitoredLock
 from tigas_experiments.store.workspace import Workspace
 
 REPORT = "report.html"
@@ -28,16 +28,16 @@ class Reports:
         self._experiments = experiments
         self._workspace = workspace
         self._offload = offload
-        self.turns = Turns()
+        self.lock = MonitoredLock()
         self._made: dict[str, Versions] = {}
-        """Of which runs the report in an experiment's folder is."""
+        """Versions of the runs in each cached report."""
 
     async def html(self, experiment: str) -> bytes:
-        """The report, which is in the experiment's folder, too, with all its files. It may take seconds.
+        """The report, which is also written into the experiment's folder. May take seconds.
 
         Raises UnknownExperiment, NothingToReport and DiskFull.
         """
-        async with self.turns:
+        async with self.lock:
             folder, _ = await asyncio.to_thread(self._experiments.find, experiment)
             runs = await asyncio.to_thread(made_runs, folder)
             if not runs:

@@ -1,22 +1,49 @@
-"""The samples of a run, as the page shows them: which there are, and their pictures."""
+"""The samples of a run over HTTP: lists, pictures, and uploads picture by picture.
+
+A page that was interrupted only uploads missing pictures. Without an index, a run has no samples. All functions block.
+"""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
-from tigas_common.files import read_regular
-from tigas_common.wire.store import SampleCounts, SampleList, SampleRow
-from tigas_experiments.records.materialised import REPLAYED, TRUTH, sampled_run
-from tigas_experiments.records.samples import ENHANCED, JPEG, MAX_PICTURE_BYTES, sample_path
-from tigas_experiments.store.errors import UnknownSample
+from tigas_common.errors import BodyTooLarge, InvalidRequest, StorageFailed
+from tigas_common.files import names_to_disk, read_regular, to_disk
+from tigas_common.wire.recording import Sample
+from tigas_common.wire.store import (
+    MOST_SAMPLES,
+    SampleCounts,
+    SampleIndex,
+    SampleList,
+    SampleRow,
+    UploadedFile,
+    UploadedSamples,
+)
+from tigas_experiments.records.rerendered import REPLAYED, TRUTH, sampled_run
+from tigas_experiments.records.samples import (
+    ENHANCED,
+    FOLDER,
+    INDEX,
+    JPEG,
+    MAX_PICTURE_BYTES,
+    sample_path,
+    write_samples,
+)
+from tigas_experiments.store.errors import SamplesComplete, UnknownSample
 
 MEDIA_TYPES = {".jpg": "image/jpeg", ".png": "image/png", ".webp": "image/webp"}
-NAME = re.compile(f"[0-9]{{6,10}}[.]({'|'.join(map(re.escape, (JPEG, *ENHANCED, REPLAYED, TRUTH)))})")
+NUMBER = "[0-9]{6,10}[.]"
+UPLOADED = re.compile(f"{NUMBER}({'|'.join(map(re.escape, (JPEG, *ENHANCED)))})")
+SERVED = re.compile(f"{NUMBER}({'|'.join(map(re.escape, (JPEG, *ENHANCED, REPLAYED, TRUTH)))})")
+MAX_INDEX_BYTES = 16_000_000
+MAX_RUN_BYTES = 8_000_000_000
+"""Limit of all pictures of a run."""
+MOST_FILES = 2 * MOST_SAMPLES
 
 
 def list_samples(run: Path) -> SampleList:
-    """Those of a run's folder, in the order of time."""
+    """Samples of a run's folder, by display time."""
     found = sampled_run(run)
     rows = []
     for sample in sorted(found.samples, key=lambda sample: sample.at):
@@ -49,8 +76,8 @@ def list_samples(run: Path) -> SampleList:
 
 
 def picture(run: Path, name: str) -> tuple[bytes, str]:
-    """A picture and its media type; a link is none. Raises UnknownSample."""
-    if not NAME.fullmatch(name) or (run / "samples").is_symlink():  # as a path it could lead anywhere
+    """A picture and its media type, without following links. Raises UnknownSample."""
+    if not SERVED.fullmatch(name) or (run / "samples").is_symlink():  # as a path it could lead anywhere
         raise UnknownSample(f"No sample has a picture {name[:100]!r}.")
     try:
         data = read_regular(run / "samples" / name, MAX_PICTURE_BYTES, follow=False)
@@ -60,10 +87,91 @@ def picture(run: Path, name: str) -> tuple[bytes, str]:
 
 
 def count_samples(run: Path) -> SampleCounts | None:
-    """None of a run without samples."""
+    """Counts of a run's samples; None without samples."""
     found = sampled_run(run)
     if not found.samples:
         return None
     return SampleCounts(
         samples=len(found.samples), identical=found.identical, different=found.different, missing=found.missing
     )
+
+
+def uploaded(run: Path) -> UploadedSamples:
+    """A run's uploaded samples. Raises StorageFailed."""
+    return UploadedSamples(
+        complete=(run / INDEX).exists(),
+        files=tuple(UploadedFile(name=name, bytes=size) for name, size in sorted(_files(run).items())),
+    )
+
+
+def check_room(run: Path, name: str) -> None:
+    """Whether another picture may come. Raises InvalidRequest, SamplesComplete, BodyTooLarge and StorageFailed."""
+    if not UPLOADED.fullmatch(name):
+        raise InvalidRequest(f"{name[:60]!r} is no picture of a sample, such as 000123.jpg.")
+    if (run / INDEX).exists():
+        raise SamplesComplete(f"The samples of the run {run.name} are complete.")
+    files = _files(run)
+    if name not in files and len(files) >= MOST_FILES:
+        raise BodyTooLarge(f"A run has at most {MOST_SAMPLES:,} samples.")
+    if sum(files.values()) > MAX_RUN_BYTES:
+        raise BodyTooLarge(f"The samples of a run have at most {MAX_RUN_BYTES:,} bytes.")
+
+
+def keep_picture(part: Path, run: Path) -> None:
+    """Move a picture, which has its name already, to its run. Raises as `check_room` does, and OSError."""
+    check_room(run, part.name)
+    if not _is_whole(part):
+        raise InvalidRequest(f"What came as {part.name} is no such picture, or only a part of one.")
+    (run / FOLDER).mkdir(exist_ok=True)
+    to_disk(part.parent)
+    part.replace(run / FOLDER / part.name)
+    names_to_disk(run / FOLDER)
+
+
+def keep_index(index: SampleIndex, workspace: Path, run: Path) -> None:
+    """Complete a run's samples. Raises InvalidRequest, SamplesComplete and OSError."""
+    if (run / INDEX).exists():
+        raise SamplesComplete(f"The samples of the run {run.name} are complete.")
+    if len({sample.seq for sample in index.samples}) < len(index.samples):
+        raise InvalidRequest("Two samples have one sequence number.")
+    files = _files(run)
+    for sample in index.samples:
+        if (missing := _missing(sample, files)) is not None:
+            raise InvalidRequest(f"{missing} has not come yet.")
+    write_samples(workspace, index.samples)
+    to_disk(workspace)
+    (workspace / INDEX).replace(run / INDEX)
+    names_to_disk(run)
+
+
+def _missing(sample: Sample, files: dict[str, int]) -> str | None:
+    number = f"{sample.seq:06}"
+    if files.get(f"{number}.{JPEG}") != sample.bytes:
+        return f"{number}.{JPEG} of {sample.bytes} bytes"
+    if sample.enhanced and not any(f"{number}.{kind}" in files for kind in ENHANCED):
+        return f"{number}.{ENHANCED[0]}"
+    return None
+
+
+def _files(run: Path) -> dict[str, int]:
+    """Sizes of the pictures by name, without links and unknown names."""
+    folder = run / FOLDER
+    if folder.is_symlink():
+        raise StorageFailed(f"The run {run.name} has a link in place of its samples.")
+    if not folder.is_dir():
+        return {}
+    return {
+        path.name: path.lstat().st_size
+        for path in folder.iterdir()
+        if UPLOADED.fullmatch(path.name) and path.is_file() and not path.is_symlink()
+    }
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether a file begins and ends as a picture of its kind does."""
+    data = path.read_bytes()
+    if path.suffix == ".jpg":
+        return data[:3] == b"\xff\xd8\xff" and data[-2:] == b"\xff\xd9"
+    if path.suffix == ".png":
+        return data[:8] == b"\x89PNG\r\n\x1a\n" and data[-8:-4] == b"IEND"
+    return data[:4] == b"RIFF" and data[8:12] == b"WEBP" and int.from_bytes(data[4:8], "little") + 8 == len(data)

@@ -1,4 +1,4 @@
-"""What the page saved as a file, because there was no store to keep it, as an experiment's folder."""
+"""Imports a file saved by a page without a store as an experiment's folder."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ class SavedExperiment(WireModel):
     source: Literal["page"]
     plan: Plan
     runs: Entries[dict[str, JsonValue]]
-    """What the page would have sent to a store, and what became of it; without a recording where there is none."""
+    """Uploads with their results; without a recording for failed runs."""
 
 
 def import_saved(file: Path, out: Path) -> None:
-    """Write an experiment into a new folder, as a whole or not at all.
+    """Write an experiment into a new folder atomically.
 
-    Raises StartError with one sentence for what is no such file, has no recording, or would replace something, and
-    OSError.
+    Raises OSError, and StartError with one sentence for an invalid file, a file without recordings, or an existing
+    folder.
     """
     if out.exists():
         raise StartError(f"{out} already exists; choose another folder with --out.")

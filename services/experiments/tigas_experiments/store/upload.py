@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
+from tigas_common.files import to_disk
 from tigas_common.parsing import parse
 from tigas_common.wire.recording import MAX_BYTES
 from tigas_common.wire.store import InterruptedRun, RunUpload
@@ -13,13 +14,12 @@ from tigas_common.work_limits import Limit
 from tigas_experiments.records.folder import RunRecord, RunWriter
 from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.records.machine import Machine
-from tigas_experiments.records.summary import Summary, summarise
+from tigas_experiments.records.summary import Records, Summary, figures
 from tigas_experiments.store.errors import storage_explained
-from tigas_experiments.store.workspace import to_disk
 
 
 def check_limit(size: int) -> Limit:
-    """What `keep_upload` may take for a body of so many bytes.
+    """Resource limits of `keep_upload` for a body of `size` bytes.
 
     A page's run of 20 Mbit/s takes 13 times its size in memory and a quarter of a second for each megabyte.
     """
@@ -27,14 +27,18 @@ def check_limit(size: int) -> Limit:
 
 
 def keep_upload(body: Path, folder: Path, load: Sequence[LoadSample], machine: Machine) -> Summary:
-    """Write the run that `body` tells of into a new folder, and read from there what is to be said of it.
+    """Write an uploaded run into a new folder, and return its summary.
 
-    `load` is that of this machine, as far as it is remembered. Raises InvalidRequest and DiskFull.
+    `load` is this machine's recent load. Raises InvalidRequest and DiskFull.
     """
     with storage_explained():
-        write_run(folder, parse(RunUpload, body.read_bytes(), MAX_BYTES), load, machine)
+        upload = parse(RunUpload, body.read_bytes(), MAX_BYTES)
+        record = write_run(folder, upload, load, machine)
         to_disk(folder)
-    return summarise(folder)
+    if record.status != "complete":
+        return Summary(folder=folder.name, record=record, figures=None, problem=record.problem)
+    records = Records.of_recording(upload.recording, upload.link)
+    return Summary(folder=folder.name, record=record, figures=figures(records), problem=None)
 
 
 def keep_interrupted(folder: Path, interrupted: InterruptedRun, machine: Machine) -> Summary:
@@ -47,15 +51,15 @@ def keep_interrupted(folder: Path, interrupted: InterruptedRun, machine: Machine
             machine=machine,
             started=datetime.fromtimestamp(interrupted.started_unix_ms / 1000, UTC).isoformat(timespec="seconds"),
         )
-        RunWriter(folder, record).close(
+        record = RunWriter(folder, record).close(
             status="failed", problem="The page was closed before the run's end; only its samples are left."
         )
         to_disk(folder)
-    return summarise(folder)
+    return Summary(folder=folder.name, record=record, figures=None, problem=record.problem)
 
 
-def write_run(folder: Path, upload: RunUpload, load: Sequence[LoadSample], machine: Machine) -> None:
-    """Write a page's run into a new folder; of `load`, what was during it. Raises OSError."""
+def write_run(folder: Path, upload: RunUpload, load: Sequence[LoadSample], machine: Machine) -> RunRecord:
+    """Write a page's run into a new folder, with the part of `load` during the run. Raises OSError."""
     recording = upload.recording
     start = recording.started_unix_ms
     during = [sample for sample in load if 0 <= sample.unix_ms - start <= recording.ended_ms]
@@ -73,7 +77,7 @@ def write_run(folder: Path, upload: RunUpload, load: Sequence[LoadSample], machi
     writer.recording(recording)
     writer.link_and_load(upload.link, during)
     writer.quality(())
-    writer.close(
+    return writer.close(
         status="complete" if recording.complete else "failed",
         problem=None if recording.complete else "The movement was not played to its end.",
         load=Load.of(during),

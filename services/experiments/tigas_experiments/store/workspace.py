@@ -1,12 +1,11 @@
-"""Where things are while they are not whole: a hidden folder on the results' own disk.
+"""A hidden folder for incomplete files, on the same disk as the results.
 
-What is complete there is renamed to its place, which is one step for whoever looks; what is to be removed is renamed
-away first. Whatever a killed store leaves behind lies here and goes at the next start.
+Complete files are renamed to their place atomically; files to be removed are renamed into this folder first. Leftovers
+of a killed store are removed at the next start.
 """
 
 from __future__ import annotations
 
-import os
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -29,7 +28,7 @@ class Workspace:
     @classmethod
     @contextmanager
     def opened(cls, results: Path) -> Iterator[Workspace]:
-        """This process' own for as long as the context lasts, cleared. Raises StartError."""
+        """An exclusive, empty workspace during the context. Raises StartError."""
         root = results / NAME
         with ExitStack() as stack:
             try:
@@ -45,7 +44,7 @@ class Workspace:
 
     @contextmanager
     def folder(self) -> Iterator[Path]:
-        """An empty folder; what is still in it at the end is removed. Raises OSError."""
+        """A temporary folder, removed at the end of the context. Raises OSError."""
         made = Path(tempfile.mkdtemp(dir=self._root))
         try:
             yield made
@@ -53,17 +52,6 @@ class Workspace:
             shutil.rmtree(made, ignore_errors=True)
 
     def remove(self, folder: Path) -> None:
-        """Remove a folder of the results: it is gone from there in one step. Raises OSError."""
+        """Remove a folder of the results atomically. Raises OSError."""
         with self.folder() as last:
             folder.rename(last / "removed")
-
-
-def to_disk(folder: Path) -> None:
-    """Have all that is in a folder on the disk, so that not even a power failure leaves half of it. Raises OSError."""
-    for parent, _, names in os.walk(folder):
-        for path in (*(Path(parent, name) for name in names), Path(parent)):
-            handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
-            try:
-                os.fsync(handle)
-            finally:
-                os.close(handle)

@@ -1,1 +1,1 @@
-"""A scene's Gaussians as files for those who render them elsewhere."""
+"""A scene's Gaussians as files, for clients that render them."""

@@ -1,7 +1,7 @@
-"""Keeps the files that scenes are downloaded as: each is made once, and the longest unused go when room is needed.
+"""Keeps the downloadable files of scenes: each is made once, and the least recently used ones are removed to make room.
 
-Beside each file lies what is known of it, as JSON, which is written last: a file without it is not complete. Several
-processes may share the directory.
+Next to each file is its metadata, as JSON, written last: a file without it is incomplete. Several processes may share
+the directory.
 """
 
 from __future__ import annotations
@@ -18,22 +18,27 @@ from pathlib import Path
 
 from tigas_common.errors import BrokenScene, InvalidRequest, TigasError
 from tigas_common.parsing import parse
-from tigas_common.wire.render import DownloadForm, SceneDownload
+from tigas_common.wire.render import SceneDownload
 from tigas_render.cache import write_to_cache
-from tigas_render.downloads.files import FORMS, VERSION, make
-from tigas_render.once import Once
+from tigas_render.downloads.compressed_ply import write_compressed_ply
+from tigas_render.downloads.order import Order
+from tigas_render.scenes.ply_header import ANTIALIASED
 from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.start_camera import derive_camera
+from tigas_render.single_flight import SingleFlight
 
 _log = logging.getLogger(__name__)
 
+VERSION = 1
+"""Counts up when the content of the file changes, so that files of before are not taken for it."""
 CARD = ".json"
-"""How the name of what is known of a file ends."""
-Make = Callable[[SceneSource, DownloadForm, Path], SceneDownload]
-"""Writes a scene's file in a form. Raises BrokenScene and OSError."""
+"""Suffix of a metadata file."""
+Make = Callable[[SceneSource, Path], SceneDownload]
+"""Writes a scene's file. Raises BrokenScene and OSError."""
 
 
 class NoSuchDownload(TigasError):
-    """The scene is not offered in this form."""
+    """The server offers no downloads."""
 
     status, type, title = 404, "unknown-download", "There is no such download"
 
@@ -52,52 +57,67 @@ class MadeFile:
     about: SceneDownload
 
 
+def make(source: SceneSource, path: Path) -> SceneDownload:
+    """Write a scene's file; its peak memory is the scene's tensors.
+
+    Raises BrokenScene, and OSError if it cannot be written.
+    """
+    gaussians = source.load()
+    metadata = source.metadata
+    camera = metadata.camera or derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, metadata.up)
+    order = Order.of(gaussians, camera.position).with_neighbours_together(gaussians)
+    comments = [*(part.comment for part in order.parts), *([ANTIALIASED] if gaussians.antialiased else ())]
+    write_compressed_ply(path, gaussians, order.indices, comments)
+    with path.open("rb") as file:
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    return SceneDownload(bytes=path.stat().st_size, sha256=sha256, gaussians=len(gaussians))
+
+
 class DownloadCache:
-    """Files in `directory`, of at most `limit` bytes together; with a limit of 0 nothing is offered."""
+    """Files in `directory`, of at most `limit` bytes together; with a limit of 0 no downloads are offered."""
 
     def __init__(self, directory: Path, limit: int, make: Make = make) -> None:
         self._directory = directory
         self._limit = limit
         self._make = make
-        self._making = Once[Path, MadeFile]()
+        self._making = SingleFlight[Path, MadeFile]()
         self._turns = asyncio.Lock()  # one scene at a time is in memory for it
 
     def offered(self, source: SceneSource) -> tuple[SceneDownload, ...]:
-        """In which forms a scene can be downloaded, and what is known of the files that are made. Reads files."""
+        """The downloadable file of a scene, and its metadata once it is made. Reads files."""
         if not self._limit or source.open is None:
             return ()
-        return tuple(_about(self._path(source, form)) or SceneDownload(form=form) for form in FORMS)
+        return (_about(self._path(source)) or SceneDownload(),)
 
-    async def get(self, source: SceneSource, form: str) -> MadeFile:
+    async def get(self, source: SceneSource) -> MadeFile:
         """A scene's file; concurrent first requests make it once.
 
         Raises NoSuchDownload, BrokenScene, and NoSpace if the file does not fit on the disk or under the limit.
         """
-        known = next((each for each in FORMS if each == form), None)
-        if known is None or not self._limit:
-            raise NoSuchDownload(f"{source.name} is not offered as {form[:40]!r}.")
+        if not self._limit:
+            raise NoSuchDownload(f"{source.name} is not offered for download.")
         if source.open is None:
             raise BrokenScene(source.error or f"{source.name} cannot be loaded.")
-        path = self._path(source, known)
-        return await self._making.get(path, lambda: self._kept_or_made(source, known, path))
+        path = self._path(source)
+        return await self._making.get(path, lambda: self._kept_or_made(source, path))
 
-    def _path(self, source: SceneSource, form: DownloadForm) -> Path:
+    def _path(self, source: SceneSource) -> Path:
         """The file's name depends on everything that its content depends on."""
         key = f"{VERSION}|{source.id}|{source.version}|{source.metadata.model_dump_json()}"
-        return self._directory / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.{form}"
+        return self._directory / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.compressed"
 
-    async def _kept_or_made(self, source: SceneSource, form: DownloadForm, path: Path) -> MadeFile:
+    async def _kept_or_made(self, source: SceneSource, path: Path) -> MadeFile:
         about = await asyncio.to_thread(_used, path)
         if about is None:
             async with self._turns:
-                about = await asyncio.to_thread(self._make_and_keep, source, form, path)
+                about = await asyncio.to_thread(self._make_and_keep, source, path)
         return MadeFile(path, about)
 
-    def _make_and_keep(self, source: SceneSource, form: DownloadForm, path: Path) -> SceneDownload:
+    def _make_and_keep(self, source: SceneSource, path: Path) -> SceneDownload:
         temporary = path.with_suffix(f"{path.suffix}.{os.getpid()}.tmp")
         try:
             self._directory.mkdir(parents=True, exist_ok=True)
-            about = self._make(source, form, temporary)
+            about = self._make(source, temporary)
             size = temporary.stat().st_size
             if size > self._limit:
                 raise NoSpace(
@@ -113,11 +133,11 @@ class DownloadCache:
             with contextlib.suppress(OSError):
                 temporary.unlink()
         write_to_cache(_card(path), about.model_dump_json().encode())
-        _log.info("Made %s as %s: %d Gaussians, %.1f MB", source.id, form, about.gaussians, size / 1e6)
+        _log.info("Made %s for download: %d Gaussians, %.1f MB", source.id, about.gaussians, size / 1e6)
         return about
 
     def _make_room(self, needed: int, spared: Path) -> None:
-        """Remove the longest unused files; who reads one reads on. Raises OSError."""
+        """Remove the least recently used files; open readers are not affected. Raises OSError."""
         others = [path for path in self._directory.iterdir() if path != spared and path.suffix != CARD]
         used = sorted((path.stat().st_atime_ns, path.stat().st_size, path) for path in others)
         excess = sum(size for _, size, _ in used) + needed - self._limit
@@ -134,14 +154,14 @@ def _card(path: Path) -> Path:
 
 
 def _used(path: Path) -> SceneDownload | None:
-    """As `_about`; a file that there is becomes the last used, which its time of access says."""
+    """Like `_about`, marking the file as the most recently used by its access time."""
     with contextlib.suppress(OSError):
         os.utime(path, ns=(time.time_ns(), path.stat().st_mtime_ns))
     return _about(path)
 
 
 def _about(path: Path) -> SceneDownload | None:
-    """What is known of a complete file; None if there is none."""
+    """Metadata of a complete file; None without one."""
     try:
         about = parse(SceneDownload, _card(path).read_bytes())
         return about if path.stat().st_size == about.bytes else None

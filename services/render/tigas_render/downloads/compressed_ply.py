@@ -27,11 +27,11 @@ LOG_SCALE_LIMIT = 20.0
 def write_compressed_ply(
     path: Path, gaussians: Gaussians, order: NDArray[np.int64], comments: Iterable[str] = ()
 ) -> None:
-    """Write the Gaussians with these indices [M] in this order, in which those of a chunk should be neighbours.
+    """Write the Gaussians with these indices [M] in this order; those of a chunk should be neighbours.
 
     comments: for the header.
 
-    Memory beyond the arrays themselves is a few megabytes and 16 bytes a Gaussian. Raises OSError.
+    Memory beyond the arrays themselves is a few megabytes and 16 bytes per Gaussian. Raises OSError.
     """
     rest = rest_names(gaussians.sh_degree)
     elements = [
@@ -89,13 +89,13 @@ def _rotations(quaternions: Floats) -> tuple[NDArray[np.uint32], Floats]:
 def _coefficients(gaussians: Gaussians, block: NDArray[np.int64]) -> NDArray[np.uint8]:
     """All but the first, [len(block), 3, K − 1]."""
     rest = gaussians.sh[block, 1:].transpose(0, 2, 1)
-    # 0 lies just between two steps: the sides that it goes to alternate, so that it does not become a colour everywhere
+    # 0 is halfway between two steps: the rounding direction alternates, so that it does not become a colour cast
     side = 1e-4 * np.where(np.indices(rest.shape).sum(0) % 2, 1, -1)
     return _whole(rest / SH_RANGE + 0.5 + side, 8).astype(np.uint8)
 
 
 def _packed(shares: Floats, bits: Sequence[int]) -> NDArray[np.uint32]:
-    """Shares [N, k], 0 to 1, in so many bits each, the first in the highest: [N]."""
+    """Pack fractions [N, k], 0 to 1, with the given bits each, the first in the highest bits: [N]."""
     word = np.zeros(len(shares), np.uint32)
     for column, each in zip(shares.T, bits, strict=True):
         word <<= np.uint32(each)

@@ -14,16 +14,16 @@ from tigas_render.gaussians import Gaussians
 from tigas_render.raster.morton import morton_codes
 
 SHARES = (0.02, 0.05, 0.1, 0.25, 0.5)
-"""Of a scene, after which a picture of what has come is worth its while."""
+"""Shares of a scene after which a picture of the received part is worthwhile."""
 MULTIPLE = 256
-"""Of which the Gaussians before such a moment are a multiple, as packed forms keep so many together."""
+"""The number of Gaussians before such a point is a multiple of this, the chunk size of packed forms."""
 GROWTH = 3 / 8
-"""1/2 would make up for all of the area that is still missing, and gaps are only part of what is wrong."""
+"""1/2 would compensate for the whole missing area, and gaps are only part of the error."""
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """The first rows of a file, as a scene by itself."""
+    """The first rows of a file, as an independent scene."""
 
     count: int
     growth: float
@@ -31,7 +31,7 @@ class Part:
 
     @property
     def comment(self) -> str:
-        """What a file's header says of it."""
+        """Metadata in the file's header."""
         return f"first {self.count} growth {self.growth:.3f}"
 
 
@@ -44,12 +44,12 @@ class Order:
 
     @classmethod
     def of(cls, gaussians: Gaussians, viewpoint: Point) -> Self:
-        """Drawn at random, by the square root of each Gaussian's importance for somebody near `viewpoint`.
+        """A random permutation weighted by the square root of each Gaussian's importance to a viewer near `viewpoint`.
 
-        Importance is opacity × area / squared distance: how much of the picture a Gaussian covers. In a sorted order,
-        the small ones that some surfaces are made of would all be missing for long, and leave holes. Who draws n times
-        gets n / importance of an exponential distribution as times of arrival, so that is what is sorted by
-        (Efraimidis and Spirakis 2006, "Weighted random sampling with a reservoir"). The draw is always the same.
+        Importance is opacity × area / squared distance: the covered area of the picture. In a strictly sorted order,
+        the small Gaussians of some surfaces would all be missing for a long time, and leave holes. Weighted sampling
+        assigns each Gaussian an exponential arrival time divided by its weight and sorts by it (Efraimidis and Spirakis
+        2006, "Weighted random sampling with a reservoir"). The seed is fixed.
         """
         importance = _importance(gaussians, viewpoint)
         arrivals = np.random.default_rng(0).exponential(size=len(gaussians))
@@ -68,7 +68,7 @@ class Order:
 
 
 def _importance(gaussians: Gaussians, viewpoint: Point) -> NDArray[np.float64]:
-    """[N], above 0. Viewers walk, so nothing counts as nearer than half the median distance."""
+    """[N], above 0. Viewers walk, so distances are clamped to at least half the median."""
     means = gaussians.means.astype(np.float64)
     scales = np.sort(gaussians.scales.astype(np.float64), axis=1)
     squared = ((means - viewpoint) ** 2).sum(1)

@@ -1,16 +1,16 @@
-"""The depth that a frame carries beside its picture, where every decoder of pictures skips it.
+"""The depth of a frame, stored in its picture where every picture decoder skips it.
 
     a JPEG's first segment: APP9, its length, `tigas:depth` and a zero byte; `nearest`, float32; an 8-bit image
     a WebP's last chunk: `TDEP`, its length; `nearest`, float32; an 8-bit image
 
-Numbers are big-endian, but for the length of a chunk. A pixel's code v means an inverse depth of nearest · v / 255: 0
+Numbers are big-endian, except for the length of a chunk. A pixel's code v is an inverse depth of nearest · v / 255: 0
 is infinitely far.
 
-The image is a lossy WebP, or a grayscale JPEG where a device makes it (raster/cuda/kernels/depth.cu). Of a view of
-the courtyard, at an error of 2.5 codes in 255 (less than a tenth of a pixel on the screen, after a step of 5 cm), it
-took 0.52 kB and 0.5 ms; a grayscale JPEG at the same error took 1.0 kB and 0.03 ms. A frame of the lowest rung has 7
-kB and costs 10 ms on the same cores, so bytes are dearer. More effort (`method`) takes a tenth off the bytes for
-twice the time. A frame warped with what comes back loses 0.1 dB.
+The image is a lossy WebP, or a grayscale JPEG if a device makes it (raster/cuda/kernels/depth.cu). For a view of the
+courtyard, at an error of 2.5 codes in 255 (less than a tenth of a pixel on the screen, after a step of 5 cm), it took
+0.52 kB and 0.5 ms; a grayscale JPEG at the same error took 1.0 kB and 0.03 ms. A frame of the lowest rung has 7 kB and
+costs 10 ms on the same cores, so bytes cost more. More effort (`method`) saves a tenth of the bytes for twice the time.
+A frame warped with the decoded depth loses 0.1 dB.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class CodedDepth(NamedTuple):
     nearest: float
     """The inverse depth of code 255, in 1/scene units."""
     image: bytes
-    """An image of 8-bit codes, WebP or JPEG: code v means an inverse depth of nearest · v / 255."""
+    """An image of 8-bit codes, WebP or JPEG: code v is an inverse depth of nearest · v / 255."""
 
 
 def coded(inverse: NDArray[np.float32]) -> CodedDepth:

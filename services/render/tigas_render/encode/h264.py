@@ -1,9 +1,9 @@
-"""H.264 for one viewer: each picture that goes in comes out at once, as a key frame or in terms of the one before it.
+"""H.264 for one viewer: each input picture is output at once, as a key frame or predicted from the previous one.
 
-A frame gets its share of the bit rate and hardly more, key frames too: a coarse one that is there at once is worth more
-to a viewer than a fine one that is late. For that x264 keeps a constant rate, with a buffer (VBV) of two frames.
-The buffer is fixed when an encoder is opened, and with it the highest rate; below, down to half of it, another rate
-needs no new encoder.
+A frame gets its share of the bit rate and hardly more, including key frames: a coarse one that arrives at once is worth
+more to a viewer than a fine one that is late. For that x264 keeps a constant rate, with a buffer (VBV) of two frames.
+The buffer is fixed when an encoder is opened, and with it the highest rate; rates down to half of it need no new
+encoder.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from tigas_common.errors import TigasError
 
 Preset = Literal["ultrafast", "superfast", "veryfast"]
 PRESET: Final[Preset] = "superfast"
-"""Smaller than `ultrafast` at equal picture for about as much time; slower ones win nothing more (docs/video.md)."""
+"""Smaller than `ultrafast` at equal quality for about the same time; slower ones gain nothing (docs/streams.md)."""
 PROFILE: Final = "main"
 """Its entropy coding is better than that of `baseline`, and every decoder knows it."""
 FRAMES_PER_S: Final = 60
-"""What the rate control counts with, whatever the viewer's rate is: only the bits of a frame matter."""
+"""Nominal frame rate of the rate control, for any viewer: only the bits of a frame matter."""
 LEAST_BITS, MOST_BITS = 1_000.0, 25_000_000.0
 """In a frame, so that x264 can count with them."""
 HEADROOM: Final = 1.25
@@ -33,9 +33,9 @@ HEADROOM: Final = 1.25
 RANGE: Final = 2.0
 """How many times the rate may be below the highest."""
 BUFFER_FRAMES: Final = 2.0
-"""Frames' shares at the highest rate that the buffer holds: x264 lets a frame have about half of what is in it …"""
+"""Frames' shares at the highest rate that the buffer holds: x264 spends about half of its contents on a frame …"""
 BUFFER_BITS_PER_PIXEL: Final = 0.15
-"""… and what it holds at least: with less, a key frame is a smear that takes half a second to get sharp."""
+"""… and its minimum: with less, a key frame is a smear that takes half a second to get sharp."""
 
 _X264: Final = (
     "scenecut=0:sliced-threads=0:keyint=infinite:ref=1:bframes=0:rc-lookahead=0:force-cfr=1"
@@ -74,8 +74,8 @@ class H264Encoder:
         assert isinstance(codec, av.VideoCodecContext)
         codec.width, codec.height, codec.pix_fmt = width, height, "yuv420p"
         codec.time_base, codec.framerate = Fraction(1, FRAMES_PER_S), Fraction(FRAMES_PER_S)
-        codec.bit_rate = most = _rate(self._most)  # equal to `maxrate`: a constant rate, whatever it becomes
-        codec.gop_size = 2**20  # key frames come when they are asked for
+        codec.bit_rate = most = _rate(self._most)  # equal to `maxrate`: a constant rate, even after changes
+        codec.gop_size = 2**20  # key frames are requested explicitly
         codec.max_b_frames = 0
         codec.thread_count = 1
         codec.color_primaries = codec.color_trc = codec.colorspace = _BT709
@@ -96,14 +96,14 @@ class H264Encoder:
             raise EncodingFailed(f"H.264 cannot be encoded at {width}×{height}: {error}.") from None
 
     def fits(self, width: int, height: int, bits: float) -> bool:
-        """Whether it can go on with pictures of this size, and so many bits in a frame."""
+        """Whether it can continue with pictures of this size and this number of bits per frame."""
         is_in_range = self._most / RANGE <= _counted(bits) <= self._most
         return (width, height) == (self.width, self.height) and is_in_range
 
     def encode(self, planes: bytes, bits: float, *, key: bool) -> Encoded:
-        """The next picture, as `encode_yuv420p` gives it, in about so many bits. The first is always a key frame.
+        """Encode a picture in the form of `encode_yuv420p` to about this many bits. The first is always a key frame.
 
-        Raises EncodingFailed; then nothing refers to what the encoder has made.
+        Raises EncodingFailed; the encoder's earlier output is then no longer referenced.
         """
         rows = np.frombuffer(planes, np.uint8).reshape(self.height * 3 // 2, self.width)
         frame = av.VideoFrame.from_ndarray(rows, format="yuv420p")

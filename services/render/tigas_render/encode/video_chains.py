@@ -17,11 +17,11 @@ from tigas_render.encode.h264 import H264Encoder
 from tigas_render.frame import Client
 
 VIDEO_ENCODERS: Final = 64
-"""That there are at a time, unless told otherwise."""
+"""Default maximum number of concurrent encoders."""
 USUAL_PIXELS: Final = 1280 * 720
 """A larger video counts as several; one of this size takes about 20 MB."""
 IDLE_S: Final = 10.0
-"""A viewer who has asked for nothing for so long gets a new chain, in seconds."""
+"""A viewer without a request for this many seconds gets a new chain."""
 
 
 @dataclass(slots=True, eq=False)
@@ -64,11 +64,11 @@ class VideoChains:
     """All that one engine has."""
 
     def __init__(self, most: int, clock: Callable[[], float]) -> None:
-        """most: encoders; beyond, of the address that has the most, whoever has not asked for the longest goes."""
+        """most: maximum number of encoders; beyond it, the address with the most loses its least recently used one."""
         self._most = most
         self._clock = clock
         self._chains: OrderedDict[Client, VideoChain] = OrderedDict()
-        """By who asked last."""
+        """In order of the last request."""
         self._lock = threading.Lock()
 
     def __len__(self) -> int:
@@ -86,7 +86,7 @@ class VideoChains:
             return chain.encode(seq, video, width, height, planes)
 
     def lost(self, client: Client, seq: int) -> None:
-        """A frame that was encoded does not reach its viewer: none may refer to it. Waits for nothing."""
+        """An encoded frame was not delivered, so that no later one may refer to it. Does not block."""
         with self._lock:
             chain = self._chains.get(client)
             if chain is not None and seq >= chain.began:
@@ -98,7 +98,7 @@ class VideoChains:
             self._chains.pop(client, None)
 
     def forget_idle(self) -> None:
-        """Forget those who have not asked for long."""
+        """Drop idle viewers."""
         with self._lock:
             while self._chains:
                 client, chain = next(iter(self._chains.items()))

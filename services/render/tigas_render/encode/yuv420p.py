@@ -1,4 +1,4 @@
-"""Raw planar YUV 4:2:0, what video encoders take: BT.709, limited range (ITU-R BT.709-6, sections 3.2 to 3.5)."""
+"""Raw planar YUV 4:2:0, the input of video encoders: BT.709, limited range (ITU-R BT.709-6, sections 3.2 to 3.5)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the weights of scenes' networks lie, and whether they fit: a scene's own, or the general ones for any."""
+"""Weights of scenes' networks, and whether they fit: a scene's own, or the general ones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Literal
 
 from tigas_common.errors import TigasError
 from tigas_common.files import read_regular
-from tigas_common.weights import FILE, MAX_BYTES, BrokenWeights, Weights, built_in_digest, parse_weights
+from tigas_common.weights import FILE, MAX_BYTES, BrokenWeights, Weights, parse_weights
 from tigas_common.wire.render import Rung
 from tigas_render.scenes.source import SceneSource
 
@@ -27,22 +27,22 @@ class NoWeights(TigasError):
 
 
 class NoPlace(TigasError):
-    """The service may not write beside the scene."""
+    """The service may not write next to the scene."""
 
     status, type, title = 409, "read-only-scene", "The scene's folder cannot be written"
 
 
 class Shelf:
-    """The weights that the service has to offer. Methods read files, and belong into a worker thread."""
+    """The available weights. Methods read files, and belong into a worker thread."""
 
     def __init__(self, ladder: Sequence[Rung], cache: Path, general: Path = GENERAL_FILE) -> None:
-        """ladder: for scenes without one of their own."""
+        """ladder: of scenes without their own."""
         self._ladder = ladder
         self._cache = cache / "enhance"
         self._general = general
 
     def place(self, source: SceneSource) -> Path:
-        """Where a scene's own are, or would be: beside its file; a built-in scene's are kept in the cache."""
+        """Path of a scene's own weights: next to its file, or in the cache for a built-in scene."""
         if source.folder is not None:
             return source.folder / FILE
         return self._cache / f"{source.id}.safetensors"
@@ -60,7 +60,7 @@ class Shelf:
         return place
 
     def kind(self, source: SceneSource) -> Literal["scene", "general"] | None:
-        """What a scene's frames can be enhanced with."""
+        """Networks that can enhance a scene's frames."""
         if self.problem(source) is None and self.own(source) is not None:
             return "scene"
         general = self._read(self._general)
@@ -68,20 +68,20 @@ class Shelf:
         return "general" if fits else None
 
     def problem(self, source: SceneSource) -> str | None:
-        """Why the file that a scene has cannot be used; None if there is none."""
+        """Why a scene's own file is unusable; None without one."""
         own = self.own(source)
         if own is None or isinstance(own, str):
             return own
         return own.misfit(_digest(source), source.ladder or self._ladder)
 
     def own(self, source: SceneSource) -> Weights | str | None:
-        """A scene's own weights, or what is wrong with their file; None if there is none."""
+        """A scene's own weights, or the problem with their file; None without one."""
         return self._read(self.place(source))
 
     def content(self, source: SceneSource) -> bytes:
         """The file of a scene's own. Raises NoWeights, and BrokenWeights if they do not fit."""
         if self.own(source) is None:
-            raise NoWeights(f"{source.name} has no networks of its own.")
+            raise NoWeights(f"{source.name} has no networks yet.")
         if problem := self.problem(source):
             raise BrokenWeights(problem)
         return _bytes(self.place(source))
@@ -118,10 +118,8 @@ def _bytes(path: Path) -> bytes:
 
 
 def _digest(source: SceneSource) -> str | None:
-    """What a scene's own weights must be for; a file is read for it once."""
-    if source.digest is None:
-        return built_in_digest(source.id)
+    """The conditions that a scene's own weights must match; its file is read once for them."""
     try:
-        return source.digest()
+        return None if source.digest is None else source.digest()
     except OSError:
         return None

@@ -1,7 +1,7 @@
-"""Trains a scene's networks in a child process of low priority, which renders what it learns from here as any client.
+"""Trains a scene's networks in a child process of low priority, which renders its training data here like any client.
 
-One at a time, since it takes a processor or the GPU for a minute. The child writes its file in one step at the end:
-one that is stopped leaves the scene with what it had.
+One at a time, since it occupies a processor or the GPU for a minute. The child writes its file atomically at the end:
+stopping it leaves the scene unchanged.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from tigas_common.wire.render import Training
 
 NICENESS = 15
 STOP_S = 5.0
-"""What has not ended so long after it was asked to is killed, in seconds."""
+"""Seconds after the request to end until a child is killed."""
 MOST_SAID = 4096
-"""Bytes of a line of progress, and of what is kept of what a child says on its standard error."""
+"""Limits in bytes: of a line of progress, and of the kept standard error of a child."""
 
 _log = logging.getLogger(__name__)
 
 
 class NoTraining(TigasError):
-    """What training needs is not installed."""
+    """The dependencies of training are not installed."""
 
     status, type, title = 501, "no-training", "Networks cannot be trained here"
 
@@ -43,10 +43,10 @@ class TrainingRuns(TigasError):
 
 
 def why_no_training() -> str | None:
-    """One sentence on what keeps networks from being trained here; None if nothing does."""
+    """One sentence on why networks cannot be trained here; None if they can."""
     if find_spec("torch"):
         return None
-    return f"Training needs PyTorch, which this server does not have: {install_command('enhance')}, or the GPU image."
+    return f"Training needs PyTorch, which this server does not have: {install_command('lab')}, or the GPU image."
 
 
 def command(scene_id: str, out: Path, url: str, device: str) -> list[str]:
@@ -56,7 +56,7 @@ def command(scene_id: str, out: Path, url: str, device: str) -> list[str]:
 
 
 class Trainer:
-    """What is trained now, and what came of each scene's last training. `device` is where to train."""
+    """The running training, and the result of each scene's last training. `device` is the training device."""
 
     def __init__(self, device: str, command: Callable[[str, Path, str, str], list[str]] = command) -> None:
         self._device = device
@@ -69,7 +69,7 @@ class Trainer:
         return self._states.get(scene_id, Training(state="idle"))
 
     def start(self, scene_id: str, out: Path, url: str) -> Training:
-        """Train a scene's networks on what the service at this URL renders. Raises TrainingRuns."""
+        """Train a scene's networks on views rendered by the service at this URL. Raises TrainingRuns."""
         if self._running is not None:
             raise TrainingRuns(f"The networks of {self._running[0]} are being trained; wait, or stop it.")
         self._states[scene_id] = Training(state="running", stage="starting")
@@ -85,7 +85,7 @@ class Trainer:
         return self.state(scene_id)
 
     async def close(self) -> None:
-        """Stop whatever runs."""
+        """Stop the running training, if any."""
         if self._running is not None:
             task = self._running[1]
             task.cancel()
@@ -129,7 +129,7 @@ class Trainer:
 
 
 async def _last_of(process: Process) -> str:
-    """The end of what a child says on its standard error."""
+    """The end of a child's standard error."""
     assert process.stderr is not None
     kept = b""
     while part := await process.stderr.read(MOST_SAID):

@@ -1,1 +1,1 @@
-"""Makes a scene's quality ladder from what its own views take and lose at many sizes and JPEG qualities."""
+"""Makes a scene's quality ladder from the bytes and errors of its own views at many sizes and JPEG qualities."""

@@ -16,8 +16,8 @@ RUNGS = 10
 def hull(points: Sequence[Point]) -> list[Point]:
     """The lower convex hull of mean squared error over bytes, from the fewest bytes to the least error.
 
-    No mixture of other settings has less error at as many bytes: what per-title encoding keeps (Netflix, 2015). Not
-    of PSNR over the logarithm of bytes, of which nearly all lies below the line between its ends.
+    No mixture of other settings has less error at the same bytes: the hull of per-title encoding (Netflix, 2015). PSNR
+    over the logarithm of bytes is unsuitable, because nearly all of its points are below the line between its ends.
     """
     kept: list[Point] = []
     for point in sorted(points, key=lambda point: (point.kb, point.mse)):
@@ -30,10 +30,10 @@ def hull(points: Sequence[Point]) -> list[Point]:
 
 
 def choose(points: Sequence[Point], number: int = RUNGS) -> tuple[Rung, ...]:
-    """So many rungs, or fewer if the hull has no more; the best first.
+    """This many rungs, or fewer if the hull has no more; best first.
 
-    They lie on the hull, as evenly by the logarithm of bytes as it lets them, so that no switch is a jump, and none has
-    more pixels than a better one, so that less detail never takes longer to render.
+    They are on the hull, spaced as evenly by the logarithm of bytes as possible, so that no switch is a jump, and none
+    has more pixels than a better one, so that less detail never takes longer to render.
     """
     kept = hull(points)
     low, high = math.log(kept[0].kb), math.log(kept[-1].kb)
@@ -52,13 +52,13 @@ def choose(points: Sequence[Point], number: int = RUNGS) -> tuple[Rung, ...]:
 
 
 def psnr_at(kept: Sequence[Point], kb: float) -> float:
-    """PSNR in dB of a hull at so many kilobytes: of frames mixed from its two nearest settings."""
+    """PSNR in dB of a hull at this many kilobytes: of frames mixed from its two nearest settings."""
     mse = np.interp(kb, [point.kb for point in kept], [point.mse for point in kept])
     return 10 * math.log10(255**2 / float(mse))
 
 
 def rung(point: Point) -> Rung:
-    """A setting as a rung, with what it was measured to take and to give."""
+    """A setting as a rung, with its measured bytes and error."""
     return Rung(
         name=point.name,
         width=point.width,

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
 from tigas_common.errors import StartError
-from tigas_common.standpoints import Place
+from tigas_common.files import replace_file
+from tigas_common.sample_cameras import SceneAxes
 from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_render.ladder.choose import choose
-from tigas_render.ladder.measure import CANDIDATES, Listener, Point, measure, walks
+from tigas_render.ladder.measure import CANDIDATES, Point, measure, walks
 from tigas_render.raster.base import Rasterizer
+from tigas_render.scenes.columns import Listener
 from tigas_render.scenes.directory import read_folder, read_single
 from tigas_render.scenes.ladder import FILE, LadderFile
 from tigas_render.scenes.registry import BUILTIN
@@ -25,12 +26,12 @@ PAPER = tuple((rung.width, rung.height, rung.quality) for rung in DEFAULT_LADDER
 
 @dataclass(frozen=True, slots=True)
 class Made:
-    """A ladder, and what it was chosen from."""
+    """A ladder, and the measurements behind it."""
 
     file: LadderFile
     candidates: Sequence[Point]
     paper: Sequence[Point]
-    """What the paper's rungs take and give on the same views."""
+    """Bytes and errors of the paper's rungs on the same views."""
 
 
 def find_scene(name: str) -> SceneSource:
@@ -47,19 +48,19 @@ def find_scene(name: str) -> SceneSource:
 
 
 def place_of(source: SceneSource) -> Path:
-    """Where a scene's ladder.json lies, or would. Raises StartError for a scene without a folder."""
+    """Path of a scene's ladder.json. Raises StartError for a scene without a folder."""
     if source.folder is None:
-        raise StartError(f"{source.id} has no folder of its own: say with --out where its ladder is to be written.")
+        raise StartError(f"{source.id} has no folder: name the ladder's file with --out.")
     return source.folder / FILE
 
 
-def make(source: SceneSource, rasterizer: Rasterizer, listener: Listener, *, rungs: int, views: int) -> Made:
+def make(source: SceneSource, rasterizer: Rasterizer, listener: Listener, *, rungs: int = 10, views: int = 18) -> Made:
     """Measure a scene and choose its rungs. Raises StartError and BrokenScene."""
     gaussians, metadata = source.load(), source.metadata
     camera = metadata.camera or derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, metadata.up)
     prepared = rasterizer.prepare(gaussians)
     del gaussians
-    poses = walks(Place.of(camera, metadata.up), f"ladder of {source.id}")
+    poses = walks(SceneAxes.of(camera, metadata.up), f"ladder of {source.id}")
     settings = list(dict.fromkeys((*CANDIDATES, *PAPER)))
     points = measure(rasterizer, prepared, metadata.background, poses, settings, listener, views)
     found = dict(zip(settings, points, strict=True))
@@ -69,10 +70,5 @@ def make(source: SceneSource, rasterizer: Rasterizer, listener: Listener, *, run
 
 
 def write_ladder(path: Path, file: LadderFile) -> None:
-    """Write a ladder.json in one step: whoever is killed meanwhile leaves what was there. Raises OSError."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_text(file.model_dump_json(indent=2) + "\n", encoding="utf-8")
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    """Write a ladder.json in one step: a process that is killed meanwhile leaves the old one. Raises OSError."""
+    replace_file(path, f"{file.model_dump_json(indent=2)}\n".encode())

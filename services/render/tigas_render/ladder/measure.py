@@ -1,13 +1,13 @@
-"""What a scene's views take in bytes, and how near to the truth they come, at each size and JPEG quality.
+"""Bytes of a scene's views, and their error, at each size and JPEG quality.
 
-A frame is rendered as the service renders it for the display, encoded, decoded, and enlarged by the page's bicubic.
+A frame is rendered as for the display, encoded, decoded, and enlarged by the page's bicubic filter.
 """
 
 from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import islice, product
@@ -20,20 +20,21 @@ from PIL import Image
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
 from tigas_common.processors import usable_processors
-from tigas_common.standpoints import PER_MOVEMENT, Place, along, intrinsics
+from tigas_common.sample_cameras import PER_MOVEMENT, SceneAxes, along, intrinsics
 from tigas_render.encode.jpeg import encode_jpeg
 from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
+from tigas_render.scenes.columns import Listener
 
 DISPLAY = (1280, 720)
 """Pixels of the picture that a viewer sees."""
 SIZES = tuple((32 * step, 18 * step) for step in (40, 35, 30, 26, 23, 20, 17, 15, 13, 11, 9, 8))
 """Of frames, width and height in pixels: 16:9, and even."""
 QUALITIES = tuple(range(10, 95, 5))
-"""Of JPEGs: above 90, frames grow by half for what nobody sees."""
+"""JPEG qualities: above 90, frames grow by half for an invisible gain."""
 VIEWS = 18
 PER_WALK = 3
 TRIES = 4
-"""So many poses are tried for a view that shows something."""
+"""Maximum number of poses tried for a view that is not empty."""
 LEAST_CONTENT = 0.04
 """The share of a view's pixels that must show something other than the background."""
 
@@ -41,8 +42,6 @@ Pixels = NDArray[np.uint8]
 Setting = tuple[int, int, int]
 """Width and height of a frame in pixels, and its JPEG quality."""
 CANDIDATES: tuple[Setting, ...] = tuple((*size, quality) for size, quality in product(SIZES, QUALITIES))
-Listener = Callable[[float], None]
-"""Hears how much is done, from 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,15 +63,15 @@ class Point:
 
     @property
     def psnr_db(self) -> float:
-        """Of the mean squared error."""
+        """In mean squared error."""
         return 10 * math.log10(255**2 / max(self.mse, 1e-6))
 
 
-def walks(place: Place, seed: str) -> Iterator[Pose]:
-    """Poses without end of people who walk about the start camera; for a seed the same ones."""
+def walks(axes: SceneAxes, seed: str) -> Iterator[Pose]:
+    """An endless sequence of poses of people walking around the start camera; the same for a seed."""
     chance = Random(seed)
     while True:
-        yield from along(place.walk(chance), chance)[:: PER_MOVEMENT // PER_WALK]
+        yield from along(axes.walk(chance), chance)[:: PER_MOVEMENT // PER_WALK]
 
 
 def measure(
@@ -84,7 +83,7 @@ def measure(
     listener: Listener,
     views: int = VIEWS,
 ) -> list[Point]:
-    """The outcome of each setting over so many views of those from `poses` that show something. Raises StartError."""
+    """The outcome of each setting over this many non-empty views from `poses`. Raises StartError."""
     totals = np.zeros((len(settings), 2))
     sizes = sorted({setting[:2] for setting in settings}, reverse=True)
     number = 0

@@ -18,7 +18,7 @@ INK, QUIET, ACCENT, OTHER = "#1c2430", "#c3c9d1", "#2166ac", "#d6604d"
 def check_plot(path: Path) -> None:
     """Raises StartError without matplotlib, and for a file that is to be neither PNG nor SVG."""
     if find_spec("matplotlib") is None:
-        raise StartError(f"A plot needs matplotlib: {install_command('report')}")
+        raise StartError(f"A plot needs matplotlib: {install_command('lab')}")
     if path.suffix.lower() not in (".png", ".svg"):
         raise StartError(f"{path} must end in .png or .svg.")
 

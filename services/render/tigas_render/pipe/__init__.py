@@ -1,1 +1,1 @@
-"""What connects the processes that speak with viewers (edges) to the one that renders (the engine)."""
+"""The connection between the processes that talk to viewers (edges) and the one that renders (the engine)."""

@@ -1,7 +1,7 @@
-"""Shared memory for one edge's frames: the engine writes them, the edge reads them and says when it has.
+"""Shared memory for one edge's frames: the engine writes them, the edge reads and releases them.
 
-A memfd has no name: it is gone with the last process that has it open, however that ends. Its size is sealed, since a
-process that shrank it would crash the other.
+A memfd has no name: it disappears with the last process that has it open, however that ends. Its size is sealed, since
+shrinking it would crash the other process.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import os
 from bisect import bisect_left
 
 GRAIN = 64
-"""Room is taken in multiples of so many bytes: a line of the processor's cache."""
+"""Allocation granularity in bytes: a processor cache line."""
 
 
 class Arena:
@@ -45,7 +45,7 @@ class Arena:
         return sum(self._taken.values())
 
     def write(self, body: bytes | memoryview) -> int | None:
-        """Copy a frame to free room; its offset, or None if there is none."""
+        """Copy a frame to free space; its offset, or None if there is no space."""
         length = max(GRAIN, -(-len(body) // GRAIN) * GRAIN)
         position = next((position for position, (_, room) in enumerate(self._free) if room >= length), None)
         if position is None:
@@ -71,9 +71,10 @@ class Arena:
             self._free.insert(position, (offset, length))
 
     def close(self) -> None:
-        """Give the memory back; the edge's mapping stays until it ends, too."""
-        self._memory.close()
-        os.close(self._fd)
+        """Give the memory back, once; the edge keeps its own mapping until it ends."""
+        if not self._memory.closed:
+            self._memory.close()
+            os.close(self._fd)
 
 
 def map_arena(fd: int, size: int) -> memoryview:

@@ -1,4 +1,4 @@
-"""An edge's end of its pipe: it answers requests with the engine's frames, and connects again whenever that is gone."""
+"""An edge's end of its pipe: it answers requests with the engine's frames, and reconnects to a restarted engine."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ logger = logging.getLogger(__name__)
 MOST_FRAME_BYTES: Final = 128 * 1024 * 1024
 """In a message with a frame; the largest is a PNG of noise, of 3 bytes for each of MAX_PIXELS."""
 KNOWN_SESSIONS: Final = 4096
-"""Sessions that are introduced at a time: the one that asked the longest ago is introduced anew when it asks."""
+"""Maximum number of introduced sessions: the least recently used one is introduced again on its next request."""
 RETRY_AFTER_S: Final = 1.0
 CONNECT_AGAIN_S: Final = 0.1
 
 OnState = Callable[[float, float], None]
-"""Hears the age of the engine's queue, in seconds, and its utilisation, 0 to 1."""
+"""Called with the age of the engine's queue, in seconds, and its utilisation, 0 to 1."""
 
 
 class EngineGone(Overloaded):
@@ -43,7 +43,7 @@ class EngineGone(Overloaded):
 class PipeClient(FrameSource):
     """The frames of the engine behind a Unix socket; an async context manager that keeps the pipe open.
 
-    While the engine is gone, requests are answered with Overloaded and the time to come back.
+    While the engine is down, requests are answered with Overloaded and a retry time.
     """
 
     def __init__(self, path: Path, edge: int, on_state: OnState) -> None:
@@ -54,7 +54,7 @@ class PipeClient(FrameSource):
         self._link: EngineLink | None = None
         self._connected = asyncio.Event()
         self.connections = 0
-        """How often it was connected: what an engine has loaded is gone with it."""
+        """Number of connections made: a new engine has no loaded scenes."""
         self.connected_at = 0.0
         """When it was the last time, on the monotonic clock."""
 
@@ -77,12 +77,12 @@ class PipeClient(FrameSource):
 
     @property
     def lost(self) -> asyncio.Future[None]:
-        """Done once the engine that is connected now is gone; to be asked for only while there is one."""
+        """Done once the connected engine is down; requires a connection."""
         assert self._link is not None
         return self._link.lost
 
     def give_up(self, reason: str) -> None:
-        """Have done with the engine that is connected now: what waits is answered, and another connection made."""
+        """Drop the connected engine: pending requests are answered, and a new connection is made."""
         if self._link is not None:
             self._link.abort(reason)
 
@@ -96,7 +96,7 @@ class PipeClient(FrameSource):
             self._link.forget(client)
 
     def tell(self, stats: bytes) -> None:
-        """Tell the engine what this edge has measured, as JSON; lost while the engine is gone."""
+        """Send this edge's measurements to the engine, as JSON; lost while it is down."""
         if self._link is not None:
             self._link.send(framed(Kind.STATS, stats))
 
@@ -113,7 +113,7 @@ class PipeClient(FrameSource):
                 self._connected.set()
                 try:
                     await link.lost
-                    logger.warning("The pipe to the engine was closed: %s", link.reason or "the engine is gone.")
+                    logger.warning("The pipe to the engine was closed: %s", link.reason or "the engine is down.")
                 finally:
                     self._link = None
                     self._connected.clear()
@@ -147,7 +147,7 @@ class EngineLink(Link):
         """By this edge's number for the request."""
         self._next = 0
         self._sessions: OrderedDict[Client, int] = OrderedDict()
-        """Those that the engine knows, by when they asked last."""
+        """Sessions known to the engine, by their last request."""
         self._introduced = 0
         self.lost: asyncio.Future[None] = self._loop.create_future()
         """Done once the pipe is closed."""
@@ -160,7 +160,7 @@ class EngineLink(Link):
     def connection_lost(self, exc: Exception | None) -> None:
         if not self.lost.done():
             self.lost.set_result(None)
-        self._arena = memoryview(b"")  # the memory goes with the last frame that lies in it
+        self._arena = memoryview(b"")  # the last frame in the memory releases it
         waiting, self._waiting = self._waiting, {}
         for answered in waiting.values():
             _call(answered, EngineGone())
@@ -192,7 +192,7 @@ class EngineLink(Link):
             case _:
                 raise BadMessage(f"No message of kind {kind} is expected.")
 
-    def _frame(self, found: messages.Answered, kind: int) -> None:
+    def _frame(self, found: messages.FrameMessage, kind: int) -> None:
         answered = self._waiting.pop(found.id, None)
         if kind == Kind.INLINE:
             if answered is not None:
@@ -237,7 +237,7 @@ def _call(answered: Answered, answer: Frame | Exception) -> None:
 
 
 def no_engine(answered: Answered) -> Withdraw:
-    """Answer a request that no engine hears."""
+    """Answer a request that cannot reach an engine."""
     return asyncio.get_running_loop().call_soon(answered, EngineGone()).cancel
 
 

@@ -1,8 +1,9 @@
-"""The frames of several engines as those of one: a scene's from few, a session's from one, if need be from another.
+"""The frames of several engines as one source: a scene is served by few of them, a session by one, with the others as
+reserve.
 
-Which engines a scene has follows from `Placement`. One that has yet to load the scene is asked for a frame that nobody
-waits for, and gets viewers once that is there, as long as another engine can answer meanwhile. So is the next one for a
-scene that may soon need it.
+`Placement` chooses the engines of a scene. An engine without the scene first gets a request on no viewer's behalf, and
+gets viewers once that is answered, as long as another engine can serve them meanwhile. The same applies to the next
+engine of a scene that may soon need it.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from pathlib import Path
 from typing import Final, Self
 
 from tigas_common.errors import BrokenScene, DeviceLost, NoRoom, OutOfDeviceMemory, UnknownScene
-from tigas_common.placement import Place, Placement, ranked
+from tigas_common.placement import Candidate, Placement, ranked
 from tigas_common.wire.render import RenderRequest
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.pipe.client import EngineGone, OnState, PipeClient, no_engine
@@ -25,26 +26,26 @@ from tigas_render.pipe.sharing import Sharing
 logger = logging.getLogger(__name__)
 
 REFUSED_S: Final = 30.0
-"""A device that had no room for a scene is not asked for it again for so long, while another can be, in seconds."""
+"""Seconds for which a device without room for a scene is not asked for it again, if another can be."""
 WARM_S: Final = 60.0
-"""A device that had a frame of a scene so lately has it loaded, in seconds."""
+"""Seconds for which a device that answered with a scene's frame counts as having it loaded."""
 SILENT_S: Final = 1.0
-"""An engine that has not said for so long how busy it is has stopped, in seconds; it says so ten times as often."""
+"""Seconds without a load report after which an engine has stopped; reports are ten times as frequent."""
 LOOK_S: Final = 0.2
 WARMING: Final = Client("engines", "warming")
-"""Whom frames are for that nobody waits for."""
+"""Client of frames that only load a scene."""
 
 REFUSALS: Final = (BrokenScene, NoRoom, OutOfDeviceMemory)
 """Of an engine that cannot have the scene, though another may."""
 
 
-class Engine:
+class RemoteEngine:
     """One engine, as an edge knows it."""
 
     def __init__(self, name: str, pipe: PipeClient) -> None:
         self.name = name
         self.pipe = pipe
-        self.place = Place(name)
+        self.candidate = Candidate(name)
         self.pressure = Pressure()
         self.age_s = self.utilisation = 0.0
         self.heard_at = 0.0
@@ -52,7 +53,7 @@ class Engine:
         """When it had a frame of each scene last."""
         self.warming: set[str] = set()
         self.refused: dict[str, float] = {}
-        """Until when it is not asked for a scene again."""
+        """Times until which it is not asked for a scene again."""
         self.link = 0
         """The number of the connection for which all this is true."""
 
@@ -61,19 +62,19 @@ class Engines(FrameSource):
     """All engines of a host; an async context manager that keeps their pipes open."""
 
     def __init__(self, sockets: Mapping[str, Path], edge: int, on_state: OnState, clock: Callable[[], float]) -> None:
-        """sockets: by the names of what the engines render on; edge: this process's number; on_state: hears of the
-        engine that has the least to do.
+        """sockets: by the names of the engines' devices; edge: this process's number; on_state: called with the least
+        busy engine's state.
         """
         self._on_state = on_state
         self._clock = clock
         self._placement = Placement(clock)
         self._sharings: dict[str, Sharing] = {}
         """By scene, where anybody asks for it."""
-        self._videos: dict[Client, Engine] = {}
-        """Who encodes each client's video."""
-        self._engines: dict[str, Engine] = {}
+        self._videos: dict[Client, RemoteEngine] = {}
+        """The engine that encodes each client's video."""
+        self._engines: dict[str, RemoteEngine] = {}
         for name, path in sockets.items():
-            self._engines[name] = Engine(name, PipeClient(path, edge, self._hears(name)))
+            self._engines[name] = RemoteEngine(name, PipeClient(path, edge, self._hears(name)))
 
     async def __aenter__(self) -> Self:
         async with AsyncExitStack() as stack:
@@ -88,22 +89,22 @@ class Engines(FrameSource):
         await self._stack.aclose()
 
     @property
-    def all(self) -> Sequence[Engine]:
+    def all(self) -> Sequence[RemoteEngine]:
         """By their numbers."""
         return tuple(self._engines.values())
 
-    def up(self) -> list[Engine]:
-        """Those that are connected."""
+    def up(self) -> list[RemoteEngine]:
+        """Connected engines."""
         return [engine for engine in self._engines.values() if engine.pipe.is_connected]
 
-    def serving(self, scene: str) -> list[Engine]:
-        """Those that are connected; the scene's own, as far as they have room for it, come first."""
+    def serving(self, scene: str) -> list[RemoteEngine]:
+        """Connected engines; the scene's own with room for it come first."""
         up = self.up()
         names = self._places(scene, self._willing(scene, up))
         return sorted(up, key=lambda engine: names.index(engine.name) if engine.name in names else len(names))
 
     def tell(self, stats: bytes) -> None:
-        """Tell every engine what this edge has measured, as JSON."""
+        """Send this edge's measurements to every engine, as JSON."""
         for engine in self._engines.values():
             engine.pipe.tell(stats)
 
@@ -119,16 +120,16 @@ class Engines(FrameSource):
         if (engine := self._videos.pop(client, None)) is not None:
             engine.pipe.forget(client)
 
-    def encodes(self, engine: Engine, client: Client) -> None:
-        """An engine is asked for the next frame of a client's video: no other one knows how to go on with it."""
+    def encodes(self, engine: RemoteEngine, client: Client) -> None:
+        """Route a client's video to an engine: no other one can continue it."""
         if self._videos.get(client) is not engine:
             self.forget(client)
             self._videos[client] = engine
 
-    # -- who is asked ------------------------------------------------------------------------------------------------
+    # -- routing -----------------------------------------------------------------------------------------------------
 
-    def _choose(self, client: Client, request: RenderRequest, up: Sequence[Engine]) -> Engine | None:
-        """A session's engine for a scene; one that has it loaded, if the session's own has yet to load it."""
+    def _choose(self, client: Client, request: RenderRequest, up: Sequence[RemoteEngine]) -> RemoteEngine | None:
+        """A session's engine for a scene; another one that has it loaded, if the session's own must load it first."""
         scene = request.scene
         willing = self._willing(scene, up)
         names = self._places(scene, willing)
@@ -150,22 +151,22 @@ class Engines(FrameSource):
             sharing = self._sharings[scene] = Sharing()
         return sharing
 
-    def _order(self, scene: str, engines: Sequence[Engine]) -> Sequence[str]:
+    def _order(self, scene: str, engines: Sequence[RemoteEngine]) -> Sequence[str]:
         return ranked(scene, tuple(engine.name for engine in engines))
 
-    def _places(self, scene: str, engines: Sequence[Engine]) -> list[str]:
-        return self._placement.places(scene, [engine.place for engine in engines])
+    def _places(self, scene: str, engines: Sequence[RemoteEngine]) -> list[str]:
+        return self._placement.places(scene, [engine.candidate for engine in engines])
 
-    def _willing(self, scene: str, engines: Sequence[Engine]) -> Sequence[Engine]:
-        """Those that did not refuse the scene lately, or all if each did."""
+    def _willing(self, scene: str, engines: Sequence[RemoteEngine]) -> Sequence[RemoteEngine]:
+        """Engines that did not refuse the scene lately, or all if each did."""
         now = self._clock()
         return [each for each in engines if each.refused.get(scene, now) <= now] or engines
 
-    def _is_warm(self, engine: Engine, scene: str) -> bool:
+    def _is_warm(self, engine: RemoteEngine, scene: str) -> bool:
         at = engine.warm.get(scene)
         return at is not None and engine.link == engine.pipe.connections and self._clock() - at < WARM_S
 
-    def _warm_up(self, engine: Engine, request: RenderRequest) -> None:
+    def _warm_up(self, engine: RemoteEngine, request: RenderRequest) -> None:
         scene = request.scene
         if scene in engine.warming or self._is_warm(engine, scene):
             return
@@ -180,10 +181,10 @@ class Engines(FrameSource):
         patient = request.model_copy(update={"deadline_ms": None, "format": "jpeg", "video": None})
         engine.pipe.request(WARMING, patient, self._clock(), answered)
 
-    # -- what becomes of it ------------------------------------------------------------------------------------------
+    # -- answers -----------------------------------------------------------------------------------------------------
 
-    def note(self, engine: Engine, scene: str, answer: Frame | Exception) -> None:
-        """Remember what an engine's answer says about it and the scene."""
+    def note(self, engine: RemoteEngine, scene: str, answer: Frame | Exception) -> None:
+        """Record an answer's information on its engine and the scene."""
         if isinstance(answer, Frame):
             if engine.link != engine.pipe.connections:
                 engine.warm.clear()
@@ -195,8 +196,10 @@ class Engines(FrameSource):
         elif isinstance(answer, DeviceLost):
             engine.pipe.give_up(answer.detail)
 
-    def another(self, client: Client, request: RenderRequest, engine: Engine, error: Exception) -> Engine | None:
-        """Who may answer what one engine has failed to answer; None if that is the answer."""
+    def another(
+        self, client: Client, request: RenderRequest, engine: RemoteEngine, error: Exception
+    ) -> RemoteEngine | None:
+        """The engine to ask after another one's failure; None if the failure is final."""
         if not isinstance(error, (*REFUSALS, UnknownScene, EngineGone, DeviceLost)):
             return None
         now = self._clock()
@@ -209,14 +212,14 @@ class Engines(FrameSource):
             engine.heard_at = self._clock()
             engine.age_s, engine.utilisation = age_s, utilisation
             engine.pressure.heard(age_s, utilisation)
-            engine.place = Place(name, engine.pressure.pressed, engine.pressure.at_ease)
+            engine.candidate = Candidate(name, engine.pressure.pressed, engine.pressure.at_ease)
             freest = min(self.up() or (engine,), key=lambda each: (each.utilisation, each.age_s))
             self._on_state(freest.age_s, freest.utilisation)
 
         return heard
 
     async def _watch(self) -> None:
-        """Give up engines that say nothing, and forget sessions that are gone, for ever."""
+        """Drop silent engines and ended sessions, until cancelled."""
         looked = self._clock()
         while True:
             await asyncio.sleep(LOOK_S)
@@ -244,7 +247,7 @@ class _Asked:
         self._answered = answered
         self._is_second = False
 
-    def begin(self, engine: Engine) -> None:
+    def begin(self, engine: RemoteEngine) -> None:
         self._engine = engine
         if self._request.video is not None:
             self._engines.encodes(engine, self._client)

@@ -9,7 +9,7 @@ from typing import Final
 
 
 class Kind(IntEnum):
-    """What a message is; who sends it."""
+    """Message kinds and their senders."""
 
     # the edge
     OPEN = 1
@@ -28,7 +28,7 @@ class Kind(IntEnum):
 
 
 class BadMessage(Exception):
-    """The other end sent what is no message, in one sentence: nothing that follows can be understood."""
+    """The other end sent an invalid message: all that follows is unintelligible."""
 
 
 PREFIX: Final = struct.Struct("<IB")
@@ -48,10 +48,10 @@ class Splitter:
         self._most_bytes = most_bytes
         self._rest = bytearray()
         self._wanted = 0
-        """Bytes of `_rest` before which nothing can be whole: a large message is put together once."""
+        """Length of `_rest` at which a message may be complete: a large one is assembled once."""
 
     def feed(self, data: bytes) -> Iterator[tuple[int, bytes]]:
-        """The kind and the content of each message that is whole now. Raises BadMessage for one that is too long."""
+        """Kind and content of each complete message. Raises BadMessage for one that is too long."""
         if self._rest:
             self._rest += data
             if len(self._rest) < self._wanted:

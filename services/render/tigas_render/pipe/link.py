@@ -12,7 +12,7 @@ MOST_UNSENT: Final = 8 * 1024 * 1024
 """Bytes that may wait for an end that does not read; then it is given up."""
 
 DELAY_S: Final = 0.01
-"""How long a message that is not urgent waits at most for one that is."""
+"""Maximum wait of a message that is not urgent for an urgent one."""
 
 
 class Link(asyncio.Protocol, ABC):
@@ -24,7 +24,7 @@ class Link(asyncio.Protocol, ABC):
         self._outgoing: list[bytes] = []
         self._outgoing_bytes = 0
         self._is_leaving = self._is_delayed = False
-        """Whether what is outgoing is about to be written, or will be after a while."""
+        """Whether outgoing messages are about to be written, or will be after a pause."""
         self._loop = asyncio.get_running_loop()
         self._transport: asyncio.Transport | None = None
         self.reason: str | None = None
@@ -38,7 +38,7 @@ class Link(asyncio.Protocol, ABC):
         """A message. Raises BadMessage."""
 
     def send(self, message: bytes) -> None:
-        """Send a message with all others of this turn of the event loop; nothing once the pipe is closed."""
+        """Send a message with all others of this iteration of the event loop; dropped once the pipe is closed."""
         if self._add(message) and not self._is_leaving:
             self._is_leaving = True
             self._loop.call_soon(self._flush)
@@ -58,7 +58,7 @@ class Link(asyncio.Protocol, ABC):
 
     @property
     def unsent(self) -> int:
-        """Bytes that the other end has not taken yet."""
+        """Bytes not read by the other end yet."""
         return self._outgoing_bytes + (0 if self._transport is None else self._transport.get_write_buffer_size())
 
     def data_received(self, data: bytes) -> None:

@@ -1,4 +1,4 @@
-"""What edges and the engine say to each other, as structs: packed at one end, checked and unpacked at the other.
+"""The messages between edges and the engine: packed at one end, checked and unpacked at the other.
 
 Both ends are of one version, as one process starts them. Every `unpack_` raises BadMessage.
 """
@@ -22,9 +22,10 @@ from tigas_common.errors import (
     UnknownScene,
     problem,
 )
-from tigas_common.wire.render import AnswerFormat, RenderRequest, ServerTiming, VideoInfo, VideoRequest
+from tigas_common.wire.render import AnswerFormat, RenderRequest, ServerTiming, VideoInfo
 from tigas_render.frame import Client, Frame, Transport
 from tigas_render.pipe.framing import BadMessage, Kind, framed
+from tigas_render.pipe.packing import Packing
 
 _FORMATS: Final[tuple[AnswerFormat, ...]] = get_args(AnswerFormat)
 _NUMBER_OF: Final = {format: number for number, format in enumerate(_FORMATS)}
@@ -37,79 +38,34 @@ _HELLO: Final = struct.Struct("<IBB")
 
 # -- a request ---------------------------------------------------------------------------------------------------------
 
-_REQUEST: Final = struct.Struct("<IIdd IHHhBB 7d 4d ddd I Id")
-"""id, session, arrived, sent; seq, width, height, profile, format, flags; pose; fx, fy, cx, cy; display scale,
-overscan, deadline; stamp; a video's bit rate and frames a second. The scene follows. A pose is position and
-quaternion, or azimuth, elevation, roll and translation."""
-_QUATERNION, _ROLL, _DEPTH, _DEADLINE, _STAMP, _KEY = 1, 2, 4, 8, 16, 32
-_NO_PROFILE: Final = -1
+_REQUEST: Final = struct.Struct("<IIdd")
+"""id, session, arrived, sent. The RenderRequest follows."""
+_RENDER_REQUEST: Final = Packing(RenderRequest)
 
 
 class Asked(NamedTuple):
-    """A request as it comes out of the pipe."""
+    """A request received from the pipe."""
 
     id: int
     session: int
     arrived: float
     """On the monotonic clock, which all processes of a machine share."""
     sent: float
-    """When the edge put it into the pipe, on the same clock."""
+    """Time at which the edge sent it, on the same clock."""
     request: RenderRequest
 
 
 def pack_request(id: int, session: int, arrived: float, sent: float, request: RenderRequest) -> bytes:
-    """A request under the edge's own number for it, of a session that it has introduced."""
-    r, flags = request, 0
-    if r.position is not None and r.quaternion is not None:
-        flags, pose = _QUATERNION, (*r.position, *r.quaternion)
-    else:
-        assert r.azimuth is not None
-        assert r.elevation is not None
-        assert r.translation is not None
-        pose = (r.azimuth, r.elevation, r.roll or 0.0, *r.translation, 0.0)
-    if r.roll is not None:
-        flags |= _ROLL
-    if r.depth:
-        flags |= _DEPTH
-    if r.deadline_ms is not None:
-        flags |= _DEADLINE
-    if r.stamp is not None:
-        flags |= _STAMP
-    bitrate, rate = 0, 0.0
-    if r.video is not None:
-        bitrate, rate = r.video.bitrate_kbps, r.video.frames_per_s
-        flags |= _KEY if r.video.key else 0
-    content = _REQUEST.pack(
-        id, session, arrived, sent,
-        r.seq, r.width, r.height, _NO_PROFILE if r.profile is None else r.profile, _NUMBER_OF[r.format], flags,
-        *pose, r.fx, r.fy, r.cx, r.cy, r.display_scale, r.overscan, r.deadline_ms or 0.0, r.stamp or 0,
-        bitrate, rate,
-    )  # fmt: skip
-    return framed(Kind.REQUEST, content + r.scene.encode())
+    """A request with the edge's own id, from a session introduced before."""
+    return framed(Kind.REQUEST, _REQUEST.pack(id, session, arrived, sent) + _RENDER_REQUEST.pack(request))
 
 
 def unpack_request(content: bytes) -> Asked:
-    """A request. Its values are taken as they are: the edge has checked what the client sent."""
-    (
-        id, session, arrived, sent, seq, width, height, profile, format, flags, p0, p1, p2, p3, p4, p5, p6,
-        fx, fy, cx, cy, display_scale, overscan, deadline_ms, stamp, bitrate, rate,
-    ) = _unpacked(_REQUEST, content, at_least=True)  # fmt: skip
-    if format >= len(_FORMATS) or flags >> 6 or not math.isfinite(arrived + sent):
-        raise BadMessage("A request has a format, flags or a time that do not exist.")
-    is_rotated, video = flags & _QUATERNION, None
-    if _FORMATS[format] == "h264":
-        video = VideoRequest.trusted({"bitrate_kbps": bitrate, "frames_per_s": rate, "key": flags & _KEY != 0})
-    request = RenderRequest.trusted({
-        "scene": _text(content[_REQUEST.size :]), "seq": seq,
-        "azimuth": None if is_rotated else p0, "elevation": None if is_rotated else p1,
-        "roll": p2 if flags & _ROLL else None, "translation": None if is_rotated else (p3, p4, p5),
-        "position": (p0, p1, p2) if is_rotated else None, "quaternion": (p3, p4, p5, p6) if is_rotated else None,
-        "fx": fx, "fy": fy, "cx": cx, "cy": cy, "width": width, "height": height,
-        "profile": None if profile == _NO_PROFILE else profile, "display_scale": display_scale, "overscan": overscan,
-        "depth": flags & _DEPTH != 0, "format": _FORMATS[format], "video": video,
-        "deadline_ms": deadline_ms if flags & _DEADLINE else None, "stamp": stamp if flags & _STAMP else None,
-    })  # fmt: skip
-    return Asked(id, session, arrived, sent, request)
+    """A request. Its fields are not validated again: the edge has validated the client's request."""
+    id, session, arrived, sent = _unpacked(_REQUEST, content, at_least=True)
+    if not math.isfinite(arrived + sent):
+        raise BadMessage("A request has a time that does not exist.")
+    return Asked(id, session, arrived, sent, _RENDER_REQUEST.unpack(content, _REQUEST.size))
 
 
 # -- an answer ---------------------------------------------------------------------------------------------------------
@@ -117,22 +73,23 @@ def unpack_request(content: bytes) -> Asked:
 _FRAME: Final = struct.Struct("<IQI IHHHHhB ddd IB16s")
 """id, offset, length; seq, width, height, margins, profile, format; timing; the frame that a video's refers to, flags,
 and the codec's name. The body follows if it is inline."""
+_NO_PROFILE: Final = -1
 _IS_KEY, _HAS_AFTER = 1, 2
 
 
-class Answered(NamedTuple):
-    """A frame as it comes out of the pipe; its body is where `offset` and `length` say, in the arena, or `inline`."""
+class FrameMessage(NamedTuple):
+    """A received frame; its body is at `offset` and `length` in the arena, or `inline`."""
 
     id: int
     offset: int
     length: int
     inline: bytes
     fields: tuple[AnswerFormat, int, int, int, int | None, ServerTiming, int, int, VideoInfo | None]
-    """What a Frame is made of, after its body."""
+    """The fields of a Frame after its body."""
 
 
 def pack_frame(id: int, frame: Frame, offset: int | None) -> bytes:
-    """A frame whose body lies at `offset` of the arena; with its body, if that is None."""
+    """A frame with its body at `offset` of the arena; with its body inline, if that is None."""
     timing = frame.timing
     content = _FRAME.pack(
         id, offset or 0, len(frame.body), frame.seq, frame.width, frame.height, frame.margin_x, frame.margin_y,
@@ -144,7 +101,7 @@ def pack_frame(id: int, frame: Frame, offset: int | None) -> bytes:
     return framed(Kind.FRAME, content)
 
 
-def unpack_frame(content: bytes, *, is_inline: bool) -> Answered:
+def unpack_frame(content: bytes, *, is_inline: bool) -> FrameMessage:
     """A frame."""
     (
         id, offset, length, seq, width, height, margin_x, margin_y, profile, format, queue, render, encode,
@@ -162,7 +119,7 @@ def unpack_frame(content: bytes, *, is_inline: bool) -> Answered:
             "key": flags & _IS_KEY != 0, "after": after if flags & _HAS_AFTER else None,
             "codec": _text(codec.rstrip(b"\0")),
         })  # fmt: skip
-    return Answered(
+    return FrameMessage(
         id, offset, length, inline, (_FORMATS[format], width, height, seq, chosen, timing, margin_x, margin_y, video)
     )
 
@@ -183,7 +140,7 @@ _ERRORS: Final[tuple[type[TigasError], ...]] = (
     TigasError, InvalidRequest, UnknownScene, BrokenScene, Superseded, DeadlineExceeded, Overloaded, OutOfDeviceMemory,
     DeviceLost, NoRoom,
 )  # fmt: skip
-"""Whatever the engine answers with, the least specific first."""
+"""All answers of the engine, the least specific first."""
 
 
 def pack_failure(id: int, error: Exception) -> bytes:
@@ -205,7 +162,7 @@ def unpack_failure(content: bytes) -> tuple[int, TigasError]:
     return id, kind(detail)
 
 
-# -- the rest ----------------------------------------------------------------------------------------------------------
+# -- other messages ----------------------------------------------------------------------------------------------------
 
 
 def pack_hello(session: int, client: Client) -> bytes:
@@ -216,7 +173,7 @@ def pack_hello(session: int, client: Client) -> bytes:
 
 
 def unpack_hello(content: bytes) -> tuple[int, Client]:
-    """A session's number, and who it is."""
+    """A session's number, and its client."""
     number, transport, length = _unpacked(_HELLO, content, at_least=True)
     end = _HELLO.size + length
     if len(content) < end:
@@ -233,7 +190,7 @@ def pack_number(kind: Kind, number: int) -> bytes:
 
 
 def unpack_number(content: bytes) -> int:
-    """What `pack_number` packed."""
+    """Parse the output of `pack_number`."""
     (number,) = _unpacked(_NUMBER, content)
     return int(number)
 
@@ -244,7 +201,7 @@ def pack_offset(kind: Kind, offset: int) -> bytes:
 
 
 def unpack_offset(content: bytes) -> int:
-    """What `pack_offset` packed."""
+    """Parse the output of `pack_offset`."""
     (offset,) = _unpacked(_OFFSET, content)
     return int(offset)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 SMOOTHING: Final = 0.2
-"""The weight of what is heard in the mean: with ten times a second, half a second's memory."""
+"""Weight of the newest report in the mean: at ten per second, half a second's memory."""
 BUSY_FROM, BUSY_UNTIL = 0.85, 0.65
 """Utilisation from which on it is pressed, and under which it is no more."""
 LATE_FROM, LATE_UNTIL = 0.06, 0.03
@@ -17,7 +17,7 @@ EASY_UNTIL: Final = 0.4
 
 
 class Pressure:
-    """Hears how busy the engine is, ten times a second or so."""
+    """Called with the engine's load, about ten times per second."""
 
     def __init__(self) -> None:
         self.pressed = False

@@ -8,7 +8,7 @@ import os
 import socket
 import time
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import ExitStack, asynccontextmanager
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -23,7 +23,7 @@ from tigas_render.pipe.link import Link
 logger = logging.getLogger(__name__)
 
 ARENA_BYTES: Final = 256 * 1024 * 1024
-"""Room for an edge's frames; memory is used only as far as it is needed at a time."""
+"""Size of an edge's arena; pages are allocated on use."""
 MOST_QUEUED: Final = 4 * 1024 * 1024
 """Bytes that may wait in a socket with a frame that finds no room in the arena; beyond, the frame is refused."""
 MOST_ON_THEIR_WAY: Final = 1024
@@ -31,30 +31,37 @@ MOST_ON_THEIR_WAY: Final = 1024
 MOST_SESSIONS: Final = 65_536
 """That an edge may have introduced at a time."""
 STATE_S: Final = 0.1
-"""How often edges hear how busy the engine is, in seconds."""
+"""Interval of load reports to edges, in seconds."""
+ACCEPT_AGAIN_S: Final = 0.1
+"""Pause after failing to accept an edge, usually because of too few file descriptors, in seconds."""
 
 State = Callable[[], tuple[float, float]]
 """The age of the engine's queue, in seconds, and its utilisation, 0 to 1, since the last call."""
 Stats = Callable[[int, bytes], None]
-"""What an edge, by its number, tells of itself, as JSON."""
+"""Measurements of an edge, by its number, as JSON."""
 
 
 @asynccontextmanager
 async def serve_edges(
     path: Path, source: FrameSource, state: State, stats: Stats, *, arena_bytes: int = ARENA_BYTES
 ) -> AsyncIterator[PipeServer]:
-    """Accept edges on a Unix socket for as long as the context lasts."""
+    """Accept edges on a Unix socket, as a context manager.
+
+    The context ends with an exception group if accepting or reporting fails, so that the engine is restarted.
+    """
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
         _bind(listener, path)
         listener.setblocking(False)
         server = PipeServer(source, stats, arena_bytes)
-        tasks = [asyncio.create_task(server.accept(listener)), asyncio.create_task(server.tell_state(state))]
         try:
-            yield server
+            async with asyncio.TaskGroup() as group:
+                tasks = [group.create_task(server.accept(listener)), group.create_task(server.tell_state(state))]
+                try:
+                    yield server
+                finally:
+                    for task in tasks:
+                        task.cancel()
         finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
             server.close()
 
 
@@ -75,25 +82,33 @@ class PipeServer:
         self._arena_bytes = arena_bytes
         self._accepted = 0
         self.longest_in_pipe_s = 0.0
-        """That any request was on its way since edges were told last: the loop may read late."""
+        """Whether any request was in flight since the last report: the loop may read late."""
 
     async def accept(self, listener: socket.socket) -> None:
-        """Take edges that connect, for ever."""
+        """Connect edges until cancelled."""
         loop = asyncio.get_running_loop()
         while True:
-            sock, _ = await loop.sock_accept(listener)
-            self._accepted += 1
             try:
-                arena = Arena(self._arena_bytes)
-                # into an empty buffer, so that it does not wait
-                socket.send_fds(sock, [messages.pack_offset(Kind.ARENA, arena.size)], [arena.fd])
-                await loop.connect_accepted_socket(partial(EdgeLink, self, arena, self._accepted), sock)
+                sock, _ = await loop.sock_accept(listener)
+                await self._connect(sock)
             except OSError as error:
-                sock.close()
                 logger.warning("An edge was not connected: %s", error)
+                await asyncio.sleep(ACCEPT_AGAIN_S)
+
+    async def _connect(self, sock: socket.socket) -> None:
+        self._accepted += 1
+        with ExitStack() as undo:
+            undo.callback(sock.close)
+            arena = Arena(self._arena_bytes)
+            undo.callback(arena.close)
+            # into an empty buffer, so that it does not wait
+            socket.send_fds(sock, [messages.pack_offset(Kind.ARENA, arena.size)], [arena.fd])
+            link = partial(EdgeLink, self, arena, self._accepted)
+            await asyncio.get_running_loop().connect_accepted_socket(link, sock)
+            undo.pop_all()
 
     async def tell_state(self, state: State) -> None:
-        """Tell all edges how busy the engine is, ten times a second, for ever."""
+        """Report the engine's load to all edges, ten times per second, until cancelled."""
         processor, wall = time.thread_time(), time.monotonic()
         while True:
             await asyncio.sleep(STATE_S)
@@ -113,7 +128,7 @@ class PipeServer:
 
 
 class EdgeLink(Link):
-    """One edge. Once it is gone, however that happened, nothing is rendered for it, and its arena is free."""
+    """One edge. Once it has ended, for any reason, its requests are cancelled and its arena is freed."""
 
     def __init__(self, server: PipeServer, arena: Arena, connection: int) -> None:
         """connection: a number that no other connection has."""
@@ -126,7 +141,7 @@ class EdgeLink(Link):
         self.running: dict[int, Withdraw] = {}
         """By the edge's number for the request."""
         self._videos: dict[int, Client] = {}
-        """Whose videos' the latest frames are that the edge was sent, by the same number."""
+        """Clients of the latest video frames sent to the edge, by the same number."""
         self._handlers: dict[int, Callable[[bytes], None]] = {
             Kind.OPEN: self._open,
             Kind.HELLO: self._hello,
@@ -189,7 +204,7 @@ class EdgeLink(Link):
         withdraw = self.running.pop(number, None)
         if withdraw is not None:
             withdraw()
-        elif (client := self._videos.pop(number, None)) is not None:  # its answer is on its way, to nobody
+        elif (client := self._videos.pop(number, None)) is not None:  # its answer is in flight, without a recipient
             self._server.source.forget(client)
 
     def _release(self, content: bytes) -> None:

@@ -1,4 +1,4 @@
-"""Which of a scene's engines each session has: one that it keeps, and each engine as many sessions. No sockets."""
+"""Assigns each session of a scene to one of its engines, stably and evenly. No sockets."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Hashable, Sequence
 from typing import Final
 
 GONE_S: Final = 5.0
-"""A session that has asked for nothing for so long counts no more, in seconds."""
+"""Seconds without a request after which a session no longer counts."""
 
 
 class Sharing:
@@ -19,9 +19,9 @@ class Sharing:
         self._counts: Counter[str] = Counter()
 
     def choose(self, session: Hashable, engines: Sequence[str], now: float) -> str:
-        """Whom to ask, of these, the first of which is the best.
+        """The engine to ask, among these, best first.
 
-        A session moves only if its engine is not among them, or has more sessions than its part.
+        A session moves only if its engine is not among them, or has more sessions than its share.
         """
         kept = self._engines.get(session)
         if kept is not None and kept[0] in engines and self._counts[kept[0]] <= self._part(engines):
@@ -35,7 +35,7 @@ class Sharing:
         return chosen
 
     def forget(self, now: float) -> bool:
-        """Leave out sessions that are gone; whether there are any left."""
+        """Drop ended sessions; whether any are left."""
         for session in [session for session, (_, at) in self._engines.items() if now - at >= GONE_S]:
             engine, _ = self._engines.pop(session)
             self._counts[engine] -= 1

@@ -1,1 +1,1 @@
-"""Rasterisers: one interface (`base`), a fast one per device, and a short readable reference for tests."""
+"""Rasterisers: one interface (`base`) and one implementation per device."""

@@ -1,4 +1,4 @@
-"""The interface that every rasteriser has. It knows nothing of requests, queues or sockets."""
+"""The interface of every rasteriser, independent of requests, queues and sockets."""
 
 from __future__ import annotations
 
@@ -40,17 +40,17 @@ multiplied by them."""
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """One view: where from, through which lens, and what lies behind everything."""
+    """One view: camera pose, lens and background."""
 
     pose: Pose
     intrinsics: Intrinsics
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """RGB, 0 to 1."""
     display_scale: float = 1.0
-    """How many times larger than the picture it is shown, linearly; at least 1. See `footprint`."""
+    """Linear scale at which the picture is displayed; at least 1. See `footprint`."""
     margins: tuple[int, int] = (0, 0)
-    """Columns at the left and right, rows at the top and bottom, that the picture has beyond the viewport. They count
-    in `intrinsics`, and leave the rest as it would be without them."""
+    """Columns at the left and right, rows at the top and bottom, beyond the viewport. They are included in
+    `intrinsics` and leave the rest of the picture unchanged."""
 
     @property
     def viewport(self) -> Intrinsics:
@@ -60,8 +60,9 @@ class Camera:
 
 Pause = Callable[[], None]
 Depth = NDArray[np.float32]
-"""Inverse depth of z, not of the ray, [h, w] in 1/scene units, over the whole picture, in as many pixels as
-`depth.depth_size` says; 0 is infinitely far."""
+"""Inverse depth of z, not of the ray, [h, w] in 1/scene units, over the whole picture, at the resolution of
+`depth.depth_size`; 0 is infinitely far.
+"""
 
 
 class PreparedScene(ABC):
@@ -74,26 +75,30 @@ class PreparedScene(ABC):
 
 
 class Image(ABC):
-    """A rendered image, still on the device that made it; a context manager that gives its memory back."""
+    """A rendered image in the host's memory; a context manager that returns its memory."""
 
     width: int
     height: int
     depth: Depth | None = None
-    """The view's depth, if it was asked for; there once the image has been encoded, or taken to the host."""
+    """The view's depth, if requested and not encoded by the device."""
     coded_depth: CodedDepth | None = None
-    """The same by a device that codes it itself."""
+    """The view's depth, if requested and encoded by the device."""
+    rendering: float = 0.0
+    """Seconds spent on rendering."""
+    encoding: float = 0.0
+    """Seconds spent on encoding before `encode` is called."""
 
     @abstractmethod
     def encode(self, format: FrameFormat, quality: int) -> bytes:
-        """The image in a file format, on the host: `jpeg` (at `quality` 1 to 100), `png`, or planar `yuv420p`."""
+        """The image in a file format: `jpeg` (at `quality` 1 to 100), `png`, or planar `yuv420p`."""
 
     @abstractmethod
     def to_host(self) -> NDArray[np.uint8]:
-        """The pixels in the host's memory, RGB [H, W, 3]; the caller may change them until the image is closed."""
+        """The pixels, RGB [H, W, 3]; the caller may modify them until the image is closed."""
 
     @abstractmethod
     def close(self) -> None:
-        """Give the image's memory back to its rasteriser; closing twice does nothing."""
+        """Return the image's memory to its rasteriser; closing twice does nothing."""
 
     def __enter__(self) -> Self:
         return self
@@ -103,26 +108,27 @@ class Image(ABC):
 
 
 class Rasterizer(ABC):
-    """Renders prepared scenes. Called from one thread at a time, unless an implementation says otherwise."""
+    """Renders prepared scenes. Called from one thread at a time unless an implementation documents otherwise."""
 
     device: str
-    """Where it runs, for people: `cpu`, `cuda:0`."""
+    """The device's name: `cpu`, `cuda:0`."""
     frames_in_flight: int = 2
-    """Images at a time that keep it busy: one is encoded while the next is rendered, or several on several streams."""
+    """Number of concurrent frames that keeps the device busy, whether encoding overlaps rendering or streams overlap
+    one another."""
 
     makes_webp: bool = False
-    """Whether frames are offered as WebP, too: it is encoded on the host, so only where JPEG is."""
+    """Whether frames are also offered as WebP, which is always encoded on the host."""
 
     @property
     def hardware(self) -> str:
-        """What it renders with: `cpu`, or the graphics processor's name."""
+        """The processor's name: `cpu`, or the model of the GPU."""
         return self.device
 
     @abstractmethod
     def pack(self, scene: Batches) -> PreparedScene:
         """Pack a scene for rendering while it is read. Safe to call from any thread; no frame waits for it.
 
-        Raises what reading raises.
+        Raises the errors of reading.
         """
 
     def prepare(self, gaussians: Gaussians) -> PreparedScene:
@@ -139,32 +145,33 @@ class Rasterizer(ABC):
         *,
         depth: bool = False,
     ) -> Image:
-        """Render one view at the intrinsics' own resolution, or begin to: what is missing, `encode` waits for.
+        """Render one view at the resolution of the intrinsics.
 
-        format: what the image is going to be encoded as; a rasteriser may lay out its pixels accordingly.
-        pause: may be called every few milliseconds meanwhile; it may call `render` once more, without a pause.
-        depth: whether the image is to have a depth; its pixels are the same.
+        format: the format in which the image will be encoded; a device may encode it at once.
+        pause: may be called every few milliseconds during rendering; it may call `render` once more, without a pause.
+        depth: whether to add the view's depth; the pixels stay the same.
         """
 
     def warm_up(self) -> None:  # noqa: B027 - a rasteriser without a compiler has nothing to do
-        """Pay once for what the first frame would otherwise wait for, such as compiling."""
+        """Do in advance everything that would delay the first frame, such as compiling."""
 
 
 def footprint(display_scale: float, antialiased: bool = False) -> tuple[float, float]:
-    """How a Gaussian grows on the screen: dilation, and variance of the low-pass filter, both in the picture's pixels².
+    """Growth of a Gaussian on screen: dilation, and variance of the low-pass filter, both in the picture's
+    pixels².
 
     The projected covariance Σ becomes Σ' = Σ + dilation · I, which makes it as large on the display as in training, and
-    then Σ" = Σ' + low_pass · I, with the opacity times √(det Σ' / det Σ"), so that what it covers stays the same.
+    then Σ" = Σ' + low_pass · I, with the opacity times √(det Σ' / det Σ"), so that its coverage is unchanged.
 
-    Mip-Splatting (Yu et al., CVPR 2024, "2D Mip filter") integrates over a pixel's area by a Gaussian in place of a
-    box, and compensates opacity as above. A box one pixel wide has a variance of 1/12. With s = display_scale, a pixel
-    of the display, 1/s wide, already has its own box: scenes are trained with its samples. Variances add, so the
-    picture's pixel is 1/12 - 1/(12 s²) wider: just the variance of s equally spaced samples. Scaling up to the display
-    is a low-pass filter, too. Where one filter goes before sampling and one after, each takes the square root of the
-    response that both are to have; a Gaussian's square root has half its variance, so half is ours. That is measured to
-    be near the least error on the display (docs/picture.md). At s = 1 nothing is left: 3DGS's picture.
+    Mip-Splatting (Yu et al., CVPR 2024, "2D Mip filter") integrates over a pixel's area by a Gaussian in place of
+    a box, and compensates opacity as above. A box one pixel wide has a variance of 1/12. With s = display_scale, a
+    pixel of the display, 1/s wide, already has its own box: scenes are trained with its samples. Variances add, so
+    the picture's pixel is 1/12 - 1/(12 s²) wider: just the variance of s equally spaced samples. Scaling up to the
+    display is a low-pass filter as well. With one filter before sampling and one after, each takes the square root
+    of the desired response; a Gaussian's square root has half its variance, so half is ours. By measurement this
+    is near the least error on the display (docs/architecture.md). At s = 1 nothing is left: 3DGS's picture.
 
-    Where a scene was trained with that filter (`antialiased`), the dilation is one, too: it costs opacity.
+    For a scene trained with that filter (`antialiased`), the dilation is one as well: it costs opacity.
     """
     shrunk = 1 / display_scale**2
     if antialiased:

@@ -1,7 +1,7 @@
-"""C functions that are called one after the other without the interpreter's lock.
+"""Sequences of C calls made without the GIL.
 
-A thread that calls into C gives the lock away, and has to get it back after every single call. Where the event loop
-computes, that took 0.1 to 0.7 ms a call and most of a frame's time (docs/gpu.md).
+A ctypes call releases the GIL and has to reacquire it. With a busy event loop that took 0.1 to 0.7 ms per call, most of
+a frame's time (docs/results/2026-11-gpu.md); a sequence releases it once.
 """
 
 # mypy: disable-error-code="no-untyped-call, call-arg, var-annotated"
@@ -20,7 +20,7 @@ MOST_ARGUMENTS = 11
 
 
 class CallError(RuntimeError):
-    """A C function's status was not 0."""
+    """A C function returned a status other than 0."""
 
     def __init__(self, function: str, status: int) -> None:
         super().__init__(f"{function} failed with status {status}")
@@ -29,45 +29,45 @@ class CallError(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """A function whose arguments are integers and pointers, at most MOST_ARGUMENTS, and whose result is an `int`."""
+    """A function of at most MOST_ARGUMENTS integers and pointers that returns an `int` status."""
 
     function: Any
-    """Of ctypes."""
+    """A ctypes function."""
     arguments: tuple[int, ...]
     error: type[CallError] = CallError
-    """What is raised if it fails."""
+    """The exception for a status other than 0."""
 
 
 class Calls:
-    """Calls that are prepared once, so that making them costs one entry into C."""
+    """A prepared sequence of calls, made by a single entry into C."""
 
     def __init__(self, *calls: Call) -> None:
-        self._calls = calls  # keeps the functions
+        self._calls = calls  # keeps the functions alive
         self.table = np.zeros((len(calls), 1 + MOST_ARGUMENTS), np.int64)
-        """A row for each: the function's address, and its arguments. What `make_calls` takes."""
+        """A row per call, the function's address and its arguments, for `make_calls`."""
         for row, call in zip(self.table, calls, strict=True):
             address = ctypes.cast(call.function, ctypes.c_void_p).value
             row[: 1 + len(call.arguments)] = [address or 0, *call.arguments]
 
     def replace(self, call: int, argument: int, *values: int) -> None:
-        """Give a call other arguments, from one of them on. Both count from 0."""
+        """Replace arguments of a call, starting at one of them; both count from 0."""
         self.table[call, 1 + argument : 1 + argument + len(values)] = values
 
     def make(self) -> None:
-        """Make the calls. The first that fails is the last; raises its error."""
+        """Make the calls up to the first failure, and raise its error."""
         failed, status = make_calls(self.table)
         if status:
             raise self.error(failed, status)
 
     def error(self, failed: int, status: int) -> CallError:
-        """What to raise for a call, counted from 0, that gave a status."""
+        """The exception for a failed call, counted from 0."""
         call = self._calls[failed]
         return call.error(call.function.__name__, status)
 
 
 @intrinsic
 def call_c(typing: Any, address: Any, arguments: Any) -> Any:
-    """Calls a C function. On x86-64 and ARM64 each integer takes 64 bits, of which the function looks at its own."""
+    """Call a C function. On x86-64 and ARM64 every argument takes 64 bits; the function reads its own part."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         function, packed = values
@@ -81,7 +81,7 @@ def call_c(typing: Any, address: Any, arguments: Any) -> Any:
 
 @njit("UniTuple(int64, 2)(int64[:, ::1])", nogil=True, cache=True)
 def make_calls(calls: Any) -> Any:
-    """Makes the calls of a table; the row of the first that fails, and its status, or -1 and 0. For compiled code."""
+    """Make the calls of a table: the row of the first failure and its status, or -1 and 0. For compiled code."""
     for index in range(len(calls)):
         a = calls[index]
         status = call_c(a[0], (a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11]))

@@ -1,6 +1,7 @@
-"""Prints how many GPUs CUDA shows to this process (CUDA_VISIBLE_DEVICES), without a context on any of them.
+"""Prints the number of GPUs visible to this process (CUDA_VISIBLE_DEVICES), without a context on any of them.
 
-A program of its own: the driver stays in the process that has asked it, and PyTorch would take seconds to load.
+A separate program: the driver stays loaded in a process that has called it, and PyTorch would take seconds to
+load.
 """
 
 from __future__ import annotations

@@ -7,6 +7,8 @@ import shutil
 from importlib.util import find_spec
 from pathlib import Path
 
+from tigas_common.errors import StartError
+from tigas_common.versions import check_versions
 from tigas_render.cache import cache_directory
 from tigas_render.raster.base import Rasterizer
 from tigas_render.raster.instant import NAME, InstantRasterizer
@@ -14,14 +16,13 @@ from tigas_render.raster.instant import NAME, InstantRasterizer
 logger = logging.getLogger(__name__)
 
 GPU_PACKAGES = ("torch", "cuda.core", "cuda.pathfinder")
-"""What the extra `gpu` installs."""
+"""Packages of the extra `gpu`."""
 
 
 def create_rasterizer(device: str, cache: Path | None = None) -> Rasterizer:
     """The rasteriser for `cpu`, `cuda`, `cuda:N` or `auto`, which takes a GPU if there is one that can be used.
 
-    `instant`, `instant:BYTES` and `instant:BYTES:FRAMES_PER_S` render nothing and answer with made-up frames of that
-    size, so that everything else can be measured. On a machine with NVIDIA's driver `auto` logs why it takes the CPU.
+    On a machine with NVIDIA's driver `auto` logs why it takes the CPU.
     cache: a directory for compiled kernels; the user's own by default.
     Raises ValueError, with one sentence, if the machine has no such device.
     """
@@ -48,13 +49,17 @@ def create_rasterizer(device: str, cache: Path | None = None) -> Rasterizer:
 
 
 def why_no_cuda() -> str | None:
-    """One sentence on what keeps this machine from rendering on a GPU; None if nothing does."""
+    """One sentence on why this machine cannot render on a GPU; None if it can."""
     try:
         complete = all(find_spec(package) for package in GPU_PACKAGES)
     except ModuleNotFoundError:
         complete = False
     if not complete:
         return "The packages for GPUs are missing: make gpu."
+    try:
+        check_versions("cuda-core")
+    except StartError as error:
+        return str(error)
     import torch  # takes seconds, so only where there may be a GPU
 
     if torch.version.cuda is None:

@@ -1,8 +1,13 @@
-"""Threads that make C calls and never need the interpreter's lock, from when they are told to until they are done.
+"""Threads that make C calls without the GIL. An eventfd starts each one, and another reports to the event loop.
 
-A Python thread that waits for a device takes the lock from the event loop for every frame, and each time it changes
-hands a processor has to wake up (docs/gpu.md). These hear of their calls by an eventfd, and tell by one that an event
-loop watches.
+Ordinary Python threads are too slow for the goal of 100 viewers, 3,000 frames/s, on one GPU with 16 cores. The event
+loop computes for 243 to 269 µs per frame (H200, 8 and 6 edges), 73 to 81 % of the time at that rate, mostly with the
+GIL. A thread with one call each for launches, encoding and readback acquires the GIL five times per frame, including
+its queue and its report; at an assumed 10 µs each, the share becomes 88 to 96 %, without the cost of the hand-overs.
+Measured on H200, an acquisition waited 0.1 to 0.7 ms (docs/results/2026-11-gpu.md), and threads with only two of them
+72 viewers, but 83 % of the frames of 90. With an engine alone, synthetic frames and 3,000 requests/s on two busy cores,
+native threads lost nothing in three runs (p95 2, 3 and 91 ms); Python threads with the same prepared calls lost 0, 43
+and 70 % (p95 33 to 1,629 ms).
 """
 
 # mypy: disable-error-code="no-untyped-call, call-arg"
@@ -23,21 +28,20 @@ from numba import njit
 from tigas_render.raster.calls import MOST_ARGUMENTS, Call, Calls, call_c, make_calls
 
 MOST_CALLS: Final = 24
-"""That a thread makes in one go."""
+"""The limit of calls in one order."""
 
 _libc = ctypes.CDLL(None)
-_ROWS, _IS_DONE, _FAILED, _STATUS, _IS_LAST = range(5)
+_ROWS, _FAILED, _STATUS, _IS_LAST = range(4)
 
 
 class NativeThreads:
-    """So many threads, of which each makes calls for one at a time. All but the threads belongs to one thread."""
+    """Threads that each execute one order of calls at a time. The object itself belongs to a single thread."""
 
     def __init__(self, count: int, enter: Callable[[], None]) -> None:
-        """enter: called once in each thread, before anything else; it must not fail."""
+        """count: at most 63; enter: called first in each thread, must not raise."""
         self._calls: list[tuple[Calls, ...]] = [()] * count
         self._tables = np.zeros((count, MOST_CALLS, 1 + MOST_ARGUMENTS), np.int64)
-        self._states = np.zeros((count, 5), np.int64)
-        self._busy: set[int] = set()
+        self._states = np.zeros((count, 4), np.int64)
         self._orders = [os.eventfd(0, os.EFD_CLOEXEC) for _ in range(count)]
         self._done = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._threads = [
@@ -48,11 +52,11 @@ class NativeThreads:
             thread.start()
 
     def fileno(self) -> int:
-        """Readable once a thread is done, until `ended`."""
+        """A descriptor that is readable after a thread has finished, until `ended` is called."""
         return self._done
 
     def begin(self, thread: int, *calls: Calls) -> None:
-        """Have an idle thread make calls, in order, until one fails. Raises RuntimeError after `end`."""
+        """Make an idle thread execute calls in order, until one fails. Raises RuntimeError after `end`."""
         row = 0
         table, state = self._tables[thread], self._states[thread]
         if state[_IS_LAST]:
@@ -61,22 +65,19 @@ class NativeThreads:
             table[row : row + len(some.table)] = some.table
             row += len(some.table)
         self._calls[thread] = calls
-        state[_ROWS], state[_IS_DONE] = row, 0
-        self._busy.add(thread)
+        state[_ROWS] = row
         os.eventfd_write(self._orders[thread], 1)
 
     def ended(self) -> list[int]:
-        """The threads that are done since this was called last."""
+        """The threads that have finished since the last call."""
         try:
-            os.eventfd_read(self._done)
+            bits = os.eventfd_read(self._done)
         except BlockingIOError:
             return []
-        ended = [thread for thread in self._busy if self._states[thread, _IS_DONE]]
-        self._busy.difference_update(ended)
-        return ended
+        return [thread for thread in range(len(self._threads)) if bits >> thread & 1]
 
     def check(self, thread: int) -> None:
-        """Raises the error of the call that failed, if one has, among those that the thread made last."""
+        """Raise the error of the thread's last order, if one of its calls failed."""
         failed, status = int(self._states[thread, _FAILED]), int(self._states[thread, _STATUS])
         if status:
             for some in self._calls[thread]:
@@ -85,7 +86,7 @@ class NativeThreads:
                 failed -= len(some.table)
 
     def end(self) -> None:
-        """Have the threads make what they have begun, and end; wait for that. `ended` still tells of it."""
+        """Wait until the threads have finished their orders and exited. `ended` still reports these."""
         self._states[:, _IS_LAST] = 1
         for order in self._orders:
             os.eventfd_write(order, 1)
@@ -93,7 +94,7 @@ class NativeThreads:
             started.join()
 
     def close(self) -> None:
-        """Once the threads have ended."""
+        """Close the descriptors, after `end`."""
         for descriptor in (*self._orders, self._done):
             os.close(descriptor)
 
@@ -101,7 +102,7 @@ class NativeThreads:
         signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())  # none interrupts a call
         enter()
         _serve(
-            _address(_libc.read), _address(_libc.write), self._orders[number], self._done,
+            _address(_libc.read), _address(_libc.write), self._orders[number], self._done, 1 << number,
             np.zeros(1, np.int64), self._tables[number], self._states[number],
         )  # fmt: skip
 
@@ -110,22 +111,25 @@ def _address(function: Any) -> int:
     return ctypes.cast(function, ctypes.c_void_p).value or 0
 
 
-@njit("void(int64, int64, int64, int64, int64[::1], int64[:, ::1], int64[::1])", nogil=True, cache=True)
-def _serve(read, write, orders, done, counter, table, state):  # type: ignore[no-untyped-def]
+@njit("void(int64, int64, int64, int64, int64, int64[::1], int64[:, ::1], int64[::1])", nogil=True, cache=True)
+def _serve(read, write, orders, done, bit, counter, table, state):  # type: ignore[no-untyped-def]
     at = counter.ctypes.data
     while True:
         call_c(read, (orders, at, 8, 0, 0, 0, 0, 0, 0, 0, 0))
-        if state[_ROWS]:
-            state[_FAILED], state[_STATUS] = make_calls(table[: state[_ROWS]])
-            state[_ROWS], state[_IS_DONE] = 0, 1
-            counter[0] = 1
+        rows = state[_ROWS]
+        if rows:
+            state[_ROWS] = 0
+            state[_FAILED], state[_STATUS] = make_calls(table[:rows])
+            # From here on the state may hold the next order. The counter adds up the bits of finished threads until it
+            # is read; the system calls order the memory accesses of both sides.
+            counter[0] = bit
             call_c(write, (done, at, 8, 0, 0, 0, 0, 0, 0, 0, 0))
         if state[_IS_LAST]:
             return
 
 
 class Stopwatch:
-    """Takes the time between C calls, as calls of their own."""
+    """Measures the time between C calls by further calls."""
 
     def __init__(self, readings: int) -> None:
         self._times = np.zeros((readings, 2), np.int64)
@@ -133,9 +137,9 @@ class Stopwatch:
         self.readings = tuple(
             Calls(Call(_libc.clock_gettime, (time.CLOCK_MONOTONIC, row.ctypes.data))) for row in self._times
         )
-        """Each takes the time when it is made."""
+        """Calls that record the current time."""
 
     def seconds(self) -> list[float]:
-        """Between each reading and the next."""
+        """Seconds from each reading to the next."""
         times = [seconds + 1e-9 * nanoseconds for seconds, nanoseconds in self._times.tolist()]
         return [later - earlier for earlier, later in itertools.pairwise(times)]

@@ -24,13 +24,13 @@ _log = logging.getLogger(__name__)
 
 Floats = NDArray[np.floating[Any]]
 Listener = Callable[[float], None]
-"""Hears how much of something long is done, from 0 to 1; what it raises, ends that."""
+"""Progress callback of a long task, from 0 to 1; an exception from it ends the task."""
 
 
 class Columns:
-    """Room for a block of Gaussians, as float32.
+    """Buffer for a block of Gaussians, as float32.
 
-    Whoever decodes a file writes every row of every array.
+    Decoders write every row of every array.
     """
 
     def __init__(self, count: int, sh_degree: int) -> None:
@@ -47,7 +47,7 @@ class Columns:
         return len(self.means)
 
     def only(self, rows: NDArray[np.bool_], sh_degree: int) -> Columns:
-        """Some of the rows, with the coefficients of a degree that is no lower; those that there are not are 0."""
+        """Selected rows, with the coefficients of an equal or higher degree; missing ones are 0."""
         some = Columns(int(np.count_nonzero(rows)), sh_degree)
         some.means[:], some.scales[:] = self.means[rows], self.scales[rows]
         some.quaternions[:], some.opacities[:] = self.quaternions[rows], self.opacities[rows]
@@ -55,9 +55,7 @@ class Columns:
         return some
 
     def gaussians(self, *, antialiased: bool) -> Gaussians:
-        """What can be drawn of it: Gaussians that are not finite, lie or reach beyond FARTHEST, or have no rotation are
-        left out.
-        """
+        """The drawable Gaussians: those that are not finite, extend beyond FARTHEST, or lack a rotation are dropped."""
         usable = self._usable()
         rows: NDArray[np.bool_] | slice = slice(None) if usable.all() else usable
         arrays = (self.means, self.scales, self.quaternions, self.opacities, self.sh)
@@ -73,7 +71,7 @@ class Columns:
 
 
 def blocks(count: int, listener: Listener) -> Iterator[slice]:
-    """So many rows, BLOCK at a time; the listener hears of each once it is done."""
+    """Rows in slices of BLOCK; the listener is called after each."""
     for start in range(0, count, BLOCK):
         stop = min(start + BLOCK, count)
         yield slice(start, stop)
@@ -81,9 +79,9 @@ def blocks(count: int, listener: Listener) -> Iterator[slice]:
 
 
 def drawable(path: Path, decoded: Iterable[Columns], *, antialiased: bool) -> Iterator[Gaussians]:
-    """What can be drawn of the blocks of a file (`Columns.gaussians`), with a warning about what cannot.
+    """The drawable Gaussians of a file's blocks (`Columns.gaussians`), with a warning about the others.
 
-    Raises BrokenScene if that is nothing.
+    Raises BrokenScene if there are none.
     """
     count = kept = 0
     for columns in decoded:

@@ -70,7 +70,7 @@ def is_compressed(start: bytes) -> bool:
 
 
 def read_compressed_ply(path: Path) -> SceneFile:
-    """What the file holds. Raises BrokenScene, with one sentence, if its header or size is not that of such a file."""
+    """Description of the file. Raises BrokenScene, with one sentence, if its header or size is wrong."""
     tables = _read_tables(path)
     return SceneFile(
         "compressed PLY",
@@ -162,7 +162,7 @@ def _columns(vertices: _Rows, chunks: _Rows, sh_degree: int) -> Columns:
     chunk = np.arange(len(vertices)) // CHUNK
     colour = _shares(vertices["packed_color"], (8, 8, 8, 8))
     rotation = vertices["packed_rotation"]
-    with np.errstate(all="ignore"):  # what overflows is dropped
+    with np.errstate(all="ignore"):  # overflowing values are dropped later
         columns.means[:] = _within(_shares(vertices["packed_position"], (11, 10, 11)), chunks, POSITION, chunk)
         columns.scales[:] = np.exp(_within(_shares(vertices["packed_scale"], (11, 10, 11)), chunks, SCALE, chunk))
         hue = colour[:, :3]
@@ -175,7 +175,7 @@ def _columns(vertices: _Rows, chunks: _Rows, sh_degree: int) -> Columns:
 
 
 def _shares(words: NDArray[np.uint32], bits: Sequence[int]) -> Floats:
-    """Numbers from 0 to 1 that words [N] hold in so many bits each, the last in the lowest: [N, len(bits)]."""
+    """Numbers from 0 to 1 packed in words [N] with the given bits each, the last in the lowest bits: [N, len(bits)]."""
     ends = np.cumsum(np.array(bits[::-1]))[::-1]
     shifts = np.append(ends[1:], 0).astype(np.uint32)
     most = (1 << np.array(bits, np.uint32)) - 1

@@ -1,13 +1,13 @@
-"""What lies in a models directory: a folder a scene, or a scene's file by itself, read without loading any Gaussians.
+"""Contents of a models directory: a folder per scene, or a single file, read without loading any Gaussians.
 
-Files that end like scenes (`formats.ENDINGS`) are taken for them; what they are, their content says. A scene's folder
-holds one, or the meta.json of a SOG scene with its images, or the lod-meta.json of a streamed one with its folders, or
-what INRIA's training writes: the `point_cloud/iteration_N/point_cloud.ply` with the highest N, which goes before any
-other file, as the `input.ply` beside it is no 3DGS scene. It may hold a `preview.jpg` or `preview.png`, a `scene.json`,
-and a `ladder.json`. A file by itself is a scene by its name without the ending. What is hidden (`.name`) is no scene.
+A folder with a lod-meta.json is a scene of streamed SOG; other files in it are its parts. Otherwise the scene is the
+output of INRIA's training, the `point_cloud/iteration_N/point_cloud.ply` with the highest N, since the `input.ply` in
+the same folder is no 3DGS scene; else a file with a scene's ending (`formats.ENDINGS`), identified by its content; else
+the meta.json of SOG. A folder may hold a `preview.jpg` or `preview.png`, a `scene.json` and a `ladder.json`. A single
+file is a scene by its name without the ending. Hidden files (`.name`) are ignored.
 
-Symbolic links are followed, also out of the directory, so that models may lie on another disk: whoever can write links
-here could as well write files, and clients name scenes by id only, never by path.
+Symbolic links are followed, also out of the directory, so that models may be on another disk: anybody able to create
+links here could write files as well, and clients name scenes by id only, never by path.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from tigas_render.scenes.source import SceneSource
 _log = logging.getLogger(__name__)
 
 SAFE_NAME = re.compile(r"\w[\w .()+-]{0,127}")
-"""What an id may look like."""
+"""Pattern of an id."""
 
 
 def scan_directory(directory: Path) -> dict[str, SceneSource]:
@@ -81,12 +81,12 @@ def _is_scene_file(path: Path) -> bool:
 def _is_folder(path: Path) -> bool:
     try:
         return path.is_dir()
-    except OSError:  # a link to where nobody can look: a scene that `read_folder` finds broken
+    except OSError:  # a link to an unreadable place: a scene that `read_folder` finds broken
         return True
 
 
 def scene_id(path: Path) -> str:
-    """What a scene is called that is a file by itself: its name without the ending."""
+    """Id of a single-file scene: its name without the ending."""
     return path.stem.removesuffix(".compressed")
 
 
@@ -96,7 +96,7 @@ def read_folder(folder: Path) -> SceneSource:
 
 
 def read_single(path: Path) -> SceneSource:
-    """The source of a scene that is a file by itself; a broken scene has an `error`."""
+    """The source of a single-file scene; a broken scene has an `error`."""
     return _read(scene_id(path), lambda: path, None)
 
 
@@ -106,7 +106,7 @@ def _read(id: str, find: Callable[[], Path], folder: Path | None) -> SceneSource
         path = find()
         version = _version(path)
         if folder is not None:
-            metadata = read_metadata(folder / "scene.json")
+            metadata = read_metadata(folder)
         file = read_scene_file(path)
         version = ",".join(map(_version, file.files))
         if folder is not None:
@@ -115,7 +115,7 @@ def _read(id: str, find: Callable[[], Path], folder: Path | None) -> SceneSource
         return SceneSource(id, metadata, version, None, error.detail)
     except OSError as error:
         return SceneSource(id, metadata, version, None, f"{id} cannot be read: {error.strerror or error}.")
-    except Exception:  # so that the others are found, whatever this one provokes
+    except Exception:  # so that a faulty scene does not hide the others
         _log.exception("The scene %s was not read", id)
         return SceneSource(id, metadata, version, None, f"{id} could not be read; the server's log says why.")
     return SceneSource(
@@ -142,7 +142,7 @@ def _version(path: Path) -> str:
 
 
 def scene_file(path: Path) -> SceneFile:
-    """What a scene's file holds, or the one in a scene's folder. Raises BrokenScene and OSError."""
+    """Description of a scene's file, or of the one in a scene's folder. Raises BrokenScene and OSError."""
     return read_scene_file(find_scene_file(path) if path.is_dir() else path)
 
 
@@ -163,13 +163,16 @@ def _sha256(paths: tuple[Path, ...]) -> str:
 
 @lru_cache(maxsize=1024)
 def _read_sha256(path: Path, size: int, modified_ns: int) -> str:
-    """Of a file as long as its size and its time stay the same: it may have gigabytes."""
+    """Checksum of a file, cached while its size and time are unchanged: it may have gigabytes."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def find_scene_file(folder: Path) -> Path:
     """The scene's file in a folder. Raises BrokenScene if it has none, and OSError."""
+    paths = {path.name: path for path in folder.iterdir()}
+    if LOD_META in paths:
+        return paths[LOD_META]
     iterations = [
         (int(match[1]), path / "point_cloud.ply")
         for path in folder.glob("point_cloud/iteration_*")
@@ -177,8 +180,9 @@ def find_scene_file(folder: Path) -> Path:
     ]
     if iterations:
         return max(iterations)[1]
-    files = sorted((path for path in folder.iterdir() if _is_scene_file(path)), key=_rank)
-    files = files or [path for path in (folder / LOD_META, folder / META) if path.is_file()]
+    files = sorted(filter(_is_scene_file, paths.values()), key=_rank)
+    if not files and (folder / META).is_file():
+        return folder / META
     if not files:
         endings = ", ".join(ENDINGS)
         raise BrokenScene(f"The folder {folder.name} has no scene in it: no {endings}, no {LOD_META} or {META} of SOG.")

@@ -19,17 +19,17 @@ from tigas_render.scenes.spz import GZIP, MAGIC, read_spz
 from tigas_render.scenes.streamed_sog import read_streamed_sog
 
 ENDINGS = (".ply", ".sog", ".spz", ".splat")
-"""Of files that are taken for scenes, and then looked into; of several beside each other, the first ending counts."""
+"""Endings of files considered as scenes before their content is checked; among several files, the first ending wins."""
 
 
 def ending_rank(path: Path) -> int:
-    """Its ending's place in ENDINGS; their number if it is none of them."""
+    """Index of its ending in ENDINGS; their number if it has none of them."""
     ending = path.suffix.lower()
     return ENDINGS.index(ending) if ending in ENDINGS else len(ENDINGS)
 
 
 def read_scene_file(path: Path) -> SceneFile:
-    """What a file holds; a SOG scene of several files is its meta.json, a streamed one its lod-meta.json.
+    """Description of a file; a SOG scene of several files is its meta.json, a streamed one its lod-meta.json.
 
     Raises BrokenScene, with one sentence.
     """
@@ -52,10 +52,10 @@ def read_scene_file(path: Path) -> SceneFile:
 
 
 def open_scene(path: Path, listener: Listener) -> Batches:
-    """A scene to be read, whatever its format. Raises BrokenScene, with one sentence, as reading it may."""
+    """Open a scene in any format for reading. Opening and reading raise BrokenScene, with one sentence."""
     return read_scene_file(path).open(listener)
 
 
 def load_scene(path: Path) -> Gaussians:
-    """Read a scene, whatever its format. Raises BrokenScene, with one sentence."""
+    """Read a scene in any format. Raises BrokenScene, with one sentence."""
     return read_scene_file(path).load()

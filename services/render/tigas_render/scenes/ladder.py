@@ -48,7 +48,7 @@ class LadderFile(WireModel):
 
 
 def read_ladder(path: Path) -> tuple[Rung, ...] | None:
-    """A ladder.json's rungs; None without such a file. Raises BrokenLadder with one sentence about what is wrong."""
+    """A ladder.json's rungs; None without such a file. Raises BrokenLadder with one sentence on the problem."""
     try:
         with open_regular(path) as file:
             content = file.read(MAX_BODY + 1)

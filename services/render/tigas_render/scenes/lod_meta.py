@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from tigas_common.errors import BrokenScene, InvalidRequest
 from tigas_common.parsing import parse
@@ -25,14 +25,18 @@ MOST_FILES = 4096
 
 def _checked(name: str) -> str:
     if not all(map(PLAIN_NAME.fullmatch, name.split("/"))):
-        raise ValueError(f"{name[:40]!r} is no plain name of a file in a folder beside it")
+        raise ValueError(f"{name[:40]!r} is not a plain name of a file in a folder next to it")
     return name
+
+
+def _without_slash(name: object) -> object:
+    return name.removesuffix("/") if isinstance(name, str) else name
 
 
 Name = Annotated[str, Field(max_length=200), AfterValidator(_checked)]
 Level = Annotated[int, Field(ge=0, lt=64)]
 """Of detail; 0 is the finest."""
-Place = Annotated[int, Field(ge=0, le=MOST_COUNT)]
+Index = Annotated[int, Field(ge=0, le=MOST_COUNT)]
 """Of a Gaussian in a file, or how many there are."""
 
 
@@ -42,8 +46,8 @@ class Run:
 
     file: int
     """Its place among the names."""
-    offset: Place
-    count: Place
+    offset: Index
+    count: Index
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +59,7 @@ class Node:
 
 
 class LodMeta(BaseModel):
-    """The content of a lod-meta.json; what else it says is not for us."""
+    """The content of a lod-meta.json; unknown fields are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -63,8 +67,8 @@ class LodMeta(BaseModel):
     """Files from before there were versions have none."""
     filenames: Annotated[Entries[Name], Field(max_length=MOST_FILES)]
     tree: Node
-    environment: Name | None = None
-    """What lies around the scene, and is always drawn."""
+    environment: Annotated[Name, BeforeValidator(_without_slash)] | None = None
+    """The environment of the scene, always drawn: a SOG file, its meta.json, or the folder of that."""
 
 
 def parse_lod_meta(name: str, content: bytes) -> LodMeta:

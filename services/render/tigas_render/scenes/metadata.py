@@ -1,4 +1,4 @@
-"""What is known of a scene beside its Gaussians: name, up, start camera and background, from its scene.json."""
+"""Metadata of a scene: name, up, start camera and background, from its scene.json."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.wire.model import Point, Unit, WireModel
 from tigas_common.wire.render import StartCamera
 
+METADATA = "scene.json"
+"""Its name in a scene's folder."""
 DEFAULT_UP: Point = (0.0, -1.0, 0.0)
 """Captures have OpenCV's axes: y points down."""
 SHORTEST_UP = 1e-6
-"""Of its longest part: the square of a much shorter one is 0 to whoever computes with it."""
+"""Smallest longest component: the square of a much shorter vector underflows to 0."""
 
 
 class SceneMetadata(WireModel):
@@ -42,12 +44,16 @@ class SceneMetadata(WireModel):
         return self
 
 
-def read_metadata(path: Path) -> SceneMetadata:
-    """Read a scene.json; a missing one says nothing. Raises BrokenScene with one sentence about what is wrong."""
+def read_metadata(scene: Path) -> SceneMetadata:
+    """Read the scene.json in a scene's folder; without one, or for a single file, all fields have their defaults.
+
+    Raises BrokenScene with one sentence on the problem.
+    """
+    path = scene / METADATA
     try:
         with open_regular(path) as file:
             content = file.read(MAX_BODY + 1)
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return SceneMetadata()
     except OSError as error:
         raise BrokenScene(f"{path.name} cannot be read: {error.strerror or error}.") from None

@@ -1,4 +1,4 @@
-"""Loads and writes 3D Gaussian Splatting scenes in INRIA's PLY format.
+"""Loads 3D Gaussian Splatting scenes in INRIA's PLY format.
 
 The format (https://github.com/graphdeco-inria/gaussian-splatting): `scale_*` are logarithms, `opacity` is a logit,
 `rot_*` is a quaternion w, x, y, z of any length, and `f_rest_*` is channel-major: all red coefficients, then green,
@@ -15,7 +15,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tigas_common.errors import BrokenScene
 from tigas_common.files import open_regular
@@ -28,7 +27,7 @@ _Block = np.ndarray[tuple[int], np.dtype[np.void]]
 
 
 def read_ply(path: Path) -> SceneFile:
-    """What the file holds. Raises BrokenScene, with one sentence, if it is not an INRIA 3DGS PLY."""
+    """Description of the file. Raises BrokenScene, with one sentence, if it is not an INRIA 3DGS PLY."""
     header = read_header(path)
     return SceneFile(
         "PLY", (path,), header.count, header.sh_degree, header.file_bytes, partial(_decode, path), header.antialiased
@@ -38,8 +37,8 @@ def read_ply(path: Path) -> SceneFile:
 def load_ply(path: Path) -> Gaussians:
     """Load a scene; Gaussians that cannot be drawn are dropped with a warning (`columns.drawable`).
 
-    Memory beyond the arrays themselves is a few megabytes, whatever the scene's size.
-    Raises BrokenScene, with one sentence, if the file is not a complete INRIA 3DGS PLY.
+    Memory beyond the arrays themselves is a few megabytes, for any scene. Raises BrokenScene, with one sentence, if the
+    file is not a complete INRIA 3DGS PLY.
     """
     return read_ply(path).load()
 
@@ -54,37 +53,6 @@ def _decode(path: Path, listener: Listener) -> Iterator[Columns]:
         raise unreadable(path, error) from None
 
 
-def write_ply(
-    path: Path, gaussians: Gaussians, order: NDArray[np.int64] | None = None, comments: Iterable[str] = ()
-) -> None:
-    """Write a scene as an INRIA PLY, binary little-endian; opacities are kept 1e-6 away from 0 and 1.
-
-    order: which Gaussians to write, in which order, as indices [M]; all as they are if left out.
-    comments: for the header.
-    Memory beyond the arrays themselves is a few megabytes. Raises OSError.
-    """
-    degree = gaussians.sh_degree
-    names = ("x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", *rest_names(degree), *REQUIRED[6:])
-    order = np.arange(len(gaussians)) if order is None else order
-    means, scales, quaternions, opacities, sh = gaussians.arrays
-    with path.open("wb") as file:
-        file.write(ply_header([("vertex", len(order), "float", names)], comments))
-        for start in range(0, len(order), BLOCK):
-            some = order[start : start + BLOCK]
-            opacity = opacities[some, None].clip(1e-6, 1 - 1e-6)
-            rest = sh[some, 1:].transpose(0, 2, 1).reshape(len(some), -1)
-            logit = np.log(opacity / (1 - opacity))
-            parts = (
-                means[some],
-                sh[some, 0],
-                rest,
-                logit,
-                np.log(scales[some].clip(np.finfo(np.float32).tiny)),
-                quaternions[some],
-            )
-            file.write(np.concatenate(parts, axis=1, dtype="<f4").tobytes())
-
-
 def ply_header(elements: Iterable[tuple[str, int, str, Iterable[str]]], comments: Iterable[str] = ()) -> bytes:
     """The header of a binary little-endian PLY: its elements' names, counts, type and names of all properties."""
     lines = ["ply", "format binary_little_endian 1.0", *(f"comment {comment}" for comment in comments)]
@@ -94,7 +62,7 @@ def ply_header(elements: Iterable[tuple[str, int, str, Iterable[str]]], comments
 
 
 def rest_names(sh_degree: int) -> list[str]:
-    """What the properties are called that hold a Gaussian's SH coefficients beyond the first."""
+    """Names of the properties with a Gaussian's SH coefficients beyond the first."""
     return [f"f_rest_{i}" for i in range(3 * ((sh_degree + 1) ** 2 - 1))]
 
 

@@ -1,4 +1,4 @@
-"""The header of a 3D Gaussian Splatting PLY: what a file promises, checked before anything is allocated."""
+"""The header of a 3D Gaussian Splatting PLY, validated before anything is allocated."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ REST_COUNTS = {0: 0, 9: 1, 24: 2, 45: 3}
 """Number of f_rest_* properties to SH degree: 3 · ((degree + 1)² − 1)."""
 
 ANTIALIASED = "SplatRenderMode: mip"
-"""The comment of Brush that says so."""
+"""Brush's comment for that."""
 
 REQUIRED = (
     *("x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity"),
@@ -37,7 +37,7 @@ _ELEMENT = re.compile(rb"^(element +([!-~]+) +)([0-9]+) *(\r?)$", re.MULTILINE)
 
 @dataclass(frozen=True, slots=True)
 class PlyHeader:
-    """What is known of a PLY from its header and its size, and where its vertices lie."""
+    """Facts about a PLY from its header and its size, including the offset of its vertices."""
 
     count: int
     """Number of Gaussians, at least 1."""
@@ -57,7 +57,7 @@ class PlyHeader:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where the elements of any PLY lie."""
+    """Offsets of the elements of any PLY."""
 
     ply: PlyData
     """Without any data."""
@@ -69,9 +69,9 @@ class Layout:
 
 
 def read_header(path: Path) -> PlyHeader:
-    """Read and check a file's header; reads at most MAX_HEADER bytes and allocates nothing by what they promise.
+    """Read and check a file's header; reads at most MAX_HEADER bytes and trusts no size in them.
 
-    Raises BrokenScene, with one sentence, if the file is not an INRIA 3DGS PLY that its size has room for.
+    Raises BrokenScene, with one sentence, if the file is not an INRIA 3DGS PLY of the announced size.
     """
     layout = read_layout(path)
     ply, counts, offset, file_bytes = layout.ply, layout.counts, layout.data_offset, layout.file_bytes
@@ -110,7 +110,7 @@ def read_layout(path: Path) -> Layout:
     start, file_bytes = read_start(path, MAX_HEADER)
     header, counts = _header_and_counts(path.name, start, file_bytes)
     try:
-        # plyfile would go on to read the elements, so it is shown none of them
+        # plyfile would continue with the elements, so it gets an empty file
         ply = PlyData.read(io.BytesIO(_ELEMENT.sub(rb"\g<1>0\4", header)))
     except (PlyParseError, ValueError, UnicodeDecodeError) as error:
         reason = textwrap.shorten(str(error), 120, placeholder=" …").rstrip(".")
@@ -184,6 +184,6 @@ def has_lists(element: PlyElement) -> bool:
 
 
 def size_problem(name: str, count: int, at_least: str, needed: int, file_bytes: int) -> str:
-    """What is wrong with a file of another size than its vertices make."""
+    """Message about a file with another size than its header announces."""
     what = "is truncated" if file_bytes < needed else "is longer than its header says"
     return f"{name} {what}: {count} vertices make {at_least}{needed} bytes, the file has {file_bytes}."

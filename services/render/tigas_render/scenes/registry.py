@@ -1,4 +1,4 @@
-"""The scenes that the service knows: what is on offer, what is in memory, and who uses it.
+"""The scenes of the service: available, loaded and in use.
 
 All methods belong to one event loop; only reading files and preparing scenes happens in worker threads.
 """
@@ -7,90 +7,37 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from urllib.parse import quote
 
-from tigas_common.errors import BrokenScene, NoRoom, OutOfDeviceMemory, Overloaded, SceneInUse, TigasError, UnknownScene
-from tigas_common.wire.render import Rung, SceneInfo, StartCamera
-from tigas_render.device_memory import with_room
+from tigas_common.errors import BrokenScene, NoRoom, OutOfDeviceMemory, SceneInUse, TigasError, UnknownScene
+from tigas_common.wire.render import SceneInfo
 from tigas_render.gaussians import Batches
 from tigas_render.raster.base import PreparedScene
 from tigas_render.scenes.demo import DEMO_SOURCE
+from tigas_render.scenes.device_memory import with_room
 from tigas_render.scenes.directory import scan_directory
+from tigas_render.scenes.entry import Entry, LoadedScene, LoadingEnded
+from tigas_render.scenes.scene_statistics import SceneStatistics
 from tigas_render.scenes.source import SceneSource
-from tigas_render.scenes.survey import Survey
 
 _log = logging.getLogger(__name__)
 
 BUILTIN: Mapping[str, SceneSource] = {DEMO_SOURCE.id: DEMO_SOURCE}
-"""Scenes that need no file; a folder of the same name takes their place."""
+"""Scenes that are part of the package; a folder of the same name takes their place."""
 IN_USE_S = 30.0
-"""A scene is in use for so long after its last frame, in seconds: its viewer may only be standing still."""
-
-
-@dataclass(frozen=True, slots=True)
-class LoadedScene:
-    """A scene in memory."""
-
-    source: SceneSource
-    prepared: PreparedScene
-    gaussians: int
-    camera: StartCamera
-    """From the scene's metadata, or derived from its Gaussians."""
-
-    @property
-    def background(self) -> tuple[float, float, float]:
-        """RGB, 0 to 1."""
-        return self.source.metadata.background
-
-    @property
-    def ladder(self) -> tuple[Rung, ...] | None:
-        """The scene's own, if it has one."""
-        return self.source.ladder
-
-
-class LoadingEnded(Overloaded):
-    """Loading a scene was given up."""
-
-
-class _Entry:
-    """A scene's changing state."""
-
-    def __init__(self, source: SceneSource) -> None:
-        self.source = source
-        self.error = source.error
-        self.loaded: LoadedScene | None = None
-        self.loading: asyncio.Task[TigasError | None] | None = None
-        self.reserved = 0
-        """Bytes that it takes, or is going to take once it is loaded."""
-        self.sha256: str | None = None
-        """Of the file that was loaded last."""
-        self.camera: StartCamera | None = source.metadata.camera
-        self.users = 0
-        self.last_used = 0.0
-        self.last_viewed = -math.inf
-        self.leaving = False
-        """To be unloaded as soon as nobody uses it."""
-        self.progress = 0.0
-        """How much of it has been read, from 0 to 1, while it is loading."""
-
-    def hear(self, progress: float) -> None:
-        """Note how far loading is, in a worker thread. Raises LoadingEnded if nobody wants the scene any more."""
-        self.progress = progress
-        if self.leaving and not self.users:
-            raise LoadingEnded(f"{self.source.name} was unloaded while it was loading.")
+"""Seconds for which a scene counts as in use after its last frame: its viewer may only be standing still."""
 
 
 class SceneRegistry:
     """Loads scenes on first use and keeps them while there is memory and interest.
 
     `pack` packs a scene for the rasteriser while it is read, in a worker thread; without `own_ladders`, scenes are
-    offered without the ladders that they bring along; `memory_budget` (bytes) is what prepared scenes may take
-    together; a scene unused for `idle_s` seconds is evicted when `evict_idle` is next called; `clock` tells seconds.
+    offered without their own ladders; `memory_budget` (bytes) is the limit of all prepared scenes together; a scene
+    unused for `idle_s` seconds is evicted by the next `evict_idle`; `clock` returns seconds.
     """
 
     def __init__(
@@ -112,18 +59,31 @@ class SceneRegistry:
         """Bytes that scenes may take together."""
         self._idle_s = idle_s
         self._clock = clock
-        self._entries = {id: _Entry(source) for id, source in self._offered(builtin).items()}
-        self._retired: set[_Entry] = set()  # gone from the directory or replaced there, but still in use
+        self._entries = {id: Entry(source) for id, source in self._offered(builtin).items()}
+        self._retired: set[Entry] = set()  # removed from the directory or replaced there, but still in use
+        self._scanning = asyncio.Lock()
+        self._scans_asked = self._scans_done = 0
+        self._closed = False
 
     async def scan(self) -> None:
-        """Look at the models directory again: scenes appear and disappear, changed and broken ones get a new chance.
+        """Rescan the models directory: adds and removes scenes, and retries changed and broken ones.
 
-        Loaded scenes whose file is the same stay loaded.
+        Loaded scenes with an unchanged file stay loaded. Scans run one at a time, so that an older listing never
+        replaces a newer one; concurrent callers share the next scan.
         """
-        found = await asyncio.to_thread(scan_directory, self._directory) if self._directory else {}
+        self._scans_asked += 1
+        asked = self._scans_asked
+        async with self._scanning:
+            if self._scans_done < asked:
+                started = self._scans_asked
+                self._apply(await asyncio.to_thread(scan_directory, self._directory) if self._directory else {})
+                self._scans_done = started
+
+    def _apply(self, found: Mapping[str, SceneSource]) -> None:
+        """Offer the scan's scenes and the built-in ones."""
         old = self._entries
         self._entries = {}
-        for id, source in sorted(self._offered(dict(self._builtin) | found).items()):
+        for id, source in sorted(self._offered({**self._builtin, **found}).items()):
             entry = old.pop(id, None)
             if entry is not None and entry.source.version == source.version and not (entry.error or source.error):
                 entry.source = source
@@ -135,7 +95,7 @@ class SceneRegistry:
                 continue
             if entry is not None:
                 self._retire(entry)
-            self._entries[id] = _Entry(source)
+            self._entries[id] = Entry(source)
         for entry in old.values():
             self._retire(entry)
 
@@ -149,7 +109,7 @@ class SceneRegistry:
         return [self._info(entry) for entry in self._entries.values()]
 
     def memory(self) -> dict[str, int]:
-        """What scenes take, or are about to, in bytes, by id; those that are in use, but no longer offered, too."""
+        """Bytes of loaded and loading scenes by id, including removed scenes that are in use."""
         taken: dict[str, int] = {}
         for entry in (*self._entries.values(), *self._retired):
             if entry.reserved:
@@ -171,13 +131,13 @@ class SceneRegistry:
     def use(self, scene_id: str) -> SceneUse:
         """A context manager that holds the scene in memory: `async with registry.use(id) as loaded`.
 
-        Entering loads the scene if need be, and costs next to nothing if it is loaded. It raises UnknownScene,
-        BrokenScene, and NoRoom if scenes in use leave no room for it.
+        Entering loads the scene if necessary, and is cheap otherwise. It raises UnknownScene, BrokenScene, and NoRoom
+        if scenes in use leave no room for it.
         """
         return SceneUse(self, scene_id)
 
     async def load(self, scene_id: str) -> None:
-        """Load a scene, also one that was broken when it was last looked at. Raises as `use` does."""
+        """Load a scene, even if it was broken before. Raises like `use`."""
         if self._entry(scene_id).error is not None:
             await self.scan()
         async with SceneUse(self, scene_id):
@@ -203,7 +163,7 @@ class SceneRegistry:
         self._drop_if_leaving(entry)
 
     def evict(self) -> bool:
-        """Unload the least recently used of the scenes that nobody uses; False if there is none."""
+        """Unload the least recently used of the unused scenes; False without any."""
         victims = [entry for entry in self._entries.values() if entry.loaded and not entry.users]
         if not victims:
             return False
@@ -213,18 +173,17 @@ class SceneRegistry:
         return True
 
     def evict_idle(self, now: float) -> None:
-        """Unload every scene that nobody has used for a while."""
+        """Unload every scene idle for too long."""
         for entry in self._entries.values():
             if entry.loaded and not entry.users and now - entry.last_used >= self._idle_s:
                 _log.info("Unloaded %s: unused for %.0f s", entry.source.id, now - entry.last_used)
                 self._drop(entry)
 
     def close(self) -> None:
-        """End what is loading."""
-        for entry in (*self._entries.values(), *self._retired):
-            entry.leaving = True
+        """Cancel all loading, including awaited scenes: the service is stopping."""
+        self._closed = True
 
-    async def _acquire(self, scene_id: str) -> tuple[_Entry, LoadedScene]:
+    async def _acquire(self, scene_id: str) -> tuple[Entry, LoadedScene]:
         entry = self._entry(scene_id)
         entry.users += 1
         try:
@@ -235,30 +194,31 @@ class SceneRegistry:
             raise
         return entry, entry.loaded
 
-    async def _wait_until_loaded(self, entry: _Entry) -> None:
+    async def _wait_until_loaded(self, entry: Entry) -> None:
         if entry.error is not None:
             raise BrokenScene(entry.error)
         if entry.loading is None:
             entry.loading = asyncio.create_task(self._load(entry), name=f"load {entry.source.id}")
-        # shielded: whoever gives up waiting must not take the scene away from the others
+        # shielded: a cancelled waiter must not cancel the others' scene
         error = await asyncio.shield(entry.loading)
-        if isinstance(error, LoadingEnded):
-            return  # somebody unloaded it before this user came
+        if isinstance(error, LoadingEnded) and not self._closed:
+            return  # it was unloaded in the meantime
         if error is not None:
             raise type(error)(error.detail)
 
-    def _release(self, entry: _Entry) -> None:
+    def _release(self, entry: Entry) -> None:
         entry.users -= 1
         entry.last_used = self._clock()
         self._drop_if_leaving(entry)
 
-    async def _load(self, entry: _Entry) -> TigasError | None:
-        """Load an entry; what went wrong is returned, as nobody may be left to catch it."""
+    async def _load(self, entry: Entry) -> TigasError | None:
+        """Load an entry; errors are returned, because no waiter may be left to catch them."""
         source, entry.progress = entry.source, 0.0
         try:
             self._make_room(entry, source.memory_bytes)
             loaded = await with_room(lambda: asyncio.to_thread(self._read, entry, source), self.evict)
             self._make_room(entry, loaded.prepared.nbytes)
+            self._check_wanted(entry)
             if source.digest is not None:
                 entry.sha256 = await asyncio.to_thread(source.digest)
         except TigasError as error:
@@ -267,6 +227,11 @@ class SceneRegistry:
             entry.reserved = 0
             _log.warning("%s was not loaded: %s", source.id, error.detail)
             return error
+        except OSError as error:  # the file was renamed or removed meanwhile
+            entry.reserved = 0
+            entry.error = f"{source.name} cannot be read: {error.strerror or error}."
+            _log.warning("%s was not loaded: %s", source.id, entry.error)
+            return BrokenScene(entry.error)
         except Exception:
             _log.exception("%s was not loaded", source.id)
             entry.reserved = 0
@@ -280,18 +245,31 @@ class SceneRegistry:
             entry.loading = None
             self._drop_if_leaving(entry)
 
-    def _read(self, entry: _Entry, source: SceneSource) -> LoadedScene:
-        """In a worker thread: from the file to what the rasteriser takes."""
-        survey = Survey()
-        try:
-            prepared = self._pack(survey.watch(source.read(entry.hear)))
-        except OutOfDeviceMemory as error:
-            raise error.with_traceback(None) from None  # it would hold what was allocated until then
-        camera = source.metadata.camera or survey.camera(source.metadata.up)
-        return LoadedScene(source, prepared, survey.count, camera)
+    def _read(self, entry: Entry, source: SceneSource) -> LoadedScene:
+        """In a worker thread: from the file to the rasteriser's form."""
+        statistics = SceneStatistics()
 
-    def _make_room(self, entry: _Entry, needed: int) -> None:
-        """Reserve `needed` bytes for an entry; the least recently used of the scenes that nobody uses go first."""
+        def listen(progress: float) -> None:
+            entry.progress = progress
+            self._check_wanted(entry)
+
+        try:
+            scene = statistics.collect(source.read(listen))
+            prepared = self._pack(replace(scene, check=lambda: self._check_wanted(entry)))
+        except OutOfDeviceMemory as error:
+            raise error.with_traceback(None) from None  # it would keep the allocations alive
+        camera = source.metadata.camera or statistics.camera(source.metadata.up)
+        return LoadedScene(source, prepared, statistics.count, camera)
+
+    def _check_wanted(self, entry: Entry) -> None:
+        """Raises LoadingEnded if loading an entry has become pointless. May be called in a worker thread."""
+        if self._closed:
+            raise LoadingEnded(f"{entry.source.name} was not loaded, as the service is stopping.")
+        if entry.leaving and not entry.users:
+            raise LoadingEnded(f"{entry.source.name} was unloaded while it was loading.")
+
+    def _make_room(self, entry: Entry, needed: int) -> None:
+        """Reserve `needed` bytes for an entry, evicting unused scenes, least recently used first."""
         if needed > self.budget:
             raise BrokenScene(
                 f"{entry.source.name} takes {needed / 1e6:.1f} MB in memory, and all scenes together may take"
@@ -313,20 +291,20 @@ class SceneRegistry:
             self._drop(victim)
         entry.reserved = needed
 
-    def _retire(self, entry: _Entry) -> None:
+    def _retire(self, entry: Entry) -> None:
         entry.leaving = True
         self._retired.add(entry)
         self._drop_if_leaving(entry)
 
-    def _drop_if_leaving(self, entry: _Entry) -> None:
+    def _drop_if_leaving(self, entry: Entry) -> None:
         if entry.leaving and not entry.users and entry.loading is None:
             self._drop(entry)
 
-    def _drop(self, entry: _Entry) -> None:
+    def _drop(self, entry: Entry) -> None:
         entry.loaded, entry.reserved, entry.leaving = None, 0, False
         self._retired.discard(entry)
 
-    def _entry(self, scene_id: str) -> _Entry:
+    def _entry(self, scene_id: str) -> Entry:
         try:
             return self._entries[scene_id]
         except KeyError:
@@ -336,7 +314,7 @@ class SceneRegistry:
         builtin = self._builtin.get(source.id)
         return builtin is not None and builtin.version == source.version
 
-    def _info(self, entry: _Entry) -> SceneInfo:
+    def _info(self, entry: Entry) -> SceneInfo:
         source, loaded = entry.source, entry.loaded
         return SceneInfo(
             id=source.id,
@@ -370,7 +348,7 @@ class SceneUse:
         self._scene_id = scene_id
 
     def enter_if_loaded(self) -> LoadedScene | None:
-        """The scene; None, and nothing to leave, if it has to be loaded first. Raises UnknownScene."""
+        """The scene; None if it must be loaded first. Raises UnknownScene."""
         entry = self._registry._entry(self._scene_id)
         if entry.loaded is not None:
             entry.users += 1
@@ -378,7 +356,7 @@ class SceneUse:
         return entry.loaded
 
     async def enter(self) -> LoadedScene:
-        """The scene, loaded if need be. Raises as `SceneRegistry.use` says."""
+        """The scene, loaded if necessary. Raises like `SceneRegistry.use`."""
         self._entry, loaded = await self._registry._acquire(self._scene_id)
         return loaded
 

@@ -1,4 +1,4 @@
-"""What a scene's file promises, whatever its format: checked against its size before anything is allocated by it."""
+"""Contents announced by a scene's file in any format, validated against its size before any allocation."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class SceneFile:
     format: str
     """For people."""
     files: tuple[Path, ...]
-    """All that it consists of, the one that was opened first."""
+    """All of its files, the main one first."""
     count: int
     """Number of Gaussians, at least 1."""
     sh_degree: int
@@ -29,14 +29,14 @@ class SceneFile:
     decode: Callable[[Listener], Iterator[Columns]]
     """Reads them from first to last. Raises BrokenScene. It takes a few megabytes, unless its module says otherwise."""
     antialiased: bool = False
-    """Whether it was trained with Mip-Splatting's 2D filter, as far as the file says."""
+    """Whether it was trained with Mip-Splatting's 2D filter, if the file says so."""
 
     def open(self, listener: Listener) -> Batches:
-        """Its Gaussians, to be read; the listener hears how many are. Reading raises BrokenScene."""
+        """Its Gaussians, to be read with a progress callback. Reading raises BrokenScene."""
         return Batches(self.count, drawable(self.files[0], self.decode(listener), antialiased=self.antialiased))
 
     def check(self) -> None:
-        """Read all of it, and keep nothing. Raises BrokenScene."""
+        """Read everything, and keep nothing. Raises BrokenScene."""
         for _ in self.open(lambda _: None).parts:
             pass
 
@@ -62,12 +62,12 @@ def read_start(path: Path, limit: int) -> tuple[bytes, int]:
 
 
 def unreadable(path: Path, error: OSError) -> BrokenScene:
-    """What a file is that the system does not let us read."""
+    """Broken scene for a file that the system cannot read."""
     return BrokenScene(f"{path.name} cannot be read: {error.strerror or error}.")
 
 
 def check_packed_count(name: str, count: int, file_bytes: int) -> None:
-    """Refuse what no real scene packs: a few bytes that promise gigabytes of Gaussians. Raises BrokenScene."""
+    """Refuse implausible compression: a few bytes that announce gigabytes of Gaussians. Raises BrokenScene."""
     if count == 0:
         raise BrokenScene(f"{name} has 0 Gaussians, so there is nothing to show.")
     if count > file_bytes:

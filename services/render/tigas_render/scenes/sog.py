@@ -1,7 +1,7 @@
 """Reads SOG scenes of PlayCanvas: about a twentieth of a PLY's bytes, as lossless WebP images and a meta.json.
 
 The format, version 2: https://developer.playcanvas.com/user-manual/gaussian-splatting/formats/sog/. Each Gaussian is
-the same pixel of several images, row by row. They are decoded one after the other, which takes some 24 bytes a
+the same pixel of several images, row by row. They are decoded one after the other, which takes about 24 bytes per
 Gaussian, and kept, with 17 to 19, while Gaussians are made of them.
 """
 
@@ -31,10 +31,10 @@ STRIP_ROWS = 64
 """Of a decoded image, that are taken out of it at a time."""
 LOSSLESS, EXTENDED = b"VP8L", b"VP8X"
 FIRST_TAG = 252
-"""The fourth byte of a rotation, less this, says which part is the largest."""
+"""The fourth byte of a rotation, less this, is the index of the largest component."""
 
 IMAGES_SHARE = 0.5
-"""Of the time that reading takes, about: what decoding the images does."""
+"""Approximate share of the reading time spent on decoding the images."""
 
 _Pixels = NDArray[np.uint8]
 _Decoder = Callable[[Columns, slice], None]
@@ -42,7 +42,7 @@ _Decoder = Callable[[Columns, slice], None]
 
 
 def read_sog(path: Path, *, bundled: bool) -> SceneFile:
-    """What the scene holds whose meta.json, or zip, this is. Raises BrokenScene, with one sentence."""
+    """Description of the scene with this meta.json, or zip. Raises BrokenScene, with one sentence."""
     try:
         with _opened(path, bundled) as files:
             meta = parse_meta(path.name, files.read(META, MAX_META))
@@ -99,7 +99,7 @@ class _Images:
 
     def of_gaussians(self, name: str, channels: int) -> _Pixels:
         """[count, channels]."""
-        # before anything is decoded, so that what decoding takes lies behind it and goes back to the system
+        # allocated before decoding, so that the decoder's memory is at the end of the heap and returns to the system
         pixels = np.empty((self._count, channels), np.uint8)
         most = 2 * self._count + SPARE_PIXELS
         with self._decoded(name, lambda width, height: self._count <= width * height <= most) as image:
@@ -150,7 +150,7 @@ def _webp_size(content: bytes) -> tuple[int, int] | None:
 
 
 def _parts(meta: SogMeta, images: _Images) -> list[Callable[[], _Decoder]]:
-    """What decodes the images of each attribute, and gives what writes it for some rows."""
+    """Decoders of each attribute's images, each returning a writer for a range of rows."""
     parts: list[Callable[[], _Decoder]]
     parts = [partial(part, meta, images) for part in (_means, _scales, _quaternions, _colours)]
     if meta.shN:
@@ -165,7 +165,7 @@ def _means(meta: SogMeta, images: _Images) -> _Decoder:
     def decode(columns: Columns, rows: slice) -> None:
         shares = (lower[rows] + np.float32(256) * upper[rows]) / 65535.0
         logarithms = start + (end - start) * shares
-        with np.errstate(over="ignore"):  # what overflows is dropped
+        with np.errstate(over="ignore"):  # overflowing values are dropped later
             columns.means[:] = np.sign(logarithms) * np.expm1(np.abs(logarithms))
 
     return decode

@@ -1,4 +1,4 @@
-"""The files of a SOG scene by name: beside its meta.json, or in one zip with it. Nothing is ever unpacked to disk."""
+"""The files of a SOG scene by name: next to its meta.json, or in one zip with it. Nothing is unpacked to disk."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ MAX_DIRECTORY = 64 * 1024
 _END = struct.Struct("<4s4HIIH")
 """Of a zip: magic, two disks, two counts, the list's size and offset, the comment's length."""
 _UNREADABLE = zipfile.BadZipFile, zlib.error, OSError, EOFError, NotImplementedError, RuntimeError, ValueError
-"""What Python's zipfile raises for damaged, encrypted and unusual files in a zip."""
+"""Errors of Python's zipfile for damaged, encrypted and unusual files in a zip."""
 
 
 class SogFiles(ABC):
-    """A context manager: what it opened, it closes."""
+    """A context manager that closes the files it opened."""
 
     path: Path
     """The file that was opened first."""
@@ -41,7 +41,7 @@ class SogFiles(ABC):
         """On disk, of the scene with images of these names."""
 
     def close(self) -> None:  # noqa: B027 - a folder keeps nothing open
-        """Close what is open."""
+        """Close all open files."""
 
     def __enter__(self) -> Self:
         return self
@@ -51,7 +51,7 @@ class SogFiles(ABC):
 
 
 class Folder(SogFiles):
-    """A meta.json with its images beside it."""
+    """A meta.json with its images next to it."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

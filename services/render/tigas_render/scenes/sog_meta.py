@@ -1,4 +1,4 @@
-"""The meta.json of a SOG scene: which images hold what, and what their bytes mean.
+"""The meta.json of a SOG scene: its images, and the meaning of their bytes.
 
 The format, version 2: https://developer.playcanvas.com/user-manual/gaussian-splatting/formats/sog/
 """
@@ -29,7 +29,7 @@ Name = Annotated[str, Field(max_length=100)]
 
 
 class _Part(BaseModel):
-    """What else the file says is not for us."""
+    """Unknown fields are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -91,7 +91,7 @@ class SogMeta(_Part):
 
     @property
     def antialiased(self) -> bool:
-        """Whether it was trained so: splat-transform says it as `model` since version 3."""
+        """Whether it was trained so: splat-transform writes it as `model` since version 3."""
         return self.antialias or self.model == "antialiased"
 
     @property
@@ -104,7 +104,7 @@ class SogMeta(_Part):
     def _check_names(self) -> Self:
         for name in self.names:
             if not PLAIN_NAME.fullmatch(name):
-                raise ValueError(f"{name[:40]!r} is no plain name of a file beside it")
+                raise ValueError(f"{name[:40]!r} is not a plain name of a file next to it")
         return self
 
 

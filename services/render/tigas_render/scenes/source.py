@@ -1,4 +1,4 @@
-"""A scene on offer: where its Gaussians come from, and what is known before they are loaded."""
+"""An available scene: the source of its Gaussians, and facts known before they are loaded."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from tigas_render.scenes.metadata import SceneMetadata
 
 @dataclass(frozen=True, slots=True)
 class SceneSource:
-    """Where a scene comes from and what is known of it before it is loaded."""
+    """Source and metadata of a scene that need not be loaded."""
 
     id: str
     metadata: SceneMetadata
     version: str
     """Changes when the Gaussians may have changed."""
     open: Callable[[Listener], Batches] | None
-    """Begins to read the Gaussians, which the listener hears of; None if the scene is broken. Raises BrokenScene, as
-    reading may."""
+    """Starts reading the Gaussians, with a progress callback; None if the scene is broken. Both steps raise
+    BrokenScene.
+    """
     error: str | None = None
     """One sentence, if the scene is broken."""
     gaussians: int | None = None
@@ -32,13 +33,13 @@ class SceneSource:
     format: str | None = None
     """Of the file, for people."""
     antialiased: bool = False
-    """Whether it was trained with Mip-Splatting's 2D filter, as far as the file says."""
+    """Whether it was trained with Mip-Splatting's 2D filter, if the file says so."""
     digest: Callable[[], str] | None = None
-    """The SHA-256 of the file, or one for all of several, in hexadecimal digits; None without any. Raises OSError."""
+    """The SHA-256 of the file, or one for all of several, in hexadecimal digits; None if broken. Raises OSError."""
     memory_bytes: int = 0
-    """An estimate of what it takes when loaded."""
+    """Estimated memory when loaded."""
     folder: Path | None = None
-    """What lies beside it is its own; None if it is built in, or a file by itself."""
+    """Its own folder; None if it is built in, or a single file."""
     preview: Path | None = None
     """The picture that the scene brings along."""
     ladder: tuple[Rung, ...] | None = None

@@ -21,13 +21,13 @@ from tigas_render.scenes.scene_file import SceneFile, read_start, unreadable
 
 RECORD = np.dtype([("position", "<f4", 3), ("scale", "<f4", 3), ("colour", "u1", 4), ("rotation", "u1", 4)])
 SAMPLE = 1024
-"""Records that are looked at to tell whether they are some."""
+"""Number of records examined to identify the format."""
 
 _Records = NDArray[np.void]
 
 
 def looks_like_splat(start: bytes, file_bytes: int) -> bool:
-    """Whether a file that begins so is made of such records: nine of ten have to make sense."""
+    """Whether a file with this start consists of such records: nine of ten must be plausible."""
     if file_bytes == 0 or file_bytes % RECORD.itemsize:
         return False
     records = np.frombuffer(start, RECORD, min(len(start) // RECORD.itemsize, SAMPLE))

@@ -1,12 +1,12 @@
 """Reads SPZ files: about a tenth of a PLY's bytes, as columns of small integers, compressed.
 
 The format (https://github.com/nianticlabs/spz): versions 2 and 3 are one gzip stream with a header of 16 bytes in it,
-version 4 has a header of 32 bytes and a table before one Zstandard stream a column. Positions have 24 bits in fixed
-point, scales (logarithms) and colours 8, quaternions 24 or 32. The axes are those of the file that it was made from,
-as with the tools that write it: nothing in the file names them.
+version 4 has a header of 32 bytes and a table before one Zstandard stream per column. Positions have 24 bits in fixed
+point, scales (logarithms) and colours 8, quaternions 24 or 32. The axes are those of the original file, as with the
+tools that write it: the file does not name them.
 
-No column is kept in memory: all are unpacked side by side, each from its own place. Of a gzip stream, what lies before
-that place has to be unpacked for each of them.
+No column is kept in memory: all are unpacked in parallel, each from its own offset. A gzip stream has to be unpacked up
+to that offset for each of them.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class _Stream(Protocol):
 
 
 class _At(io.RawIOBase):
-    """A file from some place on, whoever else reads it."""
+    """A file from an offset on, with an independent position."""
 
     def __init__(self, file: io.BufferedReader, at: int) -> None:
         self._file = file
@@ -70,14 +70,14 @@ class _At(io.RawIOBase):
 
 
 class _Inflated:
-    """A gzip stream, unpacked as far as it is read; Python's own reader takes a header of any length byte by byte."""
+    """A gzip stream, unpacked on demand; Python's own reader takes a header of any length byte by byte."""
 
     def __init__(self, file: io.BufferedReader) -> None:
         self._file = file
         self._zlib = zlib.decompressobj(16 + zlib.MAX_WBITS)
 
     def read(self, size: int, /) -> bytes:
-        """At most so many bytes; none at the end. Raises EOFError and zlib.error."""
+        """At most this many bytes; empty at the end. Raises EOFError and zlib.error."""
         while not self._zlib.eof:
             packed = self._zlib.unconsumed_tail or self._file.read(PACKED_BYTES)
             if content := self._zlib.decompress(packed, size):
@@ -108,7 +108,7 @@ class _Header:
 
 
 def read_spz(path: Path) -> SceneFile:
-    """Read and check a file's header. Raises BrokenScene, with one sentence, if there is none that can be read."""
+    """Read and check a file's header. Raises BrokenScene, with one sentence, if it is unreadable."""
     with _opened(path) as file:
         file_bytes = file.seek(0, io.SEEK_END)
         file.seek(0)
@@ -145,7 +145,7 @@ def _decode(path: Path, listener: Listener) -> Iterator[Columns]:
 
 
 def _column_streams(name: str, file: io.BufferedReader, header: _Header, file_bytes: int) -> dict[int, _Stream]:
-    """Of each column with something in it, by number: what gives its bytes."""
+    """Readers of the non-empty columns, by number."""
     numbers = [i for i, width in enumerate(header.widths) if width]
     if header.version == 4:
         starts = _streams(name, file, header, file_bytes)

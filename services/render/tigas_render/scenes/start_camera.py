@@ -1,8 +1,8 @@
-"""A start camera for a scene that names none: where a visitor sees most of what was captured.
+"""A start camera for a scene that names none, chosen to show most of the capture.
 
-An object is looked at from outside, a little from above; in a capture that surrounds the viewer, such as a room, the
-viewer stands inside. Of several places around, the one from which most Gaussians can be seen is taken, as captures have
-the most Gaussians where there is the most to see.
+An object is seen from outside, slightly from above; in a capture that surrounds the viewer, such as a room, the viewer
+stands inside. Of several candidate positions, the one with most Gaussians in view wins, since captures have the most
+Gaussians where there is the most to see.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ Doubles = NDArray[np.float64]
 SAMPLE = 10_000
 """Gaussians that are looked at, about, spread evenly over the file."""
 SOLID = 0.5
-"""Opacity from which on a Gaussian hides what is behind it."""
+"""Opacity from which on a Gaussian occludes."""
 AZIMUTHS = 16
 TAN_Y, TAN_X = math.tan(math.radians(30)), math.tan(math.radians(40))
-"""Half the vertical field of view, 60°, and half of a horizontal one that any screen but a phone held upright has."""
+"""Half the vertical field of view, 60°, and half a horizontal one available on any screen but a phone held upright."""
 MARGIN = 1.12
 ELEVATION = math.radians(12)
 FAR, ROOM = 1.5, 4.0
-"""A capture with outliers so many times as far as its middle 80 %, or half as many metres across, may be a place."""
+"""A capture with outliers this many times as far as its middle 80 %, or half as many metres across, may be a place."""
 FRONT_BIAS = 0.12
-"""How much a view along +z is preferred: where capturing tools put the front, and azimuth 0 of the protocol."""
+"""Bonus for a view along +z: the front in capturing tools, and azimuth 0 of the protocol."""
 
 
 def derive_camera(means: Floats, opacities: Floats, scales: Floats, up: Point) -> StartCamera:
-    """Where to start in a scene of means [N, 3], opacities [N] and scales [N, 3] (standard deviations).
+    """Start camera of a scene of means [N, 3], opacities [N] and scales [N, 3] (standard deviations).
 
     `up` points up in the scene; it need not have length one.
     """
@@ -94,10 +94,10 @@ def _outside(points: Doubles, centre: Doubles, half: Doubles, size: float) -> tu
 
 
 def _place_inside(points: Doubles) -> Doubles | None:
-    """Where to stand in a capture that surrounds the viewer; None if it is none.
+    """Position in a capture that surrounds the viewer; None for other captures.
 
-    Nearly everywhere in the middle of such a capture, something is seen in every direction above the horizon. That is
-    true of the hollow inside of an object as well, but an object neither has the far outliers of a room or a landscape
+    Nearly everywhere in the middle of such a capture, there is something in every direction above the horizon. That is
+    also true of the hollow inside of an object, but an object has neither the far outliers of a room or a landscape
     (seen through windows, or as background) nor a room's size in metres.
     """
     low, high, far_low, far_high = np.quantile(points, (0.1, 0.9, 0.005, 0.995), axis=0)
@@ -115,7 +115,7 @@ def _place_inside(points: Doubles) -> Doubles | None:
 
 
 def _widest_view(points: Doubles, stand: Doubles) -> Doubles:
-    """What to look at from inside: the direction in which most is seen, at eye level."""
+    """Focus from inside: the direction with the most Gaussians in view, at eye level."""
     to = points - stand
     azimuth = np.arctan2(to[:, 0], to[:, 2])
     across = np.hypot(to[:, 0], to[:, 2])
@@ -133,7 +133,7 @@ def _widest_view(points: Doubles, stand: Doubles) -> Doubles:
 
 @dataclass(frozen=True, slots=True)
 class _View:
-    """What a panorama shows; all but `clearance` are fractions."""
+    """Measurements of a panorama; all but `clearance` are fractions."""
 
     seen: float
     """Of the points: not hidden behind others."""
@@ -153,7 +153,7 @@ def _seen(points: Doubles, position: Doubles) -> _View:
     cell = row * columns + column
     nearest = np.full(rows * columns, math.inf)
     np.minimum.at(nearest, cell, distance)
-    # a cell is wider than most Gaussians, so what lies a little behind its nearest one is next to it
+    # a cell is wider than most Gaussians, so those slightly behind its nearest one are next to it
     seen = float(np.mean(distance <= 1.05 * nearest[cell]))
     covered = np.isfinite(nearest).reshape(rows, columns)
     # pooled to 24 columns: captures are sparse far away

@@ -1,8 +1,8 @@
 """Reads streamed SOG scenes of PlayCanvas: a lod-meta.json, and folders of SOG that each hold a part at one level.
 
-The format, version 1: https://developer.playcanvas.com/user-manual/gaussian-splatting/formats/streamed-sog/. Of each
-place the finest level is read, and the environment around them all. The parts are read one after the other, so that
-what is kept of images is that of one part (see `sog`).
+The format, version 1: https://developer.playcanvas.com/user-manual/gaussian-splatting/formats/streamed-sog/. The finest
+level of each part is read, and the environment around them all, which some published captures have without naming it.
+The parts are read in sequence, so that only one part's images are in memory (see `sog`).
 """
 
 from __future__ import annotations
@@ -20,9 +20,11 @@ from tigas_render.scenes.columns import Columns, Listener
 from tigas_render.scenes.lod_meta import LOD_META, MAX_LOD_META, finest, parse_lod_meta
 from tigas_render.scenes.scene_file import SceneFile
 from tigas_render.scenes.sog import read_sog
-from tigas_render.scenes.sog_files import Folder
+from tigas_render.scenes.sog_files import META, Folder
 
 FORMAT = "streamed SOG"
+ENVIRONMENTS = ("environment.sog", f"environment/{META}")
+"""The environment of a scene without one in its lod-meta.json."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,12 +54,13 @@ class _Part:
 
 
 def read_streamed_sog(path: Path) -> SceneFile:
-    """What the scene holds whose lod-meta.json this is. Raises BrokenScene, with one sentence."""
+    """Description of the scene with this lod-meta.json. Raises BrokenScene, with one sentence."""
     content = Folder(path).read(LOD_META, MAX_LOD_META)
     meta = parse_lod_meta(path.name, content)
-    parts = [_part(path, name, runs) for name, runs in finest(path.name, meta).items() if name != meta.environment]
-    if meta.environment is not None:
-        parts.append(_part(path, meta.environment, None))
+    environment = _environment(path.parent, meta.environment)
+    parts = [_part(path, name, runs) for name, runs in finest(path.name, meta).items() if name != environment]
+    if environment is not None:
+        parts.append(_part(path, environment, None))
     if not parts:
         raise BrokenScene(f"{path.name} has 0 Gaussians, so there is nothing to show.")
     sh_degree = max(part.file.sh_degree for part in parts)
@@ -70,6 +73,13 @@ def read_streamed_sog(path: Path) -> SceneFile:
         partial(_decode, parts, sh_degree),
         all(part.file.antialiased for part in parts),
     )
+
+
+def _environment(folder: Path, named: str | None) -> str | None:
+    """The environment's file: the named one, or one found in the scene's folder."""
+    if named is not None:
+        return f"{named}/{META}" if (folder / named).is_dir() else named
+    return next((name for name in ENVIRONMENTS if (folder / name).is_file()), None)
 
 
 def _part(scene: Path, name: str, runs: list[range] | None) -> _Part:

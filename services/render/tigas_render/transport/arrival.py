@@ -1,6 +1,6 @@
-"""When a datagram arrived: the kernel's stamp (SO_TIMESTAMPNS, socket(7)) as a time of the monotonic clock.
+"""Arrival time of a datagram: the kernel's timestamp (SO_TIMESTAMPNS, socket(7)) on the monotonic clock.
 
-Under load a datagram waits in the socket longer than anywhere else, and deadlines count that time, too.
+Under load a datagram waits in the socket longer than anywhere else, and deadlines include that time.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ STAMP_SPACE = socket.CMSG_SPACE(_TIMESPEC.size)
 
 
 def ask_for_stamps(sock: socket.socket) -> None:
-    """Let the kernel stamp what arrives from now on, where it can."""
+    """Enable the kernel's timestamps, where available."""
     with contextlib.suppress(OSError):
         sock.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
 
@@ -33,10 +33,10 @@ def stamp_ns(ancillary: Sequence[tuple[int, int, bytes]]) -> int | None:
 
 
 def arrival(stamp: int | None, real_ns: int, now: float, empty_at: float) -> float:
-    """When a datagram arrived, in seconds of the monotonic clock.
+    """Arrival of a datagram, in seconds of the monotonic clock.
 
-    real_ns, now: the two clocks, read together. empty_at: when the socket was last seen empty, before which nothing
-    that is read now can have arrived, whatever steps the real-time clock has taken since.
+    real_ns, now: the two clocks, read together. empty_at: when the socket was last seen empty, a lower bound for
+    anything read now, whatever steps the real-time clock has taken since.
     """
     if stamp is None:
         return now

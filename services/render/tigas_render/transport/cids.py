@@ -1,7 +1,7 @@
-"""Connection ids that name the edge that owns a connection, so that its datagrams find it wherever they come from.
+"""Connection ids that name the owning edge of a connection, so that datagrams from any address find it.
 
-Several processes may share a port (SO_REUSEPORT). The first byte of a connection id, modulo their number, says whose it
-is; a client's first packet has an id that it made up, and so opens a connection at whichever edge that names.
+Several processes may share a port (SO_REUSEPORT). The first byte of a connection id, modulo their number, is the owner;
+a client's first packet has a random id, and so opens a connection at the edge named by it.
 """
 
 from __future__ import annotations

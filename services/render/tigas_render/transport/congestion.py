@@ -9,84 +9,61 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Self
 
-from aioquic.quic.congestion.base import QuicCongestionControl, register_congestion_control
-from aioquic.quic.congestion.cubic import CubicCongestionControl
+from aioquic.quic.congestion.base import register_congestion_control
 from aioquic.quic.congestion.reno import RenoCongestionControl
 from aioquic.quic.packet_builder import QuicSentPacket
 
-CongestionControl = Literal["reno", "cubic"]
+LIMITED_RENO = "tigas-reno"
+"""The controller's name in aioquic's configuration."""
 
 
-class WindowLimited(QuicCongestionControl):
-    """Lets the window of the controller that it is mixed with grow only for packets sent while it was full."""
+class LimitedReno(RenoCongestionControl):
+    """NewReno (RFC 9002) with a window that grows only for packets sent while it was full; handles batches."""
 
     def __init__(self, *, max_datagram_size: int) -> None:
         super().__init__(max_datagram_size=max_datagram_size)
-        self._packet_size = max_datagram_size
         self._full_at = -1  # number of the last packet that left no room for another
+
+    def set_datagram_size(self, size: int) -> None:
+        """Grow and shrink the window in steps of another size."""
+        self._max_datagram_size = size
+
+    def started_over(self, now: float) -> Self:
+        """A controller in the initial state, on which packets now in flight have no effect."""
+        fresh = type(self)(max_datagram_size=self._max_datagram_size)
+        fresh.bytes_in_flight = self.bytes_in_flight
+        fresh._congestion_recovery_start_time = now
+        return fresh
 
     def on_packet_sent(self, *, packet: QuicSentPacket) -> None:
         """Remember whether the window is full."""
-        super().on_packet_sent(packet=packet)  # type: ignore[safe-super]  # the mixed-in controller's
-        if self.bytes_in_flight + self._packet_size > self.congestion_window:
-            self._full_at = packet.packet_number
+        self.on_packets_sent((packet,))
 
     def on_packet_acked(self, *, now: float, packet: QuicSentPacket) -> None:
         """Undo the growth for a packet that did not need it."""
         window = self.congestion_window
-        super().on_packet_acked(now=now, packet=packet)  # type: ignore[safe-super]
+        super().on_packet_acked(now=now, packet=packet)
         if packet.packet_number > self._full_at:
             self.congestion_window = min(self.congestion_window, window)
 
     def on_packets_sent(self, packets: Sequence[QuicSentPacket]) -> None:
-        """As `on_packet_sent` for each of them, the oldest first."""
-        for packet in packets:
-            self.on_packet_sent(packet=packet)
-
-    def on_packets_acked(self, packets: Sequence[QuicSentPacket], now: float) -> None:
-        """As `on_packet_acked` for each of them, the oldest first."""
-        for packet in packets:
-            self.on_packet_acked(now=now, packet=packet)
-
-
-class LimitedReno(WindowLimited, RenoCongestionControl):
-    """NewReno (RFC 9002), which takes a batch at once."""
-
-    def on_packets_sent(self, packets: Sequence[QuicSentPacket]) -> None:
-        """As `on_packet_sent` for each of them: once the window is full, it is full for those that follow."""
+        """Like `on_packet_sent` for each of them: once the window is full, it is full for the following ones."""
         self.bytes_in_flight += sum(packet.sent_bytes for packet in packets)
-        if self.bytes_in_flight + self._packet_size > self.congestion_window:
+        if self.bytes_in_flight + self._max_datagram_size > self.congestion_window:
             self._full_at = packets[-1].packet_number
 
     def on_packets_acked(self, packets: Sequence[QuicSentPacket], now: float) -> None:
-        """As `on_packet_acked` for each of them: those sent with room to spare change nothing but what is in flight."""
+        """Like `on_packet_acked` for each of them: those sent with room to spare change only the bytes in flight."""
         first_spare = bisect_right(packets, self._full_at, key=_number)
         for packet in packets[:first_spare]:
             self.on_packet_acked(now=now, packet=packet)
         self.bytes_in_flight -= sum(packet.sent_bytes for packet in packets[first_spare:])
 
 
-class LimitedCubic(WindowLimited, CubicCongestionControl):
-    """CUBIC (RFC 9438)."""
-
-
 def _number(packet: QuicSentPacket) -> int:
     return packet.packet_number
 
 
-def algorithm(name: CongestionControl) -> str:
-    """What aioquic's configuration calls the controller. Raises ValueError for an unknown name."""
-    try:
-        return _ALGORITHMS[name]
-    except KeyError:
-        raise ValueError(f"Congestion control is one of {', '.join(_ALGORITHMS)}, not {name!r}.") from None
-
-
-def _register(name: str, controller: Any) -> str:
-    register_congestion_control(f"tigas-{name}", controller)
-    return f"tigas-{name}"
-
-
-_ALGORITHMS: dict[str, str] = {"reno": _register("reno", LimitedReno), "cubic": _register("cubic", LimitedCubic)}
+register_congestion_control(LIMITED_RENO, LimitedReno)

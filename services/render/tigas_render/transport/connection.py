@@ -1,4 +1,4 @@
-"""One client's QUIC connection: datagrams and time in, datagrams out; what they carry goes to `routing`."""
+"""One client's QUIC connection: datagrams and time in, datagrams out; contents are handled by `routing`."""
 
 from __future__ import annotations
 
@@ -16,20 +16,21 @@ from aioquic.quic.events import (
     ProtocolNegotiated,
 )
 
+from tigas_render.admission.connections import Usage
+from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 from tigas_render.transport.gso import Address, Datagram
-from tigas_render.transport.quic import ServerQuicConnection
 from tigas_render.transport.routing import Router, Service
-from tigas_render.transport.usage import Usage
 
 logger = logging.getLogger(__name__)
 
 _now = time.monotonic
-"""The event loop's own clock, read afresh: uvloop's `time()` stands still within an iteration and ticks in
-milliseconds, too coarse for round trips and pacing."""
+"""The event loop's own clock, read afresh: uvloop's `time()` is constant within an iteration and ticks in milliseconds,
+too coarse for round trips and pacing.
+"""
 
 
-class Listener(Protocol):
-    """What a connection needs of the server."""
+class ConnectionOwner(Protocol):
+    """A connection's interface to the server."""
 
     def send(self, datagrams: list[Datagram]) -> None:
         """Put datagrams on the network."""
@@ -53,25 +54,27 @@ class Connection:
     def __init__(
         self,
         quic: ServerQuicConnection,
-        listener: Listener,
+        owner: ConnectionOwner,
         service: Service,
         client: tuple[str, int],
         server: tuple[str, int],
         usage: Usage,
     ) -> None:
-        """usage: what the client's address uses."""
+        """usage: resource usage of the client's address."""
         self.usage = usage
         self.router: Router | None = None
-        """What the client has open, once the handshake has begun."""
+        """The client's open streams and sessions, once the handshake has begun."""
         self._quic = quic
-        self._listener = listener
+        self._owner = owner
         self._service = service
         self._client = client
         self._server = server
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._timer_at = 0.0
-        """When it rings: before `_due` where that was put off, since a timer costs more than a look at the clock."""
+        """Time of the armed timer: before `_due` if that was postponed, since a timer costs more than reading the
+        clock.
+        """
         self._due: float | None = None
         """When there is something to do."""
         self._transmit_handle: asyncio.Handle | None = None
@@ -82,7 +85,7 @@ class Connection:
 
     @property
     def is_established(self) -> bool:
-        """Whether the handshake is complete; requests that came before it may be replays."""
+        """Whether the handshake is complete; earlier requests may be replays."""
         return self._quic.is_established
 
     # -- network -----------------------------------------------------------------------------------------------------
@@ -96,7 +99,7 @@ class Connection:
             self._fail()
 
     def transmit(self) -> None:
-        """Send what may be sent now, and arm the timer for the rest."""
+        """Send everything allowed now, and arm the timer for the rest."""
         if self._transmit_handle is not None:
             self._transmit_handle.cancel()
             self._transmit_handle = None
@@ -118,11 +121,13 @@ class Connection:
             datagrams = self._quic.datagrams_to_send(now=_now())
             if not datagrams:
                 break
-            self._listener.send(datagrams)
+            self._owner.send(datagrams)
         if self.router is not None:
             self.router.writer.wake()
-        deadlines = (self._quic.get_timer(), self.router.deadline if self.router is not None else None)
-        self._due = min((at for at in deadlines if at is not None), default=None)
+            self.router.set_away(self._quic.is_away(_now()))
+        due = self._quic.get_timer()
+        late = self.router.deadline if self.router is not None else None
+        self._due = due if due is None or late is None else min(due, late)  # none once the connection has ended
         self._arm()
 
     def _arm(self) -> None:
@@ -149,10 +154,10 @@ class Connection:
         self.transmit()
 
     def _fail(self) -> None:
-        """Whatever a client manages to provoke ends its own connection and no other."""
+        """An error provoked by a client ends only its own connection."""
         logger.exception("The connection from %s failed", self._client[0])
         self.abandon()
-        self._listener.terminated(self)
+        self._owner.terminated(self)
 
     def _handshake_late(self) -> None:
         if not self.is_established:
@@ -161,7 +166,7 @@ class Connection:
     # -- closing -----------------------------------------------------------------------------------------------------
 
     def close(self, error_code: int = ErrorCode.H3_NO_ERROR, reason: str = "") -> None:
-        """Close the connection; whatever is running ends as if the client had cancelled it."""
+        """Close the connection; running requests end as if the client had cancelled them."""
         self._quic.close(error_code=error_code, reason_phrase=reason)
         self._end_everything()
         self.transmit()
@@ -187,15 +192,15 @@ class Connection:
         while (event := self._quic.next_event()) is not None:
             match event:
                 case ConnectionIdIssued():
-                    self._listener.issued(self, event.connection_id)
+                    self._owner.issued(self, event.connection_id)
                 case ConnectionIdRetired():
-                    self._listener.retired(self, event.connection_id)
+                    self._owner.retired(self, event.connection_id)
                 case ConnectionTerminated():
                     self._end_everything()
-                    self._listener.terminated(self)
+                    self._owner.terminated(self)
                 case HandshakeCompleted():
                     self._handshake_timer.cancel()
-                    self._listener.established(self)
+                    self._owner.established(self)
                 case ProtocolNegotiated():
                     self.router = Router(
                         self._quic, self._service, self._client, self._server, self.usage, self.transmit_soon

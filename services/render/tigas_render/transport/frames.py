@@ -12,11 +12,11 @@ from functools import partial
 from tigas_common.errors import InvalidRequest, Overloaded, TigasError, problem
 from tigas_common.parsing import parse
 from tigas_common.wire.render import FrameHeader, RenderRequest
+from tigas_render.admission.load import Load
+from tigas_render.admission.request_rate import RequestRate
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.transport.datagrams import DatagramSender
-from tigas_render.transport.load import Load
 from tigas_render.transport.outlet import DatagramOutlet
-from tigas_render.transport.request_rate import RequestRate
 from tigas_render.transport.webtransport import Answer, Parts, SessionFactory
 
 logger = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ MAX_DATAGRAM_REQUESTS = 16
 
 
 def render_session(source: FrameSource, rate: RequestRate | None = None) -> SessionFactory:
-    """What answers the `/render` sessions. rate: how often each may ask; None: as often as it likes."""
+    """Handler of the `/render` sessions. rate: request rate of each; None: unlimited."""
     rates = RequestRate(Load(), math.inf, time.monotonic) if rate is None else rate
     return lambda client, datagrams: RenderSession(source, rates, client, datagrams)
 
@@ -35,17 +35,17 @@ class RenderSession:
     """One viewer."""
 
     def __init__(self, source: FrameSource, rate: RequestRate, client: Client, datagrams: DatagramOutlet) -> None:
-        """client: one that no other session has."""
+        """client: unique to the session."""
         self._source = source
         self._rate = rate
         self._client = client
         self._sender = DatagramSender(datagrams)
         self._running: dict[int, Withdraw] = {}
-        """What withdraws requests that came by datagram, by their numbers."""
+        """Cancel functions of requests received by datagram, by number."""
         self._has_video = False
 
     def closed(self) -> None:
-        """The session is over: what was asked for by datagram is no longer wanted."""
+        """The session has ended: its requests by datagram are cancelled."""
         self.stopped()
         for withdraw in self._running.values():
             withdraw()
@@ -76,7 +76,7 @@ class RenderSession:
         return self._ask(body, arrived, answered, is_ordered=True)
 
     def failure(self, error: Exception, body: bytes) -> Parts:
-        """The answer to a request that failed; `body` is what came of it."""
+        """The answer to a failed request; `body` is the error."""
         return (_failure(error, body, self._rate.told),)
 
     # -- datagrams ---------------------------------------------------------------------------------------------------
@@ -101,15 +101,21 @@ class RenderSession:
     def _answered_datagram(self, number: int, body: bytes, result: Frame | Exception) -> None:
         del self._running[number]
         if isinstance(result, Frame):
-            self._sender.send_frame(number, result.seq, b"".join((_header(result, self._rate.told), result.body)))
+            answer = b"".join((_header(result, self._rate.told), result.body))
             result.release()
-        else:
+            try:
+                self._sender.send_frame(number, result.seq, answer)
+            except InvalidRequest as error:
+                result = error
+        if isinstance(result, Exception):
             self._sender.send_problem(_seq(body), _failure(result, body, self._rate.told))
 
     def _ask(self, body: bytes, arrived: float, answered: Answered, *, is_ordered: bool = False) -> Withdraw:
         """is_ordered: whether no part of the answer gets lost."""
         try:
             request = parse(RenderRequest, body)
+            if not is_ordered:
+                self._sender.check_size()
             if request.video is not None:
                 _check_is_ordered(is_ordered)
                 self._has_video = True
@@ -130,7 +136,7 @@ def _nothing() -> None:
 
 
 def _header(frame: Frame, requests_per_s: float | None) -> bytes:
-    """What goes before a frame's body."""
+    """Header that precedes a frame's body."""
     return _encode(
         FrameHeader(
             status=200,
@@ -167,7 +173,7 @@ def _encode(header: FrameHeader) -> bytes:
 
 
 def _seq(body: bytes) -> int:
-    """The number of a request that could not be read, as far as it can be told; 0 otherwise."""
+    """The number of an unreadable request, if it can be determined; 0 otherwise."""
     try:
         seq = json.loads(body)["seq"]
     except (ValueError, TypeError, KeyError, RecursionError):

@@ -1,6 +1,6 @@
 """UDP segmentation offload: many datagrams of one size to one address in a single system call (Linux, udp(7)).
 
-Sending is most of what a Python QUIC server does in the kernel; a call for each packet costs several times as much.
+Sending dominates a Python QUIC server's time in the kernel; a call for each packet costs several times as much.
 """
 
 from __future__ import annotations
@@ -40,5 +40,5 @@ def batches(datagrams: Sequence[Datagram]) -> Iterator[tuple[list[bytes], Addres
 
 
 def segment_size(batch: Sequence[bytes]) -> list[tuple[int, int, bytes]]:
-    """The control message that tells the kernel where to cut a batch."""
+    """The control message with the segment size of a batch."""
     return [(SOL_UDP, UDP_SEGMENT, struct.pack("=H", len(batch[0])))]

@@ -97,7 +97,7 @@ class HttpRequest:
         self._news.set()
 
     def cancelled(self) -> None:
-        """The client wants no answer any more, or is gone."""
+        """The client has cancelled the request or disconnected."""
         self._disconnected = True
         self._body.clear()
         self._news.set()
@@ -144,7 +144,7 @@ class HttpRequest:
     async def send(self, message: Message) -> None:
         """ASGI's send. Waits while the client or the network cannot keep up.
 
-        Does nothing if the client is gone: so it is up to ASGI 2.3, which uvicorn speaks, too; later ones raise.
+        Does nothing after a disconnect, as in ASGI up to 2.3, uvicorn's version; later versions raise.
         """
         if self._disconnected:
             return
@@ -173,7 +173,7 @@ class HttpRequest:
         if not more:
             self.outlet.end()
             self.outlet.stop_reading(ErrorCode.H3_NO_ERROR)
-            self._complete = True  # from now on `receive` tells of the disconnect
+            self._complete = True  # from now on `receive` reports the disconnect
             self._news.set()
 
 

@@ -1,4 +1,4 @@
-"""Datagrams that were read and wait to be handled: addresses get equal time of the event loop, whatever they send."""
+"""Received datagrams waiting to be handled: addresses share the event loop's time equally, whatever they send."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Collection
 from typing import NamedTuple
 
 from tigas_common.peers import client_network
-from tigas_render.schedule import Turns
+from tigas_render.fair_queue import Turns
 from tigas_render.transport.gso import Address
 
 MAX_WAITING = 512
 """Datagrams of one address that wait; further ones are dropped, which QUIC sees as loss."""
 EXPECTED_S = 0.0001
-"""What a datagram is expected to cost before that is measured, in seconds."""
+"""Assumed handling time of a datagram before it is measured, in seconds."""
 
 
 class Received(NamedTuple):
@@ -26,7 +26,7 @@ class Received(NamedTuple):
 
 
 class Inbox:
-    """First come, first served would serve whoever sends the most."""
+    """A plain FIFO would favour the heaviest sender."""
 
     def __init__(self) -> None:
         self._waiting: dict[str, deque[Received]] = {}
@@ -46,7 +46,7 @@ class Inbox:
             self._waiting[network].append(datagram)
 
     def take(self, besides: Collection[str] = ()) -> tuple[str, Received] | None:
-        """Whose turn it is but for those `besides`, and the oldest datagram from there; None if nothing waits."""
+        """The oldest datagram of the next address in turn, except those in `besides`; None if nothing waits."""
         network = self._turns.next(besides)
         if network is None:
             return None
@@ -57,6 +57,10 @@ class Inbox:
             self._turns.leave(network)
         return network, datagram
 
+    def waiting(self, network: str) -> int:
+        """How many datagrams of a network wait."""
+        return len(self._waiting.get(network, ()))
+
     def settle(self, network: str, seconds: float) -> None:
-        """How long the datagram took that was taken for somebody."""
+        """Record the handling time of the last datagram of an address."""
         self._turns.settle(network, seconds - EXPECTED_S)

@@ -10,9 +10,9 @@ from functools import partial
 from aioquic.buffer import encode_uint_var
 from aioquic.h3.events import Headers
 
-from tigas_render.transport.h3 import ServerH3Connection
-from tigas_render.transport.limits import Limits
-from tigas_render.transport.quic import ServerQuicConnection
+from tigas_render.admission.limits import Limits
+from tigas_render.transport.aioquic_ext.h3 import ServerH3Connection
+from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 
 CHUNK = 64 * 1024
 """Bytes handed to QUIC at a time."""
@@ -23,11 +23,11 @@ SESSION_ID_BYTES = 8
 
 
 class StreamClosed(ConnectionError):
-    """The client has cancelled the stream, or its connection is gone."""
+    """The client has cancelled the stream or disconnected."""
 
 
 class Writer:
-    """What all outlets of one connection share."""
+    """State shared by all outlets of one connection."""
 
     def __init__(
         self,
@@ -41,7 +41,7 @@ class Writer:
         self.limits = limits
         self.transmit_soon = transmit_soon
         self.waiting: dict[int, Callable[[], None]] = {}
-        """What lets those go on who wait for room, by stream."""
+        """Callbacks of writers that wait for room, by stream."""
         self.with_datagrams: list[DatagramOutlet] = []
         """Sessions with datagrams that wait."""
         self.closed = False
@@ -54,7 +54,7 @@ class Writer:
         return max(room, CHUNK) if room > 0 else 0
 
     def wake(self) -> None:
-        """Let those write on for whom there is room now, the oldest stream first."""
+        """Resume writers with room, oldest stream first."""
         for stream_id in sorted(self.waiting):
             if not self.quic.can_write(stream_id) or self.room(stream_id):
                 self.waiting[stream_id]()
@@ -65,14 +65,14 @@ class Writer:
         return bool(self.with_datagrams)
 
     def close(self) -> None:
-        """Wake everybody who waits, to be told that the connection is over."""
+        """Resume all writers, which then find the connection closed."""
         self.closed = True
         for go_on in list(self.waiting.values()):
             go_on()
 
 
 class Outlet:
-    """The server's side of one stream. What is written to a stream that has ended goes nowhere."""
+    """The server's side of one stream. Writes to an ended stream are dropped."""
 
     def __init__(self, writer: Writer, stream_id: int) -> None:
         self.stream_id = stream_id
@@ -93,8 +93,8 @@ class Outlet:
     async def send_data(self, data: memoryview) -> None:
         """Send a part of an HTTP body; waits while the network or the client cannot keep up.
 
-        data: to stay as it is until then. Raises StreamClosed if the client has cancelled, is gone, or has read nothing
-        for too long.
+        data: must not change until then. Raises StreamClosed if the client has cancelled, disconnected, or not read for
+        too long.
         """
         start = 0
         while start < len(data):
@@ -104,9 +104,9 @@ class Outlet:
             start = stop
 
     def finish(self, parts: Sequence[bytes | memoryview], ended: Callable[[], None]) -> None:
-        """Send bytes as they are and end the stream; then `ended` is called, which it also is if that cannot be done.
+        """Send bytes and end the stream; then call `ended`, also on failure.
 
-        Nobody needs to keep the parts: what the network or the client cannot take yet is copied.
+        The parts need not be kept: data that the network or the client cannot take yet is copied.
         """
         Answer(self._writer, self, parts, ended).go_on()
 
@@ -124,7 +124,7 @@ class Outlet:
             self._writer.transmit_soon()
 
     def abort(self, error_code: int) -> None:
-        """End whatever is not ended yet, in both directions."""
+        """End both directions, unless ended already."""
         self.stop_reading(error_code)
         if self.is_open:
             self._writer.quic.reset_stream(self.stream_id, error_code)
@@ -158,7 +158,7 @@ class Answer:
         parts: Sequence[bytes | memoryview],
         ended: Callable[[], None],
     ) -> None:
-        """ended: called when nothing more is done."""
+        """ended: called at the end of all work."""
         self._writer = writer
         self._outlet = outlet
         self._parts = list(parts)
@@ -166,7 +166,7 @@ class Answer:
         self._stalled: asyncio.TimerHandle | None = None
 
     def go_on(self) -> None:
-        """Hand over what there is room for, and wait for more if that was not all."""
+        """Hand over as much as fits, and wait for room for the rest."""
         writer, stream_id = self._writer, self._outlet.stream_id
         if self._stalled is not None:
             self._stalled.cancel()
@@ -196,7 +196,7 @@ class Answer:
         self._stalled = asyncio.get_running_loop().call_later(self._outlet.limits.stall_timeout, self._give_up)
 
     def _give_up(self) -> None:
-        """The client reads nothing."""
+        """The client does not read."""
         del self._writer.waiting[self._outlet.stream_id]
         self._ended()
 
@@ -222,12 +222,12 @@ class DatagramOutlet:
         return self._writer.quic.max_datagram_payload - SESSION_ID_BYTES
 
     def replace(self, datagrams: Iterable[bytes]) -> None:
-        """Send these instead of those that still wait."""
+        """Send these instead of the waiting ones."""
         self._waiting = deque(datagrams)
         self._send_soon()
 
     def send_first(self, datagrams: Iterable[bytes]) -> None:
-        """Send these ahead of those that wait. When there are too many, the oldest are dropped."""
+        """Send these ahead of the waiting ones. Beyond the limit, the oldest are dropped."""
         self._urgent.extend(datagrams)
         self._send_soon()
 
@@ -242,7 +242,7 @@ class DatagramOutlet:
         return bool(self._urgent or self._waiting)
 
     def close(self) -> None:
-        """Drop what waits."""
+        """Drop the waiting ones."""
         self._waiting.clear()
         self._urgent.clear()
 

@@ -11,9 +11,9 @@ from aioquic.quic.packet_builder import QuicPacketBuilder
 
 
 def encode_refusal(header: QuicHeader, reason: str) -> bytes:
-    """The Initial packet that closes what `header` would have opened, with CONNECTION_REFUSED and a short reason.
+    """The Initial packet that refuses the connection of `header`, with CONNECTION_REFUSED and a short reason.
 
-    It is far smaller than the packet that it answers, and nothing is kept.
+    It is far smaller than the packet it answers, and leaves no state.
     """
     version, text = header.version, reason.encode()
     assert version is not None

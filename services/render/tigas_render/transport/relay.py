@@ -1,7 +1,7 @@
-"""Passes datagrams on between the edges of one port, where the kernel does not bring each to the edge that it is for.
+"""Passes datagrams between the edges of one port, where the kernel does not deliver each to its edge.
 
 A datagram goes to its owner over a Unix socket with the client's address and the time at which it arrived. The owner
-answers from its own UDP socket, whose port is the same.
+answers from its own UDP socket with the same port.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Relay:
     """One edge's side."""
 
     def __init__(self, edge: Edge, inbox: socket.socket, outboxes: Sequence[socket.socket]) -> None:
-        """inbox: what others pass on to this edge; outboxes: what leads to each edge, by its number."""
+        """inbox: receives datagrams for this edge; outboxes: sockets of the edges, by number."""
         self._edge = edge
         self._inbox = inbox
         self._outboxes = outboxes
@@ -36,7 +36,7 @@ class Relay:
             each.setblocking(False)
 
     def start(self, received: Callable[[bytes, Address, float], None], drained: Callable[[], None]) -> None:
-        """Bring what others pass on to `received`, and say when no more waits."""
+        """Deliver relayed datagrams to `received`, and report when no more are waiting."""
         self._received = received
         self._drained = drained
         asyncio.get_running_loop().add_reader(self._inbox.fileno(), self._read)

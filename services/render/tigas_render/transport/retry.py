@@ -14,14 +14,14 @@ from cryptography.hazmat.primitives.ciphers.aead import AESGCM
 from tigas_render.transport.gso import Address
 
 TOKEN_LIFETIME = 10.0
-"""Seconds that a client has to come back."""
+"""Seconds for a client to return."""
 RETRY_ID_LENGTH = 8
 KEY_LENGTH = 16
 NONCE_LENGTH = 12
 
 
 class RetryTokens:
-    """Makes and checks tokens; keeps nothing per client. Servers that have the same key take each other's."""
+    """Makes and checks tokens; stateless. Servers with the same key accept each other's."""
 
     def __init__(self, key: bytes | None = None) -> None:
         """key: of KEY_LENGTH bytes; a new one by default."""

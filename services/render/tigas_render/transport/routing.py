@@ -1,4 +1,4 @@
-"""HTTP/3 on one connection: brings what arrives to the request or session that it is for."""
+"""HTTP/3 on one connection: dispatches events to their requests and sessions."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from starlette.types import ASGIApp
 from tigas_common.errors import TigasError, problem
 from tigas_common.origins import OriginPolicy
 from tigas_common.web import problem_response
-from tigas_render.transport.h3 import ServerH3Connection
+from tigas_render.admission.connections import Usage
+from tigas_render.admission.limits import Limits
+from tigas_render.admission.load import FULL, Load
+from tigas_render.transport.aioquic_ext.h3 import ServerH3Connection
+from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 from tigas_render.transport.http import HttpRequest, http_scope, refusal
-from tigas_render.transport.limits import Limits
-from tigas_render.transport.load import FULL, Load
 from tigas_render.transport.outlet import DatagramOutlet, Outlet, Writer
-from tigas_render.transport.quic import ServerQuicConnection
 from tigas_render.transport.unfinished import UnfinishedStreams
-from tigas_render.transport.usage import Usage
 from tigas_render.transport.webtransport import DRAFT_HEADER, SessionFactory, WebTransportSession, WebTransportStream
 
 BUFFERED_STREAM_REJECTED = 0x3994BD84
@@ -39,7 +39,7 @@ TOO_EARLY = "This request may not be sent before the connection is established; 
 
 
 class Stream(Protocol):
-    """What is on a bidirectional stream that a client opened: an HTTP request, or one stream of a session."""
+    """Handler of a bidirectional stream opened by a client: an HTTP request, or one stream of a session."""
 
     outlet: Outlet
     abort_code: int
@@ -47,21 +47,21 @@ class Stream(Protocol):
 
     @property
     def task(self) -> asyncio.Task[None] | None:
-        """What answers, if that is a task."""
+        """The answering task, if any."""
 
     def start(self, ended: Callable[[], None]) -> None:
-        """Answer the client; `ended` is called once when there is nothing more to do. What is not finished is reset."""
+        """Answer the client; `ended` is called once at the end. An unfinished answer is reset."""
 
     def data_received(self, data: bytes, ended: bool, arrived: float) -> None:
-        """The next part of what the client sends; `ended` with the last."""
+        """Handle a part of the client's data; `ended` with the last."""
 
     def cancelled(self) -> None:
-        """The client wants no answer any more, has reset its side, or is gone."""
+        """The client has cancelled, reset its side, or disconnected."""
 
 
 @dataclass(frozen=True, slots=True)
 class Service:
-    """What is served, the same for every connection."""
+    """The served application and sessions, shared by all connections."""
 
     app: ASGIApp
     webtransport: Mapping[str, SessionFactory]
@@ -71,7 +71,7 @@ class Service:
     origins: OriginPolicy = field(default_factory=OriginPolicy)
     """Which pages may open sessions."""
     early_posts: frozenset[str] = frozenset({"/render"})
-    """Paths whose POST is idempotent, so that it may arrive as early data."""
+    """Paths with an idempotent POST, allowed as early data."""
 
 
 class Router:
@@ -86,7 +86,7 @@ class Router:
         usage: Usage,
         transmit_soon: Callable[[], None],
     ) -> None:
-        """usage: what the client's address uses, which counts here."""
+        """usage: resource usage of the client's address, updated here."""
         self._quic = quic
         self._service = service
         self._client = client
@@ -102,11 +102,12 @@ class Router:
         self._next_request = 0
         self._goaway: int | None = None
         self._idle: asyncio.Future[None] | None = None
+        self._is_away = False
 
     # -- ending ------------------------------------------------------------------------------------------------------
 
     def go_away(self) -> None:
-        """Tell the client to open no further requests here; those that it has opened are still answered."""
+        """Tell the client to send no further requests here; open ones are still answered."""
         if self._goaway is None:
             self._goaway = self._next_request
             frame = encode_frame(FrameType.GOAWAY, encode_uint_var(self._goaway))
@@ -114,13 +115,13 @@ class Router:
             self.writer.transmit_soon()
 
     async def finish(self) -> None:
-        """Wait until nothing is being answered."""
+        """Wait until all requests are answered."""
         while self._streams:
             self._idle = asyncio.get_running_loop().create_future()
             await self._idle
 
     def close(self) -> None:
-        """End whatever is running as if the client had cancelled it."""
+        """End all requests as if the client had cancelled them."""
         for stream_id in list(self._sessions):
             self._close_session(stream_id)
         for stream in list(self._streams.values()):
@@ -137,13 +138,18 @@ class Router:
         if tasks:
             await asyncio.wait(tasks)
 
+    def set_away(self, is_away: bool) -> None:
+        """Count the sessions of a client that has vanished, perhaps for good, as viewers no more until it is back."""
+        if is_away != self._is_away:
+            self._is_away = is_away
+            (self._service.load.left if is_away else self._service.load.returned)(len(self._sessions))
+
     # -- from the client ---------------------------------------------------------------------------------------------
 
     def received(self, event: QuicEvent, arrived: float) -> None:
-        """Bring an event to whom it is for.
+        """Dispatch an event to its request or session.
 
-        A request arrives with the datagram that completes it, the last to come of all that it needs: before that there
-        is nothing to answer.
+        A request counts as received with the datagram that completes it.
         """
         for h3_event in self._h3.handle_event(event):
             self._received(h3_event, arrived)
@@ -179,11 +185,11 @@ class Router:
             stream.cancelled()
         elif stream_id in self._sessions:
             self._close_session(stream_id)
-        else:  # its answer is with QUIC already; whose it was is not known any more
+        else:  # its answer is queued in QUIC; the request is no longer known
             for session in self._sessions.values():
                 session.handler.stopped()
 
-    # -- what is not finished ----------------------------------------------------------------------------------------
+    # -- unfinished requests -----------------------------------------------------------------------------------------
 
     @property
     def deadline(self) -> float | None:
@@ -191,7 +197,7 @@ class Router:
         return self._unfinished.deadline
 
     def end_late(self, now: float) -> None:
-        """End the streams whose first frame has not arrived in time."""
+        """End the streams whose first frame is overdue."""
         for stream_id in self._unfinished.late(now):
             self._unfinished.end(stream_id)
             if stream_id % 4 == 0:
@@ -201,12 +207,14 @@ class Router:
         self._count()
 
     def watch(self, stream_ids: Collection[int], arrived: float) -> None:
-        """Note streams that something has come for, though perhaps not what they begin with."""
+        """Record streams with received data, perhaps without their first frame."""
         for stream_id in stream_ids:
             self._watch(stream_id, arrived)
 
     def _watch(self, stream_id: int, arrived: float) -> None:
-        """Note whether a stream still waits for what makes it a request, a session, or a session's stream."""
+        """Record whether a stream's first frame is complete, which makes it a request, a session, or a session's
+        stream.
+        """
         if stream_id % 4 != 0:
             waits = self._h3.is_cut(stream_id) or self._quic.has_gap(stream_id)
         else:
@@ -244,7 +252,7 @@ class Router:
         self._start(request)
 
     def _refusal(self, pseudo: Mapping[bytes, bytes]) -> ASGIApp | None:
-        """What answers a request that does not reach the application."""
+        """Responder for requests that do not reach the application."""
         if (overload := self._overload()) is not None:
             return refusal(503, overload)
         if not self._quic.is_established and pseudo[b":method"] not in (b"GET", b"HEAD"):
@@ -254,16 +262,12 @@ class Router:
         return None
 
     def _overload(self) -> str | None:
-        """Why no further request is taken now."""
+        """Return the reason to refuse a further request now, if any."""
         self._count()
-        if self._counted >= self._service.limits.requests:
-            return "This connection has too many requests running."
-        if self._usage.requests >= self._service.limits.requests_per_address:
-            return "Your address has too many requests running."
-        return None
+        return self._usage.request_refusal(self._service.limits, self._counted)
 
     def _count(self) -> None:
-        """Let the address's usage know what is open now."""
+        """Update the address's usage."""
         now = len(self._streams) + len(self._unfinished)
         self._usage.requests += now - self._counted
         self._counted = now
@@ -271,8 +275,7 @@ class Router:
     # -- WebTransport ------------------------------------------------------------------------------------------------
 
     def _connect_received(self, outlet: Outlet, pseudo: Mapping[bytes, bytes], origin: bytes | None) -> ASGIApp | None:
-        """Open a session; what answers the client if there is none to be opened."""
-        limits = self._service.limits
+        """Open a session, or return the application that refuses it."""
         make_handler = self._service.webtransport.get(_path(pseudo))
         if pseudo.get(b":protocol") != b"webtransport":
             return refusal(501, "Only WebTransport sessions are connected to.")
@@ -283,13 +286,12 @@ class Router:
             self._service.origins.check(pseudo[b":authority"].decode("latin-1"), page)
         except TigasError as error:
             return problem_response(problem(error))
-        if len(self._sessions) >= limits.sessions:
-            return refusal(429, "This connection has as many sessions as it may.")
-        if self._usage.sessions >= limits.sessions_per_address:
-            return refusal(429, "Your address has as many sessions as it may.")
+        if (reason := self._usage.session_refusal(self._service.limits, len(self._sessions))) is not None:
+            return refusal(429, reason)
         if (retry_after := self._service.load.full()) is not None:
             self._service.load.refused()
             return refusal(503, FULL, retry_after)
+        self.set_away(False)
         self._service.load.entered()
         outlet.send_headers([(b":status", b"200"), DRAFT_HEADER])
         self._usage.sessions += 1
@@ -299,6 +301,7 @@ class Router:
         return None
 
     def _close_session(self, stream_id: int) -> None:
+        self.set_away(False)
         session = self._sessions.pop(stream_id, None)
         if session is None:
             return
@@ -317,7 +320,7 @@ class Router:
             if session is None or event.stream_id % 4 != 0 or self._goaway is not None:
                 outlet.abort(BUFFERED_STREAM_REJECTED)
                 return
-            if not outlet.is_open:  # answered already; the client has not stopped yet
+            if not outlet.is_open:  # answered already; the client is still sending
                 return
             self._start(WebTransportStream(outlet, session, self._overload()))
         if (stream := self._streams.get(event.stream_id)) is not None:

@@ -7,6 +7,7 @@ import os
 import time
 from collections import Counter
 from collections.abc import Mapping
+from functools import partial
 from typing import Self
 
 from aioquic._buffer import Buffer
@@ -24,13 +25,14 @@ from starlette.types import ASGIApp
 from tigas_common.certificate import Certificate
 from tigas_common.origins import OriginPolicy
 from tigas_common.peers import client_network
-from tigas_render.transport.congestion import CongestionControl, algorithm
+from tigas_render.admission.connections import ConnectionAdmission, Usage
+from tigas_render.admission.limits import Limits
+from tigas_render.admission.load import Load
+from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
+from tigas_render.transport.congestion import LIMITED_RENO
 from tigas_render.transport.connection import Connection
 from tigas_render.transport.gso import Address, Datagram
 from tigas_render.transport.inbox import Inbox, Received
-from tigas_render.transport.limits import Limits
-from tigas_render.transport.load import FULL, Load
-from tigas_render.transport.quic import ServerQuicConnection
 from tigas_render.transport.refusal import encode_refusal
 from tigas_render.transport.retry import RetryTokens
 from tigas_render.transport.routing import Service
@@ -38,19 +40,16 @@ from tigas_render.transport.share import Share
 from tigas_render.transport.stateless_reset import StatelessResets
 from tigas_render.transport.tickets import TicketStore
 from tigas_render.transport.udp import UdpEndpoint, bind_all
-from tigas_render.transport.usage import RateLimit, Usage
 from tigas_render.transport.webtransport import SessionFactory
 
 MAX_DATAGRAM_SIZE = 1452
 """Bytes of UDP payload that fit an Ethernet frame over IPv6 (1500 − 40 − 8), and over IPv4."""
 CID_LENGTH = 8
 TURNS_S = 0.001
-"""How long datagrams are handled at a time, in seconds: what follows from them may take several times as long."""
-AT_ONCE = 1
-"""Datagrams of one address that are handled at a time if there are others, for the same reason."""
-HANDSHAKES_AT_ONCE, HANDSHAKES_PER_S = 2, 25.0
-"""New connections of one address that are begun at once and in the long run: each takes the event loop some
-milliseconds. What comes faster is left to be sent again, as QUIC's clients do.
+"""Seconds of handling datagrams at a time: the resulting work may take several times as long."""
+PART = 8
+"""With several addresses, a turn handles at most an eighth of each one's waiting datagrams, and at least one. So one
+address does not hold up the others, and hundreds of viewers behind one gateway do not wait for a turn each.
 """
 
 
@@ -65,18 +64,17 @@ class Http3Server:
         host: str = "localhost",
         port: int = 0,
         webtransport: Mapping[str, SessionFactory] | None = None,
-        congestion_control: CongestionControl = "reno",
         limits: Limits | None = None,
         reset_key: bytes | None = None,
         origins: OriginPolicy | None = None,
         share: Share | None = None,
         load: Load | None = None,
     ) -> None:
-        """`host` may be `::` for every address of both families; port 0 takes any that is free.
+        """`host` may be `::` for every address of both families; port 0 takes any free one.
 
-        With the `reset_key` and the port of an earlier server, that one's clients learn that it is gone. `origins` says
-        which pages may open sessions; requests are for `app` to refuse. One of several edges has a `share` of a port
-        that is bound already. `load` is measured by whoever made it.
+        With the `reset_key` and the port of an earlier server, its clients learn that it has ended. `origins` limits
+        the pages that may open sessions; HTTP requests are checked by `app`. One of several edges has a `share` of a
+        bound port. `load` is measured by its owner.
         """
         self._host = host
         self._port = port
@@ -84,7 +82,6 @@ class Http3Server:
         self._limits = limits or Limits()
         self._load = load or Load()
         self._service = Service(app, dict(webtransport or {}), self._limits, self._load, origins or OriginPolicy())
-        self._algorithm = algorithm(congestion_control)
         self._configuration = self._configure(certificate)
         self._tickets = TicketStore() if self._share.tickets is None else self._share.tickets
         self._retry = RetryTokens(self._share.retry_key)
@@ -94,9 +91,8 @@ class Http3Server:
         self._by_cid: dict[bytes, Connection] = {}
         self._handshaking: set[Connection] = set()
         self._usage: dict[str, Usage] = {}
-        """By address, of those that have connections."""
-        self._openings = RateLimit(self._limits.handshakes_per_s, self._limits.connections_per_address)
-        self._pace = RateLimit(HANDSHAKES_PER_S, HANDSHAKES_AT_ONCE)
+        """By address, for addresses with connections."""
+        self._admission = ConnectionAdmission(self._limits, self._load)
         self._dirty: set[Connection] = set()
         self._inbox = Inbox()
         self._next_turns: asyncio.Handle | None = None
@@ -111,7 +107,9 @@ class Http3Server:
         """Bind and serve. Raises OSError if the address cannot be bound."""
         for sock in self._share.sockets or bind_all(self._host, self._port):
             self._address = sock.getsockname()[:2]
-            self._endpoints[len(sock.getsockname())] = UdpEndpoint(sock, self._received, self._drained)
+            self._endpoints[len(sock.getsockname())] = UdpEndpoint(
+                sock, self._received, self._drained, self._load.batch_refused
+            )
         self._resets = StatelessResets(self._reset_key, self.port)
         if self._relay is not None:
             self._relay.start(self._own_received, self._drained)
@@ -174,7 +172,7 @@ class Http3Server:
             alpn_protocols=H3_ALPN,
             certificate=certificate.x509,
             private_key=certificate.private_key,
-            congestion_control_algorithm=self._algorithm,
+            congestion_control_algorithm=LIMITED_RENO,
             connection_id_length=CID_LENGTH,
             idle_timeout=self._limits.idle_timeout,
             max_datagram_size=MAX_DATAGRAM_SIZE,
@@ -201,7 +199,7 @@ class Http3Server:
             self._take_turns()
 
     def _take_turns(self) -> None:
-        """Handle what has arrived for a moment, and the rest once the event loop has done what follows from it."""
+        """Handle received datagrams for a time slice, and the rest after the event loop has done the resulting work."""
         self._next_turns = None
         until = (now := time.monotonic()) + TURNS_S
         handled: Counter[str] = Counter()
@@ -211,7 +209,7 @@ class Http3Server:
             if self._load.handled(now - datagram.arrived):
                 self._handle(datagram)
             handled[network] += 1
-            if handled[network] >= AT_ONCE and len(self._usage) > 1:
+            if handled[network] > self._inbox.waiting(network) // PART and len(self._usage) > 1:
                 had_enough.add(network)
             begun, now = now, time.monotonic()
             self._inbox.settle(network, now - begun)
@@ -228,7 +226,7 @@ class Http3Server:
             connection.receive(*datagram)
 
     def _connection_for(self, data: bytes, address: Address) -> Connection | None:
-        """The connection that a datagram belongs to, a new one if it opens one, or None if nothing is to be done."""
+        """The connection of a datagram, a new one if it opens one, or None if it is dropped."""
         if len(data) <= CID_LENGTH:
             return None
         if not data[0] & 0x80:  # a short header: no new connection begins with one
@@ -276,17 +274,18 @@ class Http3Server:
             if validated is None:
                 return None
             original, retry_source = validated, header.destination_cid
-        elif self._has_to_prove_its_address(usage):
+        elif self._must_prove_address(usage):
             self._send_retry(header, address, now)
             return None
-        if not self._pace.allows(network, now):
+        if not self._admission.may_begin(network, now):
             return None
-        if (reason := self._refusal(usage, now)) is not None:
+        if (reason := self._admission.refusal(usage, len(self._connections), now)) is not None:
             self.send([(encode_refusal(header, reason), address)])
             return None
         quic = ServerQuicConnection(
             edge=self._share.edge,
             reset_token=self._resets.token,
+            reset_delay=partial(self._admission.reset_delay, network),
             configuration=self._configuration,
             original_destination_connection_id=original,
             retry_source_connection_id=retry_source,
@@ -303,22 +302,9 @@ class Http3Server:
         self.issued(connection, quic.host_cid)
         return connection
 
-    def _has_to_prove_its_address(self, usage: Usage) -> bool:
+    def _must_prove_address(self, usage: Usage) -> bool:
         of_address = sum(connection.usage is usage for connection in self._handshaking)
-        return len(self._handshaking) >= self._limits.unvalidated or of_address >= self._limits.unvalidated_per_address
-
-    def _refusal(self, usage: Usage, now: float) -> str | None:
-        """Why an address may not open another connection now."""
-        if self._load.full() is not None:
-            self._load.refused()
-            return FULL
-        if len(self._connections) >= self._limits.connections:
-            return "The server has as many connections as it may; try again later."
-        if usage.connections >= self._limits.connections_per_address:
-            return "Your address has as many connections as it may; close some."
-        if not self._openings.allows(usage.address, now):
-            return "Your address opens connections too fast; try again in a second."
-        return None
+        return self._admission.must_prove_address(len(self._handshaking), of_address)
 
     def _send_retry(self, header: QuicHeader, address: Address, now: float) -> None:
         source_cid = self._retry.new_connection_id()

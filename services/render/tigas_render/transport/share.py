@@ -1,4 +1,4 @@
-"""What one of several edges has of the port that all of them serve."""
+"""One edge's share of the common port."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tigas_render.transport.tickets import TicketStore
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """By default all of it: nobody else serves the port."""
+    """By default the whole port."""
 
     edge: Edge = ALONE
     sockets: tuple[socket.socket, ...] = ()
@@ -20,6 +20,6 @@ class Share:
     retry_key: bytes | None = None
     """The same for all edges, so that each takes the others' tokens."""
     tickets: TicketStore | None = None
-    """What it knows of all edges' tickets."""
+    """Session tickets of all edges."""
     relay: Relay | None = None
     """Where the kernel does not bring each datagram to the edge that it is for."""

@@ -1,6 +1,6 @@
-"""Stateless resets (RFC 9000, 10.3): a server that was started again tells its clients that it does not know them.
+"""Stateless resets (RFC 9000, 10.3): a restarted server tells its earlier clients that their connections are lost.
 
-Without one, a client sends into the dark until it has been idle for too long.
+Without one, a client keeps sending until its idle timeout.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ TOKEN_LENGTH = 16
 MIN_LENGTH = 5 + TOKEN_LENGTH
 """Bytes of the shortest reset: it looks like a packet with a short header."""
 MAX_LENGTH = 43
-"""Longer ones tell nothing more."""
+"""Maximum length; more has no benefit."""
 MAX_PER_SECOND = 100
 
 
 class StatelessResets:
-    """Makes tokens and resets. The tokens follow from the key, the port and the connection id, and nothing is kept.
+    """Makes tokens and resets. The tokens are derived from the key, the port and the connection id, without state.
 
-    The port, so that of two servers with one key neither ends the other's connections.
+    The port is included so that two servers with one key cannot end each other's connections.
     """
 
     def __init__(self, key: bytes, port: int) -> None:
@@ -29,7 +29,7 @@ class StatelessResets:
         self._sent = 0
 
     def token(self, cid: bytes) -> bytes:
-        """What proves that a reset of the connection with this id is the server's."""
+        """Proof that a reset of the connection with this id comes from the server."""
         return hmac.digest(self._key, cid, "sha256")[:TOKEN_LENGTH]
 
     def answer(self, size: int, cid: bytes, now: float) -> bytes | None:

@@ -1,4 +1,4 @@
-"""A UDP socket on the event loop: drains what has arrived in one go, sends in batches, waits when it is full."""
+"""A UDP socket on the event loop: drains received datagrams at once, sends in batches, waits when it is full."""
 
 from __future__ import annotations
 
@@ -16,24 +16,29 @@ from tigas_render.transport.gso import Address, Datagram, batches, segment_size
 logger = logging.getLogger(__name__)
 
 SOCKET_BUFFER = 8 << 20
-"""Bytes asked of the kernel for each direction; it gives what its own limits allow."""
+"""Requested socket buffer of each direction in bytes; the kernel applies its own limits."""
 DRAIN_S = 0.0005
-"""Datagrams are read for so long, in seconds, before other work gets its turn."""
+"""Seconds of reading datagrams before other work gets its turn."""
 MAX_BACKLOG, MAX_BACKLOG_S = 4096, 1.0
-"""Batches that wait for room in the socket, and how long, in seconds; what is older is dropped: QUIC sees loss."""
+"""Batches that wait for room in the socket, and for how many seconds; older ones are dropped, which QUIC treats as
+loss.
+"""
 MAX_DATAGRAM = 65_535
 SO_RCVBUFFORCE, SO_SNDBUFFORCE = 33, 32
 
-OFFLOAD_REFUSED = frozenset((errno.EINVAL, errno.EIO, errno.EMSGSIZE, errno.ENOPROTOOPT, errno.EOPNOTSUPP))
-"""What the kernel says when it cannot cut a batch: an old kernel, a device without checksums, a small path MTU."""
+BATCH_REFUSED = frozenset((errno.EINVAL, errno.EIO, errno.EMSGSIZE, errno.ENOPROTOOPT, errno.EOPNOTSUPP))
+"""Errors of a kernel that cannot cut a batch: an old kernel, a device without checksums, IPsec, or a small path MTU,
+which is EMSGSIZE from Linux 6.14 on and EINVAL before."""
+BATCHES_AGAIN_S, MOST_REFUSED = 60.0, 1024
+"""Seconds for which an address gets single datagrams after a refused batch, and how many addresses are remembered."""
 
 NO_IPV6 = (errno.EAFNOSUPPORT, errno.EADDRNOTAVAIL)
-"""What the kernel says of an IPv6 address on a machine without IPv6."""
+"""Kernel errors for an IPv6 address on a machine without IPv6."""
 
 
 def bind_all(host: str, port: int) -> list[socket.socket]:
     """The sockets of a port: for `localhost` those of 127.0.0.1 and, if there is IPv6, ::1, since QUIC does not fall
-    back from one to the other; as `bind` makes it otherwise.
+    back from one to the other; otherwise the result of `bind`.
     """
     if host != "localhost":
         return [bind(host, port)]
@@ -64,9 +69,9 @@ def bind(host: str, port: int) -> socket.socket:
 
 
 def bind_another(sock: socket.socket) -> socket.socket:
-    """A further socket of the same address, between which and the others the kernel divides what arrives.
+    """Another socket of the same address; the kernel divides datagrams between them.
 
-    The first was bound alone, so that nobody else has the port.
+    The first one was bound exclusively, so that the port belongs to us.
     """
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
     return _bind(sock.family, sock.getsockname(), shared=True)
@@ -97,24 +102,33 @@ class UdpEndpoint:
     """Sends and receives on one socket, which it owns from now on."""
 
     def __init__(
-        self, sock: socket.socket, received: Callable[[bytes, Address, float], None], drained: Callable[[], None]
+        self,
+        sock: socket.socket,
+        received: Callable[[bytes, Address, float], None],
+        drained: Callable[[], None],
+        refused: Callable[[], None] = lambda: None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`received` gets each datagram, who sent it, and when it arrived, in seconds of the monotonic clock.
+        """`received` gets each datagram, its sender, and its arrival in seconds of the monotonic clock.
 
-        `drained` is called when no more wait, to answer them all at once.
+        `drained` is called when no more wait, to answer them all at once; `refused` for each batch that the kernel does
+        not take.
         """
         self._loop = asyncio.get_running_loop()
         self._sock = sock
         self._received = received
         self._drained = drained
+        self._refused = refused
+        self._clock = clock
         self._backlog: deque[tuple[list[bytes], Address, float]] = deque(maxlen=MAX_BACKLOG)
-        """With the time when each came."""
-        self._offload = True
+        """Includes arrival times."""
+        self._singly_until: dict[Address, float] = {}
+        """Retry times of addresses with batches refused by the kernel, in order."""
         self._empty_at = time.monotonic()
         self._loop.add_reader(sock.fileno(), self._read)
 
     def send(self, datagrams: list[Datagram]) -> None:
-        """Send now, or as soon as the socket has room. What the network refuses is dropped, as the network would."""
+        """Send now, or as soon as the socket has room. Batches refused by the network are dropped."""
         pending = batches(datagrams)
         if self._backlog:
             self._wait(pending)
@@ -125,7 +139,7 @@ class UdpEndpoint:
                 self._loop.add_writer(self._sock.fileno(), self._flush)
 
     def close(self) -> None:
-        """Close the socket; what waits is dropped."""
+        """Close the socket; waiting batches are dropped."""
         fd = self._sock.fileno()
         if fd < 0:
             return
@@ -163,21 +177,36 @@ class UdpEndpoint:
         self._loop.remove_writer(self._sock.fileno())
 
     def _send(self, batch: list[bytes], address: Address) -> bool:
-        """Whether the batch has left, or never will; False if the socket is full."""
-        if len(batch) > 1 and self._offload:
+        """Send a batch; False if the socket is full."""
+        if len(batch) > 1 and self._takes_batches(address):
             try:
                 self._sock.sendmsg(batch, segment_size(batch), 0, address)
             except (BlockingIOError, InterruptedError):
                 return False
             except OSError as error:
-                if error.errno not in OFFLOAD_REFUSED:
+                if error.errno not in BATCH_REFUSED:
                     logger.debug("UDP send to %s failed: %s", address, error)
                     return True
-                # A small path MTU is one client's affair; anything else holds for the socket.
-                self._offload = error.errno == errno.EMSGSIZE
+                self._refuse(address)
             else:
                 return True
         return self._send_singly(batch, address)
+
+    def _takes_batches(self, address: Address) -> bool:
+        until = self._singly_until.get(address)
+        if until is None:
+            return True
+        if until > self._clock():
+            return False
+        del self._singly_until[address]
+        return True
+
+    def _refuse(self, address: Address) -> None:
+        """Send the address single datagrams for some time: its path probably refuses batches."""
+        self._refused()
+        if len(self._singly_until) >= MOST_REFUSED:
+            del self._singly_until[next(iter(self._singly_until))]
+        self._singly_until[address] = self._clock() + BATCHES_AGAIN_S
 
     def _send_singly(self, batch: list[bytes], address: Address) -> bool:
         while batch:

@@ -1,4 +1,4 @@
-"""Streams that a client has opened without saying what for: they count, and they are not kept for ever."""
+"""Streams opened by a client without a complete first frame: they count against limits and time out."""
 
 from __future__ import annotations
 

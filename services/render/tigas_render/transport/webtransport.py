@@ -34,19 +34,19 @@ class SessionHandler(Protocol):
         """Raises a TigasError if the client may not ask for anything now."""
 
     def request(self, body: bytes, arrived: float, answer: Answer) -> Withdraw:
-        """Answer what came on a bidirectional stream, at a time of the monotonic clock.
+        """Answer a request received on a bidirectional stream at a time of the monotonic clock.
 
-        `answer` is called once, unless the request is withdrawn before: with what this returns.
+        `answer` is called once, unless the request is cancelled before, with the function returned here.
         """
 
     def failure(self, error: Exception, body: bytes) -> Parts:
-        """The answer to a request that cannot be answered otherwise; `body` is what came of it."""
+        """The answer to an otherwise unanswerable request; `body` is the error."""
 
     def datagram(self, data: bytes, arrived: float) -> None:
         """Take a datagram that arrived at a time of the monotonic clock."""
 
     def stopped(self) -> None:
-        """The client does not get all of an answer that was given: it reads no more of it, or too slowly."""
+        """The client does not get the complete answer: it has stopped reading, or is too slow."""
 
     def closed(self) -> None:
         """The session is over, and its streams are cancelled."""
@@ -93,7 +93,7 @@ class WebTransportStream:
         """None before it is started, and once it is over."""
 
     def start(self, ended: Callable[[], None]) -> None:
-        """Take what comes from now on; `ended` is called when there is nothing more to do."""
+        """Handle incoming data from now on; `ended` is called at the end."""
         self._ended = ended
         try:
             if self._overload is not None:
@@ -103,7 +103,7 @@ class WebTransportStream:
             self._fail(error)
 
     def data_received(self, data: bytes, ended: bool, arrived: float) -> None:
-        """The next part of what the client sends; `ended` with the last."""
+        """Handle a part of the client's data; `ended` with the last."""
         if self._is_read:
             return
         self._body += data
@@ -120,7 +120,7 @@ class WebTransportStream:
             self._timeout = loop.call_later(self.outlet.limits.request_timeout, self._fail, late)
 
     def cancelled(self) -> None:
-        """The client wants no answer any more, or is gone."""
+        """The client has cancelled or disconnected."""
         self._read()
         if self._withdraw is not None:
             self._withdraw()

@@ -1,7 +1,6 @@
-"""Files on their way to the models directory: what has come of each lies in a hidden folder there.
+"""Files being uploaded to the models directory: the received part of each is in a hidden folder there.
 
-All that is known of them is on the disk, so that every process of the service may take any part of any of them.
-Everything here blocks.
+All state is on disk, so that every process of the service may accept any part of any upload. All calls block.
 """
 
 from __future__ import annotations
@@ -20,18 +19,27 @@ from pathlib import Path
 
 from tigas_common.errors import BodyTooLarge, Overloaded, TigasError
 from tigas_common.files import check_room, storage_explained
+from tigas_render.settings import RenderSettings
 
 FOLDER = ".uploads"
 """In the models directory; no scan looks into it."""
-MOST = 8
-"""Unfinished uploads at a time."""
+MOST, MOST_OF_ADDRESS = 8, 4
+"""Uploads at a time, of all clients and of one."""
 IDLE_S = 3600.0
-"""An upload of which nothing comes for so long is given up, in seconds."""
+"""Seconds without data after which an upload is dropped."""
+STALLED_S = 300.0
+"""Seconds without data after which an upload loses its slot and its reserved disk space; an empty one is dropped."""
 RETRY_S = 60.0
 MODELS = "models"
 _ID = re.compile("[0-9a-f]{32}")
 _ABOUT, _ADDED = ".about", ".added"
 """No scene is called so, and the file is called as its scene is to be: that is how sentences about it name it."""
+
+
+class ScenesFixed(TigasError):
+    """Pages may not change this service's scenes."""
+
+    status, type, title = 403, "scenes-fixed", "Scenes cannot be changed here"
 
 
 class UnknownUpload(TigasError):
@@ -41,7 +49,7 @@ class UnknownUpload(TigasError):
 
 
 class WrongOffset(TigasError):
-    """What comes does not begin where the rest is missing."""
+    """The received part does not start at the end of the previous ones."""
 
     status, type, title = 409, "wrong-offset", "The upload goes on elsewhere"
 
@@ -52,7 +60,7 @@ class Upload:
 
     id: str
     scene: str
-    """What it is to be called."""
+    """File name of the scene."""
     length: int
     """Bytes."""
     offset: int
@@ -61,6 +69,8 @@ class Upload:
     """Where they are."""
     added: bool
     """Whether it is a scene now; then they are here no longer."""
+    address: str
+    """Of the client that began it."""
 
 
 class Uploads:
@@ -73,21 +83,28 @@ class Uploads:
         self._root = models / FOLDER
         self._clock = clock
 
-    def create(self, scene: str, length: int) -> Upload:
+    def create(self, scene: str, length: int, address: str) -> Upload:
         """Begin one. Raises BodyTooLarge, Overloaded if there are too many, DiskFull and StorageFailed."""
         if length > self.limit:
             raise BodyTooLarge(f"The file has {_gb(length)}; this service takes up to {_gb(self.limit)}.")
         with storage_explained(MODELS):
             self._root.mkdir(exist_ok=True)
-            with self._alone():
+            with _locked(self._root):
                 self.expire()
-                others = [each for each in self._all() if not each.added]
+                others = [
+                    each for each in self._all() if not each.added and not self._idle(each.path.parent, STALLED_S)
+                ]
                 if len(others) >= MOST:
                     raise Overloaded(f"{MOST} files are being uploaded already; try again later.", RETRY_S)
+                if sum(each.address == address for each in others) >= MOST_OF_ADDRESS:
+                    raise Overloaded(
+                        f"{MOST_OF_ADDRESS} files are being uploaded from this address already; try again later.",
+                        RETRY_S,
+                    )
                 check_room(self._root, length + sum(each.length - each.offset for each in others))
                 folder = self._root / secrets.token_hex(16)
                 folder.mkdir()
-                (folder / _ABOUT).write_text(json.dumps({"scene": scene, "length": length}))
+                (folder / _ABOUT).write_text(json.dumps({"scene": scene, "length": length, "address": address}))
                 (folder / scene).touch()
         return self.get(folder.name)
 
@@ -96,15 +113,15 @@ class Uploads:
         folder = self._folder(id)
         try:
             about = json.loads((folder / _ABOUT).read_text())
-            added = (folder / _ADDED).exists()
             path = folder / about["scene"]
+            added = not path.exists() and (folder / _ADDED).exists()
             offset = about["length"] if added else path.stat().st_size
         except (OSError, ValueError):
             raise UnknownUpload("There is no such upload; it may have been given up.") from None
-        return Upload(id, about["scene"], about["length"], offset, path, added)
+        return Upload(id, about["scene"], about["length"], offset, path, added, about.get("address", ""))
 
     def append(self, id: str, offset: int, part: bytes) -> None:
-        """Write what comes next, of whichever request that is: of two, the one that is late is refused.
+        """Append a part; of two concurrent requests, the later one is refused.
 
         Raises UnknownUpload, WrongOffset, BodyTooLarge, DiskFull and StorageFailed.
         """
@@ -121,22 +138,36 @@ class Uploads:
             while rest:
                 rest = rest[file.write(rest) :]
 
-    def note_added(self, upload: Upload) -> None:
-        """Remember for a while that it is a scene: whoever did not hear it asks again. Raises StorageFailed."""
-        with storage_explained(MODELS):
-            (self._folder(upload.id) / _ADDED).touch()
+    def note_adding(self, upload: Upload) -> None:
+        """Take it for a scene, for clients that ask again, once its file has moved. Raises OSError."""
+        (self._folder(upload.id) / _ADDED).touch()
+
+    @contextmanager
+    def locked(self, upload: Upload) -> Iterator[None]:
+        """Keep other processes from checking an upload meanwhile. Raises OSError."""
+        with _locked(self._folder(upload.id)):
+            yield
 
     def discard(self, id: str) -> None:
         """Give one up. Raises UnknownUpload."""
         shutil.rmtree(self.get(id).path.parent, ignore_errors=True)
 
     def expire(self) -> None:
-        """Give up those of which nothing comes any more."""
+        """Drop stalled uploads."""
         for folder in self._folders():
-            with suppress(OSError):
-                newest = max(path.stat().st_mtime for path in (folder, *folder.iterdir()))
-                if self._clock() - newest > IDLE_S:
-                    shutil.rmtree(folder, ignore_errors=True)
+            if self._idle(folder, IDLE_S):
+                shutil.rmtree(folder, ignore_errors=True)
+        for each in self._all():
+            if not each.offset and self._idle(each.path.parent, STALLED_S):
+                shutil.rmtree(each.path.parent, ignore_errors=True)
+
+    def _idle(self, folder: Path, seconds: float) -> bool:
+        """Whether an upload's folder has been unchanged for this long."""
+        try:
+            newest = max(path.stat().st_mtime for path in (folder, *folder.iterdir()))
+        except OSError:
+            return False
+        return self._clock() - newest > seconds
 
     def _folder(self, id: str) -> Path:
         if not _ID.fullmatch(id):
@@ -154,16 +185,26 @@ class Uploads:
             with suppress(UnknownUpload):
                 yield self.get(folder.name)
 
-    @contextmanager
-    def _alone(self) -> Iterator[None]:
-        """In all processes, one after the other."""
-        folder = os.open(self._root, os.O_RDONLY)
-        try:
-            fcntl.flock(folder, fcntl.LOCK_EX)
-            yield
-        finally:
-            os.close(folder)
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Exclude all other processes and threads that lock the folder. Raises OSError."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
 
 
 def _gb(size: int) -> str:
     return f"{size / 1e9:.3g} GB"
+
+
+def open_uploads(settings: RenderSettings) -> Uploads:
+    """The uploads to the models directory, if pages may change it. Raises ScenesFixed."""
+    if not settings.pages_edit_scenes:
+        raise ScenesFixed("Pages may not change this service's scenes; outside a cluster, --edit-scenes lets them.")
+    if not os.access(settings.scenes, os.W_OK | os.X_OK):
+        raise ScenesFixed("The service may not write to its models directory.")
+    return Uploads(settings.scenes, limit=int(settings.memory_gb * 1e9))

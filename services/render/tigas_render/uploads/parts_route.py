@@ -1,6 +1,6 @@
-"""Parts of uploads over HTTP, as tus 1.0 has them (https://tus.io/protocols/resumable-upload): what broke off goes on.
+"""Parts of uploads over HTTP by tus 1.0 (https://tus.io/protocols/resumable-upload), which resumes interrupted uploads.
 
-The one request with a large body, which is taken by whichever process speaks with the client; `routes` has the rest.
+The only request with a large body, accepted by the process that holds the client's connection; the rest is in `routes`.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from starlette.routing import Route
 from tigas_common.errors import InvalidRequest, TigasError
 from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, on_error
 from tigas_render.settings import RenderSettings
-from tigas_render.uploads.permission import open_uploads
+from tigas_render.uploads.parts import open_uploads
 
 PATH = "/uploads"
 VERSION = "1.0.0"
 CONTENT = "application/offset+octet-stream"
 WRITE_BYTES = 1 << 20
-"""What is written at a time."""
+"""Bytes written at a time."""
 
 Endpoint = Callable[[Request], Awaitable[Response]]
 
@@ -42,14 +42,14 @@ class NotAPart(TigasError):
 
 
 def uploads_app(settings: RenderSettings) -> Starlette:
-    """An application that takes parts, and nothing else."""
+    """An application with the route for parts only."""
     app = Starlette(routes=[PART], exception_handlers=EXCEPTION_HANDLERS)
     app.state.settings = settings
     return app
 
 
 def tus(endpoint: Endpoint) -> Endpoint:
-    """Checks the version, and says it in every answer."""
+    """Checks the protocol version, and adds it to every answer."""
 
     @wraps(endpoint)
     async def answer(request: Request) -> Response:
@@ -68,7 +68,7 @@ def tus(endpoint: Endpoint) -> Endpoint:
 
 @tus
 async def append(request: Request) -> Response:
-    """The next part of an upload. What comes of it is kept, wherever it breaks off."""
+    """The next part of an upload. Received data is kept, wherever the connection breaks."""
     uploads, id = open_uploads(request.app.state.settings), request.path_params["id"]
     if request.headers.get("content-type") != CONTENT:
         raise NotAPart(f"Content-Type: a part of an upload is {CONTENT}.")

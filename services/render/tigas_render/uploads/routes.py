@@ -1,4 +1,4 @@
-"""Uploads over HTTP, as tus 1.0 has them: begun, asked about, given up. `parts_route` takes what they consist of."""
+"""Uploads over HTTP by tus 1.0: creation, status and removal. `parts_route` accepts their contents."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from tigas_common.errors import InvalidRequest
-from tigas_render.scenes.adding import check_free
+from tigas_common.peers import client_network
 from tigas_render.scenes.directory import scene_id
+from tigas_render.scenes.library_operations import check_free
+from tigas_render.uploads.parts import open_uploads
 from tigas_render.uploads.parts_route import PART, PATH, number_of, tus
-from tigas_render.uploads.permission import open_uploads
 
 EXTENSIONS = "creation,termination"
 MOST_NAME = 255
@@ -22,19 +23,20 @@ MOST_NAME = 255
 
 @tus
 async def about(request: Request) -> Response:
-    """What uploads may be, as tus' headers."""
+    """Limits of uploads, as tus headers."""
     limit = open_uploads(request.app.state.settings).limit
     return Response(status_code=204, headers={"Tus-Extension": EXTENSIONS, "Tus-Max-Size": str(limit)})
 
 
 @tus
 async def create(request: Request) -> Response:
-    """Begin to upload a scene's file (tus 1.0), whose name is `filename` in Upload-Metadata."""
+    """Start uploading a scene's file (tus 1.0), named `filename` in Upload-Metadata."""
     uploads = open_uploads(request.app.state.settings)
     name, length = _file_name(request), number_of(request, "upload-length")
     scene = scene_id(Path(name)) if Path(name).name == name else name
     await asyncio.to_thread(check_free, uploads.models, scene)
-    upload = await asyncio.to_thread(uploads.create, scene, length)
+    address = client_network(request.client.host) if request.client else ""
+    upload = await asyncio.to_thread(uploads.create, scene, length, address)
     # relative, so that it is right behind a proxy that serves this under another path
     return Response(status_code=201, headers={"Location": f"uploads/{upload.id}"})
 

@@ -1,4 +1,4 @@
-"""A long-lived conversation with a command-line tool: lines go in as they come, answers and complaints come back."""
+"""A long-running dialogue with a command-line tool: lines go in, answers and errors come back."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ _LINE = re.compile(r"[ -~]+")
 
 
 class CommandError(Exception):
-    """The tool refused a line, or is gone. Its own words."""
+    """The tool refused a line, or has exited. The message is its own."""
 
 
 class Channel:
-    """One running tool. After a CommandError the conversation has lost its thread: close it.
+    """One running tool. After a CommandError the dialogue is out of step: close it.
 
-    Nothing is ever given to a shell: a tool gets whole lines that our own code made of numbers and checked names.
+    No shell is involved: a tool gets whole lines composed by our own code from numbers and checked names.
     """
 
     def __init__(self, process: Process, failure: str) -> None:
@@ -32,8 +32,8 @@ class Channel:
     @classmethod
     @asynccontextmanager
     async def open(cls, argv: Sequence[str], failure: str) -> AsyncIterator[Channel]:
-        """Run a tool for as long as the context lasts. `failure` begins the last line of each of its complaints."""
-        # In a session of its own, so that Ctrl+C reaches the shaper alone, which then ends the tool in good order.
+        """Run a tool, as a context manager. `failure` is the prefix of the last line of its error messages."""
+        # In a separate session, so that Ctrl+C reaches the shaper alone, which then ends the tool in order.
         process = await asyncio.create_subprocess_exec(
             *argv, stdin=PIPE, stdout=PIPE, stderr=STDOUT, start_new_session=True
         )
@@ -50,7 +50,7 @@ class Channel:
                 await process.wait()
 
     def write(self, *lines: str) -> None:
-        """Send lines without waiting; whether they were accepted, the next `ask` tells. Raises CommandError."""
+        """Send lines without waiting; the next `ask` reports errors. Raises CommandError."""
         for line in lines:
             if not _LINE.fullmatch(line):
                 raise CommandError(f"{line!r} is not one line of plain text.")

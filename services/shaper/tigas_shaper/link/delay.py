@@ -20,13 +20,13 @@ _PROBE = Interface("tigas-probe")
 
 
 class DelayStage(ABC):
-    """What happens to one direction's packets once they have left the rate device."""
+    """Delay, jitter and loss of one direction, applied after the rate device."""
 
     backend: ClassVar[Backend]
 
     @abstractmethod
     def set(self, state: LinkSetting, *, blocked: bool) -> None:
-        """Change delay, jitter and loss; when blocked, nothing passes. Raises CommandError."""
+        """Change delay, jitter and loss; when blocked, no packet passes. Raises CommandError."""
 
     @abstractmethod
     def check(self) -> None:
@@ -34,7 +34,7 @@ class DelayStage(ABC):
 
 
 class NetemStage(DelayStage):
-    """The kernel's own. The rate device is an IFB, which gives packets back to the interface they came from."""
+    """The kernel's netem. The rate device is an IFB, which returns packets to the interface they came from."""
 
     backend = "netem"
 
@@ -45,8 +45,8 @@ class NetemStage(DelayStage):
     @classmethod
     @asynccontextmanager
     async def open(cls, tc: Channel, device: Interface, interface: Interface) -> AsyncIterator[NetemStage]:
-        """Make the rate device, and put a netem leaf in the way of marked packets on the interface; all others pass it
-        by, unqueued. Raises CommandError.
+        """Make the rate device, and put a netem leaf in the path of marked packets on the interface; all others bypass
+        it unqueued. Raises CommandError.
         """
         await run("ip", "link", "add", device, "type", "ifb")
         try:
@@ -64,14 +64,14 @@ class NetemStage(DelayStage):
 
     def set(self, state: LinkSetting, *, blocked: bool) -> None:
         loss = 100.0 if blocked else state.loss_pct
-        # A rate, however high, makes netem send packets in the order in which they came, in spite of jitter.
+        # Any rate, however high, makes netem keep packets in order despite jitter.
         self._tc.write(
             f"qdisc change dev {self._interface} parent 2:1 handle 20: netem limit 100000 "
             f"delay {_us(state.delay_ms)}us {_us(state.jitter_ms)}us loss {loss:.4f}% rate 100gbit"
         )
 
     def check(self) -> None:
-        pass  # tc's channel complains of whatever is gone
+        pass  # tc's channel reports missing objects
 
 
 class RelayStage(DelayStage):
@@ -94,9 +94,9 @@ class RelayStage(DelayStage):
         try:
             if (answer := await process.stdout.readline()) != b"ready\n":
                 raise CommandError(f"The relay cannot start: {answer.decode(errors='replace').strip()}.")
-            # Without an address of its own, the kernel sends nothing into the device of its own accord.
+            # Without an address, the kernel sends no packets of its own into the device.
             await run("ip", "link", "set", device, "addrgenmode", "none", "up")
-            # What comes out of the device's far end, the relay, goes out of the interface.
+            # Packets leaving the device's far end, the relay, go out of the interface.
             tc.write(
                 f"qdisc add dev {device} clsact",
                 f"filter add dev {device} ingress protocol ip prio 1 {EVERYTHING} "

@@ -1,15 +1,15 @@
-"""One direction of the link: packets leave their way, are held to a rate, and come back.
+"""One direction of the link: packets are diverted, limited to a rate, and returned.
 
     forwarded packets, marked by nftables
       → clsact egress of the interface towards their receiver: redirected to the rate device
-      → HTB on the rate device, whose leaf is a queue counted in bytes
+      → HTB on the rate device, with a leaf queue counted in bytes
       → delay, jitter and loss (delay.py)
       → the interface, and out
 
-Only marked packets take this way: what the gateway itself sends, such as answers of its API, is not shaped.
-The leaf is a token bucket far faster than the link. It queues bytes in first-in-first-out order as bfifo does, and in
-addition it cuts segmentation-offload super-packets (up to 64 kB, one unit to a queue) into packets as they arrive, so
-a sender that we cannot reach may keep its offloads.
+Only marked packets take this path: packets of the gateway itself, such as answers of its API, are not shaped. The leaf
+is a token bucket far faster than the link. It queues bytes in first-in-first-out order like bfifo, and also splits
+segmentation-offload super-packets (up to 64 kB, one unit to a queue) into packets on arrival, so that offloads may stay
+enabled on senders out of our reach.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ from tigas_shaper.link.interfaces import Interface
 from tigas_shaper.link.marking import MARKED
 
 FLOOR_KBPS = 50.0
-"""The least rate. HTB waits out a packet's time before it sends the next, even after the rate has risen: at this rate
-a quarter of a second. In an outage, HTB keeps its rate and the leaf is slowed to this one instead, since a token bucket
-forgets its debt when it is changed: traffic flows again at once. What still trickles through, the delay stage stops."""
+"""The minimum rate. HTB waits out a packet's time before it sends the next, even after the rate has risen: a quarter of
+a second at this rate. In an outage, HTB keeps its rate and the leaf is slowed to this one instead, since a token bucket
+loses its debt when it is changed: traffic resumes at once. The delay stage stops any remaining trickle.
+"""
 FULL_PACKET = 1514
 """Bytes of a full Ethernet packet, as tc counts it."""
 MIN_QUEUE = 8 * FULL_PACKET
@@ -40,7 +41,7 @@ LEAF_BURST = 2 * FULL_PACKET
 
 @dataclass(frozen=True, slots=True)
 class Counters:
-    """What tc has counted in one direction. Bytes are those of whole Ethernet frames."""
+    """tc's counters for one direction. Bytes are those of whole Ethernet frames."""
 
     sent_bytes: int
     dropped_packets: int
@@ -49,7 +50,7 @@ class Counters:
 
 
 class Direction:
-    """What is in force in one direction; only what changes is sent to tc. All methods raise CommandError."""
+    """Present settings of one direction; only changes are sent to tc. All methods raise CommandError."""
 
     def __init__(
         self, tc: Channel, device: Interface, interface: Interface, stage: DelayStage, *, queue_ms: float
@@ -70,7 +71,7 @@ class Direction:
     async def open(
         cls, tc: Channel, device: Interface, interface: Interface, *, backend: Backend, queue_ms: float
     ) -> AsyncIterator[Direction]:
-        """Shape what leaves an interface, by way of a rate device that is made for it, as long as the context lasts."""
+        """Shape an interface's outgoing packets through a new rate device, as a context manager."""
         async with STAGES[backend].open(tc, device, interface) as stage:
             try:
                 tc.write(
@@ -87,7 +88,7 @@ class Direction:
                 await attempt("tc", "qdisc", "del", "dev", interface, "clsact")
 
     def shape(self, state: LinkSetting, rate_kbps: float, mean_kbps: float | None) -> None:
-        """Hold packets to a rate, and to the state's delay, jitter and loss; the queue fits to a mean rate if given."""
+        """Apply a rate, and the state's delay, jitter and loss; the queue is sized for a mean rate if given."""
         lines = []
         blocked = rate_kbps == 0
         if not blocked and rate_kbps != self._rate:
@@ -104,14 +105,14 @@ class Direction:
         self._tc.write(*lines)
 
     async def counters(self) -> Counters:
-        """What tc has counted; finds whatever went wrong since."""
+        """tc's counters; also reports errors since the last call."""
         if self._interface.number != self._number:
             raise CommandError(f"the interface {self._interface} has disappeared.")
         self._stage.check()
         answer: list[dict[str, Any]] = json.loads(await self._tc.ask(f"qdisc show dev {self._device}", "["))
         root = next((entry for entry in answer if entry.get("root") and entry["kind"] == "htb"), None)
         if root is None:
-            raise CommandError(f"somebody else has removed the shaping of {self._device}.")
+            raise CommandError(f"another program has removed the shaping of {self._device}.")
         return Counters(root["bytes"], root["drops"], root["backlog"])
 
 

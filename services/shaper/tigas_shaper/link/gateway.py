@@ -1,8 +1,8 @@
 """The router hop: forwards the services' ports from the access side to the service side, while its gate is open.
 
-Everything lives in one nftables table of our own, owned by the `nft` process that we talk to: the kernel removes the
-table when that process ends, and the process ends when we do, so that even a kill leaves nothing forwarded. (`fwd` is a
-word of nft's own language, hence the names of chains.)
+Everything is in one nftables table of our own, owned by the `nft` process that we talk to: the kernel removes the table
+when that process ends, and the process ends with us, so that even a kill leaves no forwarding behind. (`fwd` is a
+reserved word of nft, hence the names of chains.)
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ IP_FORWARD = Path("/proc/sys/net/ipv4/ip_forward")
 
 @dataclass(frozen=True, slots=True)
 class Forward:
-    """One port of the gateway, and where what arrives there goes."""
+    """One port of the gateway, and its destination."""
 
     protocol: Literal["tcp", "udp"]
     port: int
@@ -61,7 +61,7 @@ class Gateway:
     @classmethod
     @asynccontextmanager
     async def open(cls, access: Interface, service: Interface, forwards: Sequence[Forward]) -> AsyncIterator[Gateway]:
-        """A closed gateway for as long as the context lasts. Raises StartError and CommandError."""
+        """A closed gateway, as a context manager. Raises StartError and CommandError."""
         async with AsyncExitStack() as stack:
             stack.enter_context(_forwarding())
             nft = await stack.enter_async_context(Channel.open(("nft", "-i"), "Error:"))
@@ -74,12 +74,12 @@ class Gateway:
         self._nft.write(f"flush chain ip {TABLE} gate")
 
     def close_gate(self) -> None:
-        """Let nothing through."""
-        with suppress(CommandError):  # without the tool its table is gone, and nothing is forwarded anyway
+        """Close the gate."""
+        with suppress(CommandError):  # without the tool its table is removed, and forwarding has ended anyway
             self._nft.write(f"add rule ip {TABLE} gate drop")
 
     async def shut(self) -> None:
-        """Let nothing through, and return when that is so."""
+        """Close the gate, and return once it is closed."""
         self.close_gate()
         with suppress(CommandError):
             await self.check()
@@ -117,7 +117,7 @@ def rules(access: Interface, service: Interface, forwards: Sequence[Forward]) ->
 
 
 async def remove_leftovers(interfaces: Sequence[Interface]) -> None:
-    """Remove what a shaper that was killed left behind."""
+    """Remove the leftovers of a killed shaper."""
     for interface in interfaces:
         await attempt("tc", "qdisc", "del", "dev", interface, "clsact")
         await attempt("tc", "qdisc", "del", "dev", interface, "root", "handle", "2:")
@@ -127,10 +127,11 @@ async def remove_leftovers(interfaces: Sequence[Interface]) -> None:
 
 @contextmanager
 def shaper_lock() -> Iterator[None]:
-    """Hold the right to shape in this network namespace. Raises StartError if another shaper has it.
+    """Hold the lock of shaping in this network namespace, as a context manager. Raises StartError if another shaper has
+    it.
 
-    The lock is a Unix socket in the abstract namespace: it belongs to the network namespace, as links do, and goes with
-    its process however that ends.
+    The lock is a Unix socket in the abstract namespace: it belongs to the network namespace, like links, and disappears
+    with its process in any case.
     """
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as lock:
         try:

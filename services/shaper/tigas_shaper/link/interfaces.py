@@ -1,4 +1,4 @@
-"""Network interfaces: names that are safe to write into a command, and what we ask of them."""
+"""Network interfaces: names that are safe in a command, and queries."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,14}")
 
 
 class Interface(str):
-    """The name of a network interface. Raises ValueError for what is no name."""
+    """The name of a network interface. Raises ValueError if it is invalid."""
 
     __slots__ = ()
 

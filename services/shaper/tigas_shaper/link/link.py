@@ -39,7 +39,7 @@ class ShapedLink:
         queue_ms: float,
         on_close: Callable[[], None],
     ) -> AsyncIterator[ShapedLink]:
-        """Shape what is forwarded between two interfaces for as long as the context lasts.
+        """Shape packets forwarded between two interfaces, as a context manager.
 
         `on_close` is called when the link closes before that. Raises CommandError if it cannot be set up.
         """
@@ -57,19 +57,19 @@ class ShapedLink:
             yield link
 
     def apply(self, state: LinkSetting, mean_kbps: tuple[float, float] | None = None) -> None:
-        """Change the link, now; `mean_kbps`, down and up, is what its queues are fitted to. Raises LinkClosed."""
+        """Change the link, now; `mean_kbps`, down and up, sizes its queues. Raises LinkClosed."""
         mean_down, mean_up = mean_kbps or (None, None)
         with _Closing(self):
             self._down.shape(state, state.down_kbps, mean_down)
             self._up.shape(state, state.up_kbps, mean_up)
 
     async def counters(self) -> tuple[Counters, Counters]:
-        """Of both directions, down first. Finds whatever went wrong since: raises LinkClosed."""
+        """Counters of both directions, down first. Reports errors since the last call: raises LinkClosed."""
         with _Closing(self):
             return await self._down.counters(), await self._up.counters()
 
     def close(self, reason: str) -> None:
-        """Let nothing pass any more."""
+        """Close the link for good."""
         if self.closed is None:
             self.closed = reason
             self._on_close()

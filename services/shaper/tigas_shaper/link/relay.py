@@ -1,12 +1,11 @@
-"""Delay, jitter and loss for kernels without netem: a process that holds packets for a while.
+"""Delay, jitter and loss for kernels without netem: a process that delays packets.
 
-`python -m tigas_shaper.link.relay DEVICE` makes a TAP device. Packets that the kernel sends to it are read, kept, and
-written back, which the kernel takes for packets that the device received; direction.py's filters bring them there and
-away.
-The device goes when the process does, and the process goes when its standard input is closed, so that nothing stays
-behind and nothing passes once the shaper is gone. Standard input takes one packed RelayState after another.
+`python -m tigas_shaper.link.relay DEVICE` makes a TAP device. Packets sent to it by the kernel are read, kept, and
+written back, which the kernel treats as packets received by the device; direction.py's filters route them there and
+back. The device disappears with the process, and the process ends when its standard input is closed, so that nothing
+stays behind and no packet passes once the shaper has ended. Standard input takes a sequence of packed RelayState.
 
-One process a direction, with nothing but the standard library in it: other work of the shaper cannot make packets late.
+There is one process per direction, using only the standard library: other work of the shaper cannot delay packets.
 """
 
 from __future__ import annotations
@@ -29,14 +28,14 @@ _TUNSETIFF = 0x400454CA
 _IFF_TAP_NO_PI = 0x0002 | 0x1000
 _LARGEST_FRAME = 65_536
 _MOST_AT_ONCE = 64
-"""So many packets are read before those that are due are written."""
+"""Number of packets read before due ones are written."""
 MAX_HELD = 64 * 1024 * 1024
 """Bytes kept at most: more is lost. Two seconds at 250 Mbit/s."""
 
 
 @dataclass(frozen=True, slots=True)
 class RelayState:
-    """What happens to packets: seconds, seconds, and a probability. When blocked, they wait where they come from."""
+    """Delay and jitter in seconds, and loss as a probability. When blocked, packets wait at their source."""
 
     delay_s: float = 0.0
     jitter_s: float = 0.0
@@ -56,10 +55,10 @@ class RelayState:
 
 
 class DelayLine:
-    """Packets on their way. They leave in the order in which they came, as on a link, whatever the jitter.
+    """Packets in transit. They leave in order, as on a link, whatever the jitter.
 
-    The delay of each is uniform between delay − jitter and delay + jitter, as netem's; a packet may leave later than
-    that because of one before it.
+    The delay of each is uniform between delay − jitter and delay + jitter, like netem's; a packet may leave later
+    because of an earlier one.
     """
 
     def __init__(self, uniform: Callable[[float, float], float]) -> None:

@@ -1,1 +1,1 @@
-"""Network traces: what a link can carry over time, and where such traces come from. Nothing here touches a link."""
+"""Network traces: the capacity of a link over time, and sources of such traces. Independent of any link."""

@@ -1,4 +1,4 @@
-"""Builds a trace from states and how long each lasts, as recordings tell them."""
+"""Builds a trace from states and their durations, as found in recordings."""
 
 from __future__ import annotations
 
@@ -28,8 +28,9 @@ class TraceBuilder:
         jitter_ms: float = 0.0,
         loss_pct: float = 0.0,
     ) -> None:
-        """The next state. Times are rounded to whole milliseconds as they add up, so that nothing drifts; what then
-        lasts no millisecond is left out."""
+        """Append a state. Times are rounded to whole milliseconds as they add up, so that nothing drifts; states
+        shorter than that are dropped.
+        """
         start, self._end = round(self._end), self._end + lasts_ms
         if self._end > MAX_DURATION_MS:
             raise TraceError(f"Line {line}: a trace may last 30 days; this one lasts longer.")

@@ -1,8 +1,8 @@
-"""Our own CSV: `t_ms,down_kbps,up_kbps,delay_ms,jitter_ms,loss_pct`, one line a change. docs/traces.md describes it.
+"""Our own CSV: `t_ms,down_kbps,up_kbps,delay_ms,jitter_ms,loss_pct`, one line per change. Described in docs/network.md.
 
-An empty cell means "as before". `t_ms` and `down_kbps` must be there; another column that is absent, or empty before
-its first value, has its default. A last line with nothing but a time marks the end, where the trace starts again;
-without it the last state lasts as long as the one before.
+An empty cell repeats the previous value. `t_ms` and `down_kbps` are required; another column that is absent, or empty
+before its first value, has its default. A last line with only a time marks the end, where the trace starts again;
+without it the last state is as long as the previous one.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ _TIME = re.compile(r"\d{1,15}", re.ASCII)
 
 
 def parse_csv(name: str, text: str, up_kbps: float = DEFAULT_UP_KBPS) -> NetworkTrace:
-    """A trace in our format; `up_kbps` is the uplink where the file says nothing of it. Raises TraceError."""
+    """A trace in our format; `up_kbps` is the default uplink. Raises TraceError."""
     rows = lines(text)
     first, header = next(rows)
     columns = _cells(header)
     _check_header(first, columns)
     values = {**VALUES, "up_kbps": up_kbps}
     builder = TraceBuilder(name)
-    start, lasts, pending = -1, ONLY_STEP_MS, 0  # `pending` is the line whose end is still to come
+    start, lasts, pending = -1, ONLY_STEP_MS, 0  # `pending` is the line with an open end
     changed = True
     for line, content in rows:
         cells = _cells(content)

@@ -1,4 +1,4 @@
-"""Downloads one file. pooch keeps it if its checksum is right; an interrupted transfer goes on where it stopped."""
+"""Downloads one file. pooch keeps it if its checksum is right; an interrupted transfer is resumed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MAX_BYTES = 1_000_000_000
 """Of one file; a server that never stops must not fill the disk."""
 
 Progress = Callable[[int, int | None], None]
-"""Hears how many bytes there are and, if the server says so, how many there will be."""
+"""Progress callback: bytes so far and, if the server announces it, the total."""
 
 
 def download(file: SourceFile, directory: Path, client: httpx.Client, progress: Progress) -> Path:
@@ -55,7 +55,7 @@ def _transfer(url: str, part: Path, tag: Path, client: httpx.Client, progress: P
             case 206 if response.headers.get("Content-Range", "").startswith(f"bytes {have}-"):
                 _store(response, part, tag, have, progress)
                 return
-            case 416 if have:  # the part is as long as the file or longer: there is nothing to go on with
+            case 416 if have:  # the part is at least as long as the file: it cannot be resumed
                 part.unlink()
             case _:
                 raise FetchError(f"{url} was answered with {response.status_code} {response.reason_phrase}.")

@@ -1,4 +1,4 @@
-"""Reads traces in our own format and in those of published recordings; the content tells which, never the name."""
+"""Reads traces in our own format and in those of published recordings; detected by content, never by name."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def parse_trace(name: str, data: bytes, *, up_kbps: float = DEFAULT_UP_KBPS, for
 
 
 def recognise(text: str) -> str:
-    """The format of a trace's text. Raises TraceError if it is none of ours."""
+    """The format of a trace's text. Raises TraceError if it is unknown."""
     line, first = next(lines(text)) if text.lstrip()[:1] not in ("[", "{") else (1, "[")
     if first == "[":
         return "sabre"
@@ -66,7 +66,7 @@ def recognise(text: str) -> str:
 
 
 def trace_name(filename: str) -> str:
-    """A valid name for the trace of a file: no folder, no suffix, and a hyphen for what a name cannot hold."""
+    """A valid trace name for a file: no folder, no suffix, and a hyphen for invalid characters."""
     path = PurePath(PurePath(filename).name)
     while path.suffix.lower() in _SUFFIXES:
         path = path.with_suffix("")

@@ -1,8 +1,8 @@
-"""A seeded model of links whose rate wanders: a Markov chain of regimes, and autoregressive variation within each.
+"""A seeded model of links with a wandering rate: a Markov chain of regimes, and autoregressive variation within each.
 
-Bit for bit the same everywhere: `random.Random.random` is documented never to change for a seed, and nothing but
-+ − × ÷ and the square root touches its numbers, which IEEE 754 rounds exactly; no exp or log, whose last bit is the C
-library's. Rates are whole kbit/s.
+Bit for bit the same everywhere: `random.Random.random` is documented to be stable for a seed, and its numbers are
+processed only with + − × ÷ and the square root, which IEEE 754 rounds exactly; no exp or log, whose last bit depends on
+the C library. Rates are whole kbit/s.
 """
 
 from __future__ import annotations
@@ -23,17 +23,18 @@ class Regime:
     down_kbps: float
     """Mean rate while it lasts."""
     spread: float
-    """c in rate = mean (1 + c z)² / (1 + c²), z standard normal: never negative, mean exact, a little skewed as rates
-    are, with a coefficient of variation of √(4c² + 2c⁴) / (1 + c²), about 2c."""
+    """c in rate = mean (1 + c z)² / (1 + c²), z standard normal: never negative, exact mean, slightly skewed like
+    measured rates, with a coefficient of variation of √(4c² + 2c⁴) / (1 + c²), about 2c.
+    """
     dwell_s: float
     """Mean time spent in it before it changes; geometrically distributed."""
     next: Mapping[str, float]
-    """Where it changes to, with what probability; they sum to 1."""
+    """Probabilities of the next regime; they sum to 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkModel:
-    """A link: regimes, what varies within them, and what is constant."""
+    """A link: regimes, variation within them, and constants."""
 
     regimes: Mapping[str, Regime]
     """By name; the first is where it starts."""

@@ -1,4 +1,4 @@
-"""The traces that can be played: those of a directory, and those that were uploaded."""
+"""The available traces: those of a directory, and uploaded ones."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tigas_shaper.traces.trace import NetworkTrace, TraceError
 
 MAX_UPLOADS = 16
 POINTS = 600
-"""A trace is drawn with so many points at most."""
+"""Maximum number of points in a trace's outline."""
 
 
 class TraceLibrary:
@@ -78,7 +78,7 @@ class TraceLibrary:
 
 
 def summary(trace: NetworkTrace, *, uploaded: bool) -> TraceSummary:
-    """What the list says of a trace."""
+    """A trace's entry in the list."""
     return TraceSummary(
         name=trace.name,
         uploaded=uploaded,
@@ -93,7 +93,7 @@ def summary(trace: NetworkTrace, *, uploaded: bool) -> TraceSummary:
 
 
 def points(trace: NetworkTrace) -> TracePoints:
-    """A trace to be drawn: as it is if it is short, otherwise means over equal spans."""
+    """A trace's outline: unchanged if it is short, otherwise means over equal spans."""
     if len(trace.states) <= POINTS:
         return TracePoints(
             name=trace.name,

@@ -1,6 +1,6 @@
-"""The project's own traces, as kept in traces/network: shapes that test one thing each, and stochastic links.
+"""The project's own traces in traces/network: shapes that test one thing each, and stochastic links.
 
-The parameters of the stochastic ones, and what they were fitted to, are in docs/traces.md. Changing anything here
+The parameters of the stochastic ones, and the data they were fitted to, are in docs/network.md. Changing anything here
 changes the files: run `tigas trace generate traces/network` afterwards.
 """
 
@@ -14,7 +14,7 @@ from tigas_shaper.traces.generator import LinkModel, Regime, generate
 from tigas_shaper.traces.trace import NetworkTrace
 
 UP_KBPS = 10_000
-"""The shapes' uplink: out of the way of what they test. Nor have they delay or loss: only the rate changes."""
+"""The shapes' uplink, fast enough not to matter. They have no delay or loss either: only the rate changes."""
 MINUTE_MS = 60_000
 
 MOBILE_VARIATION = ((0.5, 20.0), (0.35, 1.5), (0.15, 0.0))
@@ -78,8 +78,8 @@ def own_traces() -> tuple[NetworkTrace, ...]:
         _shape("cascade", [(10_000, rate) for rate in (40_000, 20_000, 10_000, 5_000, 10_000, 20_000)]),
         _shape("sawtooth", teeth * 3),
         _shape("outage", [(20_000, 20_000), (1_000, 0), (19_000, 20_000), (5_000, 0), (15_000, 20_000)]),
-        # Three minutes of a slow process may be far from typical: each seed is the first, counting from 1, whose
-        # minutes have the mean and the variation of the recordings within 5 %.
+        # Three minutes of a slow process may be far from typical: each seed is the first, counting from 1, with the
+        # mean and variation of the recordings within 5 %.
         generate("4g-bus", BUS_4G, 3 * MINUTE_MS, seed=46),
         generate("4g-train", TRAIN_4G, 3 * MINUTE_MS, seed=47),
         generate("5g-driving", DRIVING_5G, 3 * MINUTE_MS, seed=24),

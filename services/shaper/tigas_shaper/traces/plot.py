@@ -44,7 +44,7 @@ def plot_trace(trace: NetworkTrace, path: Path) -> None:
 
 
 def _small_panels(trace: NetworkTrace) -> list[tuple[str, dict[str, list[float]]]]:
-    """Unit and series of each panel under the rates, without those that are 0 throughout."""
+    """Unit and series of each panel under the rates, without those that are constantly 0."""
     panels = [
         (
             "ms, one way",

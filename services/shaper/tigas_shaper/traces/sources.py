@@ -1,4 +1,4 @@
-"""The list of published trace sets that can be fetched: data, in sources.toml, checked as it is read."""
+"""The list of published trace sets that can be fetched: data in sources.toml, validated on reading."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class SourceFile(BaseModel):
 
     url: str
     sha256: str | None = Field(default=None, pattern="^[0-9a-f]{64}$")
-    """Of the file as it is served; None where nobody has published or checked one."""
+    """Checksum of the served file; None where none has been published or verified."""
 
     @property
     def name(self) -> str:
-        """What it is called on disk: the last part of its URL."""
+        """File name on disk: the last part of its URL."""
         return unquote(urlsplit(self.url).path).rpartition("/")[2]
 
 

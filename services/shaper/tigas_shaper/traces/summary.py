@@ -1,4 +1,4 @@
-"""What a trace amounts to: percentiles of its rates, weighted by time, and its outages."""
+"""Summary of a trace: percentiles of its rates, weighted by time, and its outages."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def rate_percentiles(rates: Sequence[float], steps_ms: Sequence[int]) -> dict[in
 
 
 def outages(trace: NetworkTrace) -> list[tuple[int, int]]:
-    """Start and length, ms, of each time in which nothing passes towards the client."""
+    """Start and length in ms of each period without downlink capacity."""
     found: list[tuple[int, int]] = []
     for time, state, step in zip(trace.times_ms, trace.states, trace.steps_ms, strict=True):
         if state.down_kbps > 0:

@@ -1,4 +1,4 @@
-"""What readers of traces share: bounded reading, numbered lines, and cells as numbers.
+"""Helpers of trace readers: bounded reading, numbered lines, and cells as numbers.
 
 All of it raises TraceError with one sentence that names the line.
 """
@@ -19,7 +19,7 @@ from tigas_shaper.traces.trace import TraceError
 MAX_BYTES = 64_000_000
 """Unpacked. The longest published recordings are a few megabytes."""
 MAX_LINE = 10_000
-"""Characters; bounds what splitting one hostile line can cost."""
+"""Characters; bounds the cost of splitting one hostile line."""
 DEFAULT_UP_KBPS = 10_000.0
 """The uplink where only the downlink was recorded: a usual 4G uplink, and far more than poses and ACKs need, so that
 the recorded direction stays the bottleneck."""

@@ -1,4 +1,4 @@
-"""A network trace: what a link can carry, moment by moment. Plain values; nothing here reads a file or a clock."""
+"""A network trace: the capacity of a link over time. Plain values, without files or clocks."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+=-]{0,99}")
 
 
 class TraceError(TigasError):
-    """The trace cannot be read, or asks for what no link can do."""
+    """The trace is unreadable or out of range."""
 
     status, type, title = 422, "broken-trace", "The network trace cannot be used"
 
 
 @dataclass(frozen=True)
 class NetworkTrace:
-    """What a link does over time, to be played from the start and again from there at its end.
+    """A link's states over time, played from the start and repeated from there.
 
-    Raises TraceError where times do not start at 0 and rise, where lengths differ, or over the limits above.
+    Raises TraceError if times do not start at 0 and increase, lengths differ, or a limit above is exceeded.
     """
 
     name: str
@@ -34,7 +34,7 @@ class NetworkTrace:
     times_ms: tuple[int, ...]
     """Strictly increasing from 0."""
     states: tuple[LinkSetting, ...]
-    """One a time: what the link does from that time on."""
+    """One per time: the link's state from that time on."""
     duration_ms: int
     """The end of the last state, after the last time."""
 

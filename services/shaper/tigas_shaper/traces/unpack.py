@@ -15,7 +15,7 @@ MAX_BYTES = 2_000_000_000
 
 
 def unpack(archive: Path) -> Path:
-    """The folder beside the archive, of its name without the suffix, with all its files; complete or not there at all.
+    """The folder next to the archive, named without the suffix, with all its files; complete or absent.
 
     Raises FetchError for an archive that is damaged, reaches outside, or is too large, and OSError.
     """

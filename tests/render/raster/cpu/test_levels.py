@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from tigas_render.raster.cpu import CpuRasterizer, levels, scene
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu import rasterizer as rasterizer_module
 from tigas_render.raster.cpu.scene import CpuScene
+from tigas_render.scenes.entry import LoadingEnded
 
 COUNT = 60_000
 
@@ -69,6 +71,17 @@ def test_from_afar_fewer_gaussians_make_nearly_the_same_picture(rasterizer: CpuR
         assert psnr(pixels(rasterizer.render(packed, view)), full) > 35
 
 
+def test_making_levels_can_be_ended(rasterizer: CpuRasterizer) -> None:
+    calls = iter(range(3))
+
+    def check() -> None:
+        if next(calls) == 2:
+            raise LoadingEnded("The service is stopping.")
+
+    with pytest.raises(LoadingEnded):
+        rasterizer.pack(replace(cloud(COUNT, 1).batches(), check=check))
+
+
 def test_levels_take_a_third_more_memory_at_most(rasterizer: CpuRasterizer, monkeypatch: pytest.MonkeyPatch) -> None:
     with_levels = rasterizer.prepare(cloud(COUNT, 3, size=0.02))
     for module in (levels, scene):
@@ -79,7 +92,7 @@ def test_levels_take_a_third_more_memory_at_most(rasterizer: CpuRasterizer, monk
 
 @pytest.mark.parametrize("change", ["large", "far away"])
 def test_what_is_larger_than_a_cell_or_far_outside_is_never_merged(rasterizer: CpuRasterizer, change: str) -> None:
-    """A few of them, of a colour of their own, between small ones that are."""
+    """A few of them in a distinct colour, between small ones that are."""
     everything = cloud(COUNT, 0, size=0.02)
     chosen = np.arange(0, COUNT, 1000)
     if change == "large":
@@ -133,7 +146,7 @@ def test_where_there_is_still_too_much_details_are_left_out(
 
 
 def test_what_becomes_one_keeps_its_place_size_colour_and_cover(rasterizer: CpuRasterizer) -> None:
-    """Fives that lie next to each other, far from others; a few are cut by a cell's border."""
+    """Groups of five neighbours, far from others; a few are cut by a cell's border."""
     places = np.random.default_rng(1).uniform(0, 10, (4000, 3))
     number, step, size = 5 * len(places), 0.001, 0.0004
     packed = rasterizer.prepare(

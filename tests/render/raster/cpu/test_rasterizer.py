@@ -1,4 +1,4 @@
-"""What a caller of the CPU rasteriser relies on: the background, the framebuffers, memory, and equal frames."""
+"""Guarantees of the CPU rasteriser: the background, the framebuffers, memory, and equal frames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The CPU rasteriser draws what the reference draws, whatever the shape of the picture and the place of the camera."""
+"""The CPU rasteriser matches the reference, for any shape of the picture and any camera."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from reference.rasterizer import ReferenceRasterizer
 from tests.render.raster.views import camera, cloud, pixels, psnr
 from tigas_common.pose import Intrinsics, Pose, Vector3
 from tigas_render.gaussians import Gaussians
@@ -14,7 +15,6 @@ from tigas_render.raster.base import Camera
 from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.raster.cpu import rasterizer as cpu_rasterizer
 from tigas_render.raster.depth import depth_size
-from tigas_render.raster.reference import ReferenceRasterizer
 
 FAST, SLOW = CpuRasterizer(), ReferenceRasterizer()
 SIZES = [(64, 48), (37, 41), (1, 1), (400, 20), (20, 400), (333, 7), (129, 65)]
@@ -61,7 +61,7 @@ def test_depth_is_the_references_and_costs_no_pixel(place: str, width: int, heig
     edge = (depth == 0) != (expected == 0)  # hardly any opacity, and just enough in one of them
     assert edge.mean() <= 0.005
     error, norm = np.linalg.norm((depth - expected)[~edge]), np.linalg.norm(expected)
-    # What lies between two pixels of the map is even within a cell of 2 × 2, where it may be uneven.
+    # Values between two pixels of the map are even within a cell of 2 × 2, where they may be uneven.
     in_whole_cells = (height, width) in (depth.shape, tuple(2 * side for side in depth.shape))
     assert error <= (1e-5 if in_whole_cells else 0.01) * norm
 

@@ -1,4 +1,4 @@
-"""Numbers chosen to break things: the CPU rasteriser neither crashes nor draws what it must not."""
+"""Extreme numbers: the CPU rasteriser neither crashes nor draws invalid splats."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""A GPU that draws nothing but runs out of memory, fails and is lost as a real one does.
+"""A GPU that draws nothing but runs out of memory, fails and is lost like a real one.
 
-It stands in for what the CUDA rasteriser calls outside this repository: PyTorch's allocator and streams, the driver,
-cuda.core and nvJPEG's library. Its memory is the host's.
+It replaces the CUDA rasteriser's external dependencies: PyTorch's allocator and streams, the driver, cuda.core and
+nvJPEG's library. Its memory is the host's.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tigas_render.raster import lanes  # noqa: F401 - with Numba, before modules
 from tigas_render.raster.cuda.parameters import LAYOUT
 
 USERS = tuple(f"tigas_render.raster.cuda.{name}" for name in ("driver", "nvjpeg", "rasterizer", "workspace"))
-"""Our modules that import what is replaced."""
+"""Our modules that import the replaced ones."""
 STATUS = 20
 """Where in a frame's parameters the address is at which it leaves the entries that its lists needed."""
 
@@ -31,16 +31,16 @@ class CUDAError(Exception):
 
 
 class FakeGpu:
-    """Counts its memory in bytes. A test sets what goes wrong."""
+    """Counts its memory in bytes. A test sets the faults."""
 
     def __init__(self) -> None:
         self.capacity = 1 << 40
         self.allocated = 0
-        """What tensors take."""
+        """Memory of tensors."""
         self.cached = 0
-        """What PyTorch keeps of tensors that are gone."""
+        """Memory cached by PyTorch after tensors were freed."""
         self.entries = 1000
-        """What the lists of a frame need."""
+        """Memory of a frame's lists."""
         self.frames = 0
         """How many were drawn."""
         self.encoders = 0
@@ -56,7 +56,7 @@ class FakeGpu:
     # -- memory ------------------------------------------------------------------------------------------------------
 
     def allocate(self, size: int) -> torch.Tensor:
-        """Memory of the device. PyTorch gives back what it keeps before it says that there is none."""
+        """Device memory. PyTorch frees its cache before it reports an out-of-memory error."""
         if self.allocated + self.cached + size > self.capacity:
             self.cached = 0
         if self.allocated + size > self.capacity:
@@ -71,7 +71,7 @@ class FakeGpu:
         self.cached += size
 
     def empty_cache(self) -> None:
-        """Give the driver back what PyTorch keeps."""
+        """Return PyTorch's cache to the driver."""
         self.cached = 0
 
     # -- work --------------------------------------------------------------------------------------------------------
@@ -120,7 +120,7 @@ _zeros = torch.zeros
 
 
 FUNCTION = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int64] * 11)
-"""What is called through its address."""
+"""A function called by its address."""
 
 
 class _Library:
@@ -155,7 +155,7 @@ class _Library:
 
 
 def _packages(gpu: FakeGpu) -> dict[str, ModuleType]:
-    """CUDA's packages, as far as they are used."""
+    """The used parts of CUDA's packages."""
 
     def package(name: str, **members: Any) -> ModuleType:
         module = ModuleType(name)
@@ -202,7 +202,7 @@ def fake_gpu() -> Iterator[FakeGpu]:
     gpu = FakeGpu()
 
     def empty(size: int, *, device: torch.device | None = None, pin_memory: bool = False, **options: Any) -> Any:
-        # What nobody draws into would be garbage, which must not decide about a test.
+        # Undrawn pixels would be garbage, which must not decide a test.
         return _zeros(size, **options) if device is None else gpu.allocate(size)
 
     def zeros(*size: int, pin_memory: bool = False, **options: Any) -> Any:

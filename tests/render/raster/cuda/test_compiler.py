@@ -6,12 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.prerequisites import NVRTC
 from tigas_render.raster.cuda import compiler
 
 
+@NVRTC.mark
 @pytest.mark.parametrize("arch", ["sm_80", "sm_86", "sm_89", "sm_90", "sm_100", "sm_120"])
 def test_the_kernels_compile_for_every_generation_from_ampere_on(arch: str) -> None:
-    pytest.importorskip("cuda.core", reason="NVRTC and cuda.core are missing: make gpu")
     assert compiler.compile_kernels(arch).startswith(b"\x7fELF")
 
 

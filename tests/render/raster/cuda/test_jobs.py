@@ -1,4 +1,4 @@
-"""Frames that lanes make on a GPU are those that `render` makes."""
+"""Frames made in lanes on a GPU equal separate ones."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ import numpy as np
 import pytest
 from PIL import Image as PillowImage
 
+from tests.prerequisites import GPU
+from tests.render.raster.cuda.exact_depth import exact_depth
 from tests.render.raster.views import camera, cloud
 from tigas_common.pose import Pose
 from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.depth_segment import quantised
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, PreparedScene
-from tigas_render.raster.devices import why_no_cuda
 from tigas_render.raster.lanes import FetchedImage, Lanes
 
 if TYPE_CHECKING:
     from tigas_render.raster.cuda.rasterizer import CudaRasterizer
 
-NO_CUDA = why_no_cuda()
-pytestmark = pytest.mark.skipif(NO_CUDA is not None, reason=f"no GPU: {NO_CUDA}")
+pytestmark = GPU.mark
 FORMATS: tuple[FrameFormat, ...] = ("jpeg", "png", "yuv420p")
 
 
@@ -38,7 +38,7 @@ def rasterizer(tmp_path_factory: pytest.TempPathFactory) -> CudaRasterizer:
 
 @pytest.fixture(scope="module")
 def lanes(rasterizer: CudaRasterizer) -> Iterator[Lanes]:
-    lanes = Lanes(rasterizer.lanes, rasterizer.enter_thread)
+    lanes = Lanes(rasterizer.frames_in_flight, rasterizer.enter_thread)
     yield lanes
     lanes.end()
     lanes.close()
@@ -71,8 +71,7 @@ def test_a_lanes_frame_is_the_same_in_every_format(
     scene, view = rasterizer.prepare(cloud(3_000, 1, size=0.15)), camera(width, height)
     images = made(rasterizer, lanes, [(scene, view, format) for format in FORMATS], depth=True)
     for format, image in zip(FORMATS, images, strict=True):
-        with rasterizer.render(scene, view, format) as expected:
-            assert image.encode(format, 80) == expected.encode(format, 80)
+        assert image.content == rasterizer.render(scene, view, format, quality=80).content
         assert image.rendering > 0
         assert image.encoding > 0
 
@@ -98,10 +97,7 @@ def test_a_coded_depth_is_as_the_host_would_code_it(
     scene = rasterizer.prepare(cloud(3_000, 1, size=0.15))
     view = camera(width, height, Pose.from_euler(20, 10, 30, place))
     (image,) = made(rasterizer, lanes, [(scene, view, "jpeg")], depth=True)
-    with rasterizer.render(scene, view, depth=True) as exact:
-        exact.encode("jpeg", 80)
-    assert exact.depth is not None
-    nearest, codes = quantised(exact.depth)
+    nearest, codes = quantised(exact_depth(rasterizer.job(scene, view, "jpeg", 80, depth=True)))
     assert image.coded_depth is not None
     assert image.coded_depth.nearest == pytest.approx(nearest, rel=5e-4)
     decoded = np.asarray(PillowImage.open(io.BytesIO(image.coded_depth.image)))

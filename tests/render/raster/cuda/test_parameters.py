@@ -1,4 +1,4 @@
-"""The kernels read a frame's parameters as they are written."""
+"""The kernels read a frame's parameters in the written layout."""
 
 from __future__ import annotations
 

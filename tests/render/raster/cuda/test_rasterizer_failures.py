@@ -1,7 +1,8 @@
-"""What becomes of frames when the GPU is full or fails. The GPU is a stand-in: `fake_gpu`."""
+"""Frames when the GPU is full or fails. The GPU is a fake: `fake_gpu`."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,15 +12,16 @@ import torch
 
 from tests.render.raster.cuda.fake_gpu import FakeGpu, fake_gpu
 from tests.render.raster.views import camera, cloud
-from tigas_common.errors import DeviceLost, OutOfDeviceMemory
+from tigas_common.errors import DeviceLost, OutOfDeviceMemory, Overloaded
 from tigas_common.wire.render import FrameFormat
 from tigas_render.raster.cuda.scene import pack
 
 if TYPE_CHECKING:
-    from tigas_render.raster.cuda.rasterizer import CudaImage, CudaRasterizer
+    from tigas_render.raster.cuda.rasterizer import CudaRasterizer
 
 SCENE = pack(cloud(1000, 0).batches(), torch.device("cpu"))
 MEGABYTE = 1 << 20
+SHRUNK_AFTER = 8
 
 
 @pytest.fixture
@@ -29,19 +31,21 @@ def gpu() -> Iterator[FakeGpu]:
 
 
 @pytest.fixture
-def rasterizer(gpu: FakeGpu, tmp_path: Path) -> CudaRasterizer:
+def rasterizer(gpu: FakeGpu, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CudaRasterizer:
     from tigas_render.raster.cuda.rasterizer import CudaRasterizer
 
+    monkeypatch.setattr(sys.modules["tigas_render.raster.cuda.workspace"], "SHRUNK_AFTER", SHRUNK_AFTER)
     return CudaRasterizer(0, tmp_path)
 
 
-def render(rasterizer: CudaRasterizer, width: int = 64, format: FrameFormat = "png") -> CudaImage:
-    return rasterizer.render(SCENE, camera(width, width), format)
-
-
 def frame(rasterizer: CudaRasterizer, width: int = 64, format: FrameFormat = "png") -> bytes:
-    with render(rasterizer, width, format) as image:
-        return image.encode(format, 90)
+    return rasterizer.render(SCENE, camera(width, width), format).encode(format, 90)
+
+
+def frames_in_flight(rasterizer: CudaRasterizer, count: int) -> None:
+    """Make frames, each in a separate workspace."""
+    for job in [rasterizer.job(SCENE, camera(64, 64), "png", 90, depth=False) for _ in range(count)]:
+        job.run()
 
 
 def test_a_frame_whose_lists_are_too_short_is_drawn_again(gpu: FakeGpu, rasterizer: CudaRasterizer) -> None:
@@ -50,6 +54,30 @@ def test_a_frame_whose_lists_are_too_short_is_drawn_again(gpu: FakeGpu, rasteriz
     assert gpu.frames == 2
     assert frame(rasterizer)
     assert gpu.frames == 3, "the lists stay long"
+
+
+def test_a_frame_with_too_many_entries_is_refused(gpu: FakeGpu, rasterizer: CudaRasterizer) -> None:
+    frame(rasterizer)
+    before, gpu.entries = gpu.allocated, 2**32 - 1
+    with pytest.raises(Overloaded, match="ask for a smaller picture"):
+        frame(rasterizer)
+    assert gpu.allocated == before
+    gpu.entries = 1000
+    assert frame(rasterizer)
+    assert gpu.encoders == 2, "its workspace is used again"
+
+
+def test_lists_that_stay_nearly_empty_are_given_back(gpu: FakeGpu, rasterizer: CudaRasterizer) -> None:
+    frame(rasterizer)
+    before, gpu.entries = gpu.allocated, 100 * MEGABYTE
+    frame(rasterizer)
+    gpu.entries = 1000
+    for _ in range(SHRUNK_AFTER):
+        frame(rasterizer)
+    assert gpu.allocated > 10 * before, "not while one of the last frames needed them"
+    for _ in range(SHRUNK_AFTER + 1):
+        frame(rasterizer)
+    assert gpu.allocated == before
 
 
 def test_a_frame_is_drawn_again_when_only_its_depth_found_the_lists_too_short(
@@ -63,18 +91,15 @@ def test_a_frame_is_drawn_again_when_only_its_depth_found_the_lists_too_short(
         draw()
 
     monkeypatch.setattr(gpu, "draw", draw_next)
-    with rasterizer.render(SCENE, camera(64, 64), "png", depth=True) as image:
-        image.encode("png", 90)
+    image = rasterizer.render(SCENE, camera(64, 64), "png", depth=True)
     assert gpu.frames == 4
-    assert image.depth is not None
-    assert image.depth.shape == (32, 32)
+    assert image.coded_depth is not None
 
 
 def test_a_frame_without_depth_after_one_with_it_has_none(gpu: FakeGpu, rasterizer: CudaRasterizer) -> None:
     for depth in (True, False):
-        with rasterizer.render(SCENE, camera(64, 64), "png", depth=depth) as image:
-            image.encode("png", 90)
-        assert (image.depth is not None) is depth
+        image = rasterizer.render(SCENE, camera(64, 64), "png", depth=depth)
+        assert (image.coded_depth is not None) is depth
     assert gpu.encoders == 2, "in the same workspace"
 
 
@@ -95,9 +120,7 @@ def test_lists_that_cannot_grow_are_an_error_and_take_no_memory_until_they_can(
 def test_once_memory_was_short_the_next_frame_finds_what_idle_workspaces_kept(
     gpu: FakeGpu, rasterizer: CudaRasterizer
 ) -> None:
-    images = [render(rasterizer) for _ in range(3)]
-    for image in images:
-        image.close()
+    frames_in_flight(rasterizer, 3)
     gpu.capacity, idle = gpu.allocated, gpu.allocated
     with pytest.raises(OutOfDeviceMemory):
         frame(rasterizer, 2000)
@@ -105,8 +128,7 @@ def test_once_memory_was_short_the_next_frame_finds_what_idle_workspaces_kept(
     assert frame(rasterizer, 2000)
     assert gpu.encoders == 6
     gpu.capacity = 1000 * MEGABYTE
-    for image in [render(rasterizer) for _ in range(3)]:
-        image.close()
+    frames_in_flight(rasterizer, 3)
     assert gpu.allocated > idle, "what is enough again is kept again"
 
 
@@ -157,10 +179,10 @@ def test_one_failure_costs_one_request(
 def test_a_failure_after_which_nothing_works_is_a_lost_gpu(
     gpu: FakeGpu, rasterizer: CudaRasterizer, jpeg_status: int, reason: str
 ) -> None:
-    image = render(rasterizer, format="jpeg")
+    frame(rasterizer, format="jpeg")
     gpu.lost, gpu.jpeg_status = True, jpeg_status
     with pytest.raises(DeviceLost) as lost:
-        image.encode("jpeg", 90)
+        frame(rasterizer, format="jpeg")
     assert lost.value.detail == f"cuda:0 failed ({reason}); restart the service."
 
 

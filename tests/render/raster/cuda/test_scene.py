@@ -1,4 +1,4 @@
-"""A packed scene holds what can be drawn, in whole chunks, to the precision that a picture needs."""
+"""A packed scene holds the drawable Gaussians, in whole chunks, to the precision that a picture needs."""
 
 from __future__ import annotations
 

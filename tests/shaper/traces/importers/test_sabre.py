@@ -1,4 +1,4 @@
-"""Sabre's JSON: periods one at a time, and nothing deep."""
+"""Sabre's JSON: one period at a time, without deep nesting."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ DIGIT = 8
 DIGITS = 3
 KEY_BITS = DIGIT * DIGITS
 AHEAD = 16
-"""Splats are asked for this many places ahead."""
+"""Splats are prefetched this many places ahead."""
 
 
 @kernel()

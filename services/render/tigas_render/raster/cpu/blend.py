@@ -17,10 +17,11 @@ U, F = np.uint64, np.float32
 CHECK_EVERY = 32
 """Gaussians between two looks at whether a tile is finished."""
 AHEAD = 16
-"""Records are asked for this many places ahead."""
+"""Records are prefetched this many places ahead."""
 CHANNELS = 5
-"""Red, green, blue, the transmittance, which is negative once the pixel is finished, and what is asked for with depth:
-weight / z. One place for all, however many are in use: so much memory costs nothing, and the loop is one."""
+"""Red, green, blue, the transmittance, which is negative once the pixel is finished, and with depth: weight / z. The
+same layout with and without depth: the additional memory costs nothing, and there is one loop.
+"""
 BLOCK_FLOATS = CHANNELS * L.LANES
 TILE_FLOATS = BLOCK_FLOATS * L.TILE_BLOCKS * L.TILE_BLOCKS
 LIGHT, INVERSE = U(3 * L.LANES), U(4 * L.LANES)
@@ -34,7 +35,7 @@ P3, P4, P5 = F(0.05527972284758), F(0.009188611833452), F(0.0009387883195262)
 def blend(splats, starts, begin, end, entries, background, frame, cells, accumulators, turn):
     """Draw tiles begin … end - 1 into frame [H, W, 3] uint8. background: RGB float32.
 
-    cells: what `write_cells` fills, or None; they are compiled apart, so that depth costs nothing where nobody asks.
+    cells: output of `write_cells`, or None; both are compiled separately, so that depth costs nothing unless requested.
     accumulators [threads, TILE_FLOATS]; turn [1]: the next tile, `begin` at first.
     """
     tiles_x = (frame.shape[1] + L.TILE - 1) // L.TILE

@@ -1,4 +1,4 @@
-"""Decides what is looked at: nodes and chunks that may be in the picture, and at which level of detail."""
+"""Culling: nodes and chunks that may be in the picture, and their level of detail."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
@@ -16,9 +16,9 @@ REACH = math.sqrt(2 * math.log(1 / ALPHA_MIN)) * 1.01
 
 @kernel()
 def choose_chunks(chunks, edges, bounds, view, edge_pixels, chosen):
-    """Write into `chosen` what is drawn of each node that may be in the picture; gives the number of chunks.
+    """Write the visible chunks of each node into `chosen`; returns their number.
 
-    chunks, edges, bounds: as `levels.Nodes`. A node is drawn at its coarsest level whose cells, seen from its nearest
+    chunks, edges, bounds: see `levels.Nodes`. A node is drawn at its coarsest level whose cells, seen from its nearest
     corner, have edges of at most edge_pixels; 0 for the full detail.
     """
     count, focal = 0, max(view[V.FX], view[V.FY])

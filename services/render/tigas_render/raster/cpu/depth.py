@@ -8,7 +8,7 @@ import numpy as np
 from tigas_render.raster.cpu.kernel import kernel
 
 CELL = 2
-"""Pixels on each side of a cell; tiles are made of whole ones, so that every cell has one writer."""
+"""Pixels on each side of a cell; tiles consist of whole cells, so that every cell has one writer."""
 
 
 @kernel()

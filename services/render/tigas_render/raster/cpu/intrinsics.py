@@ -1,4 +1,4 @@
-"""What Numba lacks and the kernels need: an atomic counter, a cache hint and bit casts."""
+"""Primitives that Numba lacks: an atomic counter, a cache hint and bit casts."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator,call-arg,var-annotated"
 from __future__ import annotations

@@ -20,13 +20,13 @@ def _fingerprint() -> str:
 
 
 FINGERPRINT = _fingerprint()
-"""Of all that any kernel is made of."""
+"""Digest of the sources of all kernels."""
 
 
 class _KernelCache(FunctionCache):
-    """Numba's cache on disk, except that a change in any module of this package makes it stale.
+    """Numba's cache on disk, invalidated by a change in any module of this package.
 
-    By itself Numba looks at a function's own file only, and would keep what it took from others.
+    Numba itself checks only a function's own file, and would keep code inlined from others.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:

@@ -9,7 +9,7 @@ from tigas_render.raster.base import ALPHA_MIN
 CHUNK = 256
 """Gaussians that are neighbours in space and are culled, projected and stored together."""
 LANES = 16
-"""Gaussians or pixels that one pass of an inner loop handles: one AVX-512 register of float32, two of AVX2."""
+"""Gaussians or pixels per pass of an inner loop: one AVX-512 register of float32, two of AVX2."""
 
 BLOCK = 4
 """Pixels are blended in squares of this side: BLOCK² = LANES."""

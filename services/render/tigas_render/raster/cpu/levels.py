@@ -1,15 +1,16 @@
 """Coarser levels of a large scene: node by node, the Gaussians that share a small cell of space become one.
 
-A node is some chunks of neighbours. Its first level is all of its Gaussians; each further one has at most a quarter of
-the one before. Cells are those of the Z-order's grid, as small as that number allows. Only what is smaller than a cell
-is merged, so that a level differs from the full detail by no more than a cell's edge. A node is drawn at the coarsest
-level whose edge is short on the screen (`culling.choose_chunks`).
+A node is a group of neighbouring chunks. Its first level is all of its Gaussians; each further one has at most a
+quarter of the previous one. Cells are those of the Z-order's grid, as small as that number allows. Only Gaussians
+smaller than a cell are merged, so that a level differs from the full detail by no more than a cell's edge. A node is
+drawn at the coarsest level with a short edge on screen (`culling.choose_chunks`).
 """
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +24,7 @@ from tigas_render.raster.cpu.order import Grid, code_of
 
 U = np.uint64
 FROM = 1 << 20
-"""Scenes of so many Gaussians have levels: two cores draw smaller ones as they are."""
+"""Number of Gaussians from which scenes have levels: two cores draw smaller ones in full."""
 LEVELS = 3
 COARSER = 2
 """A level has at most 1 / 2^COARSER of the Gaussians of the one before."""
@@ -41,7 +42,7 @@ NEVER = math.inf
 
 @dataclass(frozen=True, slots=True)
 class Nodes:
-    """What is drawn of each node at each level; N nodes."""
+    """Chunks of each node at each level; N nodes."""
 
     chunks: NDArray[np.int64]
     """[N, LEVELS, 2] the first chunk, and the one after the last."""
@@ -63,7 +64,7 @@ def room(count: int) -> int:
 
 
 def full_detail(count: int) -> Nodes:
-    """The nodes of `count` Gaussians, in order, that have no other level; bounds are not known yet."""
+    """The nodes of `count` Gaussians, in order, with a single level; bounds are filled in later."""
     chunks = -(-count // L.CHUNK)
     nodes = -(-chunks // NODE)
     levels = np.zeros((nodes, LEVELS, 2), np.int64)
@@ -75,16 +76,24 @@ def full_detail(count: int) -> Nodes:
 
 
 def add_levels(
-    rows: NDArray[np.float32], sh: NDArray[np.float16], count: int, grid: Grid, antialiased: bool, nodes: Nodes
+    rows: NDArray[np.float32],
+    sh: NDArray[np.float16],
+    count: int,
+    grid: Grid,
+    antialiased: bool,
+    nodes: Nodes,
+    check: Callable[[], None],
 ) -> int:
     """Write the coarser levels behind the full detail, and into `nodes`; gives the number of chunks that are in use.
 
     rows [room · CHUNK, GEOMETRY], sh [room · CHUNK, 3 · K]: the first `count` are Gaussians in the grid's Z-order.
+    check: called at each node; raises to end the work.
     """
     codes, sizes = np.empty(NODE * L.CHUNK, np.uint64), np.empty(NODE * L.CHUNK)
     colours = np.empty((NODE * L.CHUNK >> COARSER, sh.shape[1]), np.float32)
     end_of_all = -(-count // L.CHUNK)
     for node in range(len(nodes.edges)):
+        check()
         begin, end = node * NODE * L.CHUNK, min((node + 1) * NODE * L.CHUNK, count)
         for level in range(1, LEVELS):
             most = NODE * L.CHUNK >> (COARSER * level)
@@ -96,8 +105,8 @@ def add_levels(
             if doublings < 0:
                 break
             edge = grid.cell * 2.0**doublings
-            # As wide as pixels where the level begins to be used. The filter of a scene that was trained antialiased
-            # costs opacity, so that what it covers stays the same.
+            # As wide as pixels at the distance where the level comes into use. The filter of a scene that was trained
+            # antialiased costs opacity, so that the coverage is unchanged.
             blur = 0.0 if antialiased else DILATION * (edge / EDGE_PIXELS) ** 2
             first, begin = end_of_all, end_of_all * L.CHUNK
             number = merge(finer, finer_sh, codes, sizes, 3 * doublings, edge, blur, rows[begin:], colours)
@@ -110,7 +119,7 @@ def add_levels(
 
 
 def pad(rows: NDArray[np.float32], sh: NDArray[np.float16], start: int, end: int) -> None:
-    """Fill a chunk's rest, start … end - 1, with copies of its last Gaussian that nobody sees."""
+    """Fill a chunk's rest, start … end - 1, with invisible copies of its last Gaussian."""
     if start < end:
         rows[start:end], sh[start:end] = rows[start - 1], 0
         rows[start:end, L.LOG_ALPHA] = -2
@@ -118,7 +127,7 @@ def pad(rows: NDArray[np.float32], sh: NDArray[np.float16], start: int, end: int
 
 @kernel()
 def bound_nodes(chunk_bounds, chunks, bounds):
-    """Fill bounds [N, BOUNDS] from those of chunks, which chunks [N, LEVELS, 2] names."""
+    """Fill bounds [N, BOUNDS] from those of the chunks named by chunks [N, LEVELS, 2]."""
     for node in range(bounds.shape[0]):
         into = bounds[node]
         into[:] = chunk_bounds[chunks[node, 0, 0]]
@@ -133,7 +142,7 @@ def bound_nodes(chunk_bounds, chunks, bounds):
 
 @kernel()
 def measure(rows, low, scale, axis_bits, codes, sizes):
-    """Write the Z-order code of each row, and its greatest deviation; infinity for what lies outside the grid."""
+    """Write the Z-order code of each row, and its greatest deviation; infinity outside the grid."""
     for i in range(rows.shape[0]):
         codes[i] = code_of(rows[i], low, scale, axis_bits)
         sizes[i] = deviation_bound(rows[i])
@@ -167,11 +176,11 @@ def cells_for(most, codes, sizes, cell, axis_bits):
 
 @kernel()
 def merge(rows, sh, codes, sizes, shift, edge, blur, into, colours):
-    """Write a coarser level of rows [N, GEOMETRY], sh [N, 3 · K] into `into` and colours; gives its size.
+    """Write a coarser level of rows [N, GEOMETRY], sh [N, 3 · K] into `into` and colours; returns its size.
 
-    Those of a cell that are no larger than it become one of the same first and second moments, each weighted with what
-    it covers: its opacity times its area, averaged over directions. Its own opacity is what they let pass together
-    where their places do not depend on each other. `blur` is added to the variances for both, in scene units².
+    The Gaussians of a cell that are no larger than it become one of the same first and second moments, each weighted
+    with its coverage: its opacity times its area, averaged over directions. The opacity of the merged one gives their
+    joint transmittance at independent positions. `blur` is added to the variances for both, in scene units².
     """
     at, begin = 0, 0
     mean, covariance, colour = np.empty(3), np.empty(6), np.empty(sh.shape[1])
@@ -232,7 +241,8 @@ def opacity(row):
 
 @kernel()
 def area(covariance, blur):
-    """What an ellipsoid covers, up to a factor: √(σ₁²σ₂² + σ₂²σ₃² + σ₃²σ₁²), which a covariance's second invariant is.
+    """Area of an ellipsoid's projections, up to a factor: √(σ₁²σ₂² + σ₂²σ₃² + σ₃²σ₁²), a covariance's second
+    invariant.
 
     covariance [6]: xx, xy, xz, yy, yz, zz.
     """

@@ -1,4 +1,4 @@
-"""Puts a scene in Z-order within the memory that it has: a scene may fill most of what there is."""
+"""Puts a scene in Z-order in place: a scene may fill most of the memory."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
@@ -46,7 +46,7 @@ def sort_by_place(rows: NDArray[np.float32], sh: NDArray[np.float16]) -> Grid:
 
 @kernel()
 def fill_keys(rows, low, scale, axis_bits, index_bits, keys):
-    """Write where each row lies, as its Z-order code, above the row's own number."""
+    """Write each row's Z-order code above the row's own number."""
     for i in range(rows.shape[0]):
         keys[i] = code_of(rows[i], low, scale, axis_bits) << U(index_bits) | U(i)
 

@@ -1,4 +1,4 @@
-"""The first stage: from Gaussians in space to compact records of those that are visible, and the tiles they touch."""
+"""The first stage: projects Gaussians to compact records of the visible ones, and counts their tiles."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
@@ -62,9 +62,10 @@ def project(geometry, sh, bounds, chosen, view, splats, keys, visible, slices, t
 
 @kernel()
 def project_chunk(geometry, start, view, out):
-    """EWA projection of one chunk into `out` [USED · CHUNK], one row a field; COLUMNS is 0 for what is not visible.
+    """EWA projection of one chunk into `out` [USED · CHUNK], one row per field; COLUMNS is 0 for invisible
+    Gaussians.
 
-    One array in, one out, unsigned indices and no branches: this is what makes it vectorise.
+    One array in, one out, unsigned indices and no branches: this makes it vectorise.
     """
     r00, r01, r02 = F(view[0]), F(view[1]), F(view[2])
     r10, r11, r12 = F(view[3]), F(view[4]), F(view[5])
@@ -96,7 +97,7 @@ def project_chunk(geometry, start, view, out):
         cxx = ax * ux + ay * uy + az * uz
         cxy = ax * vx + ay * vy + az * vz
         cyy = bx * vx + by * vy + bz * vz
-        # what opacity loses to the filter: det(Σ + c I) = det Σ + c tr Σ + c², safe where det Σ is nearly 0
+        # opacity lost to the filter: det(Σ + c I) = det Σ + c tr Σ + c², safe where det Σ is nearly 0
         area, trace = max(cxx * cyy - cxy * cxy, F(0)), cxx + cyy
         lost = (area + dilation * (trace + dilation)) / (area + filtered * (trace + filtered))
         cxx += filtered
@@ -106,7 +107,7 @@ def project_chunk(geometry, start, view, out):
         log_alpha = geometry[at + U(L.LOG_ALPHA * L.CHUNK)] + F(0.5 * L.ALPHA_SCALE) * log2(lost)
         reach = (log_alpha - F(L.LOG_ALPHA_MIN)) * TWO_LN_2  # squared, in standard deviations
         rx, ry = np.sqrt(reach * cxx), np.sqrt(reach * cyy)
-        # False for NaN and for what would overflow later on
+        # False for NaN and for values that would overflow later
         ok = (
             (pz >= F(NEAR_PLANE))
             & (pz < F(1e30))
@@ -118,7 +119,7 @@ def project_chunk(geometry, start, view, out):
             & (rx < F(1e30))
             & (ry < F(1e30))
         )
-        # pixels whose centres lie within reach
+        # pixels with centres within reach
         x0 = np.int32((min(max(u - rx, F(0)), width) if ok else F(0)) + F(0.5))
         x1 = np.int32((min(max(u + rx, F(0)), width) if ok else F(0)) + F(0.5))
         y0 = np.int32((min(max(v - ry, F(0)), height) if ok else F(0)) + F(0.5))

@@ -54,7 +54,7 @@ class FrameJob:
     tile_counts: NDArray[np.int64]
     starts: NDArray[np.int64]
     cells: NDArray[np.float32] | None
-    """See `blend.write_cells`; None unless depth is asked for."""
+    """See `blend.write_cells`; None without depth."""
     begin: int = 0
     end: int = 0
     """The tiles that are being listed, sorted and drawn are begin … end - 1; those before are finished."""
@@ -67,7 +67,7 @@ class CpuRasterizer(Rasterizer):
 
     device = "cpu"
     makes_webp = True
-    frames_in_flight = 3  # one is rendered and one encoded, whatever another client's large picture takes
+    frames_in_flight = 3  # one is rendered and one encoded, even during another client's large picture
 
     def __init__(self) -> None:
         self._threads: int = numba.get_num_threads()
@@ -136,7 +136,9 @@ class CpuRasterizer(Rasterizer):
     def start(
         self, scene: CpuScene, camera: Camera, edge_pixels: float = EDGE_PIXELS, *, depth: bool = False
     ) -> FrameJob:
-        """Choose what is drawn of a scene, and lay out the buffers of one frame. edge_pixels: see `choose_chunks`."""
+        """Choose the visible part of a scene, and lay out the buffers of one frame. edge_pixels: see
+        `choose_chunks`.
+        """
         k, get = camera.intrinsics, self._workspace.get
         view = get("view", VIEW, np.float64)
         fill_view(camera, scene.antialiased, view)
@@ -165,7 +167,7 @@ class CpuRasterizer(Rasterizer):
         return job
 
     def _choose(self, scene: CpuScene, view: NDArray[np.float64], edge_pixels: float) -> NDArray[np.int64]:
-        """The chunks that are drawn; fewer details where they are too many, unless all details are wanted."""
+        """The visible chunks; with less detail if there are too many, unless full detail is requested."""
         nodes, chosen = scene.nodes, self._workspace.get("chosen", len(scene.bounds), np.int64)
         while True:
             count = choose_chunks(nodes.chunks, nodes.edges, nodes.bounds, view, edge_pixels, chosen)

@@ -53,7 +53,7 @@ def pack(scene: Batches) -> CpuScene:
     """
     first = next(scene.parts)
     most, coefficients = room(scene.most) * L.CHUNK, first.sh.shape[1]
-    # Gaussian by Gaussian, until they are in order; of what is not written, the system gives no memory
+    # Gaussian by Gaussian, until they are in order; the system allocates no memory for unwritten pages
     rows = np.empty((most, L.GEOMETRY), np.float32)
     sh = np.empty((most, coefficients * 3), np.float16)
     constants = np.array(BASIS_CONSTANTS[:coefficients], np.float32)[:, None]
@@ -70,10 +70,11 @@ def pack(scene: Batches) -> CpuScene:
         count = end
     nodes, chunks = full_detail(count), -(-count // L.CHUNK)
     if count:
+        scene.check()
         grid = sort_by_place(rows[:count], sh[:count])
         pad(rows, sh, count, chunks * L.CHUNK)
         if count >= FROM:
-            chunks = add_levels(rows, sh, count, grid, first.antialiased, nodes)
+            chunks = add_levels(rows, sh, count, grid, first.antialiased, nodes, scene.check)
     rows, sh = rows[: chunks * L.CHUNK], sh[: chunks * L.CHUNK]
     bounds = np.zeros((chunks, L.BOUNDS))
     lay_out(rows, sh.view(np.uint16), bounds)
@@ -106,7 +107,7 @@ def describe(chosen, means, scales, quaternions, opacities, rows):
 
 @kernel()
 def lay_out(rows, sh, bounds):
-    """Lay out each chunk of rows [chunks · CHUNK, GEOMETRY] and sh [chunks · CHUNK, 3 · K] as CpuScene has it, in
+    """Lay out each chunk of rows [chunks · CHUNK, GEOMETRY] and sh [chunks · CHUNK, 3 · K] in CpuScene's form, in
     place, and fill its bounds.
     """
     geometry = np.empty((L.GEOMETRY, L.CHUNK), np.float32)

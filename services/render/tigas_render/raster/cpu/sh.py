@@ -12,7 +12,7 @@ from tigas_render.raster.cpu.kernel import kernel
 U, F = np.uint64, np.float32
 CACHE_LINE_HALVES = 32
 GROUPS_AHEAD = 2
-"""Coefficients are asked for this many groups of LANES ahead."""
+"""Coefficients are prefetched this many groups of LANES ahead."""
 BRIGHTEST = F(1e9)
 """Bounds colours, so that no sum of them overflows."""
 
@@ -83,7 +83,7 @@ def degree0(sh, at):
 
 @kernel(inline=True)
 def degree1(sh, at, colour, x, y, z):
-    """A colour plus what varies with the direction (x, y, z) once around."""
+    """A colour plus the part that varies with the direction (x, y, z) once around."""
     colour = add(sh, at, 1, colour, y)
     colour = add(sh, at, 2, colour, z)
     return add(sh, at, 3, colour, x)

@@ -55,7 +55,7 @@ def count_tiles(splats, at, counts, tiles_x):
 def list_tiles(splats, at, box, entry, cursors, tiles_x, begin, end, entries):
     """Append `entry` to the list of each tile from `begin` to `end` - 1 that count_tiles counted, at its cursor.
 
-    box: what count_tiles gave; it spares a look at the splat unless the box has corners that the splat may not touch.
+    box: the result of count_tiles; the splat is examined only if the box has corners that it may not touch.
     """
     byte = U(0xFF)
     tx0, ty0 = np.int64(box & byte), np.int64(box >> U(8) & byte)

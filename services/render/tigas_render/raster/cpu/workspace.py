@@ -1,4 +1,4 @@
-"""Buffers that live as long as their rasteriser: they grow, and are never allocated for a frame that fits."""
+"""Buffers of a rasteriser: they grow, and are never reallocated for a frame that fits."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from cuda.core import ObjectCode
 
 KERNELS = Path(__file__).parent / "kernels"
-"""Where the sources lie: `.cu` files have kernels, `.cuh` files what they share."""
+"""Directory of the sources: `.cu` files have kernels, `.cuh` files shared code."""
 
 
 def load_kernels(arch: str, cache: Path) -> ObjectCode:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 SMALL_PICTURE = 640 * 360
 """Pixels. A picture of at most so many gets small tiles, as large ones would keep few multiprocessors busy; so does one
-with more Gaussians than pixels, as those are small themselves. Measured, see docs/gpu.md."""
+with more Gaussians than pixels, as those are small themselves. See docs/architecture.md."""
 
 MAX_SLICES = 256
 """A slice's number has 8 bits."""

@@ -1,7 +1,7 @@
 """JPEG on the GPU: the few functions of NVIDIA's nvJPEG library that an encoder needs, through ctypes.
 
 The library comes from the wheel nvidia-nvjpeg (or a CUDA toolkit). Called directly it took 0.13 ms for a picture
-of 1280 × 720, 0.05 ms less than through torchvision or nvImageCodec (docs/gpu.md).
+of 1280 × 720, 0.05 ms less than through torchvision or nvImageCodec.
 """
 
 from __future__ import annotations
@@ -111,9 +111,11 @@ class JpegEncoder:
         return self._bound.value
 
     def encoding(self, planes: int, width: int, height: int, quality: int, into: int, room: int) -> tuple[Calls, Calls]:
-        """What encodes planes in device memory; and what brings that into `room` bytes of pinned memory, and waits.
+        """Two calls: one encodes planes in device memory; the other copies the result to `room` bytes of pinned memory,
+        and waits.
 
-        Planes: Y [H, W], Cb and Cr [⌈H/2⌉, ⌈W/2⌉], one after the other. The JPEG's bytes are in `length` then.
+        Planes: Y [H, W], Cb and Cr [⌈H/2⌉, ⌈W/2⌉], one after the other. The JPEG's size is in `length`
+        afterwards.
         """
         columns, rows = (width + 1) // 2, (height + 1) // 2
         chroma = planes + width * height  # not read if there is none

@@ -15,7 +15,7 @@ LAYOUT: Final = struct.Struct("=22Q6I4i27f4x")
 """Pointers; padded, chunks, capacity, tiles, tiles_x, slices; width, height, format, sh_coefficients; the floats."""
 PixelFormat = FrameFormat | Literal["depth"]
 FORMATS: Final[dict[PixelFormat, int]] = {"png": 0, "jpeg": 1, "yuv420p": 2, "depth": 3}
-"""What the blending kernel writes for pixels: RGB, JPEG's planes, video's planes, what `inverse_depth` takes."""
+"""Outputs of the blending kernel: RGB, JPEG's planes, video's planes, input of `inverse_depth`."""
 GREATEST: Final = 3.4e38
 """Of float32, nearly."""
 

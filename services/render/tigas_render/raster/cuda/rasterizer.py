@@ -1,4 +1,4 @@
-"""The CUDA rasteriser: hands each frame to a workspace of its own, so that several are in flight."""
+"""The CUDA rasteriser, with a separate workspace for each frame in flight."""
 
 from __future__ import annotations
 
@@ -7,20 +7,16 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
-import numpy as np
 import torch
 from cuda.core import Device
 from cuda.core._utils.cuda_utils import CUDAError  # no public name yet
-from numpy.typing import NDArray
 
 from tigas_common.errors import DeviceLost, OutOfDeviceMemory
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import FrameFormat
-from tigas_render.encode.png import encode_png
 from tigas_render.gaussians import Batches, Gaussians
-from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, one_gaussian
+from tigas_render.raster.base import Camera, PreparedScene, one_gaussian
 from tigas_render.raster.calls import Calls
 from tigas_render.raster.cuda.compiler import load_kernels
 from tigas_render.raster.cuda.nvjpeg import ALLOCATOR_FAILURE, NvJpeg, NvJpegError
@@ -29,15 +25,15 @@ from tigas_render.raster.cuda.workspace import Workspace, make_stages
 from tigas_render.raster.lanes import FetchedImage, Job, LaneRasterizer
 
 SIDES = (8, 16)
-"""Tiles' sides that there are kernels for."""
+"""Sides of the tiles for which kernels exist, in pixels."""
 STAGES = ("project", "large", "bin", "blend")
 KERNELS = ("begin", "place", "code_depth", *(f"{stage}_{side}" for side in SIDES for stage in STAGES))
 
 
 class CudaRasterizer(LaneRasterizer):
-    """Renders on one NVIDIA GPU (Ampere or newer). `render` from one thread at a time; images encode on any."""
+    """Renders on one NVIDIA GPU (Ampere or newer). Make jobs on one thread at a time; run them on any."""
 
-    frames_in_flight = lanes = 6
+    frames_in_flight = 6
 
     def __init__(self, index: int, cache: Path) -> None:
         """index: the device's number; cache: a directory for compiled kernels.
@@ -82,61 +78,40 @@ class CudaRasterizer(LaneRasterizer):
     def prepare(self, gaussians: Gaussians) -> CudaScene:
         return self.pack(gaussians.batches())
 
-    def render(
-        self,
-        scene: PreparedScene,
-        camera: Camera,
-        format: FrameFormat = "jpeg",
-        pause: Pause | None = None,
-        *,
-        depth: bool = False,
-    ) -> CudaImage:
-        """Queue one view and return at once. Raises OutOfDeviceMemory and DeviceLost."""
-        assert isinstance(scene, CudaScene)
-        with self.explained():
-            self._make_room()
-            workspace = self.take_workspace()
-            try:
-                return CudaImage(self, workspace, scene, camera, format, with_depth=depth)
-            except BaseException:
-                self.give_back(workspace)
-                raise
-
     def job(self, scene: PreparedScene, camera: Camera, format: FrameFormat, quality: int, *, depth: bool) -> CudaJob:
-        """One view for a lane. Raises OutOfDeviceMemory and DeviceLost."""
+        """One view in a workspace. Raises OutOfDeviceMemory and DeviceLost."""
         assert isinstance(scene, CudaScene)
         with self.explained():
             self._make_room()
             return CudaJob(self, self.take_workspace(), scene, camera, format, quality, depth)
 
     def warm_up(self) -> None:
-        """Render and encode JPEGs in every workspace, so that everything is loaded and allocated."""
+        """Make JPEGs with depth in every workspace, so that everything is loaded and allocated."""
         scene = self.prepare(one_gaussian())
         pose = Pose((0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
         for width, height in ((64, 36), (1280, 720)):
             camera = Camera(pose, Intrinsics(width, width, width / 2, height / 2, width, height))
-            images = [self.render(scene, camera, depth=True) for _ in range(self.frames_in_flight + 1)]
-            for image in images:
-                with image:
-                    image.encode("jpeg", 90)
+            jobs = [self.job(scene, camera, "jpeg", 90, depth=True) for _ in range(self.frames_in_flight + 1)]
+            for job in jobs:
+                job.run()
 
     def take_workspace(self) -> Workspace:
-        """A free workspace, made anew if there is none."""
+        """A free workspace, or a new one."""
         with self._lock:
             if self._free:
                 return self._free.pop()
         return Workspace(self._device, self.stages, self._code_depth, self._library)
 
     def give_back(self, workspace: Workspace) -> None:
-        """Take a workspace back; more than are in flight at a time are not kept."""
+        """Take a workspace back; keep one for each frame in flight and one for `render`."""
         with self._lock:
-            if len(self._free) <= self.frames_in_flight:  # one more, for who renders beside the frames in flight
+            if len(self._free) <= self.frames_in_flight:
                 self._free.append(workspace)
                 return
         workspace.close()
 
     def enter_thread(self) -> None:
-        """Make the device this thread's."""
+        """Make the device current for this thread."""
         if not hasattr(self._threads, "is_current"):
             torch.cuda.set_device(self._device)
             Device(self._device.index).set_current()
@@ -144,7 +119,7 @@ class CudaRasterizer(LaneRasterizer):
 
     @contextmanager
     def explained(self) -> Iterator[None]:
-        """Makes the device current for this thread, and turns its errors into sentences."""
+        """Make the device current for this thread and translate its errors into the service's."""
         try:
             self.enter_thread()
             yield
@@ -158,9 +133,9 @@ class CudaRasterizer(LaneRasterizer):
             raise DeviceLost(f"{self.device} failed ({_first_line(error)}); restart the service.") from error
 
     def _make_room(self) -> None:
-        """Once memory was short: give the driver back what idle workspaces and PyTorch keep for later.
+        """After a shortage of memory: return the caches of idle workspaces and PyTorch to the driver.
 
-        Not at once, but before the next frame or scene: by then a scene may have been unloaded, too.
+        Not at once, but before the next frame or scene: by then a scene may have been unloaded as well.
         """
         if not self._full:
             return
@@ -191,85 +166,9 @@ def _first_line(error: Exception) -> str:
     return str(error).partition("\n")[0].rstrip(".") or type(error).__name__
 
 
-class CudaImage(Image):
-    """A view that the device is rendering, or has rendered."""
-
-    def __init__(
-        self,
-        rasterizer: CudaRasterizer,
-        workspace: Workspace,
-        scene: CudaScene,
-        camera: Camera,
-        format: FrameFormat,
-        *,
-        with_depth: bool,
-    ) -> None:
-        self.width, self.height = camera.intrinsics.width, camera.intrinsics.height
-        self._rasterizer = rasterizer
-        self._workspace: Workspace | None = workspace
-        self._scene = scene  # held until the device is done with it
-        self._camera = camera
-        self._format = format
-        self._with_depth = with_depth
-        self._finished = False
-        self._draw(workspace)
-
-    def encode(self, format: FrameFormat, quality: int) -> bytes:
-        """The image in a file format. Rendered again if its pixels were laid out for another.
-
-        Raises OutOfDeviceMemory, DeviceLost, and ValueError once the image is closed.
-        """
-        encoded = self._encoded(format, quality)
-        return encode_png(self._rgb(encoded)) if format == "png" else encoded
-
-    def _encoded(self, format: FrameFormat, quality: int) -> bytes:
-        """The image on the host; for `png`, its RGB pixels."""
-        workspace = self._workspace
-        if workspace is None:
-            raise ValueError("the image is closed")
-        with self._rasterizer.explained():
-            again = format != self._format
-            while True:
-                if again:
-                    self._format, self._finished = format, False
-                    self._draw(workspace)
-                for calls in workspace.fetching(self.width, self.height, format, quality):
-                    calls.make()
-                again = not workspace.fitted()
-                if not again:
-                    break
-            self._finished = True
-            self.depth = workspace.depth()
-            return workspace.output()
-
-    def _draw(self, workspace: Workspace) -> None:
-        depth: Literal["floats"] | None = "floats" if self._with_depth else None
-        for calls in workspace.drawing(self._scene, self._camera, self._format, depth):
-            calls.make()
-
-    def _rgb(self, encoded: bytes) -> NDArray[np.uint8]:
-        return np.frombuffer(encoded, np.uint8).reshape(self.height, self.width, 3)
-
-    def to_host(self) -> NDArray[np.uint8]:
-        """A copy of the pixels. Raises what `encode` raises."""
-        return self._rgb(self._encoded("png", 0)).copy()
-
-    def close(self) -> None:
-        """Give the workspace back, once the device is done with it."""
-        workspace, self._workspace = self._workspace, None
-        if workspace is None:
-            return
-        try:
-            if not self._finished:
-                with self._rasterizer.explained():
-                    workspace.wait()
-        finally:
-            self._rasterizer.give_back(workspace)
-
-
 @dataclass
 class CudaJob(Job):
-    """A view for a lane."""
+    """One view in a workspace."""
 
     rasterizer: CudaRasterizer
     workspace: Workspace
@@ -282,21 +181,21 @@ class CudaJob(Job):
     def calls(self) -> tuple[tuple[Calls, ...], tuple[Calls, ...]]:
         """Raises OutOfDeviceMemory and DeviceLost."""
         k = self.camera.intrinsics
-        drawing = self.workspace.drawing(self.scene, self.camera, self.format, "coded" if self.with_depth else None)
+        drawing = self.workspace.drawing(self.scene, self.camera, self.format, depth=self.with_depth)
         return drawing, self.workspace.fetching(k.width, k.height, self.format, self.quality)
 
     def fetched(self) -> FetchedImage | None:
-        """Copies of what is on the host now."""
+        """The frame and its depth, copied from pinned memory. Raises Overloaded."""
         if not self.workspace.fitted():
             return None
-        k = self.camera.intrinsics
-        return FetchedImage(k.width, k.height, self.format, self.workspace.output(), self.workspace.coded_depth())
+        k, workspace = self.camera.intrinsics, self.workspace
+        return FetchedImage(k.width, k.height, self.format, self.quality, workspace.output(), workspace.coded_depth())
 
     def explained(self) -> AbstractContextManager[None]:
         return self.rasterizer.explained()
 
     def close(self, *, failed: bool) -> None:
-        """Give the workspace back, once the device is done with it."""
+        """Return the workspace once the device has finished with it."""
         try:
             if failed:
                 with suppress(Exception), self.explained():

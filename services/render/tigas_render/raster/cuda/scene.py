@@ -128,7 +128,7 @@ def _padded(rows: torch.Tensor, padding: int) -> torch.Tensor:
 
 
 def _pack_sh(sh: torch.Tensor, keep: torch.Tensor, padding: int) -> torch.Tensor:
-    """float16 [groups, N, 4]; what half precision cannot hold is clamped."""
+    """float16 [groups, N, 4]; values beyond half precision are clamped."""
     numbers = sh.shape[1] * 3
     constants = torch.tensor(BASIS_CONSTANTS[: sh.shape[1]], device=keep.device)
     packed = torch.zeros(-(-numbers // 4) * 4, len(keep) + padding, dtype=torch.float16, device=keep.device)

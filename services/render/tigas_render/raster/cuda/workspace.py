@@ -4,41 +4,43 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
-from typing import Literal
 
-import numpy as np
 import torch
 from cuda.core import Device, Kernel, LaunchConfig, Stream, launch
 from cuda.core.graph import Graph
 
+from tigas_common.errors import Overloaded
 from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.depth_segment import CodedDepth
-from tigas_render.raster.base import Camera, Depth
+from tigas_render.raster.base import Camera
 from tigas_render.raster.calls import Call, Calls
 from tigas_render.raster.cuda.driver import driver_call
 from tigas_render.raster.cuda.layout import TileLayout, tile_layout
 from tigas_render.raster.cuda.nvjpeg import JpegEncoder, NvJpeg
 from tigas_render.raster.cuda.parameters import LAYOUT, PixelFormat, write_frame
 from tigas_render.raster.cuda.scene import CHUNK, CudaScene
-from tigas_render.raster.depth import coarse, inverse_depth
+from tigas_render.raster.depth import coarse
 
 FIRST_CAPACITY = 1 << 21
 """Entries of all tiles' lists together that a workspace begins with; it grows when a frame needs more."""
+MOST_ENTRIES = 1 << 30
+"""Entries beyond which a frame is refused: its lists would take 8 GiB, and keep the device busy for seconds."""
+SHRUNK_AFTER = 1024
+"""Frames after which lists that none of them filled to a tenth are given back."""
 
 MOST_PLANS = 64
-"""Sizes of pictures of which a workspace keeps what it has planned."""
+"""Number of picture sizes for which a workspace keeps its plan."""
 
 # As in frame.cuh.
 DEPTH_BINS = 8192
 MAX_SEGMENTS = 64
-PROGRESS_BYTES = 4 * (DEPTH_BINS + 7 + MAX_SEGMENTS)
+PROGRESS_BYTES = 4 * (DEPTH_BINS + 8 + MAX_SEGMENTS)
 DEPTH_THREADS = 1024
 ENTRIES_PER_PARTIAL = 256
 """Capacity of the lists, over the number of partial pictures that there is room for."""
 
 DEPTH_QUALITY = 28
-"""Of a coded depth, which is a JPEG: as near to the codes as the WebP that the host makes."""
-DepthKind = Literal["floats", "coded"]
+"""JPEG quality of encoded depth, as accurate as the WebP of the CPU path."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +73,7 @@ class Parameters:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What is the same for all frames of a size."""
+    """Constants of all frames of a size."""
 
     layout: TileLayout
     addresses: tuple[int, ...]
@@ -94,11 +96,12 @@ class Workspace:
         wait = driver_call("cuStreamSynchronize", int(self.stream.handle))
         self._wait = Calls(wait)
         self._copy = Calls(driver_call("cuMemcpyDtoHAsync_v2", 0, 0, 0, int(self.stream.handle)), wait)
-        self._copy_depth = Calls(driver_call("cuMemcpyDtoHAsync_v2", 0, 0, 0, int(self.stream.handle)))
         self._status = torch.zeros(3, dtype=torch.int32, pin_memory=True)
         status = self._status.data_ptr()
         self._needed, self._needed_for_depth = (ctypes.c_uint32.from_address(status + offset) for offset in (0, 4))
         self._nearest = ctypes.c_float.from_address(status + 8)  # follows the depth's needs, as `code_depth` stores it
+        self._most_needed, self._fitting = 0, 0
+        """The largest number of entries in the last frames that fitted, and the number of those frames."""
         self._buffers: dict[str, torch.Tensor] = {}
         self._plans: dict[tuple[int, int, int, PixelFormat], Plan] = {}
         """Of frames that the buffers have room for, by width, height, Gaussians and format."""
@@ -106,8 +109,8 @@ class Workspace:
         self._length = ctypes.c_size_t()
         """Bytes of it that are the last frame's."""
         self._depth_output = torch.empty(0, dtype=torch.uint8)
-        self._depth: tuple[DepthKind, int, int] | None = None
-        """What becomes of the last frame's depth, its columns and rows; None if it has none."""
+        self._depth: tuple[int, int] | None = None
+        """Columns and rows of the last frame's depth; None if it has no depth."""
         self._allocate("frame", LAYOUT.size)
         self._allocate("progress", PROGRESS_BYTES).zero_()
         torch.cuda.current_stream(device).synchronize()
@@ -130,9 +133,9 @@ class Workspace:
         return self._needed.value
 
     def drawing(
-        self, scene: CudaScene, camera: Camera, format: FrameFormat, depth: DepthKind | None = None
+        self, scene: CudaScene, camera: Camera, format: FrameFormat, *, depth: bool = False
     ) -> tuple[Calls, ...]:
-        """What queues one frame, and its depth, until this is asked for again.
+        """The calls that queue one frame, and its depth; valid until the next `drawing`.
 
         Raises torch.cuda.OutOfMemoryError if the buffers have to grow and cannot.
         """
@@ -140,13 +143,13 @@ class Workspace:
         self._depth = None
         plan = self._plan(scene, camera, format)
         of_depth: tuple[Calls, ...] = ()
-        if depth is not None:
+        if depth:
             small = coarse(camera)
             plan_of_depth = self._plan(scene, small, "depth")
             plan = self._plan(scene, camera, format)  # buffers may have moved, but have room for both now
             self._depth_parameters.write(scene, small, "depth", plan_of_depth)
-            self._depth = depth, small.intrinsics.width, small.intrinsics.height
-            of_depth = self._launch(plan_of_depth.layout.side, self._depth_parameters), self._bring_depth()
+            self._depth = small.intrinsics.width, small.intrinsics.height
+            of_depth = self._launch(plan_of_depth.layout.side, self._depth_parameters), self._code_depth
         self._parameters.write(scene, camera, format, plan)
         return *of_depth, self._launch(plan.layout.side, self._parameters)
 
@@ -157,24 +160,13 @@ class Workspace:
         return plan.layout
 
     def _launch(self, side: int, parameters: Parameters) -> Calls:
-        """What queues a frame with tiles of a side."""
+        """The calls that queue a frame with tiles of a given side."""
         found = self._launches.get((side, parameters))
         if found is None:
             first = self._first_launch(self._stages[side][0], parameters)
             graph = driver_call("cuGraphLaunch", int(self._graphs[side].handle), int(self.stream.handle))
             found = self._launches[side, parameters] = Calls(first, graph)
         return found
-
-    def _bring_depth(self) -> Calls:
-        """What queues the depth's way out, once it is drawn: to the host as it is, or into codes."""
-        assert self._depth is not None
-        kind, width, height = self._depth
-        if kind == "coded":
-            return self._code_depth
-        length = 8 * width * height
-        into = self._depth_output = _at_least(length, self._depth_output)
-        self._copy_depth.replace(0, 0, into.data_ptr(), self._buffers["depth"].data_ptr(), length)
-        return self._copy_depth
 
     def _plan(self, scene: CudaScene, camera: Camera, format: PixelFormat) -> Plan:
         """Room for a frame. It stays where it is until another frame needs more."""
@@ -218,7 +210,7 @@ class Workspace:
         return Plan(layout, addresses + others, capacity)
 
     def fetching(self, width: int, height: int, format: FrameFormat, quality: int) -> tuple[Calls, ...]:
-        """What encodes a frame that was queued in this format, brings it to the host, and waits for it."""
+        """The calls that encode a frame queued in this format, copy it to the host and wait for it."""
         pixels = self._buffers["pixels"].data_ptr()
         if format == "jpeg":
             output = self._output = _at_least(self._encoder.bound(width, height), self._output)
@@ -230,9 +222,9 @@ class Workspace:
             output = self._output = _at_least(self._length.value, self._output)
             self._copy.replace(0, 0, output.data_ptr(), pixels, self._length.value)
             picture, fetch = (), self._copy
-        if self._depth is None or self._depth[0] != "coded":
+        if self._depth is None:
             return *picture, fetch
-        _, columns, rows = self._depth
+        columns, rows = self._depth
         output = self._depth_output = _at_least(self._depth_encoder.bound(columns, rows), self._depth_output)
         codes = self._buffers["depth"].data_ptr() + 8 * columns * rows
         encode_depth, fetch_depth = self._depth_encoder.encoding(
@@ -241,38 +233,42 @@ class Workspace:
         return *picture, encode_depth, fetch, fetch_depth
 
     def wait(self) -> None:
-        """Wait for everything queued."""
+        """Wait for all queued work."""
         self._wait.make()
 
     def output(self) -> bytes:
-        """What was brought to the host."""
+        """A copy of the encoded frame on the host."""
         return ctypes.string_at(self._output.data_ptr(), self._length.value)
 
-    def depth(self) -> Depth | None:
-        """The depth of the frame, once it was waited for; None if it was queued without."""
-        if self._depth is None:
-            return None
-        _, columns, rows = self._depth
-        means = ctypes.string_at(self._depth_output.data_ptr(), 8 * columns * rows)
-        return inverse_depth(np.frombuffer(means, np.float32).reshape(rows, columns, 2))
-
     def coded_depth(self) -> CodedDepth | None:
-        """The same of a frame that was queued with its depth in codes."""
+        """A copy of the frame's encoded depth on the host; None if it was queued without depth."""
         if self._depth is None:
             return None
         image = ctypes.string_at(self._depth_output.data_ptr(), self._depth_encoder.length.value)
         return CodedDepth(self._nearest.value, image)
 
     def fitted(self) -> bool:
-        """Whether the lists of the frame that was waited for found room. If not, they have: start the frame again."""
+        """Whether the finished frame's lists had room; if not, they are enlarged and the frame has to be redrawn.
+
+        Raises Overloaded for a frame with more than `MOST_ENTRIES`.
+        """
         needed = max(self._needed.value, self._needed_for_depth.value)
-        if 8 * needed <= self._buffers["entries"].nbytes:
-            return True
-        self._allocate("entries", 8 * needed * 5 // 4)
-        return False
+        if needed > MOST_ENTRIES:
+            raise Overloaded("The view shows too many large Gaussians to draw; ask for a smaller picture.")
+        room = self._buffers["entries"].nbytes // 8
+        if needed > room:
+            self._allocate("entries", 8 * needed * 5 // 4)
+            return False
+        self._most_needed, self._fitting = max(self._most_needed, needed), self._fitting + 1
+        if self._fitting == SHRUNK_AFTER:
+            if 10 * max(self._most_needed, FIRST_CAPACITY) < room:
+                self._plans.clear()
+                del self._buffers["entries"], self._buffers["partials"]
+            self._most_needed, self._fitting = 0, 0
+        return True
 
     def shrink(self) -> None:
-        """Give back what grew with scenes and pictures; the next frame allocates what it needs."""
+        """Release buffers that grew with scenes and pictures; the next frame allocates them again."""
         self.wait()
         self._plans.clear()
         self._buffers = {name: self._buffers[name] for name in ("frame", "progress")}
@@ -296,7 +292,7 @@ class Workspace:
         return driver_call("cuLaunchKernel", kernel, *shape.grid, *shape.block, 0, stream, parameters.arguments, 0)
 
     def _capture(self, stages: tuple[Stage, ...]) -> Graph:
-        """All kernels but the first as one graph: what differs between frames is in the parameters that they read."""
+        """All kernels but the first as one graph: differences between frames are in the parameters that they read."""
         builder = self.stream.create_graph_builder()
         builder.begin_building("relaxed")
         for stage in stages[1:]:
@@ -307,14 +303,14 @@ class Workspace:
         """The buffer of this name, enlarged if it has less than `size` bytes; then its content is lost."""
         buffer = self._buffers.get(name)
         if buffer is None or buffer.nbytes < size:
-            # Growing waits for the stream: what still runs may use the old buffer. It goes before the new one comes,
-            # and if there is no memory for that, none is left.
+            # Growing waits for the stream: running kernels may use the old buffer. It is released before the new one is
+            # allocated; if memory is short, none is left.
             self.wait()
             self._plans.clear()
             self._buffers[name] = torch.empty(0, dtype=torch.uint8, device=self._device)
             del buffer
             buffer = torch.empty(size, dtype=torch.uint8, device=self._device)
-            # PyTorch knows nothing of this workspace's stream: what used the memory before, on the default stream, may
+            # PyTorch does not know this workspace's stream: earlier work on the memory, on the default stream, may
             # still be queued there, such as another scene's packing.
             torch.cuda.current_stream(self._device).synchronize()
             self._buffers[name] = buffer

@@ -1,5 +1,11 @@
-"""The built-in demo scene, made by a deterministic generator: a courtyard with arcades, water, trees and a sky."""
+"""The built-in demo scene, a courtyard with arcades, water, trees and a sky: a folder as in a models directory."""
 
-from tigas_render.scenes.demo.courtyard import DEMO_METADATA, DEMO_SOURCE, demo_scene
+from __future__ import annotations
 
-__all__ = ["DEMO_METADATA", "DEMO_SOURCE", "demo_scene"]
+from dataclasses import replace
+from pathlib import Path
+
+from tigas_render.scenes.directory import read_folder
+
+DEMO_SOURCE = replace(read_folder(Path(__file__).parent), id="courtyard", folder=None)
+"""The courtyard as a scene source. It is read-only."""

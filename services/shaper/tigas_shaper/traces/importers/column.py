@@ -1,4 +1,4 @@
-"""Files with one number a line: Mahimahi's packet times, or plain rates. They look alike, so their values decide."""
+"""Files with one number per line: Mahimahi's packet times, or plain rates. They look alike, so their values decide."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ BIN_MS = 100
 """Mahimahi's packets are counted in bins of this length: the shortest step at which replay is precise, and tens of
 packets at LTE rates, so that counting whole packets costs little."""
 TYPICAL_GAP_MS = 100
-"""Packet times usually lie closer together than this, rates in kbit/s further apart."""
+"""Packet times are usually closer together than this, rates in kbit/s further apart."""
 SAMPLE = 10_000
-"""Lines that are enough to tell."""
+"""Number of lines that suffice to decide."""
 FEW_FALLS = 0.1
 """The share of changes downwards that rates have and packet times do not. Above 0, so that packet times with a fault
 are refused by line and not taken for rates."""
@@ -27,7 +27,7 @@ WHAT = "each line of this file"
 
 @dataclass(slots=True)
 class Column:
-    """The numbers of a file and the lines they stand on. Arrays, because packet times come in millions."""
+    """The numbers of a file with their line numbers. Arrays, because there may be millions of packet times."""
 
     lines: array[int] = field(default_factory=lambda: array("q"))
     values: array[float] = field(default_factory=lambda: array("d"))
@@ -91,7 +91,7 @@ def parse_mahimahi(name: str, text: str, up_kbps: float) -> NetworkTrace:
         raise TraceError(f"Line {last_line}: a trace may last 30 days; this one lasts longer.")
 
     builder = TraceBuilder(name)
-    if end < BIN_MS:  # a pattern such as the one line "1", 12 Mbit/s: its mean is all that matters
+    if end < BIN_MS:  # a pattern such as the one line "1", 12 Mbit/s: only its mean matters
         builder.add(last_line, BIN_MS, len(column.values) * PACKET_BITS / end, up_kbps)
         return builder.build()
     position = 0

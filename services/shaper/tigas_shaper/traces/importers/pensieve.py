@@ -1,7 +1,8 @@
-"""Lines of "seconds Mbit/s", as Pensieve (Mao et al. 2017) and its successors cook the Norwegian, FCC and Puffer sets.
+"""Lines of "seconds Mbit/s", the form of the Norwegian, FCC and Puffer sets in Pensieve (Mao et al. 2017) and later
+work.
 
-As in Pensieve's simulator, a line's rate is what was measured since the line before, so it holds from there up to its
-own time, and the first line only marks the start.
+As in Pensieve's simulator, a line's rate was measured since the previous line, so it applies from there to its own
+time, and the first line only marks the start.
 """
 
 from __future__ import annotations

@@ -30,7 +30,9 @@ __device__ __forceinline__ void queue_tiles(const Frame& f, u32 tile, u32 entrie
 // Then queues the tiles for blending. A block has CHUNK * 4 lists at a time, of whole tiles.
 extern "C" __global__ void __launch_bounds__(CHUNK) place(const Frame* frame) {
     __shared__ Frame f;
-    __shared__ u32 warps[CHUNK / 32], ends[CHUNK], base;
+    // Sums have 64 bits: a frame whose entries do not fit 32 must not pass for a small one.
+    __shared__ u64 warps[CHUNK / 32], ends[CHUNK];
+    __shared__ u32 base;
     for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)&f)[word] = ((const u32*)frame)[word];
     __syncthreads();
     u32 lists = f.tiles * f.slices;
@@ -39,26 +41,26 @@ extern "C" __global__ void __launch_bounds__(CHUNK) place(const Frame* frame) {
         u32 at = first + threadIdx.x * 4;
         uint4 counts = make_uint4(0, 0, 0, 0);
         if (at < lists) counts = *(const uint4*)&f.counts[at];
-        u32 mine = counts.x + counts.y + counts.z + counts.w, last = mine;
+        u64 mine = (u64)counts.x + counts.y + counts.z + counts.w, last = mine;
         for (int step = 1; step < 32; step *= 2) {
-            u32 other = __shfl_up_sync(ALL, last, step);
+            u64 other = __shfl_up_sync(ALL, last, step);
             if (lane >= step) last += other;
         }
         if (lane == 31) warps[warp] = last;
         __syncthreads();
-        u32 start = last - mine, total = 0;
+        u64 start = last - mine, total = 0;
         for (int w = 0; w < CHUNK / 32; w++) {
             if (w < warp) start += warps[w];
             total += warps[w];
         }
-        if (threadIdx.x == 0) base = total ? atomicAdd(&f.progress->entries, total) : 0;
+        if (threadIdx.x == 0) base = total ? (u32)atomicAdd(&f.progress->entries, total) : 0;
         ends[threadIdx.x] = start + mine;
         __syncthreads();
         u32 entries = 0;  // of the tile whose first slice is this thread's
-        if (at < lists && at % f.slices == 0) entries = ends[threadIdx.x + f.slices / 4 - 1] - start;
+        if (at < lists && at % f.slices == 0) entries = (u32)(ends[threadIdx.x + f.slices / 4 - 1] - start);
         queue_tiles(f, at / f.slices, entries);
-        start += base;
-        uint4 starts = make_uint4(start, start + counts.x, start + counts.x + counts.y, start + mine - counts.w);
+        u32 from = base + (u32)start;
+        uint4 starts = make_uint4(from, from + counts.x, from + counts.x + counts.y, from + (u32)mine - counts.w);
         if (at < lists) *(uint4*)&f.starts[at] = *(uint4*)&f.ends[at] = starts;
         __syncthreads();
     }
@@ -74,7 +76,7 @@ __device__ __forceinline__ void bin_all(const Frame* frame) {
     __shared__ Staged staged[CHUNK];
     for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)&f)[word] = ((const u32*)frame)[word];
     __syncthreads();
-    if (blockIdx.x == 0 && threadIdx.x == 0) f.status[0] = f.progress->entries;
+    if (blockIdx.x == 0 && threadIdx.x == 0) f.status[0] = (u32)min(f.progress->entries, 0xffffffffull);
     u32 chosen = f.progress->chosen;
     int lane = threadIdx.x & 31;
     for_each_large<TILE>(f, [&](bool hit, u32 list, u32 i, float depth) {

@@ -38,7 +38,7 @@ struct Progress {
     u32 large;     // visible Gaussians with many tiles
     u32 taken;     // segments that were taken up for blending
     u32 queued[MAX_SEGMENTS];  // tiles that have a first, second, ... segment
-    u32 entries;   // of all lists together
+    u64 entries;   // of all lists together
     u32 partials;  // of tiles that are blended in several segments
     u32 segment;   // entries in one
 };
@@ -75,7 +75,7 @@ struct Frame {
     float* lights;          // [tiles, MAX_SEGMENTS] the most light that passes a segment at any pixel; 1 until finished
     float4* partials;       // [capacity / 256, side²] red, green, blue, light
     u8* pixels;             // RGB [H, W, 3], three planes, or depth
-    u32* status;            // pinned, [0]: entries that the frame needed
+    u32* status;            // pinned, [0]: entries that the frame needed, at most 2^32 - 1
     Progress* progress;
     u32 padded, chunks, capacity, tiles, tiles_x, slices;  // slices: a power of two, at most 256
     int width, height, format, sh_coefficients;

@@ -1,1 +1,0 @@
-"""What each byte of a stateless frame buys: image formats against today's JPEG (docs/formats.md)."""

@@ -1,1 +1,0 @@
-"""What `make` and the images install, with digests; update.py writes it."""

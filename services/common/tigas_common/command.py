@@ -1,0 +1,235 @@
+"""Commands with the fields of a model as options, which are settings keys and environment variables as well."""
+
+from __future__ import annotations
+
+import argparse
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from inspect import cleandoc
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Final, Literal, NamedTuple, NoReturn, TypeVar, Union, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_settings import BaseSettings, SettingsConfigDict, SettingsError
+
+from tigas_common.errors import UsageError
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class Metavar(NamedTuple):
+    """Marker of a field: the placeholder of its value in --help."""
+
+    text: str
+
+
+NO_FLAG: Final = "no flag"
+"""Marker of a setting that only the settings file and the environment can set."""
+POSITIONAL: Final = "positional"
+"""Marker of a field that is given by its position instead of a flag."""
+REST: Final = "rest"
+"""Marker of a list that takes all arguments after `--`, or after the positional ones, options included."""
+
+
+class Command(BaseModel, ABC):
+    """A command of `tigas`. Its docstring and those of its fields are the text of --help."""
+
+    model_config = SettingsConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
+
+    @abstractmethod
+    def run(self) -> None:
+        """Carry the command out."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Commands under a common name."""
+
+    help: str
+    commands: Mapping[str, type[Command]]
+    default: str | None = None
+    """The default command."""
+
+    def select(self, prog: str, arguments: Sequence[str]) -> tuple[type[Command], str, Sequence[str]]:
+        """The requested command, its full name and its arguments. Prints help and exits on request."""
+        name, *more = arguments or ["--help"]
+        if name in ("-h", "--help"):
+            summaries = {name: summary(command) for name, command in self.commands.items()}
+            print(list_commands(prog, self.help, summaries))
+            raise SystemExit(0 if arguments else 2)
+        if name not in self.commands and self.default is not None:
+            name, more = self.default, list(arguments)
+        if name not in self.commands:
+            raise UsageError(f"{prog} has no command {name!r}; `{prog} --help` lists them.")
+        return self.commands[name], f"{prog} {name}", more
+
+
+def summary(command: Group | type[Command]) -> str:
+    """One line about a command."""
+    return (command.help if isinstance(command, Group) else cleandoc(command.__doc__ or "")).partition("\n")[0]
+
+
+def list_commands(prog: str, help: str, summaries: Mapping[str, str]) -> str:
+    """The text of --help for a group of commands."""
+    width = 3 + max(map(len, summaries))
+    lines = [f"  {name:{width}}{text}" for name, text in summaries.items()]
+    return "\n".join([f"usage: {prog} COMMAND …", "", help, "", "commands:", *lines])
+
+
+def parse(model: type[Model], prog: str, arguments: Sequence[str]) -> Model:
+    """The model of a command line. Raises UsageError with one sentence; prints help and exits on request."""
+    fields = dict(parameters(model))
+    rest = next((name for name, field in fields.items() if REST in field.metadata), None)
+    tail: Sequence[str] = ()
+    if rest:
+        arguments, tail = _split(arguments, sum(POSITIONAL in field.metadata for field in fields.values()))
+    given = vars(_parser(model, prog).parse_intermixed_args(arguments))
+    values = {name: _pairs(name, value) if _is_table(fields[name]) else value for name, value in given.items()}
+    return load(model, values | ({rest: list(tail)} if rest and tail else {}))
+
+
+def load(model: type[Model], values: Mapping[str, Any]) -> Model:
+    """A model with these values; settings have further ones from file and environment. Raises UsageError."""
+    try:
+        return model(**values)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+        loc = list(first["loc"])
+        if loc and loc[0] in values:
+            loc[0] = _name(str(loc[0]), model.model_fields[str(loc[0])])
+        if first["type"] == "missing":
+            raise UsageError(f"{_name(str(loc[0]), model.model_fields[str(loc[0])])} is missing.") from None
+        raise UsageError(f"{'.'.join(map(str, loc))}: {first['msg'].removeprefix('Value error, ')}") from None
+    except SettingsError as error:
+        raise UsageError(f"{error}: {error.__cause__}") from None
+    except (OSError, ValueError) as error:
+        raise UsageError(f"the settings file cannot be read: {error}") from None
+
+
+def parameters(model: type[BaseModel]) -> Iterator[tuple[str, FieldInfo]]:
+    """The fields that a command line can set: all but nested models and those marked NO_FLAG."""
+    for name, field in model.model_fields.items():
+        nested = isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)
+        if NO_FLAG not in field.metadata and not nested:
+            yield name, field
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that reports a wrong command line in one sentence."""
+
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(f"{message}; `{self.prog} --help` lists the options.")
+
+
+def _parser(model: type[BaseModel], prog: str) -> _Parser:
+    parser = _Parser(
+        prog=prog,
+        description=cleandoc(model.__doc__ or ""),
+        epilog=_epilog(model),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        argument_default=argparse.SUPPRESS,
+        allow_abbrev=False,
+    )
+    defaults: dict[str, Any] = {}
+    for name, field in model.model_fields.items():
+        if not field.is_required():
+            defaults[name] = field.get_default(call_default_factory=True, validated_data=defaults)
+    for name, field in parameters(model):
+        text = _help(model, name, field, defaults.get(name)).replace("%", "%%")
+        several = _is_several(field)
+        if REST in field.metadata:
+            metavar = _metavar(field.annotation, field.metadata) or name.upper()
+            parser.epilog = "\n\n".join(filter(None, (f"{metavar}: {text}", parser.epilog)))
+            parser.usage = f"{prog} [options] … -- {metavar}"
+        elif POSITIONAL in field.metadata:
+            nargs = ("+" if field.is_required() else "*") if several else None if field.is_required() else "?"
+            parser.add_argument(name, nargs=nargs, metavar=_metavar(None, field.metadata) or name.upper(), help=text)
+        elif bool in _alternatives(field.annotation):
+            flag = issubclass(model, BaseSettings)  # where file or environment may say yes, a flag may have to say no
+            action: Any = argparse.BooleanOptionalAction if flag else "store_true"
+            parser.add_argument(_name(name, field), dest=name, action=action, help=text)
+        else:
+            parser.add_argument(
+                _name(name, field),
+                dest=name,
+                action="append" if several else "store",
+                metavar=_metavar(field.annotation, field.metadata) or "TEXT",
+                help=text,
+            )
+    return parser
+
+
+def _split(arguments: Sequence[str], positional: int) -> tuple[Sequence[str], Sequence[str]]:
+    """The arguments of a command, and the remaining ones."""
+    if positional:
+        head, tail = arguments[:positional], arguments[positional:]
+        return head, tail[1:] if tail[:1] == ["--"] else tail
+    end = list(arguments).index("--") if "--" in arguments else len(arguments)
+    return arguments[:end], arguments[end + 1 :]
+
+
+def _name(name: str, field: FieldInfo) -> str:
+    """A parameter as a user types it; a flag that can be repeated is a singular."""
+    if POSITIONAL in field.metadata or REST in field.metadata:
+        return name.upper()
+    return "--" + (name.removesuffix("s") if _is_several(field) else name.removesuffix("_")).replace("_", "-")
+
+
+def _help(model: type[BaseModel], name: str, field: FieldInfo, default: Any) -> str:
+    notes = []
+    if isinstance(default, tuple | list):
+        default = ",".join(map(str, default))
+    if default not in (None, False, "", {}):
+        notes.append(f"default: {default:g}" if isinstance(default, float) else f"default: {default}")
+    if prefix := model.model_config.get("env_prefix"):
+        notes.append(f"{prefix}{name}".upper())
+    text = " ".join((field.description or "").split())
+    if _is_several(field) and POSITIONAL not in field.metadata and REST not in field.metadata:
+        text += " Repeatable."
+    return f"{text} [{'; '.join(notes)}]" if notes else text
+
+
+def _epilog(model: type[BaseModel]) -> str | None:
+    if not issubclass(model, BaseSettings):
+        return None
+    return (
+        f"Settings are also read from the table `{getattr(model, 'table', '')}` of tigas.toml, or of the file that\n"
+        "TIGAS_CONFIG names, and from the environment variables in brackets."
+    )
+
+
+def _metavar(annotation: Any, metadata: Sequence[Any] = ()) -> str | None:
+    """The placeholder of a value in --help; None if neither a marker nor the type names one."""
+    if found := next((each.text for each in metadata if isinstance(each, Metavar)), None):
+        return found
+    if get_origin(annotation) is Annotated:
+        return _metavar(annotation.__origin__, annotation.__metadata__)
+    for each in _alternatives(annotation):
+        if get_origin(each) is Literal:
+            return "|".join(map(str, get_args(each)))
+        if get_origin(each) in (tuple, list, Annotated):
+            return _metavar(each if get_origin(each) is Annotated else get_args(each)[0])
+    return {int: "N", float: "NUMBER", Path: "PATH"}.get(_alternatives(annotation)[0])
+
+
+def _alternatives(annotation: Any) -> tuple[Any, ...]:
+    if get_origin(annotation) in (Union, UnionType):
+        return tuple(each for each in get_args(annotation) if each is not NoneType)
+    return (annotation,)
+
+
+def _is_several(field: FieldInfo) -> bool:
+    return any(get_origin(each) in (tuple, list, dict) for each in _alternatives(field.annotation))
+
+
+def _is_table(field: FieldInfo) -> bool:
+    return get_origin(field.annotation) is dict
+
+
+def _pairs(name: str, values: Sequence[str]) -> dict[str, str]:
+    if wrong := next((each for each in values if "=" not in each), None):
+        raise UsageError(f"--{name.removesuffix('s')}: {wrong[:100]!r} is not NAME=VALUE.")
+    return dict(each.split("=", 1) for each in values)

@@ -1,0 +1,110 @@
+"""A share of the event loop for each address, so that no client's HTTP requests hold up the clients of others."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable, Coroutine, Generator
+from types import coroutine
+from typing import Any
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from tigas_common.errors import AskedTooOften
+from tigas_common.origins import OriginPolicy
+from tigas_common.peers import client_network
+from tigas_common.proxy import refuse
+from tigas_common.rate_limit import RateLimit
+
+BURST_S = 0.1
+"""Seconds of the loop that an address may use at once: more than it takes to open the page."""
+EXPECTED_S = 0.002
+"""Assumed use of a request until it ends."""
+OUTSIDE_S = 0.0005
+"""A request's use outside of the application: parsing, and writing the answer."""
+PATIENCE_S = 2.0
+"""Seconds for which a request waits for its address's share before it is refused. Refusals are delayed by as much, to
+slow down clients that retry at once.
+"""
+FRAMES = "/render"
+
+
+class LoopShare:
+    """ASGI middleware that measures how long each address's requests keep the event loop busy.
+
+    Requests of an address that has used up its share wait, or are answered with 429 if the wait would be too long.
+    Frames are not counted: the renderer gives each address an equal share itself.
+    """
+
+    def __init__(
+        self,
+        app: ASGIApp,
+        share: float,
+        origins: OriginPolicy,
+        clock: Callable[[], float] = time.monotonic,
+        busy_clock: Callable[[], float] = time.thread_time,
+        sleep: Callable[[float], Coroutine[Any, Any, None]] = asyncio.sleep,
+    ) -> None:
+        """share: of the loop's time, 0 to 1. origins: which pages may read a refusal."""
+        self._app = app
+        self._share = share
+        self._origins = origins
+        self._clock = clock
+        self._busy_clock = busy_clock
+        self._sleep = sleep
+        self._used = RateLimit[str]()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            return await self._app(scope, receive, send)
+        address = client_network(scope["client"][0]) if scope["client"] else ""
+        delay = self._used.delay(address, self._clock(), self._share, BURST_S / self._share, EXPECTED_S)
+        if delay > PATIENCE_S:
+            await self._sleep(PATIENCE_S)
+            error = AskedTooOften("Your address asks for more than its share; ask less often.", delay)
+            return await refuse(error, self._origins, scope, receive, send)
+        self._use(address, EXPECTED_S)
+        meter, is_frame = _Meter(self._busy_clock), False
+
+        async def watch(message: Message) -> None:
+            nonlocal is_frame
+            if message["type"] == "http.response.start":
+                is_frame = scope["path"] == FRAMES and message["status"] < 400
+            await send(message)
+
+        try:
+            if delay:
+                await self._sleep(delay)
+            await meter.run(self._app(scope, receive, watch))  # type: ignore[arg-type]
+        finally:
+            used = 0.0 if is_frame else OUTSIDE_S + meter.seconds
+            self._use(address, used - EXPECTED_S)
+
+    def _use(self, address: str, seconds: float) -> None:
+        self._used.use(address, self._clock(), self._share, seconds)
+
+
+class _Meter:
+    """Adds up how long a coroutine's steps take."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self.seconds = 0.0
+        self._clock = clock
+
+    @coroutine
+    def run(self, work: Coroutine[Any, Any, None]) -> Generator[Any, Any, None]:
+        """Await the work, step by step."""
+        step: Callable[[Any], Any] = work.send
+        value: Any = None
+        while True:
+            began = self._clock()
+            try:
+                awaited = step(value)
+            except StopIteration:
+                return
+            finally:
+                self.seconds += self._clock() - began
+            try:
+                step, value = work.send, (yield awaited)
+            except BaseException as error:
+                step, value = work.throw, error

@@ -1,0 +1,102 @@
+"""The command `tigas experiment rerender`."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tigas_common.cli import in_a_sentence
+from tigas_common.command import POSITIONAL, Command, Metavar
+from tigas_common.errors import StartError
+from tigas_common.terminal import make_console
+from tigas_common.topology import PAGE
+
+if TYPE_CHECKING:  # heavy
+    from tigas_experiments.records.rerendered import SampledRun
+
+RENDER_URL = f"http://{PAGE.loopback}"
+
+
+class SamplesCommand(Command):
+    """A command about the samples of runs."""
+
+    folder: Annotated[Path, POSITIONAL, Metavar("DIR")]
+    """Folder of a run or of an experiment."""
+    again: bool = False
+    """Repeat finished work as well."""
+
+
+class RenderCommand(Command):
+    """A command that needs a render service."""
+
+    render: Annotated[str, Metavar("URL")] = RENDER_URL
+    """Render service."""
+
+
+class Rerender(SamplesCommand, RenderCommand):
+    """Render a run's samples again: compare each frame with the one received, and keep its ground truth.
+
+    An interrupted command continues when it is called again.
+    """
+
+    def run(self) -> None:
+        """Render the samples and print a table of runs."""
+        from rich.table import Table
+
+        from tigas_experiments.commands.options import end_as_ctrl_c
+
+        end_as_ctrl_c()
+        console = make_console()
+        with in_a_sentence(StartError, OSError):
+            try:
+                outcomes = rerender_all(self.folder, self.render, again=self.again)
+            except KeyboardInterrupt:
+                console.print("Interrupted. The same command goes on.")
+                raise SystemExit(130) from None
+        table = Table()
+        table.add_column("Run", overflow="fold")
+        for title in ("Samples", "Identical", "Different", "Incomplete"):
+            table.add_column(title, justify="right")
+        for one in outcomes:
+            counts = (len(one.samples), one.identical, one.different, one.missing)
+            table.add_row(one.folder, *map(str, counts), style="yellow" if one.different or one.problems else None)
+        console.print(table)
+        for one in outcomes:
+            for problem in one.problems:
+                console.print(f"{one.folder}: {problem}", style="yellow", soft_wrap=True)
+        if any(one.different for one in outcomes):
+            console.print(
+                "The render service answers differently now: ground truth may be of another renderer than the frames.",
+                style="yellow",
+                soft_wrap=True,
+            )
+        if any(one.problems for one in outcomes):
+            raise SystemExit(1)
+
+
+def rerender_all(folder: Path, render: str, *, again: bool = False) -> list[SampledRun]:
+    """Materialise all samples of a run or an experiment, with a progress bar. Raises StartError and OSError."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from tigas_experiments.samples.renderer import Renderer, RendererAway
+    from tigas_experiments.samples.rerender import locked, rerender, sampled_runs
+
+    runs = sampled_runs(folder)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+
+    async def all_of_them(bar: Progress) -> list[SampledRun]:
+        outcomes = []
+        async with Renderer.at(render) as renderer:
+            for number, run in enumerate(runs, 1):
+                task = bar.add_task(f"run {number} of {len(runs)}", total=None)
+                on_progress = lambda done, total, task=task: bar.update(task, completed=done, total=total)  # noqa: E731
+                outcomes.append(await rerender(run, renderer, on_progress, again=again))
+                bar.remove_task(task)
+        return outcomes
+
+    with locked(folder), Progress(*columns, console=make_console(stderr=True), transient=True) as bar:
+        try:
+            return asyncio.run(all_of_them(bar))
+        except RendererAway as error:
+            raise StartError(str(error)) from None

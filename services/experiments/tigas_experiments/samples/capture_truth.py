@@ -1,0 +1,88 @@
+"""Ground truth of a run's kept pictures, rendered again: the viewer's correct view at each capture."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+from tigas_common.files import read_regular
+from tigas_common.wire.recording import Capture, Input, RecordingHead
+from tigas_common.wire.render import RenderRequest
+from tigas_experiments.quality.ground_truth import pose_at
+from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, compare, decode, decode_shown
+from tigas_experiments.records.files import BrokenRecording
+from tigas_experiments.records.folder import StoredRun, capture_path
+from tigas_experiments.records.rerendered import TRUTH
+from tigas_experiments.records.samples import MAX_PICTURE_BYTES
+from tigas_experiments.samples.renderer import NotRendered, Renderer, concurrently
+from tigas_experiments.samples.rerender import OnProgress, changed_scene
+
+SAME_DB = 0.5
+"""Tolerated PSNR deviation from the run: rounding stays below it, another scene exceeds it."""
+
+
+async def render_truth(run: Path, renderer: Renderer, on_progress: OnProgress = lambda done, total: None) -> str | None:
+    """Render missing ground truth; returns the reason for any remaining gaps, in one sentence.
+
+    Raises RendererAway and OSError.
+    """
+    try:
+        stored = StoredRun(run)
+        head, inputs = stored.record.recording, stored.inputs()
+        known = {entry.at: entry for entry in stored.quality()}
+        missing = [
+            (index, capture, known[capture.at])
+            for index, capture in enumerate(stored.captures())
+            if capture.at in known and not capture_path(run, index, TRUTH).exists()
+        ]
+        if head is None or not missing:
+            return None
+        scene = await renderer.load(head.scene)
+    except (BrokenRecording, NotRendered) as error:
+        return str(error)
+    if (changed := changed_scene(stored.record, scene.file_sha256)) is not None:
+        return changed
+    problems: list[str] = []
+    done = 0
+
+    async def work(one: tuple[int, Capture, CaptureQuality]) -> None:
+        nonlocal done
+        try:
+            await _keep(run, renderer, head, inputs, *one)
+        except (NotRendered, BrokenPicture) as error:
+            problems.append(f"Picture {one[0]}: {error}")
+        done += 1
+        on_progress(done, len(missing))
+
+    await concurrently(missing, work)
+    return " ".join(problems[:1]) or None
+
+
+async def _keep(
+    run: Path,
+    renderer: Renderer,
+    head: RecordingHead,
+    inputs: list[Input],
+    index: int,
+    capture: Capture,
+    quality: CaptureQuality,
+) -> None:
+    """Keep one ground truth, if it matches the run's comparison. Raises BrokenPicture, NotRendered and OSError."""
+    pose = pose_at(inputs, capture.at)
+    if pose is None:
+        return
+    request = RenderRequest.at(head.scene, pose.camera, head.lens.intrinsics, format="png")
+    truth = await renderer.frame(request)
+    await asyncio.to_thread(_check, read_regular(capture_path(run, index), MAX_PICTURE_BYTES), truth, quality)
+    new = capture_path(run, index, f"{TRUTH}.new")
+    new.write_bytes(truth)
+    new.replace(capture_path(run, index, TRUTH))
+
+
+def _check(picture: bytes, truth: bytes, quality: CaptureQuality) -> None:
+    found = compare(decode_shown(picture)[0], decode(truth))
+    if quality.seen is not None and abs(found.psnr_db - quality.seen.psnr_db) > SAME_DB:
+        raise BrokenPicture(
+            f"the renderer answers differently now: the picture was {quality.seen.psnr_db:.1f} dB from ground truth in "
+            f"the run, and is {found.psnr_db:.1f} dB from what is rendered now."
+        )

@@ -1,0 +1,85 @@
+"""Admission of QUIC connections, and of the sessions, requests and streams that they open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tigas_common.rate_limit import RateLimit
+from tigas_render.admission.limits import Limits
+from tigas_render.admission.load import FULL, Load
+
+HANDSHAKES_AT_ONCE, HANDSHAKES_PER_S = 2, 25.0
+"""Handshakes of one address that begin at once and in the long run: each takes the event loop some milliseconds. The
+packets of further ones are dropped, and QUIC clients send them again."""
+
+
+@dataclass(slots=True, eq=False)
+class Usage:
+    """The open connections, sessions and requests of one address."""
+
+    address: str
+    connections: int = 0
+    sessions: int = 0
+    """WebTransport sessions."""
+    requests: int = 0
+    """Running requests, and incomplete ones."""
+
+    def request_refusal(self, limits: Limits, running: int) -> str | None:
+        """Return the reason to refuse another request of a connection with so many running ones, if any."""
+        if running >= limits.requests:
+            return "This connection has too many requests running."
+        if self.requests >= limits.requests_per_address:
+            return "Your address has too many requests running."
+        return None
+
+    def session_refusal(self, limits: Limits, open_sessions: int) -> str | None:
+        """Return the reason to refuse another session of a connection with so many open ones, if any."""
+        if open_sessions >= limits.sessions:
+            return "This connection has as many sessions as it may."
+        if self.sessions >= limits.sessions_per_address:
+            return "Your address has as many sessions as it may."
+        return None
+
+
+class ConnectionAdmission:
+    """Decides which addresses may open connections now, and replace streams that they have reset."""
+
+    def __init__(self, limits: Limits, load: Load) -> None:
+        self._limits = limits
+        self._load = load
+        self._openings = RateLimit[str]()
+        self._pace = RateLimit[str]()
+        self._resets = RateLimit[str]()
+
+    def must_prove_address(self, handshaking: int, of_address: int) -> bool:
+        """Whether a new client gets a Retry first, given the numbers of handshakes under way."""
+        return handshaking >= self._limits.unvalidated or of_address >= self._limits.unvalidated_per_address
+
+    def may_begin(self, address: str, now: float) -> bool:
+        """Whether a handshake of an address begins now, which is then counted, or its packet is dropped."""
+        return self._pace.allows(address, now, HANDSHAKES_PER_S, HANDSHAKES_AT_ONCE / HANDSHAKES_PER_S)
+
+    def refusal(self, usage: Usage, connections: int, now: float) -> str | None:
+        """Return the reason to refuse another connection of an address, if any.
+
+        connections: open ones of all addresses.
+        """
+        if self._load.full() is not None:
+            self._load.refused()
+            return FULL
+        if connections >= self._limits.connections:
+            return "The server has as many connections as it may; try again later."
+        if usage.connections >= self._limits.connections_per_address:
+            return "Your address has as many connections as it may; close some."
+        rate = self._limits.handshakes_per_s
+        if not self._openings.allows(usage.address, now, rate, self._limits.connections_per_address / rate):
+            return "Your address opens connections too fast; try again in a second."
+        return None
+
+    def reset_delay(self, address: str, now: float) -> float:
+        """Return the seconds until an address may replace a stream that it has reset. A delay of 0 is counted."""
+        rate = self._limits.resets_per_s
+        delay = self._resets.delay(address, now, rate, burst_s=max(1.0, 1 / rate))
+        if not delay:
+            self._resets.use(address, now, rate)
+        return delay

@@ -1,0 +1,96 @@
+"""The combined load of all edges, from their reports. A single process is the only edge, number 0."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from tigas_common.parsing import parse
+from tigas_render.admission.load import LoadState
+
+STALE_S = 5.0
+"""Seconds without a report after which an edge is dropped."""
+
+
+class EdgeLoads(Collector):
+    """The newest state of each, also for Prometheus."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._heard: dict[int, tuple[float, LoadState]] = {}
+
+    def heard(self, edge: int, state: LoadState) -> None:
+        """Take an edge's report."""
+        self._heard[edge] = (self._clock(), state)
+
+    def heard_json(self, edge: int, stats: bytes) -> None:
+        """The same, from another process. Raises InvalidRequest for an invalid report."""
+        self.heard(edge, parse(LoadState, stats))
+
+    @property
+    def states(self) -> dict[int, LoadState]:
+        """The present edges' reports, by edge."""
+        since = self._clock() - STALE_S
+        return {edge: state for edge, (at, state) in sorted(self._heard.items()) if at >= since}
+
+    def full(self) -> float | None:
+        """Seconds after which a new viewer may try again; None if most edges admit one, since clients cannot choose an
+        edge.
+        """
+        states = self.states.values()
+        waits = [state.full for state in states if state.full is not None]
+        return max(waits) if waits and 2 * len(waits) >= len(states) else None
+
+    @property
+    def viewers(self) -> int:
+        """Of all edges."""
+        return sum(state.viewers for state in self.states.values())
+
+    @property
+    def utilisation(self) -> float:
+        """Utilisation of the edges taken together, or of the renderer, whichever is higher, 0 to 1."""
+        states = self.states.values()
+        shares = ([state.utilisation for state in states], [state.engine_utilisation for state in states])
+        return min(1.0, max(sum(each) / max(1, len(each)) for each in shares))
+
+    @property
+    def queue_age_s(self) -> float:
+        """The longest that anything waited anywhere in the last second."""
+        return max((age for state in self.states.values() for age in state.ages.values()), default=0.0)
+
+    def collect(self) -> Iterator[Metric]:
+        """For Prometheus."""
+        ages = GaugeMetricFamily(
+            "tigas_render_queue_age_seconds",
+            "The longest that something waited in the last second",
+            labels=["queue", "edge"],
+        )
+        shares = GaugeMetricFamily(
+            "tigas_render_utilisation_ratio", "Share of the time at work, 0 to 1", labels=["of", "edge"]
+        )
+        viewers = GaugeMetricFamily("tigas_render_viewers", "Viewers that were taken", labels=["edge"])
+        full = GaugeMetricFamily("tigas_render_full", "Whether new viewers are refused", labels=["edge"])
+        allowed = GaugeMetricFamily(
+            "tigas_render_allowed_requests_per_second", "Of each viewer, while there is too much to do", labels=["edge"]
+        )
+        refused = CounterMetricFamily("tigas_render_refused_viewers", "Viewers that were refused", labels=["edge"])
+        stale = CounterMetricFamily("tigas_render_stale_datagrams", "Datagrams dropped for their age", labels=["edge"])
+        batches = CounterMetricFamily(
+            "tigas_render_refused_batches", "Batches of datagrams that the kernel refused", labels=["edge"]
+        )
+        for number, state in self.states.items():
+            edge = [str(number)]
+            for queue, age in state.ages.items():
+                ages.add_metric([queue, *edge], age)
+            shares.add_metric(["loop", *edge], state.utilisation)
+            shares.add_metric(["engine", *edge], state.engine_utilisation)
+            viewers.add_metric(edge, state.viewers)
+            full.add_metric(edge, state.full is not None)
+            if state.requests_per_s is not None:
+                allowed.add_metric(edge, state.requests_per_s)
+            refused.add_metric(edge, state.refused)
+            stale.add_metric(edge, state.stale)
+            batches.add_metric(edge, state.refused_batches)
+        yield from (ages, shares, viewers, full, allowed, refused, stale, batches)

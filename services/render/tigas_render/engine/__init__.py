@@ -1,0 +1,1 @@
+"""Frames from requests: queues, render lanes and threads, and the encoder stage."""

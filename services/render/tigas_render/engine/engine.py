@@ -1,0 +1,223 @@
+"""The engine: takes requests from any transport and answers with frames, rendering one while others are encoded.
+
+Requests wait in a queue (work_queue.py) until the frame maker can start them (frame_maker.py). Nothing here blocks the
+event loop.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+from collections.abc import Callable
+from functools import partial
+from typing import Final, Protocol, Self
+
+from tigas_common.errors import DeadlineExceeded, DeviceLost, InvalidRequest, OutOfDeviceMemory, Overloaded, TigasError
+from tigas_common.wire.render import RenderRequest, Rung
+from tigas_render.encode.video_chains import VIDEO_ENCODERS, VideoChains
+from tigas_render.engine.callback_queue import CallbackQueue
+from tigas_render.engine.encoder_stage import EncoderStage
+from tigas_render.engine.frame_maker import frame_maker
+from tigas_render.engine.frame_size import FrameSize
+from tigas_render.engine.metrics import EngineMetrics
+from tigas_render.engine.work import LoadedScene, SceneUse, Work
+from tigas_render.engine.work_queue import STOPPING, WAITING_PER_ADDRESS, WorkQueue
+from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
+from tigas_render.raster.base import Rasterizer
+
+logger = logging.getLogger(__name__)
+
+STUCK_S: Final = 120.0
+"""Seconds after which a frame that shows no progress counts as stuck; the largest take a tenth of that on two cores."""
+
+
+class Scenes(Protocol):
+    """Where scenes come from: the registry, or a test's stand-in."""
+
+    def use(self, scene_id: str) -> SceneUse:
+        """A context manager that holds the scene in memory."""
+
+    def evict(self) -> bool:
+        """Unload the least recently used of the unused scenes; False without any."""
+
+
+class Engine(FrameSource):
+    """Answers RenderRequests with Frames; an async context manager that owns its threads."""
+
+    def __init__(
+        self,
+        rasterizer: Rasterizer,
+        scenes: Scenes,
+        ladder: tuple[Rung, ...],
+        metrics: EngineMetrics,
+        clock: Callable[[], float],
+        waiting_per_address: int = WAITING_PER_ADDRESS,
+    ) -> None:
+        """ladder: the default for scenes; waiting_per_address: limit of one address's waiting requests."""
+        self._scenes = scenes
+        self._ladder = ladder
+        self._metrics = metrics
+        self._clock = clock
+        self.device_lost: asyncio.Future[DeviceLost] = asyncio.get_running_loop().create_future()
+        """Set with the reason when the device has failed for good."""
+        self._loading: set[asyncio.Task[None]] = set()
+        """Requests that wait for a scene."""
+        self._answers: CallbackQueue[tuple[Work, Frame | Exception]] = CallbackQueue(
+            lambda answer: self._deliver(*answer)
+        )
+        self._queue = WorkQueue(rasterizer.frames_in_flight, ladder, clock, self._post, waiting_per_address)
+        self.videos = VideoChains(VIDEO_ENCODERS, clock)
+        self._thread = threading.get_ident()
+        encoder = EncoderStage(self._queue, clock, self._finish, self.videos)
+        self._maker = frame_maker(rasterizer, self._queue, clock, encoder)
+
+    async def __aenter__(self) -> Self:
+        await self._maker.start()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self._queue.close()
+        await self._maker.stop()
+        for task in self._loading:
+            task.cancel()
+        await asyncio.gather(*self._loading, return_exceptions=True)
+        self._answers.deliver()
+
+    def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+        """Request a frame like `FrameSource.request`, at a time of the engine's clock.
+
+        Answers InvalidRequest for a rung beyond the scene's ladder, UnknownScene, BrokenScene, Superseded,
+        DeadlineExceeded and Overloaded; OutOfDeviceMemory, if unloading an unused scene does not help; and DeviceLost.
+        """
+        work = Work(client, request, arrived, self._scenes.use(request.scene), answered)
+        try:
+            scene = work.use.enter_if_loaded()
+            if scene is None:
+                work.loading = asyncio.create_task(self._enter(work))
+                self._loading.add(work.loading)
+                work.loading.add_done_callback(self._loading.discard)
+            else:
+                self._begin(work, scene)
+        except TigasError as error:
+            self._post(work, error)
+        return partial(self._withdraw, work)
+
+    def forget(self, client: Client) -> None:
+        """Free the encoder of a client's video."""
+        self.videos.forget(client)
+
+    def state(self) -> tuple[float, float]:
+        """How busy the renderer is, as `WorkQueue.state`."""
+        return self._queue.state()
+
+    @property
+    def in_flight(self) -> dict[str, int]:
+        """Unanswered requests, by stage: waiting for their scene, waiting for their turn, and in progress."""
+        return {"loading": len(self._loading), "waiting": len(self._queue), "rendering": self._queue.at_work}
+
+    def check_progress(self) -> None:
+        """Give the device up if a frame has been rendering for longer than `STUCK_S`."""
+        if self._queue.longest_silence() > STUCK_S:
+            reason = f"The renderer is stuck: a frame has been rendering for more than {STUCK_S:g} s."
+            self.lose_device(DeviceLost(reason))
+
+    def lose_device(self, reason: DeviceLost) -> None:
+        """Remember that the device failed for good: only a new process can use it."""
+        if not self.device_lost.done():
+            self.device_lost.set_result(reason)
+
+    async def _enter(self, work: Work) -> None:
+        """Wait until the scene is loaded."""
+        try:
+            scene = await work.use.enter()
+            work.loading = None
+            self._begin(work, scene)
+        except asyncio.CancelledError:
+            self._answer(work, Overloaded(STOPPING))  # cancelled requests have no recipient
+            raise
+        except Exception as error:
+            self._answer(work, error)
+
+    def _begin(self, work: Work, scene: LoadedScene) -> None:
+        """The scene is entered: queue the work. Raises InvalidRequest and Overloaded."""
+        request = work.request
+        work.scene, work.is_entered = scene, True
+        work.ladder = ladder = scene.ladder or self._ladder
+        if request.profile is not None and request.profile >= len(ladder):
+            raise InvalidRequest(f"profile: the ladder has rungs 0 to {len(ladder) - 1}.")
+        work.size = FrameSize.of(request, ladder)
+        self._queue.push(work)
+
+    def _withdraw(self, work: Work) -> None:
+        if work.is_over:
+            return
+        work.answered = None
+        self._metrics.count("cancelled")
+        if work.loading is not None:
+            work.loading.cancel()
+        if work.is_entered:
+            self._queue.remove(work)
+            work.use.leave()
+
+    def _finish(self, work: Work, result: Frame | Exception) -> None:
+        """Answer work that was begun: at once on the event loop, soon from any other thread."""
+        if threading.get_ident() == self._thread:
+            self._deliver(work, result)
+        else:
+            self._post(work, result)
+
+    def _post(self, work: Work, result: Frame | Exception) -> None:
+        """Answer soon, from any thread."""
+        self._answers.put((work, result))
+
+    def _deliver(self, work: Work, result: Frame | Exception) -> None:
+        """Answer on the event loop, unless the deadline has passed or another attempt is worthwhile."""
+        if isinstance(result, Frame):
+            try:
+                work.check_deadline(self._clock())
+            except DeadlineExceeded as error:
+                self._lost(work, result)
+                result = error
+        elif isinstance(result, OutOfDeviceMemory) and self._may_try_again(work):
+            # only after the error is released, which references the allocations
+            asyncio.get_running_loop().call_soon(self._try_again, work)
+            return
+        self._answer(work, result)
+
+    def _may_try_again(self, work: Work) -> bool:
+        return work.is_entered and not work.is_over and not work.is_second_try and self._scenes.evict()
+
+    def _try_again(self, work: Work) -> None:
+        if work.is_over:
+            return
+        work.is_second_try = True
+        try:
+            self._queue.push(work)
+        except Overloaded as error:
+            self._answer(work, error)
+
+    def _answer(self, work: Work, result: Frame | Exception) -> None:
+        if isinstance(result, DeviceLost):
+            self.lose_device(result)
+        answered, work.answered = work.answered, None
+        if answered is None:
+            self._lost(work, result)
+            return
+        if work.is_entered:
+            work.use.leave()
+        if isinstance(result, Frame):
+            self._metrics.frame(work.request.scene, work.client.transport, result)
+        elif isinstance(result, TigasError):
+            self._metrics.count(result.type)
+        try:
+            answered(result)
+        except Exception:  # one viewer's answer must not cost the others theirs
+            logger.exception("An answer was not delivered")
+            if isinstance(result, Frame):
+                result.release()
+
+    def _lost(self, work: Work, result: Frame | Exception) -> None:
+        """Drop a result."""
+        if isinstance(result, Frame) and result.video is not None:
+            self.videos.lost(work.client, result.seq)

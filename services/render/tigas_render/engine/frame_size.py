@@ -1,0 +1,81 @@
+"""How large a frame becomes: the rung's pixels, or the viewport's own, and the margins of its overscan."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+from tigas_common.errors import InvalidRequest
+from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE
+from tigas_common.wire.render import RenderRequest, Rung
+from tigas_render.raster.base import Camera
+
+MIN_VIDEO_SIDE: Final = 16
+MAX_VIDEO_PIXELS: Final = 36_864 * 256
+"""In a frame of H.264's level 5.2 (ITU-T H.264, table A-1)."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrameSize:
+    """A frame's size in pixels: the viewport's part, and margins around it."""
+
+    inner_width: int
+    inner_height: int
+    margin_x: int
+    """Columns at the left, and as many at the right."""
+    margin_y: int
+    """Rows at the top, and as many at the bottom."""
+
+    @classmethod
+    def of(cls, request: RenderRequest, ladder: tuple[Rung, ...]) -> FrameSize:
+        """The frame's size for a request with a valid profile. Raises InvalidRequest if it is too large."""
+        rung = None if request.profile is None else ladder[request.profile]
+        return _sized(request.width, request.height, rung, request.overscan, request.video is not None)
+
+    @property
+    def width(self) -> int:
+        """Of the whole frame."""
+        return self.inner_width + 2 * self.margin_x
+
+    @property
+    def height(self) -> int:
+        """Of the whole frame."""
+        return self.inner_height + 2 * self.margin_y
+
+    @property
+    def pixels(self) -> int:
+        """Of the whole frame."""
+        return self.width * self.height
+
+    def camera(self, request: RenderRequest, background: tuple[float, float, float]) -> Camera:
+        """The request's view. Margins extend it without changing its centre."""
+        # scale from the frame to the viewport; one number, since both sides differ by rounding only
+        enlarged = math.sqrt(request.width * request.height / (self.inner_width * self.inner_height))
+        return Camera(
+            request.pose,
+            request.intrinsics.resized(self.inner_width, self.inner_height).widened(self.margin_x, self.margin_y),
+            background,
+            max(1.0, request.display_scale * enlarged),
+            (self.margin_x, self.margin_y),
+        )
+
+
+@lru_cache(maxsize=1024)  # a viewer asks for one size, or a few, thousands of times
+def _sized(width: int, height: int, rung: Rung | None, overscan: float, is_video: bool) -> FrameSize:
+    if rung is not None:
+        width, height = rung.size_for(width, height)
+    if is_video:  # chroma has half as many pixels on each side
+        width, height = max(MIN_VIDEO_SIDE, width - width % 2), max(MIN_VIDEO_SIDE, height - height % 2)
+    size = FrameSize(width, height, round(width * overscan), round(height * overscan))
+    if overscan and (max(size.width, size.height) > MAX_SIDE or size.pixels > MAX_PIXELS):
+        raise InvalidRequest(
+            f"overscan: the frame would have {size.width}×{size.height} pixels; at most {MAX_SIDE} on a side and "
+            f"{MAX_PIXELS} in all are rendered."
+        )
+    if is_video and size.pixels > MAX_VIDEO_PIXELS:
+        raise InvalidRequest(
+            f"video: the frame would have {size.width}×{size.height} pixels; H.264 takes {MAX_VIDEO_PIXELS}."
+        )
+    return size

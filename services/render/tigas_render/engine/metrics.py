@@ -1,0 +1,85 @@
+"""The engine's counters for Prometheus."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterator
+from itertools import accumulate
+
+from prometheus_client.core import CounterMetricFamily, HistogramMetricFamily
+from prometheus_client.metrics_core import Metric
+from prometheus_client.registry import Collector
+
+from tigas_common.metrics import SceneNames
+from tigas_render.frame import Frame, Transport
+
+BUCKETS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.033, 0.05, 0.1, 0.2, 0.5, 1, 2, 5)
+BOUNDS = [*map(str, map(float, BUCKETS)), "+Inf"]
+
+
+class Times:
+    """How often something took how long."""
+
+    def __init__(self) -> None:
+        self.sum = 0.0
+        self._counts = [0] * len(BOUNDS)
+
+    def add(self, seconds: float) -> None:
+        """Record a duration."""
+        self._counts[bisect_left(BUCKETS, seconds)] += 1
+        self.sum += seconds
+
+    @property
+    def buckets(self) -> list[tuple[str, float]]:
+        """Upper bounds, with the cumulative count of each."""
+        return list(zip(BOUNDS, accumulate(self._counts), strict=True))
+
+
+class EngineMetrics(Collector):
+    """The engine's counters and histograms.
+
+    Thousands of frames are counted between two reads, on one thread: prometheus_client's own counters, which have
+    locks, would take a twentieth of the engine's process.
+    """
+
+    def __init__(self) -> None:
+        self._requests = {"frame": 0}
+        """By outcome."""
+        self._frames: dict[tuple[str, int | None, Transport], list[int]] = {}
+        """How many frames, and of how many bytes, by scene, rung and transport."""
+        self._scenes = SceneNames()
+        self._queue, self._render, self._encode = Times(), Times(), Times()
+
+    def count(self, outcome: str) -> None:
+        """One request that ended without a frame, by the error's type or `cancelled`."""
+        self._requests[outcome] = self._requests.get(outcome, 0) + 1
+
+    def frame(self, scene: str, transport: Transport, frame: Frame) -> None:
+        """One frame that was answered."""
+        self._requests["frame"] += 1
+        sums = self._frames.get((scene, frame.profile, transport))
+        if sums is None:
+            sums = self._frames.setdefault((self._scenes.label(scene), frame.profile, transport), [0, 0])
+        sums[0] += 1
+        sums[1] += len(frame.body)
+        timing = frame.timing
+        self._queue.add(timing.queue / 1000)
+        self._render.add(timing.render / 1000)
+        self._encode.add(timing.encode / 1000)
+
+    def collect(self) -> Iterator[Metric]:
+        """The present values."""
+        requests = CounterMetricFamily("tigas_render_requests", "Render requests by how they ended", labels=["outcome"])
+        for outcome, number in list(self._requests.items()):
+            requests.add_metric([outcome], number)
+        labels = ["scene", "rung", "transport"]
+        frames = CounterMetricFamily("tigas_render_frames", "Frames that were answered", labels=labels)
+        sizes = CounterMetricFamily("tigas_render_frame_bytes", "Their bytes", labels=labels)
+        for (scene, rung, transport), (count, size) in list(self._frames.items()):
+            values = [scene, "none" if rung is None else str(rung), transport]
+            frames.add_metric(values, count)
+            sizes.add_metric(values, size)
+        seconds = HistogramMetricFamily("tigas_render_frame_seconds", "Time of a frame by stage", labels=["stage"])
+        for stage, times in (("queue", self._queue), ("render", self._render), ("encode", self._encode)):
+            seconds.add_metric([stage], times.buckets, times.sum)
+        yield from (requests, frames, sizes, seconds)

@@ -1,0 +1,91 @@
+"""Work items passed between the engine's threads: a request on its way to a frame."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from tigas_common.errors import DeadlineExceeded
+from tigas_common.wire.render import RenderRequest, Rung
+from tigas_render.engine.frame_size import FrameSize
+from tigas_render.frame import Answered, Client
+from tigas_render.raster.base import PreparedScene
+
+
+class LoadedScene(Protocol):
+    """The engine's interface to a scene in use."""
+
+    @property
+    def prepared(self) -> PreparedScene:
+        """The scene on the rasteriser's device."""
+
+    @property
+    def background(self) -> tuple[float, float, float]:
+        """RGB, 0 to 1."""
+
+    @property
+    def ladder(self) -> tuple[Rung, ...] | None:
+        """The scene's own quality levels, the best first, if it has them."""
+
+
+class SceneUse(Protocol):
+    """Holds a scene in memory, from one of the ways to enter until `leave`."""
+
+    def enter_if_loaded(self) -> LoadedScene | None:
+        """The scene; None if it must be loaded first. Raises UnknownScene."""
+
+    async def enter(self) -> LoadedScene:
+        """The scene, loaded if need be. Raises UnknownScene, BrokenScene, Overloaded."""
+
+    def leave(self) -> None:
+        """The scene may be unloaded again."""
+
+
+@dataclass(slots=True, eq=False)
+class Work:
+    """A request, until it is answered or withdrawn. Only the event loop changes it."""
+
+    client: Client
+    request: RenderRequest
+    arrived: float
+    """In seconds of the engine's clock."""
+    use: SceneUse
+    answered: Answered | None
+    """The recipient of the frame; None once it was answered or cancelled."""
+    loading: asyncio.Task[None] | None = None
+    """Waits for the scene, which is to be loaded."""
+    is_second_try: bool = False
+    is_entered: bool = False
+    """Whether the scene is in use for it; all below is set then."""
+    scene: LoadedScene = field(init=False)
+    ladder: tuple[Rung, ...] = field(init=False)
+    """The ladder that the request's profile indexes."""
+    size: FrameSize = field(init=False)
+    expected: float = field(init=False)
+    """Seconds that the frame is expected to cost."""
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the frame is no longer wanted."""
+        return self.answered is None
+
+    def overtakes(self, other: Work) -> bool:
+        """Whether another frame of the same session is obsolete once this one has begun.
+
+        Both show the same view, the other from an earlier moment: it has a smaller number, and is of the same kind.
+        Additional pictures differ in their kind, or have no numbers.
+        """
+        return other.request.seq < self.request.seq and _kind(other.request) == _kind(self.request)
+
+    def check_deadline(self, ready_at: float) -> None:
+        """Raises DeadlineExceeded if the frame is of no use then."""
+        deadline_ms = self.request.deadline_ms
+        if deadline_ms is not None and ready_at > self.arrived + deadline_ms / 1000:
+            raise DeadlineExceeded(f"The frame could not be ready within {deadline_ms:g} ms.")
+
+
+def _kind(request: RenderRequest) -> tuple[object, ...]:
+    """The scene and lens, and whether it is at a rung: predicted or surrounding views have other lenses."""
+    lens = (request.width, request.height, request.fx, request.fy, request.cx, request.cy)
+    return request.scene, request.format, request.profile is None, lens

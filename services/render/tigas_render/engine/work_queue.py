@@ -1,0 +1,241 @@
+"""Requests waiting to be rendered: queues work, chooses the next item, and answers dropped ones. Thread-safe."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import Counter
+from collections.abc import Callable, Collection
+
+from tigas_common.errors import DeadlineExceeded, Overloaded, Superseded, TigasError
+from tigas_common.wire.render import Rung
+from tigas_render.engine.cost_model import CostModel
+from tigas_render.engine.large_frames import Admission
+from tigas_render.engine.utilisation import Utilisation
+from tigas_render.engine.work import Work
+from tigas_render.fair_queue import FairSchedule
+from tigas_render.frame import Client
+
+QUEUE_DEPTH = 4
+"""Maximum number of waiting requests of one session: enough for a burst, too few to build up delay."""
+MAX_WAITING = 512
+"""Requests of all clients together that may wait."""
+WAITING_PER_ADDRESS = 128
+"""Requests of one address that may wait; further ones are refused."""
+MIN_COST_S = 0.0001
+"""Minimum charge of a turn in seconds, so that clients with frames of unknown cost take turns."""
+INTERRUPTED_FOR = 4
+"""A frame is interrupted for one of another address with an expected cost lower by this factor."""
+
+STOPPING = "The server is stopping."
+
+
+class WorkQueue:
+    """Between the event loop, which adds and removes work, and the threads that make frames of it."""
+
+    def __init__(
+        self,
+        frames_in_flight: int,
+        ladder: tuple[Rung, ...],
+        clock: Callable[[], float],
+        refuse: Callable[[Work, TigasError], None],
+        waiting_per_address: int = WAITING_PER_ADDRESS,
+    ) -> None:
+        """refuse: called with dropped work, on any thread."""
+        self._clock = clock
+        self._refuse = refuse
+        self._waiting_per_address = waiting_per_address
+        self._most_at_work = max(2, frames_in_flight - 1)
+        """Frames of one address: a large picture takes a tenth of a second to encode."""
+        self._schedule: FairSchedule[Work] = FairSchedule(QUEUE_DEPTH)
+        self._costs = CostModel()
+        self._admission = Admission(ladder, self._costs)
+        self._utilisation = Utilisation(clock())
+        self._waits_since: dict[Client, float] = {}
+        """Start of each client's wait for its next frame, for any of its requests."""
+        self._at_work: Counter[str] = Counter()
+        """Frames that have begun and are not done, by address."""
+        self._alive: dict[Work, float] = {}
+        """When each of them began, or last let another frame go first."""
+        self._all_at_work: set[str] = set()
+        """Addresses that have as many as they may."""
+        self._lock = threading.Lock()
+        self._changed = threading.Condition(self._lock)
+        self._on_work: Callable[[], object] | None = None
+        self._is_rendering = False
+        self._is_called = False
+        """Whether a thread was woken and has not called `next` since."""
+        self._closed = False
+
+    def __len__(self) -> int:
+        return len(self._schedule)
+
+    @property
+    def at_work(self) -> int:
+        """Frames that have begun and are not done."""
+        with self._lock:
+            return len(self._alive)
+
+    def longest_silence(self) -> float:
+        """Seconds for which the slowest frame has been rendering without a sign of progress; 0 if none is."""
+        with self._lock:
+            return self._clock() - min(self._alive.values()) if self._alive else 0.0
+
+    def push(self, work: Work) -> None:
+        """Add work. Raises Overloaded."""
+        client, request = work.client, work.request
+        with self._lock:
+            if self._closed or len(self._schedule) >= MAX_WAITING:
+                raise Overloaded(STOPPING if self._closed else "Too many requests wait; ask less often.")
+            if self._schedule.waiting(client.address) >= self._waiting_per_address:
+                raise Overloaded("Too many requests from this address wait; ask less often.")
+            now = self._clock()
+            self._utilisation.work(now)
+            self._admission.heard_of(client, now)
+            self._waits_since.setdefault(client, work.arrived)
+            work.expected = max(MIN_COST_S, self._costs.at_least(request.scene, request.format, work.size.pixels))
+            pushed_out = self._schedule.push(client, work, work.expected)
+            if not self._is_rendering:
+                self._call()
+        if pushed_out is not None:
+            self._refuse(pushed_out, Superseded("Newer requests of this client took this one's place."))
+
+    def remove(self, work: Work) -> None:
+        """Remove cancelled work, if it waits."""
+        with self._lock:
+            self._schedule.remove(work.client, work)
+
+    def on_work(self, tell: Callable[[], object]) -> None:
+        """Call this for new work instead of waking a thread in `next`. It must lead to `take`, until that gives None.
+
+        Called on the thread that pushes, with the lock held.
+        """
+        self._on_work = tell
+
+    def take(self) -> Work | None:
+        """Begin the work that is next: `done` must follow. None if none can begin; until then there is no pause."""
+        with self._lock:
+            work = self._pop()
+            if work is None:
+                self._utilisation.rest(self._clock())
+            return work
+
+    def next(self) -> Work | None:
+        """Wait for the turn to render and for work that can begin, and begin it: `rendered` and `done` must follow.
+
+        None once the queue is closed.
+        """
+        with self._lock:
+            while not self._closed:
+                self._is_called = False
+                if not self._is_rendering:
+                    work = self._pop()
+                    if work is not None:
+                        self._is_rendering = True
+                        self._utilisation.work(self._clock())
+                        return work
+                    self._utilisation.rest(self._clock())
+                self._changed.wait()
+            return None
+
+    def rendered(self) -> None:
+        """Pass the turn to render to another thread, if there is work."""
+        with self._lock:
+            self._is_rendering = False
+            if self._schedule:
+                self._call()
+            else:
+                self._utilisation.rest(self._clock())
+
+    def next_ahead_of(self, work: Work) -> Work | None:
+        """Like `next`, but without waiting, and only for work that justifies an interruption."""
+        with self._lock:
+            self._alive[work] = self._clock()
+            return self._pop({work.client.address}, work.expected / INTERRUPTED_FOR)
+
+    def done(self, work: Work, seconds: float | None = None, *, is_whole: bool = False) -> None:
+        """Record the end of work, and its cost in seconds; None: as expected.
+
+        is_whole: it produced a frame, so that its cost predicts similar ones. The caller will call `next` itself, so no
+        thread is woken.
+        """
+        address, request = work.client.address, work.request
+        with self._lock:
+            del self._alive[work]
+            self._at_work[address] -= 1
+            if not self._at_work[address]:
+                del self._at_work[address]
+            self._all_at_work.discard(address)
+            if seconds is not None:
+                self._schedule.settle(work.client, max(seconds, MIN_COST_S) - work.expected)
+                if is_whole:
+                    self._costs.measured(request.scene, request.format, work.size.pixels, seconds)
+
+    def state(self) -> tuple[float, float]:
+        """How long the client has waited, in seconds, that has waited longest for its next frame to begin; and the
+        share of the time since the last call, 0 to 1, in which there was something to render.
+        """
+        with self._lock:
+            now = self._clock()
+            since = self._waits_since
+            waiting = self._schedule.newest()
+            self._waits_since = {work.client: since.get(work.client, work.arrived) for work in waiting}
+            oldest = min(self._waits_since.values(), default=now)
+            return max(0.0, now - oldest), self._utilisation.share(now)
+
+    def close(self) -> None:
+        """Refuse all waiting and future work."""
+        with self._lock:
+            self._closed = True
+            while (work := self._schedule.pop()) is not None:
+                self._refuse(work, Overloaded(STOPPING))
+            self._changed.notify_all()
+
+    def _call(self) -> None:
+        """Announce work. A burst wakes one thread only, because waking costs more than adding work."""
+        if self._on_work is not None:
+            self._on_work()
+        elif not self._is_called:
+            self._is_called = True
+            self._changed.notify()
+
+    def _pop(self, besides: Collection[str] = (), at_most: float = math.inf) -> Work | None:
+        """The next work that can begin now, charged to its client; None without any.
+
+        Skips the addresses `besides`, addresses with their maximum number of frames at work, and work above the given
+        cost.
+        """
+        left_out = self._all_at_work.union(besides) if besides else self._all_at_work
+        while (work := self._schedule.pop(left_out, at_most)) is not None:
+            if work.is_over:
+                continue
+            try:
+                self._check(work)
+            except (DeadlineExceeded, Overloaded) as error:
+                self._refuse(work, error)
+                continue
+            self._begin(work)
+            return work
+        return None
+
+    def _begin(self, work: Work) -> None:
+        client = work.client
+        self._waits_since.pop(client, None)
+        self._schedule.begin(client, work.expected)
+        self._alive[work] = self._clock()
+        self._at_work[client.address] += 1
+        if self._at_work[client.address] >= self._most_at_work:
+            self._all_at_work.add(client.address)
+        for older in self._schedule.remove_if(client, work.overtakes):
+            self._refuse(older, Superseded("A newer view of this client is rendered instead."))
+
+    def _check(self, work: Work) -> None:
+        """Raises DeadlineExceeded and Overloaded if a frame is not to be rendered now."""
+        request, now = work.request, self._clock()
+        try:
+            work.check_deadline(now + self._costs.at_least(request.scene, request.format, work.size.pixels))
+        except DeadlineExceeded:
+            self._costs.doubt(request.scene, request.format)
+            raise
+        self._admission.check(work.client, request, work.size, now, others_wait=self._schedule.others_wait(work.client))
+        self._admission.heard_of(work.client, now)

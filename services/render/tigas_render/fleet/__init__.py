@@ -1,1 +1,0 @@
-"""The render service as several processes: edges, which speak with clients, and the engine, which renders."""

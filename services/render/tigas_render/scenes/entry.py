@@ -1,0 +1,59 @@
+"""State of an available scene: whether it is loaded, its users, and its memory."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from dataclasses import dataclass
+
+from tigas_common.errors import Overloaded, TigasError
+from tigas_common.wire.render import Rung, StartCamera
+from tigas_render.raster.base import PreparedScene
+from tigas_render.scenes.source import SceneSource
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedScene:
+    """A scene in memory."""
+
+    source: SceneSource
+    prepared: PreparedScene
+    gaussians: int
+    camera: StartCamera
+    """From the scene's metadata, or derived from its Gaussians."""
+
+    @property
+    def background(self) -> tuple[float, float, float]:
+        """RGB, 0 to 1."""
+        return self.source.metadata.background
+
+    @property
+    def ladder(self) -> tuple[Rung, ...] | None:
+        """The scene's own, if it has one."""
+        return self.source.ladder
+
+
+class LoadingEnded(Overloaded):
+    """Loading a scene was given up."""
+
+
+class Entry:
+    """A scene's changing state."""
+
+    def __init__(self, source: SceneSource) -> None:
+        self.source = source
+        self.error = source.error
+        self.loaded: LoadedScene | None = None
+        self.loading: asyncio.Task[TigasError | None] | None = None
+        self.reserved = 0
+        """Bytes that it takes, or is going to take once it is loaded."""
+        self.sha256: str | None = None
+        """Of the file that was loaded last."""
+        self.camera: StartCamera | None = source.metadata.camera
+        self.users = 0
+        self.last_used = 0.0
+        self.last_viewed = -math.inf
+        self.leaving = False
+        """To be unloaded once unused."""
+        self.progress = 0.0
+        """How much of it has been read, from 0 to 1, while it is loading."""

@@ -1,0 +1,225 @@
+"""Operations on a models directory: add, rename and remove scenes.
+
+A scene is added from a file or a URL, whole and readable or not at all. Names are looked up in the directory, so that
+none leads elsewhere.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import shutil
+import tempfile
+import time
+import zipfile
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+import httpx
+
+from tigas_common.errors import TigasError, UnknownScene
+from tigas_common.files import check_room, move_new, open_regular, read_regular, replace_file, to_disk
+from tigas_common.parsing import MAX_BODY
+from tigas_common.patience import Patience
+from tigas_render.locked_directory import locked_directory
+from tigas_render.scenes.columns import Listener
+from tigas_render.scenes.directory import SAFE_NAME, scene_file, scene_id, scene_paths
+from tigas_render.scenes.lod_meta import LOD_META
+from tigas_render.scenes.metadata import METADATA
+from tigas_render.scenes.registry import BUILTIN
+from tigas_render.scenes.scene_file import SceneFile
+from tigas_render.scenes.sog_files import META
+from tigas_render.scenes.streamed_sog import FORMAT as STREAMED
+
+COPY_BYTES = 1 << 20
+TIMEOUT_S = 30.0
+"""A download is aborted after this many seconds without a byte,"""
+LEAST_BYTES_PER_S = 1000.0
+"""or if it is slower than this over that time."""
+PART = ".adding-"
+"""Prefix of the directory in the models directory in which a scene is being added."""
+AS_IT_IS = {"Accept-Encoding": "identity"}
+ENDINGS = {"PLY": ".ply", "compressed PLY": ".compressed.ply", ".splat": ".splat", "SOG": ".sog", STREAMED: ""}
+"""By format; all versions of SPZ are .spz, and SOG is one file from now on, unless it is streamed."""
+
+
+class NotAdded(TigasError):
+    """A scene that was not added."""
+
+    status, type, title = 422, "scene-not-added", "The scene was not added"
+
+
+def add_scene(source: str, directory: Path, id: str | None, listener: Listener, limit: int) -> tuple[str, SceneFile]:
+    """Copy a scene's file, or download it from an http(s) URL, check that it is readable, and add it to the directory.
+
+    limit: of a download, in bytes.
+
+    A SOG scene in a folder becomes one file; a streamed one stays a folder, with the files that are read. The default
+    `id` is derived from the file's name. Returns the id, and the scene's file. Raises NotAdded, BrokenScene and
+    OSError; then the directory is unchanged.
+    """
+    url = urlsplit(source)
+    remote = url.scheme in ("http", "https")
+    if not remote and "://" in source:
+        raise NotAdded("Scenes are fetched from http and https addresses only.")
+    id = id or (scene_id(Path(unquote(url.path))) if remote else _local_id(Path(source).resolve()))
+    directory.mkdir(parents=True, exist_ok=True)
+    check_free(directory, id)
+    with locked_directory(directory, PART) as hidden:
+        part = hidden / id
+        if remote:
+            _fetch(source, part, listener, limit)
+        else:
+            _copy(scene_file(Path(source)), part)
+        return id, keep(part, directory, id)
+
+
+def check_free(directory: Path, id: str) -> None:
+    """Whether a scene can be called so. Raises NotAdded."""
+    if not SAFE_NAME.fullmatch(id):
+        raise NotAdded(f"{id[:100]!r} cannot be a scene's name: that has letters, digits, blanks and _.()+- alone.")
+    if (other := scene_id(Path(f"{id}.ply"))) != id:
+        raise NotAdded(f"{id} cannot be a scene's name: its file would be the scene {other}.")
+    if id in BUILTIN or id in scene_paths(directory):
+        raise NotAdded(f"There is a scene {id} already; choose another name.")
+
+
+def keep(part: Path, directory: Path, id: str) -> SceneFile:
+    """Read all of a file, and move it into the directory as a scene. Raises as `add_scene` does."""
+    file = scene_file(part)
+    file.check()
+    check_free(directory, id)
+    path = directory / f"{id}{ENDINGS.get(file.format, '.spz')}"
+    to_disk(part)
+    try:
+        move_new(part, path)
+    except OSError as error:
+        if error.errno != errno.EXDEV:
+            raise
+        with locked_directory(directory, PART) as hidden:  # the folder of uploads may be a separate mount
+            copy = hidden / id
+            check_room(directory, part.stat().st_size)
+            _copy_file(part, copy)
+            to_disk(copy)
+            move_new(copy, path)
+        part.unlink()
+    return scene_file(path)
+
+
+def _local_id(path: Path) -> str:
+    if path.name in (META, LOD_META):
+        return path.parent.name
+    return path.name if path.is_dir() else scene_id(path)
+
+
+def _copy(file: SceneFile, part: Path) -> None:
+    first = file.files[0]
+    if file.format == STREAMED:
+        for path in file.files:
+            _copy_file(path, part / path.relative_to(first.parent))
+    elif len(file.files) == 1:
+        _copy_file(first, part)
+    else:
+        with zipfile.ZipFile(part, "w") as bundle:
+            for path in file.files:
+                bundle.write(path, path.name)
+
+
+def _copy_file(path: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with open_regular(path) as source, target.open("wb") as copy:
+        shutil.copyfileobj(source, copy, COPY_BYTES)
+
+
+def shown(source: str) -> str:
+    """A path, or an address without possible secrets: user, password and query."""
+    url = urlsplit(source)
+    if "://" not in source:
+        return source
+    return f"{url.scheme}://{url.netloc.rpartition('@')[2]}{url.path}"
+
+
+def _fetch(url: str, part: Path, listener: Listener, limit: int) -> None:
+    too_large = NotAdded(f"{shown(url)} is larger than {limit / 1e9:g} GB; --max-gb allows more.")
+    try:
+        with (
+            httpx.stream("GET", url, headers=AS_IT_IS, follow_redirects=True, timeout=TIMEOUT_S) as answer,
+            part.open("wb") as target,
+        ):
+            if answer.status_code != 200:
+                raise NotAdded(f"{shown(url)} answers with {answer.status_code} {answer.reason_phrase}.")
+            size = int(answer.headers.get("Content-Length") or 0)
+            if size > limit:
+                raise too_large
+            got = 0
+            patience = Patience(TIMEOUT_S, LEAST_BYTES_PER_S, time.monotonic())
+            for content in answer.iter_raw():  # of any size: waiting for full chunks would hide a trickle
+                check_room(part.parent, max(len(content), size - got))
+                got += len(content)
+                if got > limit:
+                    raise too_large
+                if (now := time.monotonic()) > patience.until:
+                    raise NotAdded(f"{shown(url)} comes too slowly, so it was given up.")
+                patience.progress(len(content), now)
+                target.write(content)
+                if size:
+                    listener(got / size)
+    except (httpx.HTTPError, httpx.InvalidURL) as error:
+        reason = str(error).rstrip(".") or type(error).__name__
+        raise NotAdded(f"{shown(url)} cannot be fetched: {reason}.") from None
+
+
+def remove_scene(directory: Path, id: str) -> None:
+    """Remove a scene's file, or its folder with all that is in it; of a link, the link alone.
+
+    Raises UnknownScene and OSError.
+    """
+    path = _path(directory, id)
+    if path.is_symlink() or not path.is_dir():
+        path.unlink()
+        return
+    last = Path(tempfile.mkdtemp(prefix=".removed-", dir=directory))
+    path.rename(last / id)  # removed in one step, however long deleting the files takes
+    shutil.rmtree(last)
+
+
+def rename_scene(directory: Path, id: str, name: str) -> None:
+    """Give a scene another id by renaming its file or folder. A name in its scene.json is updated as well.
+
+    Raises UnknownScene, NotAdded if the id is not possible, and OSError.
+    """
+    path = _path(directory, id)
+    check_free(directory, name)
+    if not path.is_dir():
+        move_new(path, directory / f"{name}{path.name.removeprefix(scene_id(path))}")
+        return
+    before = _metadata(path)
+    if "name" in before:
+        _write_metadata(path, {**before, "name": name})
+    try:
+        move_new(path, directory / name)
+    except OSError:
+        if "name" in before:
+            _write_metadata(path, before)
+        raise
+
+
+def _path(directory: Path, id: str) -> Path:
+    try:
+        return scene_paths(directory)[id]
+    except KeyError:
+        raise UnknownScene(f"There is no scene {id[:100]!r}.") from None
+
+
+def _metadata(folder: Path) -> dict[str, Any]:
+    """The contents of a scene.json; empty if it is missing or invalid. Raises OSError."""
+    try:
+        metadata = json.loads(read_regular(folder / METADATA, MAX_BODY))
+    except (FileNotFoundError, ValueError, RecursionError):
+        return {}
+    return metadata if isinstance(metadata, dict) else {}
+
+
+def _write_metadata(folder: Path, metadata: dict[str, Any]) -> None:
+    replace_file(folder / METADATA, f"{json.dumps(metadata, indent=2, ensure_ascii=False)}\n".encode())

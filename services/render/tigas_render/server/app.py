@@ -1,0 +1,234 @@
+"""The HTTP interface: Starlette routes only. The same application is served over HTTP/1.1 and HTTP/3."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from urllib.parse import quote, urlsplit
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+from starlette.types import ASGIApp, Scope
+
+from tigas_common.described import BYTES, HAS_IT_ALREADY, JSON, PICTURES, described
+from tigas_common.errors import problem
+from tigas_common.metrics import CountedRequests, metrics_route, new_registry
+from tigas_common.openapi import openapi
+from tigas_common.origins import OriginCheck
+from tigas_common.web import (
+    EXCEPTION_HANDLERS,
+    Body,
+    ModelResponse,
+    Tagged,
+    created_response,
+    healthy,
+    json_response,
+    list_response,
+    page_policy,
+    problem_response,
+    takes,
+)
+from tigas_common.wire.cluster import HostLoad
+from tigas_common.wire.render import AddedScene, SceneInfo, SceneName, ServerConfig, Training
+from tigas_render.server.compressed_files import CompressedFiles
+from tigas_render.server.frame_route import FRAMES, PATH, HttpFrames
+from tigas_render.server.service import RenderService
+from tigas_render.uploads.routes import UPLOADS
+
+STATIC = Path(__file__).parents[1] / "static"
+"""Directory of the web client's build."""
+
+
+def create_app(service: RenderService) -> ASGIApp:
+    """The application over a running service, which is its caller's to open and close."""
+    registry = new_registry("render", *service.metrics)
+    app = Starlette(
+        routes=[
+            openapi("Render service"),
+            FRAMES,
+            Route("/scenes", scenes),
+            Route("/scenes/{id}", scene),
+            Route("/scenes/{id}", remove, methods=["DELETE"]),
+            Route("/scenes/{id}/rename", rename, methods=["POST"]),
+            Route("/scenes/{id}/load", load, methods=["POST"]),
+            Route("/scenes/{id}/unload", unload, methods=["POST"]),
+            Route("/scenes/{id}/preview", preview),
+            Route("/scenes/{id}/download/compressed", download),
+            Route("/scenes/{id}/enhance", training),
+            Route("/scenes/{id}/enhance", train, methods=["POST"]),
+            Route("/scenes/{id}/enhance", stop_training, methods=["DELETE"]),
+            Route("/scenes/{id}/enhance.safetensors", weights),
+            Route("/enhance/general.safetensors", general_weights),
+            *UPLOADS,
+            Route("/uploads/{id}/scene", add, methods=["POST"]),
+            Route("/config.json", config),
+            Route("/api/load", own_load),
+            Route("/healthz", healthz),
+            metrics_route(registry),
+        ],
+        exception_handlers=EXCEPTION_HANDLERS,
+    )
+    app.state.service = service
+    app.state.settings = service.settings
+    app.state.frames = HttpFrames(service, service.admission.http_viewers, service.admission.rate)
+    if STATIC.is_dir():
+        # Not a mount: that would match before a wrong method of the routes above is noticed.
+        app.router.default = _Client(directory=STATIC, html=True)
+    # Frames are counted by the engine, including those for other processes.
+    return CountedRequests(OriginCheck(app, service.origins), app.routes, registry, besides=PATH)
+
+
+@described(query={"scan": "`1`: look at the models directory again first."})
+async def scenes(request: Request) -> ModelResponse[list[SceneInfo]]:
+    """All scenes."""
+    service = _service(request)
+    if request.query_params.get("scan"):
+        await service.rescan()
+    return list_response(await service.infos())
+
+
+async def scene(request: Request) -> ModelResponse[SceneInfo]:
+    """One scene."""
+    return json_response(await _service(request).info(request.path_params["id"]))
+
+
+async def remove(request: Request) -> Response:
+    """Delete a scene's file or folder."""
+    await _service(request).library.remove(request.path_params["id"])
+    return Response(status_code=204)
+
+
+@takes(SceneName)
+async def rename(request: Request, body: Body[SceneName]) -> ModelResponse[SceneInfo]:
+    """Rename a scene; its name is also its id."""
+    service, name = _service(request), (await body.read()).name
+    await service.library.rename(request.path_params["id"], name)
+    return json_response(await service.info(name))
+
+
+async def add(request: Request) -> ModelResponse[AddedScene]:
+    """Make an upload that is whole a scene, once its file has been checked."""
+    id = await _service(request).library.add(request.path_params["id"])
+    return created_response(AddedScene(id=id), f"/scenes/{quote(id)}")
+
+
+async def load(request: Request) -> ModelResponse[SceneInfo]:
+    """Load a scene and wait until it is loaded."""
+    service, id = _service(request), request.path_params["id"]
+    await service.load(id)
+    return json_response(await service.info(id))
+
+
+async def unload(request: Request) -> ModelResponse[SceneInfo]:
+    """Unload a scene without viewers."""
+    service, id = _service(request), request.path_params["id"]
+    service.registry.unload(id)
+    return json_response(await service.info(id))
+
+
+@described(gives=PICTURES)
+async def preview(request: Request) -> Response:
+    """A scene's thumbnail, rendered if the scene brings none."""
+    image = await _service(request).preview(request.path_params["id"])
+    return Response(image.body, media_type=image.media_type, headers={"Cache-Control": "max-age=60"})
+
+
+@described(gives=(BYTES,), also=HAS_IT_ALREADY)
+async def download(request: Request) -> Response:
+    """A scene's Gaussians as a file, made on the first request."""
+    service = _service(request)
+    source = service.registry.source(request.path_params["id"])
+    made = await service.downloads.get(source)
+    return service.readers.answer(request, source, made)
+
+
+async def training(request: Request) -> ModelResponse[Training]:
+    """How far the training of a scene's networks is."""
+    return json_response(await _service(request).training(request.path_params["id"]))
+
+
+async def train(request: Request) -> ModelResponse[Training]:
+    """Start to train a scene's networks."""
+    answer = json_response(_service(request).train(request.path_params["id"]))
+    answer.status_code = 202
+    return answer
+
+
+async def stop_training(request: Request) -> ModelResponse[Training]:
+    """Stop it; the scene keeps the networks that it had."""
+    service, id = _service(request), request.path_params["id"]
+    service.registry.source(id)
+    await service.trainer.stop(id)
+    return json_response(await service.training(id))
+
+
+@described(gives=(BYTES,), also=HAS_IT_ALREADY)
+async def weights(request: Request) -> Response:
+    """The weights of a scene's own networks."""
+    service = _service(request)
+    source = service.registry.source(request.path_params["id"])
+    return (await asyncio.to_thread(lambda: Tagged(service.shelf.content(source), BYTES))).answer(request)
+
+
+@described(gives=(BYTES,), also=HAS_IT_ALREADY)
+async def general_weights(request: Request) -> Response:
+    """The weights of the networks for any scene."""
+    shelf = _service(request).shelf
+    return (await asyncio.to_thread(lambda: Tagged(shelf.general(), BYTES))).answer(request)
+
+
+@described(query={"scene": "Which it shows: `has_scene` says whether that is still there."})
+async def config(request: Request) -> ModelResponse[ServerConfig]:
+    """The page's configuration, for the address that it was opened under."""
+    scene = request.query_params.get("scene")
+    has_scene = None if scene is None else _service(request).registry.has(scene)
+    return json_response(_config(request).model_copy(update={"has_scene": has_scene}))
+
+
+async def own_load(request: Request) -> ModelResponse[HostLoad]:
+    """Load of the service, for a director that assigns viewers to hosts."""
+    return json_response(_service(request).host_load(_origin(request)))
+
+
+@described(gives=(JSON,))
+async def healthz(request: Request) -> Response:
+    """Whether the service can render; after its device was lost it answers until it has stopped."""
+    lost = _service(request).engine.device_lost
+    if lost.done():
+        return problem_response(problem(lost.result()))
+    return healthy()
+
+
+class _Client(CompressedFiles):
+    """The web client: hashed assets are cached for good, the page itself is revalidated."""
+
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        response = await super().get_response(path, scope)
+        hashed = path.startswith("assets/")
+        response.headers["Cache-Control"] = "max-age=31536000, immutable" if hashed else "no-cache"
+        response.headers["Content-Security-Policy"] = _page_policy(_config(Request(scope)))
+        return response
+
+
+def _page_policy(config: ServerConfig) -> str:
+    """Content-Security-Policy of the page: its own origin, and connections to the services' hosts on any port."""
+    urls = [urlsplit(url) for url in (*config.services.values(), config.webtransport_url) if url]
+    # There is no way to write an IPv6 address.
+    sources = (f"{url.scheme}:" if "[" in url.netloc else f"{url.scheme}://{url.hostname}:*" for url in urls)
+    return page_policy(set(sources))
+
+
+def _config(request: Request) -> ServerConfig:
+    return _service(request).config(_origin(request))
+
+
+def _origin(request: Request) -> str:
+    """The page's origin, from the request."""
+    return f"{request.url.scheme}://{request.url.netloc}"
+
+
+def _service(request: Request) -> RenderService:
+    service: RenderService = request.app.state.service
+    return service

@@ -1,0 +1,109 @@
+"""`POST /render`: the only part of the HTTP interface that needs just a source of frames."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from tigas_common.described import PICTURES, described
+from tigas_common.errors import InvalidRequest
+from tigas_common.peers import ARRIVED, client_network
+from tigas_common.proxy import unless, until_left
+from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, Body, takes
+from tigas_common.wire.render import RenderRequest
+from tigas_render.admission.http_viewers import HttpViewers
+from tigas_render.admission.request_rate import RequestRate
+from tigas_render.frame import Client, Frame, FrameSource, Transport
+from tigas_render.server.frame_response import FrameResponse, Lending
+
+PATH = "/render"
+VIEWER, MOST_NAME = "Tigas-Viewer", 64
+"""The header with a viewer's own name for itself, and how many characters that may have."""
+CLIENT_GONE = 499
+"""An unread status: the client disconnected before its answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class HttpFrames:
+    """The source of frames, and the admission of its clients."""
+
+    source: FrameSource
+    viewers: HttpViewers
+    rate: RequestRate
+    lending: Lending = field(default_factory=Lending)
+
+
+def frames_app(frames: HttpFrames) -> Starlette:
+    """An application with this route only."""
+    app = Starlette(routes=[FRAMES], exception_handlers=EXCEPTION_HANDLERS)
+    app.state.frames = frames
+    return app
+
+
+@described(gives=PICTURES)
+@takes(RenderRequest)
+async def render(request: Request, body: Body[RenderRequest]) -> Response:
+    """One frame."""
+    began = time.monotonic()
+    frames: HttpFrames = request.app.state.frames
+    client = _client(request)
+    frames.viewers.check(client.address, _viewer(request))
+    frames.rate.check(client)
+    render_request = await body.read()
+    if render_request.video is not None:
+        raise InvalidRequest("format: h264 needs a WebTransport session, as a video's frames refer to each other.")
+    arrived = getattr(request.state, ARRIVED, began)
+    answer = frames.source.submit(client, render_request, arrived)
+    frame = await unless(until_left(request.receive), answer)
+    if frame is None:
+        return Response(status_code=CLIENT_GONE)
+    timing = frame.timing
+    return FrameResponse(
+        frame,
+        frames.lending,
+        {
+            "Server-Timing": f"queue;dur={timing.queue}, render;dur={timing.render}, encode;dur={timing.encode}",
+            "Tigas-Frame": _about(frame, frames.rate.told),
+            **NO_STORE,
+            "Timing-Allow-Origin": "*",
+        },
+    )
+
+
+def _about(frame: Frame, requests_per_s: float | None) -> str:
+    """The frame's `Tigas-Frame` header."""
+    numbers = {
+        "seq": frame.seq,
+        "width": frame.width,
+        "height": frame.height,
+        "margin_x": frame.margin_x or None,
+        "margin_y": frame.margin_y or None,
+        "profile": frame.profile,
+        "requests_per_s": requests_per_s,
+    }
+    return ", ".join(f"{name}={number}" for name, number in numbers.items() if number is not None)
+
+
+def _viewer(request: Request) -> str:
+    """The viewer's identifier, which separates it from others behind the same gateway."""
+    name = request.headers.get(VIEWER, "")
+    if len(name) > MOST_NAME:
+        raise InvalidRequest(f"{VIEWER}: no name has more than {MOST_NAME} characters.")
+    return name
+
+
+def _client(request: Request) -> Client:
+    peer = request.client
+    transport: Transport = "http3" if request.scope["http_version"] == "3" else "http1"
+    if peer is None:
+        return Client("unknown", "unknown", transport)
+    return Client(client_network(peer.host), f"{peer.host}:{peer.port}", transport)
+
+
+FRAMES = Route(PATH, render, methods=["POST"])
+"""For an application whose `state.frames` is of HttpFrames."""

@@ -1,0 +1,109 @@
+"""Changes of the models directory by pages: uploads become scenes, and scenes are renamed and removed."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+from tigas_common.errors import Overloaded, TigasError
+from tigas_common.files import storage_explained
+from tigas_common.offload import Offload, offload_to_process
+from tigas_common.work_limits import Limit
+from tigas_render.scenes.library_operations import remove_scene, rename_scene
+from tigas_render.scenes.registry import SceneRegistry
+from tigas_render.settings import RenderSettings
+from tigas_render.uploads.checking import keep_upload
+from tigas_render.uploads.parts import MODELS, ScenesFixed, Uploads, WrongOffset, open_uploads
+
+_log = logging.getLogger(__name__)
+
+CHECK_MEMORY = 500_000_000
+"""Additional memory limit of checking a file, in bytes."""
+CHECK_CPU_S = 600
+"""A hundred million Gaussians take less."""
+
+
+class BuiltIn(TigasError):
+    """The scene is part of TIGAS."""
+
+    status, type, title = 409, "built-in-scene", "The scene is built in"
+
+
+class Library:
+    """Changes the models directory, and lets the registry know."""
+
+    def __init__(
+        self, settings: RenderSettings, registry: SceneRegistry, offload: Offload = offload_to_process
+    ) -> None:
+        """offload: where files are checked."""
+        self._settings = settings
+        self._registry = registry
+        self._offload = offload
+        self._checks = asyncio.Semaphore(1)  # each may take as much memory as the largest scene
+        self._adding: dict[str, asyncio.Task[str]] = {}
+
+    @property
+    def max_upload_bytes(self) -> int | None:
+        """Maximum size of uploads; None: pages may change nothing."""
+        try:
+            return open_uploads(self._settings).limit
+        except ScenesFixed:
+            return None
+
+    async def add(self, upload_id: str) -> str:
+        """Check a complete upload, and make it a scene; its id. Repeated calls get the same answer.
+
+        Raises ScenesFixed, UnknownUpload, WrongOffset, BrokenScene, NotAdded, TooCostly, DiskFull and
+        StorageFailed.
+        """
+        uploads = open_uploads(self._settings)
+        adding = self._adding.get(upload_id)
+        if adding is None:
+            adding = self._adding[upload_id] = asyncio.create_task(self._add(uploads, upload_id))
+            adding.add_done_callback(lambda _: self._adding.pop(upload_id))
+        return await asyncio.shield(adding)  # a disconnected client may return and ask again
+
+    async def remove(self, scene_id: str) -> None:
+        """Remove a scene for good. Raises ScenesFixed, UnknownScene, BuiltIn, DiskFull and StorageFailed."""
+        await self._change(scene_id, remove_scene)
+
+    async def rename(self, scene_id: str, name: str) -> None:
+        """Give a scene another id. Raises as `remove`, and NotAdded if there cannot be such a scene."""
+        await self._change(scene_id, partial(rename_scene, name=name))
+
+    def tidy(self) -> None:
+        """Drop stalled uploads."""
+        with suppress(ScenesFixed):
+            open_uploads(self._settings).expire()
+
+    async def _change(self, scene_id: str, change: Callable[[Path, str], None]) -> None:
+        models = open_uploads(self._settings).models
+        if self._registry.info(scene_id).builtin:
+            raise BuiltIn(f"{self._registry.source(scene_id).name} is part of TIGAS and cannot be changed.")
+        with storage_explained(MODELS):
+            await asyncio.to_thread(change, models, scene_id)
+        await self._registry.scan()
+
+    async def _add(self, uploads: Uploads, upload_id: str) -> str:
+        upload = await asyncio.to_thread(uploads.get, upload_id)
+        if upload.added:
+            return upload.scene
+        if upload.offset < upload.length:
+            raise WrongOffset(f"The upload has {upload.offset} of {upload.length} bytes.")
+        limit = Limit(memory=uploads.limit + CHECK_MEMORY, cpu_s=CHECK_CPU_S)
+        try:
+            async with self._checks:
+                await self._offload(keep_upload, uploads, upload.id, limit=limit)
+        except Overloaded:  # unknown as yet
+            raise
+        except TigasError as error:
+            _log.warning("The upload of %s was refused: %s", upload.scene, error.detail)
+            await asyncio.to_thread(uploads.discard, upload.id)
+            raise
+        _log.info("%s was uploaded: %.1f MB", upload.scene, upload.length / 1e6)
+        await self._registry.scan()
+        return upload.scene

@@ -1,0 +1,154 @@
+"""The render service in a single process, and the parts of its start and stop that an engine shares."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import sys
+import threading
+from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
+
+from tigas_common.address import Address, warning_if_open
+from tigas_common.errors import StartError, TigasError
+from tigas_common.memory import keep_together
+from tigas_common.runner import until_stopped
+from tigas_common.settings import MODELS
+from tigas_common.terminal import printable
+from tigas_render.cache import kept_key
+from tigas_render.raster.devices import create_rasterizer
+from tigas_render.server.app import STATIC, create_app
+from tigas_render.server.certificates import CertificateKeeper
+from tigas_render.server.public_servers import public_servers
+from tigas_render.server.public_sockets import PublicSockets
+from tigas_render.server.service import RenderService
+from tigas_render.settings import RenderSettings
+from tigas_render.transport.share import Share
+
+logger = logging.getLogger(__name__)
+
+LOST_GRACE_S = 5.0
+"""Seconds that a process has to exit once its device is lost."""
+SWITCH_S = 0.0001
+"""How often Python's threads take turns, in seconds: at the default, 5 ms, a busy event loop makes each frame late."""
+
+
+async def serve(settings: RenderSettings) -> None:
+    """Run the render service in this process until SIGINT or SIGTERM.
+
+    Raises StartError, also once the device is lost.
+    """
+    async with AsyncExitStack() as stack:
+        sockets = stack.enter_context(PublicSockets.bound(settings, 1))
+        service = await stack.enter_async_context(opened(settings, say))
+        service.quic_port, service.https_port = sockets.quic_port, sockets.https_port
+        keeper = await stack.enter_async_context(CertificateKeeper.running(settings))
+        keeper.on_renewal(service.show)
+        await stack.enter_async_context(service.measured())
+        renew = await stack.enter_async_context(
+            public_servers(
+                create_app(service),
+                service,
+                service.admission,
+                settings,
+                service.origins,
+                certificate=keeper.certificate,
+                reset_key=kept_key(settings.cache / "stateless-reset.key"),
+                http=sockets.http,
+                https=sockets.https,
+                quic=Share(sockets=sockets.quic[0]) if sockets.quic else None,
+            )
+        )
+        keeper.on_renewal(renew)
+        say("\n".join(announcement(service, sockets.http_port, (service.device,))))
+        await until_stopped_or_lost(until_stopped(), service)
+
+
+def say(line: str) -> None:
+    """Print a message for the user."""
+    print(line, flush=True)
+
+
+@asynccontextmanager
+async def opened(settings: RenderSettings, say: Callable[[str], None]) -> AsyncIterator[RenderService]:
+    """The service without anything that serves it, and the process fit for it. Raises StartError."""
+    keep_together()
+    _prepare_directory(settings)
+    try:
+        rasterizer = create_rasterizer(settings.device, settings.cache)
+    except ValueError as error:
+        raise StartError(str(error)) from None
+    say("Preparing the rasteriser (the first start on a machine compiles it, about half a minute) …")
+    async with AsyncExitStack() as stack:
+        try:
+            service = await stack.enter_async_context(RenderService.open(settings, rasterizer))
+        except TigasError as error:  # a GPU that is full, or lost
+            raise StartError(error.detail) from None
+        sys.setswitchinterval(SWITCH_S)
+        yield service
+
+
+async def until_stopped_or_lost(stop: Coroutine[None, None, None], service: RenderService) -> None:
+    """Wait for `stop`, then end all loading. Raises StartError if the device is lost first: only a new process can use
+    it. The process then ends within `LOST_GRACE_S`, even if threads are stuck in calls to the device.
+    """
+    engine = service.engine
+    stopped = asyncio.create_task(stop)
+    try:
+        await asyncio.wait((stopped, engine.device_lost), return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        stopped.cancel()
+        service.registry.close()
+    if engine.device_lost.done():
+        reason = engine.device_lost.result().detail
+        logger.error("%s", reason)  # the process may not get as far as to report it otherwise
+        end = threading.Timer(LOST_GRACE_S, os._exit, (1,))
+        end.daemon = True
+        end.start()
+        raise StartError(reason)
+
+
+def _prepare_directory(settings: RenderSettings) -> None:
+    """Make the models directory if it is the default, or if pages may add scenes: otherwise its name may be
+    mistyped.
+
+    If the default cannot be made, only the built-in scenes are available. Raises StartError.
+    """
+    scenes = settings.scenes
+    if scenes == MODELS or settings.edit_scenes:
+        with suppress(OSError):
+            scenes.mkdir(exist_ok=True)
+        if scenes == MODELS and not scenes.exists():
+            return
+    if not scenes.is_dir():
+        raise StartError(f"The models directory {scenes} does not exist; create it, or choose another with --scenes.")
+    if not os.access(scenes, os.R_OK | os.X_OK):
+        raise StartError(f"The models directory {scenes} cannot be read; check its permissions.")
+
+
+def announcement(service: RenderService, http_port: int, devices: Sequence[str]) -> list[str]:
+    """The start message; from now on the service knows its own URL as well.
+
+    devices: all rendering devices.
+    """
+    http = Address(service.settings.http.host, http_port)
+    service.url = f"http://{http.reachable_host}:{http.port}"
+    lines = []
+    scenes = service.registry.infos()
+    for scene in scenes:
+        if scene.state == "broken":
+            lines.append(printable(f"  {scene.id} is left out: {scene.error}"))
+    usable = sum(scene.state != "broken" for scene in scenes)
+    lines.append(f"{usable} {'scene' if usable == 1 else 'scenes'} ready on {', '.join(devices)}.")
+    folder = service.settings.scenes
+    if folder.is_dir() and len(scenes) == 1:
+        lines.append(f"{folder} has no scenes yet: put a .ply, .sog, .spz or .splat there, or use `tigas scene add`.")
+    if not STATIC.is_dir():
+        lines.append("Only the API is available, because the page is not built: run `npm ci && npm run build` in web/.")
+    if service.https_port:
+        lines.append(f"Other devices on the network: https://<this machine's address>:{service.https_port}/")
+    if warning := warning_if_open(service.settings.addresses):
+        lines.append(warning)
+    lines.append(f"Open {service.url}/")
+    return lines

@@ -1,0 +1,100 @@
+"""A scene's thumbnail: its own picture, or one that is rendered once and kept."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import io
+import logging
+import math
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from PIL import Image
+
+from tigas_common.files import read_regular
+from tigas_common.pose import Intrinsics, Pose
+from tigas_common.wire.model import Point
+from tigas_common.wire.render import StartCamera
+from tigas_render.cache import write_to_cache
+from tigas_render.raster.base import Camera
+from tigas_render.scenes.source import SceneSource
+from tigas_render.single_flight import SingleFlight
+
+WIDTH, HEIGHT = 640, 360
+MAX_BYTES = 8_000_000
+"""The largest preview that a scene may bring."""
+MAX_PIXELS = 33_000_000
+FOV_Y = 60.0
+"""Vertical field of view, in degrees."""
+
+_MEDIA_TYPES = {"JPEG": "image/jpeg", "PNG": "image/png"}
+
+_log = logging.getLogger(__name__)
+
+Render = Callable[[str, int, int], Awaitable[bytes]]
+"""Renders a scene (by id) from its start camera, in a width and height, as JPEG."""
+
+
+@dataclass(frozen=True, slots=True)
+class Preview:
+    """An image file's content."""
+
+    body: bytes
+    media_type: str
+
+
+class PreviewCache:
+    """Previews of scenes; rendered ones are kept in `directory`, which is made when it is needed."""
+
+    def __init__(self, directory: Path, render: Render) -> None:
+        self._directory = directory
+        self._render = render
+        self._rendering = SingleFlight[Path, Preview]()
+
+    async def get(self, source: SceneSource) -> Preview:
+        """The scene's preview; concurrent first requests render once. Raises the errors of rendering."""
+        if source.preview is not None:
+            own = await asyncio.to_thread(read_preview, source.preview)
+            if own is not None:
+                return own
+            _log.warning(
+                "%s is no JPEG or PNG of at most %d MB; another is rendered", source.preview, MAX_BYTES // 10**6
+            )
+        path = self._path(source)
+        return await self._rendering.get(path, lambda: self._cached_or_rendered(source.id, path))
+
+    def _path(self, source: SceneSource) -> Path:
+        """The file's name depends on everything that the picture depends on."""
+        key = f"{source.id}|{source.version}|{source.metadata.model_dump_json()}|{WIDTH}x{HEIGHT}"
+        return self._directory / f"preview-{hashlib.sha256(key.encode()).hexdigest()[:32]}.jpg"
+
+    async def _cached_or_rendered(self, scene_id: str, path: Path) -> Preview:
+        cached = await asyncio.to_thread(read_preview, path)
+        if cached is not None:
+            return cached
+        body = await self._render(scene_id, WIDTH, HEIGHT)
+        await asyncio.to_thread(write_to_cache, path, body)
+        return Preview(body, "image/jpeg")
+
+
+def read_preview(path: Path) -> Preview | None:
+    """An image file, or None if it is missing, too large, or not a valid JPEG or PNG by content."""
+    try:
+        body = read_regular(path, MAX_BYTES)
+        with Image.open(io.BytesIO(body), formats=tuple(_MEDIA_TYPES)) as image:
+            if image.width * image.height > MAX_PIXELS or image.format is None:
+                return None
+            media_type = _MEDIA_TYPES[image.format]
+            image.load()
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        return None
+    return Preview(body, media_type)
+
+
+def preview_camera(start: StartCamera, up: Point, width: int, height: int) -> Camera:
+    """The camera that a visitor starts with."""
+    focal = height / 2 / math.tan(math.radians(FOV_Y) / 2)
+    intrinsics = Intrinsics(focal, focal, width / 2, height / 2, width, height)
+    return Camera(Pose.look_at(start.position, start.look_at, up), intrinsics)

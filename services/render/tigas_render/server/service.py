@@ -1,0 +1,243 @@
+"""Everything that the render service holds while it runs: rasteriser, scenes, engine and previews."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import AsyncIterator, Iterator
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, contextmanager
+from importlib.metadata import version
+from urllib.parse import urlsplit
+
+from tigas_common.address import bracketed
+from tigas_common.certificate import Certificate
+from tigas_common.commit import this_commit
+from tigas_common.errors import BrokenScene, DeviceLost, Overloaded
+from tigas_common.hosts import is_loopback
+from tigas_common.origins import OriginPolicy
+from tigas_common.topology import reached
+from tigas_common.wire.cluster import HostLoad
+from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest, SceneInfo, ServerConfig, StillFormat, Training
+from tigas_render.admission.edge_loads import EdgeLoads
+from tigas_render.admission.load import LoadState
+from tigas_render.admission.viewers import ViewerAdmission
+from tigas_render.downloads.cache import DownloadCache
+from tigas_render.downloads.readers import Readers
+from tigas_render.engine.engine import Engine
+from tigas_render.engine.metrics import EngineMetrics
+from tigas_render.enhance.shelf import Shelf
+from tigas_render.enhance.trainer import NoTraining, Trainer, why_no_training
+from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
+from tigas_render.raster.base import Rasterizer
+from tigas_render.scenes.registry import SceneRegistry
+from tigas_render.scenes.source import SceneSource
+from tigas_render.server.library import Library
+from tigas_render.server.preview import Preview, PreviewCache, preview_camera
+from tigas_render.server.state_metrics import StateMetrics
+from tigas_render.settings import RenderSettings
+from tigas_render.single_flight import Repeated
+
+logger = logging.getLogger(__name__)
+
+HOUSEKEEPING_S = 15
+"""Seconds between checks for idle scenes, unfinished uploads and a stuck renderer."""
+
+PREVIEWS = Client("previews", "previews")
+"""Shared client identity for thumbnails, which are cached for all visitors."""
+
+
+class RenderService(FrameSource):
+    """The running service. Transports request frames from it; `app` exposes the rest over HTTP."""
+
+    def __init__(self, settings: RenderSettings, rasterizer: Rasterizer) -> None:
+        self.settings = settings
+        self.device = rasterizer.device
+        self._hardware = rasterizer.hardware
+        self._formats: tuple[StillFormat, ...] = ("jpeg", "webp") if rasterizer.makes_webp else ("jpeg",)
+        self._commit = this_commit()
+        metrics = EngineMetrics()
+        self.registry = SceneRegistry(
+            settings.scenes,
+            rasterizer.pack,
+            own_ladders=settings.ladder == "scene",
+            memory_budget=int(settings.memory_gb * 1e9),
+            idle_s=60 * settings.idle_minutes,
+            clock=time.monotonic,
+        )
+        self.engine = Engine(
+            rasterizer,
+            self.registry,
+            DEFAULT_LADDER,
+            metrics,
+            time.monotonic,
+        )
+        self.certificate: Certificate | None = None
+        """The certificate shown over QUIC, once it is served."""
+        self.origins = OriginPolicy.of(settings.addresses, settings.allow_hosts, settings.allow_origins)
+        self.loads = EdgeLoads(time.monotonic)
+        self.metrics = (metrics, StateMetrics(self.engine, self.registry), self.loads)
+        self.admission = ViewerAdmission(settings.quic_limits)
+        """The admission of viewers that this process serves itself."""
+        self.quic_port: int | None = None
+        """Where QUIC is served, once it is."""
+        self.https_port: int | None = None
+        self.url: str | None = None
+        """Where the API is over HTTP/1.1, from this machine, once it is."""
+        self.shelf = Shelf(DEFAULT_LADDER, settings.cache)
+        self.trainer = Trainer(rasterizer.device)
+        self._why_no_training = why_no_training()
+        self.downloads = DownloadCache(settings.cache / "downloads", int(settings.downloads_gb * 1e9))
+        self.readers = Readers()
+        self.rescan = Repeated(self.registry.scan).run
+        self.library = Library(settings, self.registry)
+        self._previews = PreviewCache(settings.cache, self._render_preview)
+
+    @classmethod
+    @asynccontextmanager
+    async def open(cls, settings: RenderSettings, rasterizer: Rasterizer) -> AsyncIterator[RenderService]:
+        """A running service, as a context manager."""
+        service = cls(settings, rasterizer)
+        async with service.engine:
+            await service.registry.scan()
+            housekeeping = asyncio.create_task(service._keep_house())
+            try:
+                yield service
+            finally:
+                housekeeping.cancel()
+                await service.trainer.close()
+        service.registry.close()
+
+    def show(self, certificate: Certificate) -> None:
+        """Announce this certificate to pages from now on."""
+        self.certificate = certificate
+
+    def measured(self) -> AbstractAsyncContextManager[None]:
+        """Measure the load of this process, as the only edge, as a context manager."""
+        return self.admission.measured(self._report)
+
+    def _report(self, state: LoadState) -> None:
+        self.loads.heard(0, state)
+        self.admission.load.engine(*self.engine.state())
+
+    def config(self, page: str) -> ServerConfig:
+        """The configuration of a page of this origin."""
+        host = urlsplit(page).hostname or "localhost"
+        # QUIC does not fall back from ::1 to 127.0.0.1, so a browser must not choose between them.
+        quic_host = "127.0.0.1" if host == "localhost" else host
+        quic_port = self.quic_port if self._reaches_quic(host) else None
+        return ServerConfig(
+            version=version("tigas"),
+            commit=self._commit,
+            device=self._hardware,
+            formats=self._formats,
+            ladder=DEFAULT_LADDER,
+            certificate_sha256=self.certificate.sha256 if quic_port and self.certificate else None,
+            webtransport_url=f"https://{bracketed(quic_host)}:{quic_port}/render" if quic_port else None,
+            https_url=f"https://{bracketed(host)}:{self.https_port}/" if self.https_port else None,
+            services=reached(page, self.settings.services, self.settings.upstreams),
+            retry_after_s=self.loads.full(),
+            max_upload_bytes=self.library.max_upload_bytes,
+            why_no_training=self._why_no_training,
+        )
+
+    def host_load(self, page: str) -> HostLoad:
+        """Load of this host under this origin, for a director that assigns viewers to hosts."""
+        return HostLoad(
+            config=self.config(page),
+            viewers=self.loads.viewers,
+            utilisation=self.loads.utilisation,
+            queue_age_s=self.loads.queue_age_s,
+            scenes=tuple(scene.id for scene in self.registry.infos() if scene.state == "loaded"),
+        )
+
+    def _reaches_quic(self, host: str) -> bool:
+        """Whether a page that was opened under `host` may find QUIC there: another machine does not, on loopback."""
+        return self.settings.quic is not None and (not self.settings.quic.is_loopback or is_loopback(host))
+
+    def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+        """A viewer's frame, as `Engine.request`."""
+
+        def note(answer: Frame | Exception) -> None:
+            if isinstance(answer, Frame):
+                self.registry.viewed(request.scene)
+            answered(answer)
+
+        return self.engine.request(client, request, arrived, note)
+
+    def forget(self, client: Client) -> None:
+        """As `Engine.forget`."""
+        self.engine.forget(client)
+
+    async def load(self, scene_id: str) -> None:
+        """Load a scene and wait until it is loaded. Raises as `SceneRegistry.load` does."""
+        with self._noticing_loss():
+            await self.registry.load(scene_id)
+
+    async def infos(self) -> list[SceneInfo]:
+        """Every scene, with the networks and downloads that there are for it."""
+        found = [(info, self.registry.source(info.id)) for info in self.registry.infos()]
+        return await asyncio.to_thread(lambda: [self._with_files(*each) for each in found])
+
+    async def info(self, scene_id: str) -> SceneInfo:
+        """One scene. Raises UnknownScene."""
+        info, source = self.registry.info(scene_id), self.registry.source(scene_id)
+        return await asyncio.to_thread(self._with_files, info, source)
+
+    def _with_files(self, info: SceneInfo, source: SceneSource) -> SceneInfo:
+        """A scene's description, including its additional files, in a worker thread."""
+        files = {"enhance": self.shelf.kind(source), "downloads": self.downloads.offered(source)}
+        return info.model_copy(update=files)
+
+    async def training(self, scene_id: str) -> Training:
+        """How far the training of a scene's networks is. Raises UnknownScene."""
+        source, state = self.registry.source(scene_id), self.trainer.state(scene_id)
+        if state.state in ("running", "failed"):
+            return state
+        return state.model_copy(update={"problem": await asyncio.to_thread(self.shelf.problem, source)})
+
+    def train(self, scene_id: str) -> Training:
+        """Train a scene's networks on its views.
+
+        Raises UnknownScene, BrokenScene, NoTraining, TrainingRuns and NoPlace.
+        """
+        source = self.registry.source(scene_id)
+        if source.error is not None:
+            raise BrokenScene(source.error)
+        if self._why_no_training is not None:
+            raise NoTraining(self._why_no_training)
+        if self.url is None:
+            raise Overloaded("The service is starting; try again.")
+        return self.trainer.start(scene_id, self.shelf.writable_place(source), self.url)
+
+    async def preview(self, scene_id: str) -> Preview:
+        """A scene's thumbnail. Raises UnknownScene and BrokenScene."""
+        return await self._previews.get(self.registry.source(scene_id))
+
+    async def _render_preview(self, scene_id: str, width: int, height: int) -> bytes:
+        """From the start camera, through the engine like every other frame, so that it waits for its turn."""
+        with self._noticing_loss():
+            async with self.registry.use(scene_id) as scene:
+                camera = preview_camera(scene.camera, scene.source.metadata.up, width, height)
+                request = RenderRequest.at(scene_id, camera.pose, camera.intrinsics)
+                return bytes((await self.engine.submit(PREVIEWS, request, time.monotonic())).body)
+
+    @contextmanager
+    def _noticing_loss(self) -> Iterator[None]:
+        """Scenes are loaded outside of the engine, which must learn of a device lost meanwhile."""
+        try:
+            yield
+        except DeviceLost as error:
+            self.engine.lose_device(error)
+            raise
+
+    async def _keep_house(self) -> None:
+        while True:
+            await asyncio.sleep(HOUSEKEEPING_S)
+            self.engine.check_progress()
+            try:
+                self.engine.videos.forget_idle()
+                self.registry.evict_idle(time.monotonic())
+                await asyncio.to_thread(self.library.tidy)
+            except Exception:  # it is tried again the next time
+                logger.exception("Housekeeping failed")

@@ -1,0 +1,145 @@
+"""Proxies for other services under this one's origin, below `/services/NAME/`.
+
+A page over HTTPS may not use plain HTTP, and one on another machine may reach only this port. Services get the
+browser's own Host, Origin and Sec-Fetch fields, and apply their rules after this service's.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import AsyncIterator, Iterator, Mapping
+from contextlib import asynccontextmanager, contextmanager
+
+import httpx
+from starlette.datastructures import Headers
+from starlette.requests import ClientDisconnect, Request
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from tigas_common.concurrency import ConcurrencyLimit
+from tigas_common.errors import Overloaded, ServiceAway, ServiceSilent, TigasError, UnknownService
+from tigas_common.origins import OriginPolicy
+from tigas_common.peers import client_network
+from tigas_common.proxy import ask, hand_back, headers_of, refuse, unless, until_left
+from tigas_common.quota import quota
+from tigas_common.topology import SERVICES_PATH, ServiceName
+from tigas_render.server.websocket_relay import relay
+
+TITLES: Mapping[ServiceName, str] = {
+    "dash": "DASH packager",
+    "shaper": "network shaper",
+    "store": "experiment store",
+}
+"""Names in a sentence."""
+MOST, MOST_PER_ADDRESS = 96, 48
+"""Requests to a service at a time: in all, fewer than its limit of connections of one address, and of one client."""
+SILENCE_S = 120.0
+"""Seconds without an answer before a service is given up: a large scene, or a report, takes a minute."""
+IDLE_S = 2.0
+"""Seconds for which an idle connection is kept: less than services keep it."""
+
+
+class Upstreams:
+    """An ASGI application around another one, which gets all paths except those of the services."""
+
+    def __init__(
+        self, app: ASGIApp, urls: Mapping[ServiceName, str], origins: OriginPolicy, processes: int = 1
+    ) -> None:
+        """urls: base URLs. origins: the pages that are allowed. processes: the number that shares the limits."""
+        self._app = app
+        self._origins = origins
+        prefix = f"{SERVICES_PATH}/".encode()
+        self._services = {prefix + name.encode(): _Service(name, url, processes) for name, url in urls.items()}
+
+    @classmethod
+    @asynccontextmanager
+    async def around(
+        cls, app: ASGIApp, urls: Mapping[ServiceName, str], origins: OriginPolicy, processes: int = 1
+    ) -> AsyncIterator[ASGIApp]:
+        """Wrap an application, as a context manager."""
+        made = cls(app, urls, origins, processes)
+        try:
+            yield made
+        finally:
+            for service in made._services.values():
+                await service.close()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        path: bytes = scope.get("raw_path", b"")
+        prefix = b"/".join(path.split(b"/", 3)[:3])
+        service = self._services.get(prefix)
+        if service is None and scope["type"] != "websocket":
+            return await self._app(scope, receive, send)
+        try:
+            if service is None:
+                raise UnknownService("There is no WebSocket at this path.")
+            self._origins.check_request(scope.get("method", "GET"), Headers(scope=scope))
+            rest = {**scope, "raw_path": path.removeprefix(prefix) or b"/"}
+            await service.answer(rest, prefix, receive, send)
+        except TigasError as error:
+            await refuse(error, self._origins, scope, receive, send)
+
+
+class _Service:
+    """One service."""
+
+    def __init__(self, name: ServiceName, url: str, processes: int) -> None:
+        self._title = TITLES[name]
+        self._url = httpx.URL(url)
+        most = math.ceil(MOST / processes)
+        self._running = ConcurrencyLimit(most, min(most, quota(MOST_PER_ADDRESS, processes)))
+        self._transport = httpx.AsyncHTTPTransport(limits=httpx.Limits(max_connections=most, keepalive_expiry=IDLE_S))
+
+    async def close(self) -> None:
+        await self._transport.aclose()
+
+    async def answer(self, scope: Scope, prefix: bytes, receive: Receive, send: Send) -> None:
+        """Pass a request on. Raises Overloaded, ServiceAway and ServiceSilent before the answer has begun."""
+        client = client_network(scope["client"][0]) if scope["client"] else ""
+        busy = Overloaded(f"The {self._title} has too many requests at a time; try again later.")
+        with self._running.one_more(client, busy):
+            if scope["type"] == "websocket":
+                with self._explained():
+                    await relay((self._url.host, self._url.port or 80), scope, receive, send)
+            elif (answer := await self._ask(scope, receive)) is not None:
+                await hand_back(answer, _located(headers_of(answer), prefix), receive, send)
+
+    async def _ask(self, scope: Scope, receive: Receive) -> httpx.Response | None:
+        """Return the answer, or None if the client leaves before it."""
+        sent = asyncio.Event()
+        body = b"" if scope["method"] in ("GET", "HEAD") else _parts(Request(scope, receive), sent)
+        if isinstance(body, bytes):
+            sent.set()
+
+        async def left() -> None:
+            await sent.wait()
+            await until_left(receive)
+
+        try:
+            with self._explained():
+                return await unless(left(), ask(self._transport, str(self._url), scope, body, silence_s=SILENCE_S))
+        except ClientDisconnect:
+            return None
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        """Turn errors of the connection into sentences."""
+        try:
+            yield
+        except httpx.ReadTimeout:
+            raise ServiceSilent(f"The {self._title} has said nothing for {SILENCE_S:.0f} s.") from None
+        except (httpx.TransportError, OSError):
+            raise ServiceAway(f"The {self._title} does not answer; it may be starting, so try again.") from None
+
+
+async def _parts(request: Request, sent: asyncio.Event) -> AsyncIterator[bytes]:
+    """Yield a request's body in chunks. Raises ClientDisconnect."""
+    async for part in request.stream():
+        if part:
+            yield part
+    sent.set()
+
+
+def _located(headers: list[tuple[bytes, bytes]], prefix: bytes) -> list[tuple[bytes, bytes]]:
+    """Return the headers of an answer, with `Location` as the client knows it."""
+    return [(name, prefix + value if name == b"location" else value) for name, value in headers]

@@ -1,0 +1,109 @@
+"""aioquic's HTTP/3 connection with bounded frames and header sections."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from aioquic._buffer import Buffer, BufferReadError
+from aioquic.buffer import encode_uint_var
+from aioquic.h3.connection import ErrorCode, FrameType, H3Connection, H3Stream, ProtocolError, Setting
+from aioquic.h3.events import H3Event, Headers, WebTransportStreamDataReceived
+from aioquic.quic.events import QuicEvent, StreamDataReceived
+
+MAX_FIELD_SECTION = 8 * 1024
+"""Bytes of a request's fields, names and values, and 32 for each (RFC 9114, 4.2.2); browsers send about 1,500."""
+FRAME_LIMITS = {int(FrameType.HEADERS): MAX_FIELD_SECTION, int(FrameType.SETTINGS): 1024, int(FrameType.MAX_PUSH_ID): 8}
+"""Bytes of the frames that are kept until they are complete; all others are passed on or skipped as they arrive."""
+MAX_ENCODER_TABLE = 4096
+"""Limit of our dynamic table for outgoing fields in bytes, whatever the client allows."""
+
+
+WEBTRANSPORT_STREAM = b"\x40\x41"
+"""First bytes of a WebTransport session's bidirectional stream; the session's id follows."""
+
+
+class ExcessiveLoad(ProtocolError):
+    """The client sends more than anybody needs to; ends its connection."""
+
+    error_code = ErrorCode.H3_EXCESSIVE_LOAD
+
+
+class ServerH3Connection(H3Connection):
+    """A server's HTTP/3 connection."""
+
+    def _init_connection(self) -> None:
+        # Without a dynamic table a byte expands to about a hundred bytes at most; with one, to the size of its entries
+        self._max_table_capacity = self._blocked_streams = 0
+        self._decoder = type(self._decoder)(0, 0)
+        super()._init_connection()
+
+    def _get_local_settings(self) -> dict[int, int]:
+        return super()._get_local_settings() | {Setting.MAX_FIELD_SECTION_SIZE: MAX_FIELD_SECTION}
+
+    def _validate_settings(self, settings: dict[int, int]) -> None:
+        super()._validate_settings(settings)
+        capacity = settings.get(Setting.QPACK_MAX_TABLE_CAPACITY, 0)
+        settings[Setting.QPACK_MAX_TABLE_CAPACITY] = min(capacity, MAX_ENCODER_TABLE)
+
+    def _check_request_or_push_frame_type(self, frame_type: int, stream: H3Stream) -> None:
+        super()._check_request_or_push_frame_type(frame_type, stream)
+        _check_size(frame_type, stream)
+
+    def _check_control_frame_type(self, frame_type: int) -> None:
+        super()._check_control_frame_type(frame_type)
+        assert self._peer_control_stream_id is not None
+        _check_size(frame_type, self._stream[self._peer_control_stream_id])
+
+    def _decode_headers(self, stream_id: int, frame_data: bytes | None) -> Headers:
+        headers = super()._decode_headers(stream_id, frame_data)
+        if sum(len(name) + len(value) + 32 for name, value in headers) > MAX_FIELD_SECTION:
+            raise ExcessiveLoad(f"A header section has more than {MAX_FIELD_SECTION} bytes")
+        return headers
+
+    def handle_event(self, event: QuicEvent) -> list[H3Event]:
+        """Like aioquic's; a WebTransport stream that arrives whole, as requests do, leaves no state."""
+        if (
+            isinstance(event, StreamDataReceived)
+            and event.end_stream
+            and event.data[:2] == WEBTRANSPORT_STREAM
+            and event.stream_id % 4 == 0
+            and event.stream_id not in self._stream
+            and not self._is_done
+        ):
+            with suppress(BufferReadError):
+                buffer = Buffer(data=event.data[2:10])
+                session_id = buffer.pull_uint_var()
+                data = event.data[2 + buffer.tell() :]
+                return [WebTransportStreamDataReceived(data, event.stream_id, True, session_id)]
+        return super().handle_event(event)
+
+    def send_body(self, stream_id: int, data: memoryview) -> None:
+        """As `send_data`, which copies all twice."""
+        header = encode_uint_var(FrameType.DATA) + encode_uint_var(len(data))
+        self._quic.send_stream_data(stream_id, header)
+        self._quic.send_stream_data(stream_id, data)  # type: ignore[arg-type]  # any buffer
+
+    def finished(self, stream_id: int) -> None:
+        """Forget a stream that was ended below HTTP/3, as WebTransport's are; aioquic would keep its state."""
+        stream = self._stream.get(stream_id)
+        if stream is not None:
+            stream.sending_ended = True
+            if stream.is_ended():
+                del self._stream[stream_id]
+
+    def is_cut(self, stream_id: int) -> bool:
+        """Whether a stream holds an incomplete frame or header."""
+        stream = self._stream.get(stream_id)
+        return stream is not None and (bool(stream.buffer) or stream.frame_type in FRAME_LIMITS)
+
+    @property
+    def control_stream_id(self) -> int:
+        """The stream that GOAWAY is sent on."""
+        assert self._local_control_stream_id is not None
+        return self._local_control_stream_id
+
+
+def _check_size(frame_type: int, stream: H3Stream) -> None:
+    """Refuses a frame by its header."""
+    if stream.frame_size is not None and stream.frame_size > FRAME_LIMITS.get(frame_type, stream.frame_size):
+        raise ExcessiveLoad(f"A frame of type {frame_type} has more than {FRAME_LIMITS[frame_type]} bytes")

@@ -1,0 +1,266 @@
+"""aioquic's connection with bounded memory, and accessors for the rest of the transport."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from aioquic.quic.configuration import SMALLEST_MAX_DATAGRAM_SIZE
+from aioquic.quic.connection import MAX_STREAM_DATA_FRAME_CAPACITY, Limit
+from aioquic.quic.packet import QuicFrameType, QuicPacketType
+from aioquic.quic.packet_builder import QuicDeliveryState, QuicPacketBuilder, QuicSentPacket
+from aioquic.quic.recovery import QuicPacketSpace
+from aioquic.quic.stream import QuicStream
+from aioquic.tls import Epoch
+
+from tigas_render.transport.aioquic_ext.bulk import SHORT_HEADER, BulkQuicConnection
+from tigas_render.transport.aioquic_ext.stream_credit import StreamCredit
+from tigas_render.transport.cids import Edge
+from tigas_render.transport.gso import Datagram
+
+DATAGRAM_HEADER = 1 + 2
+"""Bytes of a DATAGRAM frame before its data: type and length."""
+BLACK_HOLE_PROBES = 2
+"""Probe timeouts in a row after which datagrams above QUIC's minimum size are suspected of being lost on the way."""
+AWAY_S = 5.0
+"""Seconds of silence after which a client with pending acknowledgements counts as lost."""
+RAISE_S = 60.0
+"""Seconds after which the full size is tried again."""
+
+
+class ServerQuicConnection(BulkQuicConnection):
+    """A server's connection."""
+
+    def __init__(
+        self,
+        *,
+        edge: Edge,
+        reset_token: Callable[[bytes], bytes],
+        reset_delay: Callable[[float], float] = lambda now: 0.0,
+        **arguments: Any,
+    ) -> None:
+        """Connection ids name the `edge`, and `reset_token` gives their tokens of stateless resets. `reset_delay` is
+        called before the client may open another stream in place of one that was reset, and returns seconds to wait; 0
+        counts. The rest is aioquic's.
+        """
+        super().__init__(**arguments)
+        self._edge = edge
+        self._reset_token = reset_token
+        self._finish_connection_ids()
+        self.host_cid = self._local_initial_source_connection_id = self._host_cids[0].cid
+        self._begun: set[int] = set()
+        self._raise_at = math.inf
+        """When to try the full datagram size again."""
+        self._reset_delay = reset_delay
+        self._withheld: deque[Limit] = deque()
+        """The limits that grow late, once for each stream that was reset."""
+        self._credit_at: float | None = None
+        """When the next of them grows."""
+        self._local_max_streams_bidi = StreamCredit(self._local_max_streams_bidi, lambda: self._loss._rtt_smoothed)
+
+    def _replenish_connection_ids(self) -> None:
+        super()._replenish_connection_ids()
+        self._finish_connection_ids()
+
+    def _finish_connection_ids(self) -> None:
+        for connection_id in self._host_cids:
+            connection_id.cid = self._edge.named(connection_id.cid)
+            connection_id.stateless_reset_token = self._reset_token(connection_id.cid)
+
+    # -- streams that end --------------------------------------------------------------------------------------------
+
+    def _finished(self, stream_id: int, stream: QuicStream) -> None:
+        """Streams without a whole answer, which cost more than they are worth, are replaced at a limited rate."""
+        if stream.sender._reset_error_code is None and stream_id % 4 == 0:
+            super()._finished(stream_id, stream)
+        else:
+            self._withheld.append(self._stream_limit(stream_id))
+
+    def _discard_finished_streams(self, now: float) -> None:
+        super()._discard_finished_streams(now)
+        self._credit_at = None
+        while self._withheld:
+            if delay := self._reset_delay(now):
+                self._credit_at = now + delay
+                return
+            self._withheld.popleft().value += 1
+
+    def get_timer(self) -> float | None:
+        """As aioquic's, and when the client may open another stream; None once the connection has ended."""
+        due = super().get_timer()
+        return due if due is None or self._credit_at is None else min(due, self._credit_at)
+
+    # -- receiving ---------------------------------------------------------------------------------------------------
+
+    def _get_or_create_stream(self, frame_type: int, stream_id: int) -> QuicStream:
+        stream = super()._get_or_create_stream(frame_type, stream_id)
+        if not stream.receiver.starting_offset():
+            self._begun.add(stream_id)
+        return stream
+
+    def take_begun(self) -> set[int]:
+        """Streams with received data whose first byte was missing before; each once.
+
+        aioquic does not report data kept for a stream until that byte has arrived.
+        """
+        begun, self._begun = self._begun, set()
+        return begun
+
+    def has_gap(self, stream_id: int) -> bool:
+        """Whether a stream's first byte has not come."""
+        stream = self._streams.get(stream_id)
+        return stream is not None and not stream.receiver.starting_offset() and not stream.receiver.is_finished
+
+    def _has_control_frames(self, stream: QuicStream) -> bool:
+        return super()._has_control_frames(stream) or (
+            self._window_to_announce(stream) != stream.max_stream_data_local_sent
+        )
+
+    def _window_to_announce(self, stream: QuicStream) -> int:
+        """A client may be one window ahead of the data received in order."""
+        limit = stream.receiver.starting_offset() + (window := self._configuration.max_stream_data)
+        if (
+            stream.max_stream_data_local
+            and not stream.receiver.is_finished
+            and limit - stream.max_stream_data_local >= window // 2
+        ):
+            return limit
+        return stream.max_stream_data_local
+
+    def _write_stream_limits(self, builder: QuicPacketBuilder, space: QuicPacketSpace, stream: QuicStream) -> None:
+        """Announce a stream's window.
+
+        aioquic doubles the window whenever half of it was *reached*, so that a few bytes sent at ever higher offsets
+        make it allocate without bound.
+        """
+        assert stream.stream_id is not None
+        stream.max_stream_data_local = self._window_to_announce(stream)
+        if stream.max_stream_data_local_sent != stream.max_stream_data_local:
+            buffer = builder.start_frame(
+                QuicFrameType.MAX_STREAM_DATA,
+                capacity=MAX_STREAM_DATA_FRAME_CAPACITY,
+                handler=self._on_max_stream_data_delivery,
+                handler_args=(stream,),
+            )
+            buffer.push_uint_var(stream.stream_id)
+            buffer.push_uint_var(stream.max_stream_data_local)
+            stream.max_stream_data_local_sent = stream.max_stream_data_local
+
+    # -- sending -----------------------------------------------------------------------------------------------------
+
+    def unsent(self, stream_id: int) -> int:
+        """Bytes of a stream that wait to be sent for the first time."""
+        stream = self._streams.get(stream_id)
+        return 0 if stream is None else stream.sender._buffer_stop - stream.sender.highest_offset
+
+    def unsent_total(self) -> tuple[int, int]:
+        """Bytes of all streams that wait: for the network, and for the network or a client that does not read."""
+        network = total = 0
+        for stream in self._streams.values():
+            sender = stream.sender
+            if not sender.buffer_is_empty:
+                unsent = sender._buffer_stop - sender.highest_offset
+                total += unsent
+                if sender.highest_offset < stream.max_stream_data_remote:
+                    network += unsent
+        return network, total
+
+    def can_write(self, stream_id: int) -> bool:
+        """Whether a stream accepts data: it is open, not finished, and neither side has reset it."""
+        stream = self._streams.get(stream_id)
+        return (
+            stream is not None
+            and stream.sender._buffer_fin is None
+            and stream.sender._reset_error_code is None
+            and not stream.sender.is_finished
+        )
+
+    def is_receiving(self, stream_id: int) -> bool:
+        """Whether the client may still send on a stream."""
+        stream = self._streams.get(stream_id)
+        return stream is not None and not stream.receiver.is_finished
+
+    # -- datagrams ---------------------------------------------------------------------------------------------------
+
+    @property
+    def max_datagram_payload(self) -> int:
+        """The longest data that fits in a DATAGRAM frame of one packet, in bytes; 0 if the client takes none.
+
+        A longer one would stay at the head of aioquic's queue for ever and hold up all others.
+        """
+        remote = self._remote_max_datagram_frame_size or 0
+        packet = self._max_datagram_size - SHORT_HEADER - len(self._peer_cid.cid)
+        return max(0, min(remote, packet) - DATAGRAM_HEADER)
+
+    @property
+    def datagram_room(self) -> int:
+        """Number of full datagrams that can be handed over now without waiting in an irrevocable queue."""
+        room = (self._loss.congestion_window - self._loss.bytes_in_flight) // self._max_datagram_size
+        return max(0, room - len(self._datagrams_pending))
+
+    # -- path MTU ----------------------------------------------------------------------------------------------------
+
+    def handle_timer(self, now: float) -> None:
+        """Like aioquic's, falling back to the datagram size of every QUIC path when all packets are lost."""
+        super().handle_timer(now)
+        if self._loss._pto_count >= BLACK_HOLE_PROBES and self._max_datagram_size > SMALLEST_MAX_DATAGRAM_SIZE:
+            self._set_datagram_size(SMALLEST_MAX_DATAGRAM_SIZE)
+            self._raise_at = now + RAISE_S
+            limit = self.max_datagram_payload
+            fitting = [data for data in self._datagrams_pending if len(data) <= limit]
+            self._datagrams_pending.clear()
+            self._datagrams_pending.extend(fitting)
+
+    def datagrams_to_send(self, now: float) -> list[Datagram]:
+        """As aioquic's, now and then with a probe of the full size after a fall-back."""
+        datagrams = super().datagrams_to_send(now)
+        if datagrams and now >= self._raise_at and self._can_write_in_bulk():
+            self._raise_at = now + RAISE_S
+            datagrams.append(self._probe_full_size(now))
+        return datagrams
+
+    def _probe_full_size(self, now: float) -> Datagram:
+        """A padding packet of full size to probe the path (RFC 8899).
+
+        Loss recovery treats it as neither in flight nor ack-eliciting: its loss says nothing about congestion (RFC
+        9000, 14.4), and nothing waits for it.
+        """
+        size = self._configuration.max_datagram_size
+        payload = bytes([QuicFrameType.PING]).ljust(size - SHORT_HEADER - len(self._peer_cid.cid), b"\0")
+        number, (datagram,) = self._seal([payload])
+        packet = QuicSentPacket(
+            epoch=Epoch.ONE_RTT,
+            in_flight=False,
+            is_ack_eliciting=False,
+            is_crypto_packet=False,
+            packet_number=number,
+            packet_type=QuicPacketType.ONE_RTT,
+            sent_time=now,
+            sent_bytes=size,
+            delivery_handlers=[(self._on_probe_delivery, ())],
+        )
+        self._loss.on_packet_sent(packet=packet, space=self._spaces[Epoch.ONE_RTT])
+        return datagram, self._network_paths[0].addr
+
+    def _on_probe_delivery(self, delivery: QuicDeliveryState) -> None:
+        if delivery == QuicDeliveryState.ACKED:
+            self._set_datagram_size(self._configuration.max_datagram_size)
+            self._raise_at = math.inf
+
+    def _set_datagram_size(self, size: int) -> None:
+        self._max_datagram_size = size
+        self._loss.set_datagram_size(size)
+
+    # -- state -------------------------------------------------------------------------------------------------------
+
+    def is_away(self, now: float) -> bool:
+        """Whether packets are unacknowledged and nothing else has arrived for AWAY_S."""
+        heard = self._spaces[Epoch.ONE_RTT].largest_received_time
+        return self._loss._pto_count > 0 and heard is not None and now - heard > AWAY_S
+
+    @property
+    def is_established(self) -> bool:
+        """Whether the handshake is complete; data received before that is early data and may be a replay."""
+        return self._handshake_complete

@@ -1,0 +1,166 @@
+"""A fast path for a client's most common packets: 1-RTT packets on the active path.
+
+aioquic still handles their frames, and all other packets.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from typing import Any
+
+from aioquic._crypto import CryptoError
+from aioquic.quic.connection import (
+    END_STATES,
+    QuicConnection,
+    QuicConnectionError,
+    QuicNetworkPath,
+    QuicReceiveContext,
+)
+from aioquic.quic.crypto import CryptoContext
+from aioquic.quic.recovery import MAX_ACK_RANGES, QuicPacketSpace
+from aioquic.tls import Epoch
+
+from tigas_render.transport.aioquic_ext.protection import open_packet
+from tigas_render.transport.aioquic_ext.recovery import BatchRecovery
+
+ACK_DELAY = 0.015
+"""Seconds that a request's acknowledgement waits to be sent along with the frame; below the 25 ms that QUIC clients
+assume by default (RFC 9000, 18.2).
+"""
+LONG_HEADER, RESERVED, SPIN = 0x80, 0x18, 0x20
+KEY_PACKETS = 1 << 22
+"""Packets that we seal with one key: half of the limit for AES-GCM (RFC 9001, 6.6)."""
+
+
+class ReceivingQuicConnection(QuicConnection):
+    """A server's connection that opens usual packets itself."""
+
+    _loss: BatchRecovery
+
+    def __init__(self, **arguments: Any) -> None:
+        """Takes aioquic's arguments."""
+        super().__init__(**arguments)
+        self._moved_from: QuicNetworkPath | None = None
+        """The active path until a client moved to one that is not validated yet."""
+        self._secret: bytes | None = None
+        self._secret_since = 0
+        """The number of the first packet sealed with keys of this secret."""
+        self._old_keys: CryptoContext | None = None
+        self._old_keys_until = 0.0
+
+    def receive_datagram(self, data: bytes, addr: Any, now: float) -> None:
+        """As aioquic's."""
+        if not self._is_usual(data, addr):
+            self._receive_unusual(data, addr, now)
+            return
+        space = self._spaces[Epoch.ONE_RTT]
+        try:
+            opened = open_packet(
+                self._cryptos[Epoch.ONE_RTT].recv, data, len(self.host_cid), space.expected_packet_number
+            )
+        except CryptoError:
+            return
+        if opened is None:
+            opened = self._open_with_old_keys(data, space.expected_packet_number, now)
+        if opened is None or opened[0] & RESERVED:  # a new key, or an error that ends the connection
+            self._receive_unusual(data, addr, now)
+            return
+        first, payload, number = opened
+        if number not in space.received_packets:
+            self._opened(first, payload, number, space, now)
+
+    def _renew_keys(self, now: float) -> None:
+        """Start a key update when it is due and the client has acknowledged the present keys (RFC 9001, 6.1).
+
+        aioquic drops the old keys at once, although the client uses them until it learns of the update.
+        """
+        crypto = self._cryptos[Epoch.ONE_RTT]
+        if crypto.send.secret is not self._secret:
+            self._secret, self._secret_since = crypto.send.secret, self._packet_number
+        if (
+            self._packet_number - self._secret_since >= KEY_PACKETS
+            and self._spaces[Epoch.ONE_RTT].largest_acked_packet >= self._secret_since
+            and self._handshake_confirmed
+        ):
+            self._old_keys, self._old_keys_until = copy(crypto.recv), now + 3 * self._loss.get_probe_timeout()
+            self.request_key_update()
+
+    def _open_with_old_keys(self, data: bytes, expected: int, now: float) -> tuple[int, bytes, int] | None:
+        if self._old_keys is None or now > self._old_keys_until:
+            return None
+        try:
+            return open_packet(self._old_keys, data, len(self.host_cid), expected)
+        except CryptoError:
+            return None
+
+    def _is_usual(self, data: bytes, addr: Any) -> bool:
+        return (
+            self._handshake_confirmed
+            and self._state not in END_STATES
+            and self._network_paths[0].addr == addr
+            and self._network_paths[0].is_validated
+            and len(data) > len(self.host_cid)
+            and not data[0] & LONG_HEADER
+            and data[1 : 1 + len(self.host_cid)] == self.host_cid
+            and not self._cryptos[Epoch.ZERO_RTT].recv.is_valid()
+        )
+
+    def _receive_unusual(self, data: bytes, addr: Any, now: float) -> None:
+        """Let aioquic handle a datagram, and complete the client's move to another path once that is validated."""
+        before = self._network_paths[0] if self._network_paths else None
+        super().receive_datagram(data, addr, now)
+        if before is not None and before.is_validated and before is not self._network_paths[0]:
+            self._moved_from = self._moved_from or before
+        if self._moved_from is not None and self._network_paths[0].is_validated:
+            self._complete_move(self._moved_from, now)
+            self._moved_from = None
+
+    def _complete_move(self, old: QuicNetworkPath, now: float) -> None:
+        """Drop the other paths, and the old one's measurements if the client has another address.
+
+        A change of the port alone is a NAT rebinding: the route is the same, so the congestion window and the round
+        trip are kept (RFC 9000, 9.4).
+        """
+        for path in self._network_paths[1:]:
+            if path.peer_cid is not None:
+                self._retire_peer_cid(path.peer_cid)
+        del self._network_paths[1:]
+        if self._network_paths[0].addr[0] != old.addr[0]:
+            self._loss.start_over(now)
+
+    def _opened(self, first: int, payload: bytes, number: int, space: QuicPacketSpace, now: float) -> None:
+        """aioquic's handling of a packet that is neither a duplicate nor from another path."""
+        in_order = number == space.largest_received_packet + 1
+        if number > space.expected_packet_number:
+            space.expected_packet_number = number + 1
+        if number > self._spin_highest_pn:
+            self._spin_bit = bool(first & SPIN)
+            self._spin_highest_pn = number
+        context = QuicReceiveContext(
+            epoch=Epoch.ONE_RTT,
+            host_cid=self.host_cid,
+            network_path=self._network_paths[0],
+            quic_logger_frames=None,
+            time=now,
+            version=None,
+        )
+        try:
+            is_ack_eliciting, _ = self._payload_received(context, payload)
+        except QuicConnectionError as error:
+            self._logger.warning(error)
+            self.close(error_code=error.error_code, frame_type=error.frame_type, reason_phrase=error.reason_phrase)
+            return
+        if self._state in END_STATES or self._close_pending:
+            return
+        self._close_at = now + self._idle_timeout()
+        self._ack_eliciting_sent_since_receipt = False
+        if number > space.largest_received_packet:
+            space.largest_received_packet = number
+            space.largest_received_time = now
+        space.ack_queue.add(number)
+        space.received_packets.add(number)
+        if len(space.ack_queue) > MAX_ACK_RANGES:
+            space.ack_queue.shift()
+        if is_ack_eliciting:
+            # At once for every second packet, and for one that reveals a gap (RFC 9000, 13.2.1 and 2)
+            space.ack_at = now + ACK_DELAY if in_order and space.ack_at is None else now

@@ -1,0 +1,137 @@
+"""aioquic's loss recovery, which takes packets of stream data by the batch, when they are sent and acknowledged."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections.abc import Sequence
+from typing import Any
+
+from aioquic.quic.packet import QuicPacketType
+from aioquic.quic.packet_builder import QuicDeliveryHandler, QuicDeliveryState, QuicSentPacket
+from aioquic.quic.rangeset import RangeSet
+from aioquic.quic.recovery import QuicPacketRecovery, QuicPacketSpace
+from aioquic.quic.stream import QuicStreamSender
+from aioquic.tls import Epoch
+
+from tigas_render.transport.congestion import LimitedReno
+
+Handlers = Sequence[tuple[QuicDeliveryHandler, Any]]
+
+
+class StreamPacket:
+    """A packet of one stream's data on its way, as aioquic's QuicSentPacket."""
+
+    __slots__ = ("fin", "others", "packet_number", "sender", "sent_bytes", "sent_time", "start", "stop")
+
+    epoch = Epoch.ONE_RTT
+    in_flight = True
+    is_ack_eliciting = True
+    is_crypto_packet = False
+    packet_type = QuicPacketType.ONE_RTT
+
+    def __init__(
+        self,
+        packet_number: int,
+        sent_time: float,
+        sent_bytes: int,
+        sender: QuicStreamSender,
+        start: int,
+        stop: int,
+        fin: bool,
+        others: Handlers = (),
+    ) -> None:
+        """start, stop: its part of the stream. others: delivery handlers of its other frames."""
+        self.packet_number = packet_number
+        self.sent_time = sent_time
+        self.sent_bytes = sent_bytes
+        self.sender = sender
+        self.start = start
+        self.stop = stop
+        self.fin = fin
+        self.others = others
+
+    @property
+    def delivery_handlers(self) -> Handlers:
+        """Its delivery handlers."""
+        return (*self.others, (self.sender.on_data_delivery, (self.start, self.stop, self.fin)))
+
+
+Sent = QuicSentPacket | StreamPacket
+"""aioquic's own code treats both alike, but mentions only the first."""
+
+
+class BatchRecovery(QuicPacketRecovery):
+    """Loss recovery with a congestion controller of `congestion`."""
+
+    _cc: LimitedReno
+
+    def set_datagram_size(self, size: int) -> None:
+        """Count windows and pace packets in datagrams of another size."""
+        self._cc.set_datagram_size(size)
+        self._pacer._max_datagram_size = size
+        if self._pacer.packet_time is not None:
+            self._pacer.update_rate(self._cc.congestion_window, self._rtt_smoothed)
+
+    def start_over(self, now: float) -> None:
+        """Forget the congestion window and the round trip, as on a new path."""
+        self._cc = self._cc.started_over(now)
+        self._pacer.packet_time = None
+        self._rtt_initialized, self._rtt_min = False, math.inf
+        self._pto_count = 0
+
+    def on_stream_packets_sent(self, packets: Sequence[StreamPacket], space: QuicPacketSpace) -> None:
+        """As `on_packet_sent` for each of them, once the handshake is confirmed."""
+        space.sent_packets.update((packet.packet_number, packet) for packet in packets)  # type: ignore[misc]
+        space.ack_eliciting_in_flight += len(packets)
+        self._time_of_last_sent_ack_eliciting_packet = packets[-1].sent_time
+        self._cc.on_packets_sent(packets)  # type: ignore[arg-type]
+
+    def on_ack_received(self, *, ack_rangeset: RangeSet, ack_delay: float, now: float, space: QuicPacketSpace) -> None:
+        """As aioquic's, which only gets to see the newest packets: from them it learns the round trip."""
+        acked = _acked(space, ack_rangeset)
+        while acked and not acked.pop().is_ack_eliciting:
+            pass
+        if acked:
+            for packet in acked:
+                del space.sent_packets[packet.packet_number]
+            space.ack_eliciting_in_flight -= sum(packet.is_ack_eliciting for packet in acked)
+            in_flight = [packet for packet in acked if packet.in_flight]
+            self._cc.on_packets_acked(in_flight, now)  # type: ignore[arg-type]
+            _tell(acked)
+        super().on_ack_received(ack_rangeset=ack_rangeset, ack_delay=ack_delay, now=now, space=space)
+
+
+def _acked(space: QuicPacketSpace, ranges: RangeSet) -> list[Sent]:
+    """The packets on their way that are acknowledged now, the oldest first."""
+    numbers = list(space.sent_packets)
+    return [
+        space.sent_packets[number]
+        for each in ranges
+        for number in numbers[bisect_left(numbers, each.start) : bisect_left(numbers, each.stop)]
+    ]
+
+
+def _tell(packets: Sequence[Sent]) -> None:
+    """Call the handlers of acknowledged packets, once for consecutive parts of a stream."""
+    run: StreamPacket | None = None
+    start = 0
+    for packet in packets:
+        if not isinstance(packet, StreamPacket):
+            _call(packet.delivery_handlers)
+            continue
+        if packet.others:
+            _call(packet.others)
+        if run is not None and (packet.sender is not run.sender or packet.start != run.stop or run.fin):
+            run.sender.on_data_delivery(QuicDeliveryState.ACKED, start, run.stop, run.fin)
+            run = None
+        if run is None:
+            start = packet.start
+        run = packet
+    if run is not None:
+        run.sender.on_data_delivery(QuicDeliveryState.ACKED, start, run.stop, run.fin)
+
+
+def _call(handlers: Handlers) -> None:
+    for handler, arguments in handlers:
+        handler(QuicDeliveryState.ACKED, *arguments)

@@ -1,0 +1,74 @@
+"""The workers that suit a machine: an engine for each device, and a number of edges."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+from tigas_common.errors import StartError
+from tigas_common.processors import usable_processors
+from tigas_render.settings import RenderSettings
+
+DEV = Path("/dev")
+COUNT = (sys.executable, "-P", "-m", "tigas_render.raster.count_gpus")
+COUNT_S = 30.0
+"""Seconds for the driver to answer; a slower one would not answer an engine, either."""
+MIN_CORES = 8
+"""With fewer cores, or without a GPU, a single process is best: edges would slow the renderer down."""
+MAX_AUTO = 8
+"""Edges for each device."""
+
+
+def devices_for(settings: RenderSettings) -> tuple[str, ...]:
+    """Return the devices to use: for `cuda`, and for `auto` with several GPUs, all GPUs. Raises StartError."""
+    devices = tuple(settings.device.split(","))
+    if settings.device in ("auto", "cuda") and (gpus := _visible_gpus()) > 1:
+        devices = tuple(f"cuda:{number}" for number in range(gpus))
+    for device, times in Counter(devices).items():
+        if times > 1 and device.startswith("cuda"):
+            raise StartError(f"{device} is named twice; an engine has a GPU to itself.")
+    if len(devices) > 1 and sys.platform != "linux":
+        raise StartError("Several devices need Linux; choose one with --device.")
+    return devices
+
+
+def names(devices: tuple[str, ...]) -> tuple[str, ...]:
+    """Return a unique name for each device."""
+    times = Counter(devices)
+    return tuple(f"{device}#{number}" if times[device] > 1 else device for number, device in enumerate(devices))
+
+
+def edges_for(settings: RenderSettings, devices: int) -> int:
+    """Return the number of edges in the settings, or one that suits this machine. Raises StartError off Linux."""
+    if settings.edges is not None:
+        if settings.edges > 1 and sys.platform != "linux":
+            raise StartError("Several edges need Linux; start the service with --edges 1.")
+        return settings.edges
+    gpu = settings.device != "cpu" and (settings.device != "auto" or has_gpu())
+    return suitable(usable_processors() if sys.platform == "linux" else 1, gpu, devices)
+
+
+def suitable(cores: int, gpu: bool, devices: int) -> int:
+    """Return three eighths of the cores: an engine's event loop and lanes need two or three of 16 (docs/deploy.md)."""
+    return min(cores * 3 // 8, MAX_AUTO * devices) if gpu and cores >= MIN_CORES else 1
+
+
+def has_gpu() -> bool:
+    """Whether an NVIDIA driver has found a GPU, on Linux or in WSL."""
+    return bool(_nodes()) or (DEV / "dxg").exists()
+
+
+def _nodes() -> list[Path]:
+    return list(DEV.glob("nvidia[0-9]*"))
+
+
+def _visible_gpus() -> int:
+    """Count the GPUs that CUDA shows, in a separate process, and only if there may be several."""
+    if sys.platform != "linux" or (len(_nodes()) < 2 and not (DEV / "dxg").exists()):
+        return len(_nodes())
+    try:
+        return int(subprocess.run(COUNT, capture_output=True, check=True, timeout=COUNT_S).stdout)
+    except (subprocess.SubprocessError, ValueError):
+        return 1  # its engine reports the error

@@ -1,0 +1,174 @@
+"""An edge: it serves clients, and gets frames and other answers from the engines."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import socket
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import AsyncExitStack
+from dataclasses import replace
+
+from aioquic.tls import SessionTicket
+from pydantic import TypeAdapter
+from starlette.routing import Match
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from tigas_common.certificate import Certificate
+from tigas_common.memory import keep_together
+from tigas_common.origins import OriginCheck, OriginPolicy
+from tigas_render.admission.load import Load, LoadState
+from tigas_render.admission.viewers import ViewerAdmission
+from tigas_render.pipe.client import PipeClient
+from tigas_render.pipe.engines import Engines
+from tigas_render.server.frame_route import PATH, HttpFrames, frames_app
+from tigas_render.server.public_servers import public_servers
+from tigas_render.transport.cids import Edge
+from tigas_render.transport.relay import Relay
+from tigas_render.transport.share import Share
+from tigas_render.transport.tickets import TicketStore
+from tigas_render.uploads.parts_route import PART, uploads_app
+from tigas_render.workers.aggregate import Aggregate, EngineProxy
+from tigas_render.workers.control import (
+    Channel,
+    EdgeStart,
+    Message,
+    NewCertificate,
+    Ready,
+    Start,
+    TicketIssued,
+    TicketTaken,
+    frames_socket,
+    http_socket,
+)
+from tigas_render.workers.process import run, until_stopped_or_alone
+
+TELL_TICKS = 10
+"""Measurements of the load between two reports to the engines, a second apart."""
+_STATE = TypeAdapter(LoadState)
+
+
+async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> None:
+    """Serve clients until the supervisor ends it."""
+    keep_together()
+    assert isinstance(start, EdgeStart)
+    for fd in start.others:
+        os.close(fd)
+    settings = start.settings
+    origins = OriginPolicy.of(settings.addresses, settings.allow_hosts, settings.allow_origins)
+    admission = ViewerAdmission(settings.quic_limits)
+    tickets = SharedTickets(channel.send)
+
+    def on_message(message: Message) -> None:
+        match message:
+            case NewCertificate():
+                renew(Certificate.with_its_key(message.pem))
+            case TicketIssued() | TicketTaken():
+                tickets.on_message(message)
+            case _:
+                raise AssertionError(f"An edge gets no {message.kind} message.")
+
+    async with AsyncExitStack() as stack:
+        frames = _frames(start, admission.load)
+        await stack.enter_async_context(frames)
+        await stack.enter_async_context(admission.measured(_every(TELL_TICKS, frames)))
+        proxies = [EngineProxy(http_socket(start.directory, number), origins) for number in range(len(start.devices))]
+        for proxy in proxies:
+            stack.push_async_callback(proxy.close)
+        posted = OriginCheck(frames_app(HttpFrames(frames, admission.http_viewers, admission.rate)), origins)
+        rest: ASGIApp = proxies[0]
+        if isinstance(frames, Engines):
+            rest = Aggregate(frames, dict(zip(start.devices, proxies, strict=True)), origins)
+        renew = await stack.enter_async_context(
+            public_servers(
+                _by_path(posted, OriginCheck(uploads_app(settings), origins), rest),
+                frames,
+                admission,
+                settings,
+                origins,
+                certificate=Certificate.with_its_key(start.certificate.pem),
+                reset_key=start.reset_key,
+                http=_inherited(start.http),
+                https=None if start.https is None else _inherited(start.https),
+                quic=_share(start, tickets) if start.quic else None,
+                edges=start.edges,
+            )
+        )
+        channel.send(Ready())
+        await until_stopped_or_alone(news, on_message)
+
+
+def _frames(start: EdgeStart, load: Load) -> PipeClient | Engines:
+    if len(start.devices) == 1:
+        return PipeClient(frames_socket(start.directory, 0), start.number, load.engine)
+    sockets = {device: frames_socket(start.directory, number) for number, device in enumerate(start.devices)}
+    return Engines(sockets, start.number, load.engine, time.monotonic)
+
+
+def _every(ticks: int, engines: PipeClient | Engines) -> Callable[[LoadState], None]:
+    """Return a callback that reports every `ticks`-th state of the load to the engines, which publish it."""
+    measurements = itertools.count()
+
+    def report(state: LoadState) -> None:
+        if next(measurements) % ticks == 0:
+            engines.tell(_STATE.dump_json(state))
+
+    return report
+
+
+def _by_path(frames: ASGIApp, parts: ASGIApp, rest: ASGIApp) -> ASGIApp:
+    """Serve frames and parts of uploads in this process, and everything else by an engine."""
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        chosen = frames if scope["path"] == PATH else parts if PART.matches(scope)[0] is Match.FULL else rest
+        await chosen(scope, receive, send)
+
+    return app
+
+
+def _share(start: EdgeStart, tickets: SharedTickets) -> Share:
+    of = Edge(start.number, start.edges)
+    sockets = tuple(map(_inherited, start.quic))
+    relay = None
+    if start.relay is not None:
+        relay = Relay(of, _inherited(start.relay), [_inherited(fd) for fd in start.relays])
+    return Share(of, sockets, start.retry_key, tickets, relay)
+
+
+def _inherited(fd: int) -> socket.socket:
+    return socket.socket(fileno=fd)
+
+
+class SharedTickets(TicketStore):
+    """One edge's copy of the session tickets of all edges, so that a client may resume its session at any of them.
+
+    A ticket that two edges take within a millisecond is taken twice; early data is idempotent.
+    """
+
+    def __init__(self, send: Callable[[TicketIssued | TicketTaken], None]) -> None:
+        """send: passes a message to the other edges."""
+        super().__init__()
+        self._send = send
+
+    def add(self, ticket: SessionTicket) -> None:
+        super().add(ticket)
+        # aioquic leaves out the name of a server, which only clients need
+        self._send(TicketIssued(ticket=replace(ticket, server_name=ticket.server_name or "")))
+
+    def take(self, label: bytes) -> SessionTicket | None:
+        ticket = super().take(label)
+        if ticket is not None:
+            self._send(TicketTaken(label=label))
+        return ticket
+
+    def on_message(self, message: TicketIssued | TicketTaken) -> None:
+        """Apply a message from another edge."""
+        if isinstance(message, TicketIssued):
+            super().add(message.ticket)
+        else:
+            super().take(message.label)
+
+
+if __name__ == "__main__":
+    run(edge)

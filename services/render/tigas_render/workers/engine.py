@@ -1,0 +1,67 @@
+"""An engine: scenes, renderer and HTTP interface, on Unix sockets that only edges reach."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, suppress
+
+from tigas_common.certificate import Certificate
+from tigas_common.loop_share import LoopShare
+from tigas_common.runner import serve_unix
+from tigas_render.pipe.server import PipeServer, serve_edges
+from tigas_render.server.app import create_app
+from tigas_render.server.main import announcement, opened, until_stopped_or_lost
+from tigas_render.workers.control import (
+    Channel,
+    EngineStart,
+    Message,
+    NewCertificate,
+    Ready,
+    Said,
+    Start,
+    frames_socket,
+    http_socket,
+)
+from tigas_render.workers.process import run, until_stopped_or_alone
+
+CONNECTED_S = 1.0
+"""Seconds for edges to connect, which they try every tenth of it."""
+
+
+async def engine(channel: Channel, start: Start, news: AsyncIterator[Message]) -> None:
+    """Render until the supervisor ends it. Raises StartError, also once the device is lost."""
+    assert isinstance(start, EngineStart)
+    async with AsyncExitStack() as stack:
+        service = await stack.enter_async_context(opened(start.settings, lambda line: channel.send(Said(line=line))))
+        service.quic_port, service.https_port = start.quic_port, start.https_port
+
+        def on_message(message: Message) -> None:
+            assert isinstance(message, NewCertificate)
+            service.show(Certificate.with_its_key(message.pem))
+
+        on_message(start.certificate)
+        share = start.settings.http_limits.loop_share_per_address
+        app = LoopShare(create_app(service), share, service.origins)
+        await stack.enter_async_context(serve_unix(app, http_socket(start.directory, start.number)))
+        pipes = await stack.enter_async_context(
+            serve_edges(
+                frames_socket(start.directory, start.number), service, service.engine.state, service.loads.heard_json
+            )
+        )
+        await _connected(pipes, start.edges)
+        devices = start.devices if len(start.devices) > 1 else (service.device,)
+        channel.send(Ready(lines=tuple(announcement(service, start.http_port, devices))))
+        await until_stopped_or_lost(until_stopped_or_alone(news, on_message), service)
+
+
+async def _connected(pipes: PipeServer, edges: int) -> None:
+    """Wait until edges have connected, so that this engine gets its part of the first requests."""
+    with suppress(TimeoutError):
+        async with asyncio.timeout(CONNECTED_S):
+            while len(pipes.edges) < edges:  # noqa: ASYNC110 - for a moment at the start
+                await asyncio.sleep(0.01)
+
+
+if __name__ == "__main__":
+    run(engine)

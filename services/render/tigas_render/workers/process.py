@@ -1,0 +1,72 @@
+"""The life of a worker in its own process: it starts on a message, listens, ends in time, and reports its failure."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import shutil
+import socket
+import sys
+from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
+
+import uvloop
+
+from tigas_common.cli import log_to_stdout
+from tigas_common.errors import StartError
+from tigas_common.runner import until_stopped
+from tigas_render.workers.control import Channel, EdgeStart, EngineStart, Failed, Loaded, Message, Start
+
+Program = Callable[[Channel, Start, AsyncIterator[Message]], Awaitable[None]]
+"""Gets the channel, its first message, and the messages after that."""
+
+
+def call_it(name: str) -> None:
+    """Set the name of this process in ps and top, of at most 15 bytes."""
+    Path("/proc/self/comm").write_text(name)
+
+
+def run(program: Program) -> None:
+    """Run a worker's program to its end, and report a StartError to the supervisor."""
+    log_to_stdout()
+    logging.getLogger("quic").setLevel(logging.WARNING)  # aioquic logs every connection
+    sys.exit(uvloop.run(_run(program)))
+
+
+async def _run(program: Program) -> int:
+    channel = await Channel.over(socket.socket(fileno=int(sys.argv[1])))
+    channel.send(Loaded())
+    try:
+        news = aiter(channel)
+        match await anext(news, None):
+            case EngineStart() | EdgeStart() as start:
+                call_it(start.name)
+                try:
+                    await program(channel, start, news)
+                finally:
+                    if channel.is_over:  # the supervisor was killed, and cannot remove it
+                        shutil.rmtree(start.directory, ignore_errors=True)
+    except StartError as error:
+        channel.send(Failed(detail=str(error)))
+        return 1
+    else:
+        return 0
+    finally:
+        await channel.close()
+
+
+async def until_stopped_or_alone(news: AsyncIterator[Message], on_message: Callable[[Message], None]) -> None:
+    """Listen to the supervisor until it ends, or this process gets SIGINT or SIGTERM."""
+
+    async def listen() -> None:
+        async for message in news:
+            on_message(message)
+
+    listening, stopped = asyncio.create_task(listen()), asyncio.create_task(until_stopped())
+    try:
+        await asyncio.wait((listening, stopped), return_when=asyncio.FIRST_COMPLETED)
+        if listening.done():
+            listening.result()
+    finally:
+        listening.cancel()
+        stopped.cancel()

@@ -1,0 +1,29 @@
+"""The program of a standby: it imports an edge's modules at a low priority, and then becomes an ordinary edge.
+
+Imports at the top of this module would run at the normal priority.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import threading
+
+NICENESS = 10
+"""The niceness of the imports, which get a tenth of the share of others on a busy processor."""
+
+
+def _load() -> None:
+    os.nice(NICENESS)  # of this thread alone, as a thread may not raise its priority again
+    importlib.import_module("tigas_render.workers.edge")
+
+
+if __name__ == "__main__":
+    loading = threading.Thread(target=_load)
+    loading.start()
+    loading.join()
+    from tigas_render.workers.edge import edge
+    from tigas_render.workers.process import call_it, run
+
+    call_it("spare edge")
+    run(edge)

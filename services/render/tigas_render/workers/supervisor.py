@@ -1,0 +1,207 @@
+"""The process started by the user: it has the public sockets and the secrets, and keeps the workers running."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from tigas_common.certificate import Certificate
+from tigas_common.memory import keep_together
+from tigas_common.runner import until_stopped
+from tigas_render.cache import kept_key
+from tigas_render.locked_directory import locked_directory
+from tigas_render.server.certificates import CertificateKeeper
+from tigas_render.server.public_sockets import PublicSockets
+from tigas_render.settings import RenderSettings
+from tigas_render.transport.retry import KEY_LENGTH
+from tigas_render.transport.tickets import TicketStore
+from tigas_render.workers.control import (
+    EdgeStart,
+    EngineStart,
+    Message,
+    NewCertificate,
+    Ready,
+    Said,
+    TicketIssued,
+    TicketTaken,
+)
+from tigas_render.workers.devices import names
+from tigas_render.workers.standby import Standby
+from tigas_render.workers.worker import Worker, WorkerProcess
+
+DIRECTORY = "tigas-render-"
+"""The prefix of the directory with the engines' sockets."""
+EDGES_STOP_S = 1.2
+"""Seconds for the edges to answer running requests; the engines work on meanwhile."""
+STOP_S = 1.7
+"""Seconds for all workers to end."""
+
+
+async def supervise(settings: RenderSettings, devices: tuple[str, ...], edges: int) -> None:
+    """Run the render service as a number of edges, and an engine for each device, until SIGINT or SIGTERM.
+
+    Raises StartError.
+    """
+    keep_together()
+    with (
+        PublicSockets.bound(settings, edges) as sockets,
+        locked_directory(Path(tempfile.gettempdir()), DIRECTORY) as directory,
+    ):
+        async with CertificateKeeper.running(settings) as keeper:
+            await Supervisor(settings, devices, edges, sockets, directory, keeper).run()
+
+
+class Supervisor:
+    """Engines and edges during `run`."""
+
+    def __init__(
+        self,
+        settings: RenderSettings,
+        devices: tuple[str, ...],
+        edges: int,
+        sockets: PublicSockets,
+        directory: Path,
+        keeper: CertificateKeeper,
+    ) -> None:
+        """directory: for the engines' sockets, as of EngineStart."""
+        self._settings = settings
+        self._devices = devices
+        self._names = names(devices)
+        self._sockets = sockets
+        self._directory = directory
+        self._reset_key = kept_key(settings.cache / "stateless-reset.key")
+        self._retry_key = os.urandom(KEY_LENGTH)
+        self._tickets = TicketStore()
+        self._announcement: tuple[str, ...] = ()
+        """From an engine, to be printed once all serve."""
+        self._said: set[str] = set()
+        """Lines that were printed, so that several engines, or a restarted one, do not repeat them."""
+        self._engines = [self._engine(number, edges) for number in range(len(devices))]
+        for engine in self._engines:
+            engine.others = [other for other in self._engines if other is not engine]
+        self._standby = Standby(sockets.fds())
+        self._edges = [self._edge(number, edges) for number in range(edges)]
+        self._show(keeper.certificate)
+        keeper.on_renewal(self._show)
+
+    async def run(self) -> None:
+        """Keep all running until SIGINT or SIGTERM. Raises StartError."""
+        workers = (*self._engines, *self._edges)
+        stopped = asyncio.create_task(until_stopped())
+        ready = asyncio.create_task(self._announce())
+        kept = [asyncio.create_task(worker.keep()) for worker in workers]
+        try:
+            await asyncio.wait((stopped, *kept), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            stopped.cancel()
+            ready.cancel()
+            await asyncio.gather(ready, return_exceptions=True)
+            await self._end()
+        for task in kept:
+            task.result()
+
+    async def _end(self) -> None:
+        """End the edges first, so that running requests are still answered."""
+        began = time.monotonic()
+        await self._standby.end()
+        await asyncio.gather(*(edge.end(EDGES_STOP_S) for edge in self._edges))
+        patience_s = began + STOP_S - time.monotonic()
+        await asyncio.gather(*(engine.end(patience_s) for engine in self._engines))
+
+    async def _announce(self) -> None:
+        """Print the announcement once all serve, except engines that cannot, and then keep a standby."""
+        for edge in self._edges:
+            await edge.ready.wait()
+        for engine in self._engines:
+            await engine.settled.wait()
+        if not self._announcement:  # no engine serves
+            return
+        missing = [engine.name for engine in self._engines if not engine.ready.is_set()]
+        if missing:
+            print(f"Started without the {', the '.join(missing)}.", flush=True)
+        print("\n".join(self._announcement), flush=True)
+        await self._standby.keep()
+
+    # -- messages to workers -----------------------------------------------------------------------------------------
+
+    def _show(self, certificate: Certificate) -> None:
+        """Distribute a certificate: to edges first, as engines announce it to clients."""
+        self._certificate = NewCertificate(pem=certificate.with_key)
+        for worker in (*self._edges, *self._engines):
+            worker.send(self._certificate)
+
+    def _engine(self, number: int, edges: int) -> Worker:
+        is_alone = len(self._devices) == 1
+        sockets = self._sockets
+
+        def begin() -> Sequence[Message]:
+            start = EngineStart(
+                name="engine" if is_alone else f"engine {number}",
+                settings=self._settings.model_copy(update={"device": self._devices[number]}),
+                number=number,
+                devices=self._names,
+                edges=edges,
+                directory=self._directory,
+                http_port=sockets.http_port,
+                https_port=sockets.https_port,
+                quic_port=sockets.quic_port,
+                certificate=self._certificate,
+            )
+            return (start,)
+
+        async def launch() -> WorkerProcess:
+            return await WorkerProcess.start("engine", ())
+
+        return Worker("engine" if is_alone else f"engine on {self._names[number]}", launch, begin, self._on_message)
+
+    def _edge(self, number: int, edges: int) -> Worker:
+        name = f"edge {number}"
+        public = self._sockets
+
+        def begin() -> Sequence[Message]:
+            start = EdgeStart(
+                name=name,
+                settings=self._settings,
+                devices=self._names,
+                directory=self._directory,
+                number=number,
+                edges=edges,
+                http=public.http.fileno(),
+                https=None if public.https is None else public.https.fileno(),
+                quic=tuple(sock.fileno() for sock in public.quic[number]) if public.quic else (),
+                relay=public.relays[number][0].fileno() if public.relays else None,
+                relays=tuple(outbox.fileno() for _, outbox in public.relays),
+                others=public.fds_of_others(number),
+                certificate=self._certificate,
+                reset_key=self._reset_key,
+                retry_key=self._retry_key,
+            )
+            return (start, *(TicketIssued(ticket=ticket) for ticket in self._tickets))
+
+        return Worker(name, self._standby.take, begin, self._on_message)
+
+    # -- messages from workers ---------------------------------------------------------------------------------------
+
+    def _on_message(self, sender: Worker, message: Message) -> None:
+        match message:
+            case TicketIssued():
+                self._tickets.add(message.ticket)
+            case TicketTaken():
+                self._tickets.take(message.label)
+            case Ready():
+                self._announcement = message.lines or self._announcement
+                return
+            case Said():
+                if message.line not in self._said:
+                    self._said.add(message.line)
+                    print(message.line, flush=True)
+                return
+            case _:
+                raise AssertionError(f"A worker sends no {message.kind} message.")
+        for edge in self._edges:
+            if edge is not sender:
+                edge.send(message)

@@ -1,0 +1,172 @@
+"""A worker process as its supervisor sees it: started, supervised, and connected by a channel."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import socket
+import sys
+import time
+from asyncio.subprocess import DEVNULL, Process, create_subprocess_exec
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+from tigas_common.errors import StartError
+from tigas_common.processes import BackOff, Supervised, how_it_ended
+from tigas_render.workers.control import Channel, Failed, Loaded, Message, Ready
+
+RARE_S, RAREST_S = 15.0, 900.0
+"""The first and the longest delay, doubled each time, before a restart of a failing worker while others replace it."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerProcess:
+    """One process of a worker, and the channel to it. It waits for a `Start` message."""
+
+    process: Process
+    channel: Channel
+
+    @classmethod
+    async def start(cls, program: str, inherited: Sequence[int]) -> WorkerProcess:
+        """Start a module of this package that inherits these file descriptors. Raises OSError."""
+        ours, theirs = socket.socketpair()
+        try:
+            with theirs:
+                process = await create_subprocess_exec(
+                    *(sys.executable, "-P", "-m", f"{__package__}.{program}", str(theirs.fileno())),
+                    stdin=DEVNULL,
+                    pass_fds=(theirs.fileno(), *inherited),
+                    start_new_session=True,  # Ctrl+C is for the supervisor alone, which ends its workers in turn
+                )
+            return cls(process, await Channel.over(ours))
+        except BaseException:
+            ours.close()
+            raise
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send a signal, unless the process has ended."""
+        with suppress(ProcessLookupError):
+            self.process.send_signal(number)
+
+
+class Worker(Supervised):
+    """An edge or an engine; others may take over its work while it is down."""
+
+    def __init__(
+        self,
+        name: str,
+        launch: Callable[[], Awaitable[WorkerProcess]],
+        begin: Callable[[], Sequence[Message]],
+        on_message: Callable[[Worker, Message], None],
+    ) -> None:
+        """name: as it appears in a sentence; launch: gives a new process; begin: the first messages to it, a `Start`
+        first; on_message: gets the messages from it.
+        """
+        super().__init__(name)
+        self.ready = asyncio.Event()
+        """Set once it has served for the first time."""
+        self.settled = asyncio.Event()
+        """Set while no progress is expected: it serves, or has ended."""
+        self.others: Sequence[Worker] = ()
+        """The workers that can replace it."""
+        self._launch = launch
+        self._begin = begin
+        self._on_message = on_message
+        self._launched: WorkerProcess | None = None
+        self._served_since: float | None = None
+        self._failure: str | None = None
+        self._rare_s: float | None = None
+
+    def send(self, message: Message) -> None:
+        """Send a message. While it does not run, the next first messages have to contain the news."""
+        if self._launched is not None:
+            self._launched.channel.send(message)
+
+    async def keep(self) -> None:
+        """Run it until `end`. Raises StartError if it does not start, or ends too often, and no other replaces it."""
+        try:
+            await super().keep()
+        finally:
+            self.settled.set()
+
+    async def _run(self) -> int | OSError:
+        self._served_since = self._failure = None
+        self.settled.clear()
+        try:
+            launched = self._launched = await self._launch()
+        except OSError as error:
+            self.settled.set()
+            return error
+        if self._stopping.is_set():
+            self._signal(signal.SIGTERM)
+        try:
+            for message in self._begin():
+                launched.channel.send(message)
+            async for message in launched.channel:
+                match message:
+                    case Loaded():
+                        continue
+                    case Failed():
+                        self._failure = message.detail
+                        continue
+                    case Ready():
+                        self._served_since = time.monotonic()
+                        self.ready.set()
+                        self.settled.set()
+                self._on_message(self, message)
+            return await launched.process.wait()
+        finally:
+            self._launched = None
+            self.settled.set()
+            await launched.channel.close()
+
+    async def _pause(self, status: int | OSError, delay_s: float | None) -> float:
+        if self._served_s() > BackOff.WINDOW_S:
+            self._rare_s = None
+        if self._rare_s is None and self.ready.is_set() and delay_s is not None:
+            why = f" {self._failure}" if self._failure else ""
+            _warn(f"The {self.name} has ended ({how_it_ended(status)}); it is started again.{why}")
+            return 0.0 if delay_s == BackOff.FIRST_S else delay_s  # the first time at once: viewers wait
+        if not await self._are_others_up():
+            raise StartError(self._why(status))
+        self._rare_s = RARE_S if self._rare_s is None else min(2 * self._rare_s, RAREST_S)
+        _warn(f"{self._why(status)} It is tried again in {self._rare_s:g} s; others do its work meanwhile.")
+        return self._rare_s
+
+    def _signal(self, number: signal.Signals) -> None:
+        if self._launched is not None:
+            self._launched.signal(number)
+
+    @property
+    def _serves(self) -> bool:
+        return self._launched is not None and self._served_since is not None
+
+    def _served_s(self) -> float:
+        """Return for how many seconds it has served, or did before it ended."""
+        return 0.0 if self._served_since is None else time.monotonic() - self._served_since
+
+    async def _are_others_up(self) -> bool:
+        """Return whether another worker replaces this one, once none of them is still starting."""
+        while not any(other._serves for other in self.others):
+            starting = [other for other in self.others if not other.settled.is_set()]
+            if not starting:
+                return False
+            await starting[0].settled.wait()
+        return True
+
+    def _why(self, status: int | OSError) -> str:
+        """Explain why it is not simply started again."""
+        if not self.ready.is_set():
+            if self._failure is None:
+                return f"The {self.name} did not start ({how_it_ended(status)})."
+            return f"The {self.name} did not start: {self._failure}" if self.others else self._failure
+        reason = f" {self._failure}" if self._failure else ""
+        return (
+            f"The {self.name} has ended {BackOff.ENDS} times within {BackOff.WINDOW_S:g} s, the last time with "
+            f"{how_it_ended(status)}.{reason}"
+        )
+
+
+def _warn(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)

@@ -1,0 +1,174 @@
+"""A made-up experiment: many small runs with known figures, to test the report.
+
+python -m tests.experiments.report.synthetic_results DIR      # a large one, to look at: tigas report DIR
+"""
+
+from __future__ import annotations
+
+import itertools
+import random
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from tests.experiments.made_up import LENS, MACHINE, inputs, reply
+from tigas_common.wire.recording import LinkSample, PlayedDownload, Recording, ShownFrame, Traffic
+from tigas_common.wire.run import Configuration, Mode, Network
+from tigas_experiments.quality.picture import CaptureQuality, Quality
+from tigas_experiments.records.folder import RunRecord, RunWriter
+from tigas_experiments.records.load import Load, LoadSample
+
+STEP_MS = 20.0
+"""Between inputs: 50 a second."""
+HEIGHTS = (1080, 720, 480, 240)
+SCENE_BYTES = 10_000_000
+
+
+def write_run(
+    folder: Path,
+    controller: str | int = "latency",
+    network: str = "bus",
+    rtt_ms: float | None = 20.0,
+    *,
+    mode: Mode = "stateless",
+    delay_ms: float = 40.0,
+    reply_ms: float | None = None,
+    jitter_ms: float = 0.0,
+    rungs: Sequence[int] = (2,),
+    hold: int = 10,
+    every: int = 1,
+    seconds: float = 2.0,
+    kbps: float = 8000.0,
+    link_kbps: float = 20_000.0,
+    busy: float = 0.5,
+    view_ssim: float = 0.8,
+    local: PlayedDownload | None = None,
+    **changes: Any,
+) -> Path:
+    """A run with every `every`th input shown `delay_ms` later, in these rungs in turn, each for `hold` frames.
+
+    Every input's reply takes `reply_ms`, if replies are recorded. The page receives `kbps`. With `jitter_ms`, delays
+    have a long tail, the same for the same folder's name.
+    """
+    duration = seconds * 1000
+    chance = random.Random(folder.name)
+    sampled = inputs(int(duration / STEP_MS), every_ms=STEP_MS)
+    shown: list[ShownFrame] = []
+    for number, entry in enumerate(sampled[every - 1 :: every]):
+        rung = rungs[number // hold % len(rungs)]
+        late = delay_ms + (chance.expovariate(1 / jitter_ms) if jitter_ms else 0.0)
+        at = max(entry.at + late, shown[-1].at if shown else 0.0)
+        height = HEIGHTS[min(rung, len(HEIGHTS) - 1)]
+        shown.append(
+            ShownFrame(
+                side="stateless",
+                at=at,
+                pose=entry.pose,
+                latencies=(),
+                rung=rung if mode == "stateless" else None,
+                width=height * 16 // 9,
+                height=height,
+            )
+        )
+    made = Recording(
+        scene="courtyard",
+        mode="stateless" if mode == "stateless" else "dash" if local is None else "local",
+        local=local,
+        transport="webtransport-streams",
+        user_agent="Chromium",
+        lens=LENS,
+        started_unix_ms=1e12,
+        duration_ms=duration,
+        ended_ms=duration + delay_ms,
+        complete=True,
+        hidden=False,
+        inputs=tuple(sampled),
+        frames=tuple(shown),
+        replies=() if reply_ms is None else tuple(reply(entry.at, reply_ms, entry.pose) for entry in sampled),
+        captures=(),
+        traffic=tuple(Traffic(at=at, bytes=int(at * kbps / 8)) for at in ticks(duration, 100)),
+    )
+    configuration: dict[str, Any] = {"scene": "courtyard", "movement": "stroll", "mode": mode, "profile": controller}
+    record = RunRecord(
+        status="running",
+        problem=None,
+        configuration=Configuration.model_validate(
+            {
+                **configuration,
+                "network": Network(trace=network, rtt_ms=rtt_ms),
+                "duration_s": seconds,
+                "width": 640,
+                "height": 360,
+                **changes,
+            }
+        ),
+        machine=MACHINE,
+        started="2026-01-01T00:00:00+00:00",
+        scene_bytes=SCENE_BYTES,
+    )
+    writer = RunWriter(folder, record)
+    writer.recording(made)
+    load = [LoadSample(unix_ms=1e12, cpu=busy, load_average=1.0)]
+    writer.link_and_load([_link(at, link_kbps, kbps) for at in ticks(duration, 200)], load)
+    quality = Quality(psnr_db=30.0, ssim=0.9)
+    view = Quality(psnr_db=20.0, ssim=view_ssim)
+    writer.quality([CaptureQuality(at=500.0, pose=20, rung=2, picture=quality, view=view, seen=view)])
+    writer.close(status="complete", browser="156", backend="netem", load=Load.of(load), recording=made.head)
+    return folder
+
+
+def download(first_s: float | None, complete_s: float | None, size: int = 2_000_000) -> PlayedDownload:
+    """Of a scene, that began with the run."""
+    return PlayedDownload(
+        form="compressed",
+        renderer="WebGL 2",
+        began_ms=0,
+        first_picture_ms=None if first_s is None else first_s * 1000,
+        complete_ms=None if complete_s is None else complete_s * 1000,
+        downloaded_bytes=size,
+        bytes=size,
+        gaussians=10_000,
+    )
+
+
+def ticks(duration_ms: float, every_ms: float) -> list[float]:
+    """From 0 to the duration."""
+    return [index * every_ms for index in range(int(duration_ms / every_ms) + 1)]
+
+
+def _link(at: float, rate: float, delivered: float) -> LinkSample:
+    return LinkSample(
+        at=at,
+        position_ms=at,
+        target_kbps=rate,
+        delivered_kbps=delivered,
+        queue_ms=1,
+        drops=0,
+        up_delivered_kbps=100,
+    )
+
+
+def write_large(folder: Path, networks: Sequence[str], rtts: Sequence[float], repeats: int, seconds: float) -> int:
+    """Six controllers and modes over networks and round trips; how many runs that are."""
+    contenders: dict[str | int, dict[str, Any]] = {
+        "latency": {"delay_ms": 90.0, "jitter_ms": 60.0, "rungs": (0, 1), "hold": 400, "every": 3, "kbps": 18_000.0},
+        "budget": {"delay_ms": 35.0, "jitter_ms": 9.0, "rungs": (1, 2), "hold": 300, "kbps": 11_000.0},
+        "lol+": {"delay_ms": 32.0, "jitter_ms": 12.0, "rungs": (3, 2), "hold": 30, "kbps": 5000.0},
+        "l2a": {"delay_ms": 50.0, "jitter_ms": 25.0, "rungs": (0, 1, 2, 1), "hold": 90, "kbps": 15_000.0},
+        2: {"delay_ms": 38.0, "jitter_ms": 14.0, "rungs": (2,), "kbps": 9000.0},
+        "dash": {"mode": "dash-tuned", "delay_ms": 300.0, "jitter_ms": 30.0, "every": 2, "kbps": 3000.0},
+    }
+    numbers = itertools.count(1)
+    for place, network in enumerate(networks):
+        for rtt, (name, look), repeat in itertools.product(rtts, contenders.items(), range(repeats)):
+            number = next(numbers)
+            changed = {**look, "delay_ms": look["delay_ms"] + rtt * (2.5 if name == "latency" else 1.1) + 6 * repeat}
+            profile = "budget" if name == "dash" else name
+            run = folder / "runs" / f"{number:03}_{place}_{rtt:g}_{name}_{repeat}"
+            write_run(run, profile, network, rtt, seconds=seconds, repeat=repeat, **changed)
+    return next(numbers) - 1
+
+
+if __name__ == "__main__":
+    sys.exit(f"{write_large(Path(sys.argv[1]), ('4g-bus', 'dsl'), (20, 50, 100, 200, 300), 3, 20.0)} runs")

@@ -1,0 +1,267 @@
+"""When a server takes new viewers, and when it does not, with a clock that the test turns."""
+
+from __future__ import annotations
+
+import random
+from collections import deque
+from dataclasses import dataclass
+
+import pytest
+
+from tigas_render.admission.load import (
+    FEW,
+    FREE_AT,
+    FULL_AT,
+    LEAST_RATE,
+    MAX_AGE_S,
+    SETTLED_S,
+    STANDING_AGE_S,
+    TICK_S,
+    Load,
+)
+
+
+class Loop:
+    """An event loop with a given load."""
+
+    def __init__(self, viewers: int = 10) -> None:
+        self.now = self.cpu = 0.0
+        self.load = Load(lambda: self.now, lambda: self.cpu)
+        for _ in range(viewers):
+            self.load.entered()
+
+    def run(self, seconds: float, busy: float, ages: tuple[float, ...] = ()) -> None:
+        """Seconds with datagrams of these ages in each tick."""
+        for _ in range(round(seconds / TICK_S)):
+            for age in ages:
+                self.load.handled(age)
+            self.pause(TICK_S, busy)
+
+    def pause(self, seconds: float, busy: float) -> None:
+        """The loop is blocked for this long."""
+        self.now += seconds
+        self.cpu += busy * seconds
+        self.load.tick()
+
+    def is_full_after(self, ticks: int, busy: float) -> list[bool]:
+        full = []
+        for _ in range(ticks):
+            self.pause(TICK_S, busy)
+            full.append(self.load.full() is not None)
+        return full
+
+
+QUICK, LATE = (0.001,) * 10, (0.02,) * 10
+
+
+def test_a_busy_loop_takes_nobody_until_it_has_had_time_again_for_a_while() -> None:
+    loop = Loop()
+    loop.run(10, busy=FULL_AT - 0.05, ages=QUICK)
+    assert loop.load.full() is None
+    loop.run(5, busy=FULL_AT + 0.1, ages=QUICK)
+    assert loop.load.full() is not None
+    loop.run(1, busy=0.1)
+    assert loop.load.full() is not None
+    loop.run(5, busy=0.1)
+    assert loop.load.full() is None
+
+
+def test_a_load_about_the_limit_does_not_make_it_flap() -> None:
+    loop = Loop()
+    loop.run(5, busy=1.0, ages=QUICK)
+    loop.run(5, busy=FULL_AT, ages=QUICK)
+    between = (FREE_AT + FULL_AT) / 2
+    full = [
+        state for _ in range(50) for busy in (between - 0.1, between + 0.1) for state in loop.is_full_after(3, busy)
+    ]
+    assert all(full)
+
+
+@pytest.mark.parametrize("busy", [0.0, 1.0])
+@pytest.mark.parametrize("seconds", [0.2, 1.0, 30.0])
+def test_one_pause_refuses_nobody(seconds: float, busy: float) -> None:
+    loop = Loop()
+    loop.run(5, busy=0.05, ages=QUICK)
+    for age in (0.0, seconds / 2, seconds):  # arrived in the meantime
+        loop.load.handled(age)
+    loop.pause(seconds, busy)
+    full = [loop.load.full() is not None]
+    for _ in range(20):
+        loop.run(TICK_S, busy=0.05, ages=QUICK)
+        full.append(loop.load.full() is not None)
+    assert not any(full)
+    assert loop.load.requests_per_s is None
+
+
+def test_datagrams_that_all_come_late_say_that_it_is_full_whatever_the_processor_does() -> None:
+    loop = Loop()
+    loop.run(1, busy=0.2, ages=LATE)
+    assert loop.load.full() is not None
+
+
+def test_a_loop_that_is_late_most_of_the_time_is_full() -> None:
+    loop = Loop()
+    for _ in range(20):
+        loop.run(0.2, busy=0.2, ages=LATE)
+        loop.run(0.1, busy=0.2, ages=QUICK)
+    assert loop.load.full() is not None
+
+
+def test_a_burst_that_is_worked_off_says_nothing() -> None:
+    loop = Loop()
+    for _ in range(10):
+        loop.run(0.2, busy=0.2, ages=(0.1, 0.08, 0.04, 0.02, 0.002))
+        loop.run(0.3, busy=0.2, ages=QUICK)
+    assert loop.load.full() is None
+
+
+def test_a_slow_renderer_takes_no_more_clients_only_while_it_has_no_pause() -> None:
+    loop = Loop()
+    loop.load.engine(queue_age_s=0.2, utilisation=0.5)
+    loop.run(5, busy=0.1)
+    assert loop.load.full() is None
+    loop.load.engine(queue_age_s=0.2, utilisation=1.0)
+    loop.run(5, busy=0.1)
+    assert loop.load.full() is not None
+
+
+def test_a_rush_is_let_in_a_few_at_a_time_until_it_is_known_what_they_cost() -> None:
+    loop = Loop(viewers=0)
+    came_in = 0
+    while loop.load.full() is None:
+        loop.load.entered()
+        came_in += 1
+    assert 10 < came_in < 40
+    loop.run(SETTLED_S + TICK_S, busy=0.01 * came_in)
+    assert loop.load.full() is None
+
+
+def test_a_thousand_who_ask_for_nothing_come_in_within_seconds() -> None:
+    loop = Loop(viewers=0)
+    came_in = 0
+    while came_in < 1000:
+        while came_in < 1000 and loop.load.full() is None:
+            loop.load.entered()
+            came_in += 1
+        loop.run(TICK_S, busy=0.02)
+    assert loop.now < 15
+
+
+def test_those_who_are_in_are_slowed_down_until_it_is_better_and_then_let_go() -> None:
+    loop = Loop()
+    assert loop.load.requests_per_s is None
+    loop.run(5, busy=1.0, ages=LATE)
+    rate = loop.load.requests_per_s
+    assert rate is not None
+    assert LEAST_RATE <= rate < 30
+    loop.run(60, busy=1.0, ages=LATE)
+    assert loop.load.requests_per_s == LEAST_RATE
+    loop.run(5, busy=0.5, ages=QUICK)
+    better = loop.load.requests_per_s
+    assert better is not None
+    assert LEAST_RATE < better < 2 * rate
+    loop.run(60, busy=0.5, ages=QUICK)
+    assert loop.load.requests_per_s is None
+
+
+def test_old_datagrams_are_dropped_and_sooner_where_a_queue_stands() -> None:
+    loop = Loop()
+    assert loop.load.handled(0.9 * MAX_AGE_S)
+    assert not loop.load.handled(1.1 * MAX_AGE_S)
+    loop.run(1, busy=1.0, ages=LATE)
+    assert loop.load.handled(0.9 * STANDING_AGE_S)
+    assert not loop.load.handled(1.1 * STANDING_AGE_S)
+    assert loop.load.state.stale == 2
+
+
+def test_a_few_are_always_taken_and_as_fast_as_they_like() -> None:
+    loop = Loop(viewers=2)
+    loop.run(10, busy=1.0, ages=LATE)
+    assert loop.load.full() is None
+    assert loop.load.requests_per_s is None
+    for _ in range(FEW - 1):
+        loop.load.entered()
+    assert loop.load.full() is not None
+    assert loop.load.requests_per_s is not None
+
+
+@dataclass
+class Viewer:
+    """Sends requests 30 times per second, or at the announced rate; returns some time after a refusal."""
+
+    next_at: float
+    is_in: bool = False
+
+
+def simulated(viewers: int, seconds: float = 40.0, then_s: float = 0.002) -> tuple[float, float]:
+    """Frames a second and the 95th percentile of latency in seconds, of a loop that serves requests in order.
+
+    Each takes 2 ms, and from a quarter of the time on `then_s`. The first half is not counted.
+    """
+    rng = random.Random(1)
+    now = cpu = 0.0
+    load = Load(lambda: now, lambda: cpu)
+    queue: deque[float] = deque()
+    everybody = [Viewer(rng.uniform(0, 1)) for _ in range(viewers)]
+    latencies, tick_at = [], TICK_S
+    while now < seconds:
+        for viewer in everybody:
+            while viewer.next_at <= now:
+                if not viewer.is_in and (retry_after := load.full()) is not None:
+                    viewer.next_at += retry_after * rng.uniform(1, 1.5)
+                    continue
+                if not viewer.is_in:
+                    viewer.is_in = True
+                    load.entered()
+                queue.append(viewer.next_at)
+                viewer.next_at += rng.uniform(0.5, 1.5) / min(30.0, load.requests_per_s or 30.0)
+        if queue:
+            arrived = queue.popleft()
+            cost_s = 0.002 if now < seconds / 4 else then_s
+            if load.handled(now - arrived):
+                now, cpu = now + cost_s, cpu + cost_s
+                if now > seconds / 2:
+                    latencies.append(now - arrived)
+        else:
+            now = min(tick_at, min(viewer.next_at for viewer in everybody))
+        if now >= tick_at:
+            load.tick()
+            tick_at = now + TICK_S
+    return len(latencies) / (seconds / 2), sorted(latencies)[int(0.95 * len(latencies))]
+
+
+def test_at_twice_what_it_can_serve_those_who_are_in_hardly_wait_and_nothing_is_lost() -> None:
+    peak = max(simulated(viewers)[0] for viewers in (12, 14, 16, 18))
+    assert peak > 400  # of 500
+    for viewers in (33, 50, 160):
+        frames_per_s, p95 = simulated(viewers)
+        assert frames_per_s > 0.9 * peak
+        assert p95 < 0.05
+
+
+def test_nobody_new_is_taken_while_those_who_are_in_are_slowed_down() -> None:
+    loop = Loop()
+    loop.run(10, busy=1.0, ages=LATE)
+    loop.run(5, busy=0.3, ages=QUICK)  # since they ask so rarely
+    rate = loop.load.requests_per_s
+    assert rate is not None
+    assert rate < 30
+    assert loop.load.full() is not None
+    loop.run(15, busy=0.3, ages=QUICK)
+    assert loop.load.full() is None
+
+
+def test_a_machine_that_gets_three_times_as_slow_slows_its_viewers_down() -> None:
+    frames_per_s, p95 = simulated(15, then_s=0.006)
+    assert frames_per_s > 100  # of 167
+    assert p95 < 0.1
+
+
+def test_it_says_how_old_things_got() -> None:
+    loop = Loop()
+    loop.load.handled(0.2)
+    loop.load.engine(queue_age_s=0.03, utilisation=0.4)
+    loop.pause(0.5, busy=0.0)
+    assert loop.load.state.ages == pytest.approx({"datagrams": 0.2, "loop": 0.4, "engine": 0.03})
+    loop.run(5, busy=0.0)
+    assert loop.load.state.ages["datagrams"] == 0.0

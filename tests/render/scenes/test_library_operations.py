@@ -1,0 +1,175 @@
+"""An added file becomes a scene of the models directory; a refused one leaves no traces."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import threading
+import time
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import pytest
+
+from tests.render.scenes import made_up, plys
+from tigas_common.errors import BrokenScene
+from tigas_common.processes import tigas
+from tigas_render.scenes import library_operations
+from tigas_render.scenes.directory import scan_directory
+from tigas_render.scenes.library_operations import PART, NotAdded, add_scene, shown
+
+LIMIT = 1_000_000
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, *_: object) -> None:
+        pass
+
+    def do_GET(self) -> None:
+        if self.path == "/endless.ply":
+            with suppress(OSError):
+                self.wfile.write(b"HTTP/1.0 200 OK\r\n\r\nply\n")
+                while True:
+                    self.wfile.write(b"comment x\n" * 1000)
+        elif self.path == "/trickle.ply":
+            with suppress(OSError):
+                self.wfile.write(b"HTTP/1.0 200 OK\r\nContent-Length: 500000\r\n\r\n")
+                while True:
+                    self.wfile.write(b"p")
+                    time.sleep(0.01)
+        else:
+            super().do_GET()
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[str]:
+    """A web site with the folder `site`."""
+    (tmp_path / "site").mkdir()
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(tmp_path / "site"))) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+        thread.join()
+
+
+@pytest.mark.parametrize(
+    ("name", "stored"),
+    [
+        ("shell.sog", "shell.sog"),
+        ("shell-3.spz", "shell-3.spz"),
+        ("shell.compressed.ply", "shell.compressed.ply"),
+    ],
+)
+def test_a_file_becomes_a_scene(tmp_path: Path, name: str, stored: str) -> None:
+    models = tmp_path / "not" / "there" / "yet"
+    id, file = add_scene(str(made_up.FILES / name), models, None, lambda _: None, LIMIT)
+    assert file.files == (models / stored,)
+    assert [path.name for path in models.iterdir()] == [stored]
+    assert scan_directory(models)[id].gaussians == made_up.COUNT
+
+
+def test_what_a_file_is_decides_its_ending_and_it_may_be_called_otherwise(tmp_path: Path) -> None:
+    odd = plys.write(tmp_path / "download.bin", (made_up.FILES / "shell-4.spz").read_bytes())
+    assert add_scene(str(odd), tmp_path / "models", "attic", lambda _: None, LIMIT)[0] == "attic"
+    assert [path.name for path in (tmp_path / "models").iterdir()] == ["attic.spz"]
+
+
+@pytest.mark.parametrize("named", ["hall", "hall/meta.json"])
+def test_a_folder_of_images_becomes_one_file(tmp_path: Path, named: str) -> None:
+    with zipfile.ZipFile(made_up.FILES / "shell.sog") as bundle:
+        bundle.extractall(tmp_path / "hall")
+    id, file = add_scene(str(tmp_path / named), tmp_path / "models", None, lambda _: None, LIMIT)
+    assert (id, file.format, [path.name for path in file.files]) == ("hall", "SOG", ["hall.sog"])
+    assert len(file.load()) == made_up.COUNT
+
+
+def test_a_scene_is_fetched(tmp_path: Path, site: str) -> None:
+    plys.write(tmp_path / "site" / "my shell.spz", (made_up.FILES / "shell-3.spz").read_bytes())
+    heard: list[float] = []
+    id, file = add_scene(f"{site}/my%20shell.spz?version=2", tmp_path / "models", None, heard.append, LIMIT)
+    assert (id, file.count, heard[-1]) == ("my shell", made_up.COUNT, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("path", "id", "words"),
+    [
+        ("nowhere.spz", None, "answers with 404"),
+        ("letter.ply", None, "is no scene"),
+        ("short.ply", None, "is truncated"),
+        ("there.ply", None, "There is a scene there already"),
+        ("good.ply", "../../etc", "cannot be a scene's name"),
+    ],
+)
+def test_what_cannot_be_added_leaves_nothing(tmp_path: Path, site: str, path: str, id: str | None, words: str) -> None:
+    plys.write(tmp_path / "site" / "letter.ply", b"Dear reader, " * 10)
+    plys.write(tmp_path / "site" / "short.ply", plys.binary_ply()[:-4])
+    for name in ("there.ply", "good.ply"):
+        plys.write(tmp_path / "site" / name, plys.binary_ply())
+    plys.write(tmp_path / "models" / "there.ply", plys.binary_ply())
+    for source in (f"{site}/{path}", str(tmp_path / "site" / path)):
+        missing = words.startswith("answers") and not source.startswith("http")
+        with pytest.raises((NotAdded, BrokenScene), match="No such file" if missing else words):
+            add_scene(source, tmp_path / "models", id, lambda _: None, LIMIT)
+    assert [entry.name for entry in (tmp_path / "models").iterdir()] == ["there.ply"]
+
+
+def test_nobody_at_home_is_said_in_a_sentence(tmp_path: Path, site: str) -> None:
+    with pytest.raises(NotAdded, match=r"^http://127\.0\.0\.1:1/a\.ply cannot be fetched: .+\.$"):
+        add_scene("http://127.0.0.1:1/a.ply", tmp_path / "models", None, lambda _: None, LIMIT)
+
+
+@pytest.mark.parametrize(
+    ("path", "words"), [("endless.ply", "is larger than 0.001 GB; --max-gb"), ("trickle.ply", "comes too slowly")]
+)
+def test_a_download_ends(tmp_path: Path, site: str, path: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(library_operations, "TIMEOUT_S", 0.5)
+    with pytest.raises(NotAdded, match=words):
+        add_scene(f"{site}/{path}", tmp_path / "models", None, lambda _: None, LIMIT)
+    assert list((tmp_path / "models").iterdir()) == []
+
+
+def test_a_file_that_is_said_to_be_too_large_is_not_fetched(tmp_path: Path, site: str) -> None:
+    (tmp_path / "site" / "large.ply").write_bytes(bytes(LIMIT + 1))
+    with pytest.raises(NotAdded, match="is larger than"):
+        add_scene(f"{site}/large.ply", tmp_path / "models", None, lambda _: pytest.fail("It was fetched."), LIMIT)
+
+
+@pytest.mark.parametrize("address", ["{}/nowhere.ply?key=secret", "http://127.0.0.1:1/a.ply", "ftp://127.0.0.1/a.ply"])
+def test_no_sentence_has_a_password(tmp_path: Path, site: str, address: str) -> None:
+    source = address.format(site).replace("://", "://user:secret@")
+    with pytest.raises(NotAdded) as raised:
+        add_scene(source, tmp_path / "models", None, lambda _: None, LIMIT)
+    assert "secret" not in str(raised.value) + shown(source)
+
+
+def test_a_command_that_is_terminated_leaves_nothing(tmp_path: Path, site: str) -> None:
+    models = tmp_path / "models"
+    command = tigas("scene", "add", f"{site}/trickle.ply", "--scenes", str(models))
+    with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
+        wait_for(lambda: models.is_dir() and list(models.glob(".*/trickle")))
+        process.terminate()
+        _, said = process.communicate(timeout=30)
+    assert b"Traceback" not in said
+    assert list(models.iterdir()) == []
+
+
+def test_what_a_command_that_was_killed_has_left_is_removed_by_the_next(tmp_path: Path) -> None:
+    models = tmp_path / "models"
+    left = models / f"{PART}left"
+    left.mkdir(parents=True)
+    (left / "hall").write_bytes(b"ply")
+    os.utime(left, (1e9, 1e9))
+    add_scene(str(made_up.FILES / "shell.sog"), models, None, lambda _: None, LIMIT)
+    assert [path.name for path in models.iterdir()] == ["shell.sog"]
+
+
+def wait_for(condition: Callable[[], object]) -> None:
+    deadline = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)

@@ -1,0 +1,192 @@
+"""The schedule is fair between addresses, between an address's sessions, and fresh within one."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import pytest
+
+from tigas_render.fair_queue import FairSchedule, Turns
+from tigas_render.frame import Client
+
+A, B, C = (Client(name, "only") for name in "abc")
+CLIENTS = {"a": A, "b": B, "c": C}
+
+
+def waiting(*work: str) -> FairSchedule[str]:
+    schedule: FairSchedule[str] = FairSchedule(depth=4)
+    for name in work:
+        schedule.push(CLIENTS[name[0]], name, 1.0)
+    return schedule
+
+
+def drain(schedule: FairSchedule[str]) -> list[str]:
+    """All work in turn, a second each."""
+    order = []
+    for _ in range(len(schedule)):
+        work = schedule.pop()
+        assert work is not None
+        order.append(work)
+        schedule.begin(CLIENTS[order[-1][0]], 1.0)
+    return order
+
+
+def used(costs: dict[Client, float], seconds: float, known: bool = True) -> dict[Client, float]:
+    """Shares of clients that send the next request after each answer. `costs`: seconds per frame."""
+    schedule: FairSchedule[Client] = FairSchedule(depth=4)
+    for one, cost in costs.items():
+        schedule.push(one, one, cost if known else 0.001)
+    used: dict[Client, float] = defaultdict(float)
+    while sum(used.values()) < seconds:
+        client = schedule.pop()
+        assert client is not None
+        cost = costs[client]
+        schedule.begin(client, cost if known else 0.001)
+        schedule.settle(client, 0.0 if known else cost - 0.001)
+        used[client] += cost
+        schedule.push(client, client, cost if known else 0.001)
+    return used
+
+
+def test_clients_take_turns_however_much_one_of_them_asks() -> None:
+    assert drain(waiting("a1", "a2", "a3", "b1", "c1")) == ["a3", "b1", "c1", "a2", "a1"]
+
+
+def test_a_client_that_was_just_served_goes_to_the_end_of_the_line() -> None:
+    schedule = waiting("a1", "b1")
+    assert schedule.pop() == "a1"
+    schedule.begin(A, 1.0)
+    schedule.push(A, "a2", 1.0)
+    assert drain(schedule) == ["b1", "a2"]
+
+
+def test_the_newest_wins_when_a_clients_queue_is_full() -> None:
+    schedule: FairSchedule[str] = FairSchedule(depth=2)
+    assert [schedule.push(A, work, 1.0) for work in ("a1", "a2", "a3")] == [None, None, "a1"]
+    assert drain(schedule) == ["a3", "a2"]
+    assert len(schedule) == 0
+
+
+def test_withdrawn_work_is_not_served() -> None:
+    schedule = waiting("a1", "b1")
+    assert schedule.remove(A, "a1")
+    assert not schedule.remove(A, "a1")
+    assert not schedule.remove(C, "a1")
+    assert drain(schedule) == ["b1"]
+    assert schedule.pop() is None
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["known before", "known afterwards"])
+def test_who_asks_for_large_frames_gets_fewer_of_them(known: bool) -> None:
+    shares = used({A: 2.0, B: 0.05, C: 0.1}, 600, known)
+    for client in (A, B, C):
+        assert shares[client] == pytest.approx(200, abs=2.5)
+
+
+def test_many_sessions_of_one_address_get_no_more_than_one_of_another() -> None:
+    hostile = [Client("a", f"session {number}") for number in range(136)]
+    shares = used(dict.fromkeys(hostile, 0.15) | {B: 0.05}, 300)
+    assert shares[B] == pytest.approx(150, abs=1)
+    assert {round(shares[session] / 0.15) for session in hostile} <= {7, 8}, "and they share alike"
+
+
+@pytest.mark.parametrize("address", ["a", "b", "{}"], ids=["another address", "the same address", "many addresses"])
+def test_a_session_for_every_request_is_no_way_to_jump_the_queue(address: str) -> None:
+    schedule: FairSchedule[str] = FairSchedule(depth=4)
+    for _ in range(100):
+        schedule.push(B, "b", 1.0)
+        schedule.pop()
+        schedule.begin(B, 1.0)
+    schedule.push(B, "b", 1.0)
+    strangers = (Client(address.format(number), f"session {number}") for number in range(1000))
+    for number, stranger in enumerate(strangers):
+        schedule.push(stranger, "a", 1.0)
+        if number % 2 and schedule.pop() == "b":
+            assert number < 10
+            return
+        schedule.begin(stranger, 1.0)
+    pytest.fail("it was never served")
+
+
+def test_time_that_was_used_while_nobody_else_waited_is_not_owed() -> None:
+    schedule = waiting()
+    for _ in range(100):
+        schedule.push(A, "a", 1.0)
+        schedule.pop()
+        schedule.begin(A, 1.0)
+    for work in "abab":
+        schedule.push(CLIENTS[work], work, 1.0)
+    assert sorted(drain(schedule)[:2]) == ["a", "b"]
+
+
+def test_time_that_was_not_used_is_not_saved_up() -> None:
+    schedule = waiting()
+    for client in (B, *[A] * 100):
+        schedule.push(client, "x", 1.0)
+        schedule.pop()
+        schedule.begin(client, 1.0)
+    for work in "ababab":
+        schedule.push(CLIENTS[work], work, 1.0)
+    assert sorted(drain(schedule)[:4]) == ["a", "a", "b", "b"]
+
+
+def test_work_that_is_refused_costs_no_turn() -> None:
+    schedule = waiting("a1", "a2", "b1")
+    assert [schedule.pop(), schedule.pop()] == ["a2", "a1"]
+
+
+def test_how_much_of_an_address_waits() -> None:
+    schedule = waiting("a1", "a2", "b1")
+    schedule.push(Client("a", "other"), "a3", 1.0)
+    assert (schedule.waiting("a"), schedule.waiting("b"), schedule.waiting("c")) == (3, 1, 0)
+
+
+def test_whether_anybody_else_waits() -> None:
+    schedule = waiting("a1", "a2")
+    assert not schedule.others_wait(A)
+    assert schedule.others_wait(B)
+    schedule.push(Client("a", "other"), "a3", 1.0)
+    assert schedule.others_wait(A)
+
+
+def test_clients_that_have_gone_are_forgotten() -> None:
+    schedule: FairSchedule[int] = FairSchedule(depth=4)
+    for number in range(5_000):
+        for client in (Client(f"address {number}", "only"), Client("address", f"session {number}")):
+            schedule.push(client, number, 0.1)
+            schedule.pop()
+            schedule.begin(client, 0.1)
+    kept = [schedule._addresses, *schedule._sessions.values()]
+    assert sum(len(turns._starts) for turns in kept) < 20
+
+
+def test_equals_are_served_in_the_order_in_which_they_came() -> None:
+    turns = Turns()
+    for name in "yzx":
+        turns.join(name, 1.0)
+    assert turns.next() == "y"
+
+
+def test_some_addresses_and_costly_work_can_be_passed_over() -> None:
+    schedule = waiting("a1", "b1")
+    schedule.push(C, "c1", 0.1)
+    assert schedule.pop({"a", "b", "c"}) is None
+    assert schedule.pop({"c"}, at_most=0.5) is None
+    assert schedule.pop(at_most=0.5) == "c1"
+    assert schedule.pop({"a"}) == "b1"
+    assert drain(schedule) == ["a1"]
+
+
+def test_what_a_client_has_no_use_for_is_taken_out() -> None:
+    schedule = waiting("a1", "b1", "a2", "a3")
+    assert sorted(schedule.remove_if(A, lambda work: work != "a2")) == ["a1", "a3"]
+    assert schedule.remove_if(C, lambda work: True) == []
+    assert sorted(drain(schedule)) == ["a2", "b1"]
+
+
+def test_among_an_addresss_sessions_the_next_ones_cost_counts() -> None:
+    """Its large frame's turn would end late, so it waits; but its other session's small one does not."""
+    schedule = waiting("b1")
+    schedule.push(A, "large", 9.0)
+    schedule.push(Client("a", "other"), "small", 0.5)
+    assert [schedule.pop() for _ in range(3)] == ["small", "b1", "large"]

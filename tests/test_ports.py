@@ -1,0 +1,45 @@
+"""A port that another program has is reported before anything that takes time."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tigas_common.address import Address
+from tigas_common.errors import StartError
+from tigas_common.topology import Port
+from tigas_dash import main as dash
+from tigas_dash.settings import DashSettings
+from tigas_experiments.store import main as store
+from tigas_experiments.store.settings import StoreSettings
+from tigas_testbed.services import check_free
+
+pytestmark = pytest.mark.anyio
+
+
+@pytest.fixture
+def taken() -> Iterator[Address]:
+    """The address of another program."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        yield Address("127.0.0.1", listener.getsockname()[1])
+
+
+async def test_the_packager_says_so_before_it_tries_encoders(taken: Address, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dash, "choose_encoder", lambda: pytest.fail("It has tried encoders."))
+    with pytest.raises(StartError, match=r"Cannot listen on .+ \(Address already in use\)"):
+        await dash.serve(DashSettings(http=taken))
+
+
+async def test_the_store_says_so_before_it_makes_its_directory(taken: Address, tmp_path: Path) -> None:
+    with pytest.raises(StartError, match=r"Cannot listen on .+ \(Address already in use\)"):
+        await store.serve(StoreSettings(http=taken, results=tmp_path / "results"))
+    assert not (tmp_path / "results").exists()
+
+
+def test_the_lab_says_so_before_it_is_built(taken: Address) -> None:
+    with pytest.raises(StartError, match=f"needs tcp port {taken} "):
+        check_free([Port("tcp", taken.port)])
+    check_free([Port("udp", taken.port)])
