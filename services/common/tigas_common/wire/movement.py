@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal, get_args
 
+from typing_extensions import TypedDict
+
 Anchor = Literal["start", "scene"]
 """`start`: the movement begins at the origin and looks along z, which is the scene's start camera.
 `scene`: it is in the scene's levelled frame."""
@@ -19,3 +21,11 @@ QUATERNION_LENGTHS = (0.1, 10.0)
 VIEW_M = 4.0
 """The assumed distance from the scene's start camera to the point that it looks at, in metres, as a scene does not say
 how long its unit is."""
+
+
+class TimedPose(TypedDict):
+    """A pose at a time, in the scene's own frame."""
+
+    t_ms: float
+    position: list[float]
+    quaternion: list[float]

@@ -69,13 +69,15 @@ def schemas() -> dict[str, dict[str, Any]]:
         "store": messages_schema(
             requests=[
                 store.ExperimentRequest,
+                store.NextRequest,
                 store.RunUpload,
-                store.InterruptedRun,
                 store.SampleIndex,
                 recording.Sample,
             ],
             answers=[
+                store.PlanSummary,
                 store.ExperimentCreated,
+                store.NextRun,
                 store.ExperimentList,
                 store.Experiment,
                 store.RunRow,

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
 from pydantic import BaseModel, Field
 
@@ -60,6 +60,8 @@ class ExperimentRecord(WireModel):
     """How many runs it has when it is complete; unknown of early ones."""
     command: str | None = None
     """The command line, to repeat it; None for the page's and early experiments."""
+    traces_s: dict[str, float] = Field(default_factory=dict)
+    """Durations of the shaper's traces, if segments need them."""
     template: object = Field(default=None, exclude=True)
     """Of early experiments, which had two kinds of reports."""
 
@@ -97,12 +99,12 @@ class RunRecord(WireModel):
     """Why it failed."""
     configuration: Configuration
     inputs_sha256: InputDigests | None = None
-    """Unknown of runs that a page made, and of early ones."""
+    """Unknown of early runs."""
     machine: Machine
     started: str
     """ISO 8601, UTC."""
     server: Server | None = None
-    """Unknown of runs that a page made, and of early ones."""
+    """Unknown of early runs."""
     browser: str | None = None
     backend: str | None = None
     """Implementation of the link's delay: netem or relay."""
@@ -187,6 +189,13 @@ class RunWriter:
         self._record = record
         (folder / "captures").mkdir(parents=True)
         write_record(folder / "run.json", record)
+
+    @classmethod
+    def resumed(cls, run: StoredRun) -> Self:
+        """Continue a written run."""
+        writer = cls.__new__(cls)
+        writer.folder, writer._record = run.folder, run.record
+        return writer
 
     def recording(self, recording: Recording) -> None:
         """The page's record."""
