@@ -44,10 +44,13 @@ def page_lab(models: Path, directory: Path) -> Iterator[PageLab]:
     movements.mkdir()
     results.mkdir()
     (movements / "walk.csv").write_text(WALK)
-    with Store("--results", str(results), movements=movements) as store, FakeShaper() as shaper:
+    store = Store("--results", str(results), movements=movements)
+    with FakeShaper() as shaper:
         services = {"TIGAS_RENDER_SERVICES": json.dumps({"store": store.url, "shaper": shaper.url})}
         with RenderServer("--scenes", str(models), environment=services) as render:
-            yield PageLab(render.url, shaper, results)
+            store.render = render.url
+            with store:
+                yield PageLab(render.url, shaper, results)
 
 
 def fill(page: Page, *, name: str, movement: str, seconds: str) -> None:

@@ -135,8 +135,7 @@ class Packager(_Service):
 
     def __init__(self, *, idle_s: float = 15) -> None:
         super().__init__("dash", environment={"TIGAS_DASH_IDLE_S": str(idle_s)})
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            self._http = f"127.0.0.1:{free.getsockname()[1]}"
+        self._http = _free_address()
         self.url = f"http://{self._http}"
         self.render = ""
 
@@ -151,7 +150,7 @@ class Packager(_Service):
 
 
 class Store(_Service):
-    """`tigas store`, on a free port; pages of every port of this machine may use it."""
+    """`tigas store`, for the render service that is at a URL when it starts; its own port is known before."""
 
     announces = r"Experiments in .* on (http://\S+)/"
 
@@ -159,6 +158,14 @@ class Store(_Service):
         super().__init__(
             "store", *arguments, environment={"TIGAS_STORE_MOVEMENTS": str(movements)} if movements else None
         )
+        self._http = _free_address()
+        self.url = f"http://{self._http}"
+        self.render: str | None = None
 
     def _addresses(self) -> list[str]:
-        return ["--http", "127.0.0.1:0"]
+        return ["--http", self._http, *(["--render", self.render] if self.render else [])]
+
+
+def _free_address() -> str:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return f"127.0.0.1:{free.getsockname()[1]}"

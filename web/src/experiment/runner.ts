@@ -1,5 +1,5 @@
 /**
- * Plays a movement in the viewer and records it, for scripts (`bridge.ts`) and the experiment dialog (`experiment.ts`).
+ * Plays a movement in the viewer and records it, for scripts (`bridge.ts`) and the page's experiments (`perform.ts`).
  * The record stays in the page until the run has ended, so that only the viewer's own traffic crosses the link.
  */
 
@@ -12,12 +12,14 @@ import type { About } from "../samples/layout";
 import { removeSampledRun } from "../samples/sampled-runs";
 import { type Sampled, Sampler } from "../samples/sampler";
 import { changeSettings, settings } from "../state/app";
-import { type Mode, type Settings, validSettings } from "../state/settings";
+import { isStreamed, type Mode, type Settings, validSettings } from "../state/settings";
 import { anyStreamed } from "../state/sides";
+import { STREAM_NAMES } from "../stream/stream";
 import type { ScenePose } from "../view/camera";
 import type { PresentedFrame } from "../view/presented";
 import type { ViewerSession } from "../viewer/session";
 import type { Recording } from "../wire/store";
+import { RunFailed } from "./errors";
 import { intervalAtRest } from "./missed";
 import { Recorder } from "./recorder";
 
@@ -146,7 +148,10 @@ export class Runner {
     };
   }
 
-  /** Play a movement and record it; one at a time. If `signal` is aborted, it rejects with its reason. */
+  /**
+   * Play a movement and record it; one at a time. Rejects with a RunFailed if the connection or stream is lost, or with
+   * the reason of `signal`.
+   */
   async run(plan: RunPlan, signal?: AbortSignal): Promise<Required<Recording>> {
     if (this.#running) throw new Error("a run is under way");
     this.#running = true;
@@ -162,12 +167,15 @@ export class Runner {
     }
   }
 
-  /** Takes a kept picture of the last run; the recipient closes it. */
-  takePicture(index: number): ImageBitmap {
+  /** A kept picture of the last run as a PNG; it is given up then. */
+  async takePicture(index: number): Promise<Blob> {
     const picture = this.#pictures[index];
     if (!picture) throw new Error(`there is no picture ${index}`);
     this.#pictures[index] = null;
-    return picture;
+    const canvas = new OffscreenCanvas(picture.width, picture.height);
+    canvas.getContext("2d")?.drawImage(picture, 0, 0);
+    picture.close();
+    return canvas.convertToBlob({ type: "image/png" });
   }
 
   /** Outcome of the last run's samples; null if none were requested. */
@@ -218,8 +226,11 @@ export class Runner {
     };
     document.addEventListener("visibilitychange", onVisibility);
     this.#lapse = null;
+    const lost = new AbortController();
     const watch = effect(() => {
       this.#lapse ??= this.#unturned();
+      const trouble = this.#trouble();
+      if (trouble !== null) lost.abort(new RunFailed(trouble));
     });
     try {
       const lens = { ...rig.viewport.peek(), ...rig.intrinsics.peek() };
@@ -238,7 +249,8 @@ export class Runner {
         const target = this.#session.stream.value?.stats.value.targetLatency;
         if (target != null && target !== targets.at(-1)) targets.push(target);
       });
-      const endedAt = await this.#ended(recorder, movedUntil, signal).finally(noteTarget);
+      const ending = signal ? AbortSignal.any([signal, lost.signal]) : lost.signal;
+      const endedAt = await this.#ended(recorder, movedUntil, ending).finally(noteTarget);
       const played = this.#session.stream.peek()?.playing ?? null;
       // Drawing a scene may take all of the page's time: that is the mode's own doing, and its poses are counted as missed.
       const animated = (recorder.animationInterval ?? Number.POSITIVE_INFINITY) < SLOWEST_DISPLAY;
@@ -266,6 +278,20 @@ export class Runner {
       this.#recorder = undefined;
       this.release();
     }
+  }
+
+  /** Why the pictures of a run are no longer those that it is about, in one sentence; null if they are. */
+  #trouble(): string | null {
+    const { phase, stream, local, video } = this.#session;
+    const { mode } = settings.value;
+    if (phase.value.kind === "failed") return phase.value.message;
+    if (phase.value.kind !== "playing") return "The connection was lost during the run.";
+    if (isStreamed(mode) && stream.value?.phase.value.kind !== "playing") {
+      return `The ${STREAM_NAMES[mode]} stream was lost during the run.`;
+    }
+    const download = local.value?.phase.value;
+    if (download?.kind === "failed") return download.message;
+    return mode === "video" ? video.problem.value : null;
   }
 
   #unturned(): string | null {
@@ -306,11 +332,11 @@ export class Runner {
   }
 
   /** Resolves when the last pose is on screen, or the wait times out. */
-  async #ended(recorder: Recorder, movedUntil: number, signal?: AbortSignal): Promise<number> {
+  async #ended(recorder: Recorder, movedUntil: number, signal: AbortSignal): Promise<number> {
     let reportedAt = Number.NEGATIVE_INFINITY;
     for (;;) {
       const now = await animationFrame();
-      signal?.throwIfAborted();
+      signal.throwIfAborted();
       if (now - reportedAt >= TRAFFIC_EVERY) {
         recorder.received(this.#session.receivedBytes, now);
         reportedAt = now;

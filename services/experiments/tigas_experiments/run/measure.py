@@ -82,15 +82,16 @@ async def _measure(
                     await link.play()
                 recording = await page.record(plan, patience_s=configuration.duration_s + DRAIN_S)
                 await page.check()
-        if not await alive(setup.target):  # a page that no longer receives frames still plays to the end
-            raise RunFailed("A service ended, or was started again, during the run.")
         start = recording.started_unix_ms
-        problem = await _keep_pictures(page, recording, writer, sampled=configuration.sample_stride > 0)
+        # A page that no longer receives frames still plays to the end.
+        ended = not await alive(setup.target)
+        sampled = configuration.sample_stride > 0
         upload = RunUpload(
+            problem="A service ended, or was started again, during the run." if ended else None,
             recording=recording,
             link=tuple(link_sample(status, at - start) for at, status in seen),
             backend=seen[-1][1].backend if seen else None,
-            sampling_problem=problem,
+            sampling_problem=None if ended else await _keep_pictures(page, recording, writer, sampled=sampled),
         )
     record = write_records(
         writer, upload, load, setup.made_from, browser=setup.browser.version, services=watch.services

@@ -64,6 +64,8 @@ class _Session:
     missing: dict[str, Configuration]
     """Incomplete runs by folder."""
     names: dict[str, str]
+    made_from: dict[str, MadeFrom] = field(default_factory=dict)
+    """Inputs and services of reserved runs, as they were at the beginning."""
     leases: dict[str, _Lease] = field(default_factory=dict)
     failed: set[str] = field(default_factory=set)
     """Runs that are not tried again until a page begins anew."""
@@ -84,6 +86,7 @@ class _Session:
     def ended(self, run: str, problem: str | None) -> None:
         """Note the end of a run."""
         self.leases.pop(run, None)
+        self.made_from.pop(run, None)
         if problem is None:
             self.missing.pop(run, None)
             self.failures = 0
@@ -196,7 +199,7 @@ class Planner:
         configuration = self._missing(session, run)
         if (lease := session.leases.get(run)) is not None:
             lease.until = self._clock() + LEASE_S
-        made_from, _ = await self._made_from(session, configuration)
+        made_from = session.made_from.get(run) or (await self._made_from(session, configuration))[0]
         async with self.checks:
             limit, load = check_limit(size), tuple(self._load)
             record = await self._offload(
@@ -281,7 +284,7 @@ class Planner:
         raise UnknownRun(f"The experiment has no run {run[:100]!r}.")
 
     async def _job(self, session: _Session, configuration: Configuration) -> RunJob:
-        _, points = await self._made_from(session, configuration)
+        session.made_from[configuration.slug], points = await self._made_from(session, configuration)
         return RunJob(
             run=configuration.slug,
             title=session.names[configuration.slug],
