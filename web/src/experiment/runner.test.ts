@@ -22,6 +22,8 @@ let page: EventTarget & { visibilityState: string };
 let rig: Rig;
 let enhancement: Signal<EnhancementStatus>;
 let unturned: Signal<string | null>;
+let phase: Signal<{ kind: string; message?: string }>;
+let stream: Signal<{ phase: Signal<{ kind: string }>; stats: Signal<object>; playing: null } | null>;
 let local: Signal<{
   played: () => null;
   picture: () => null;
@@ -34,6 +36,8 @@ beforeEach(() => {
   now = 0;
   enhancement = signal({ kind: "off" });
   unturned = signal(null);
+  phase = signal({ kind: "playing" });
+  stream = signal(null);
   local = signal(null);
   waiting = [];
   page = Object.assign(new EventTarget(), { visibilityState: "visible" });
@@ -48,11 +52,12 @@ beforeEach(() => {
     receivedBytes: 0,
     seed: signal(1),
     connected: signal(null),
-    stream: signal(null),
+    stream,
     local,
     enhancement: { status: enhancement },
     unturned,
-    phase: signal({ kind: "playing" }),
+    phase,
+    video: { problem: signal(null) },
     onPresented: (listener: typeof present) => {
       present = listener;
       return nothing;
@@ -100,6 +105,35 @@ test.each([
   const run = runner.run(plan);
   await drawn(...times.flat());
   await expect(run).resolves.toMatchObject({ complete, hidden: false });
+});
+
+test.each<[string, object, () => void, string]>([
+  ["a lost connection", {}, () => (phase.value = { kind: "lost" }), "The connection was lost during the run."],
+  ["a visit that fails", {}, () => (phase.value = { kind: "failed", message: "It is gone." }), "It is gone."],
+  ["a lost stream", { mode: "dash" }, () => (stream.value = null), "The DASH stream was lost during the run."],
+  [
+    "a download that fails",
+    { mode: "local" },
+    () =>
+      (local.value = {
+        played: () => null,
+        picture: () => null,
+        phase: signal({ kind: "failed", message: "No room." }),
+      }),
+    "No room.",
+  ],
+])("%s ends the run", async (_, chosen, happens, sentence) => {
+  changeSettings(chosen);
+  stream.value = { phase: signal({ kind: "playing" }), stats: signal({}), playing: null };
+  const { position, quaternion } = rig.pose;
+  const points = [{ t_ms: 0, position, quaternion }];
+  const run = runner.run({ points, duration_ms: 4000, capture_every_ms: 0, sample_stride: 0 });
+  const failed = expect(run).rejects.toThrow(sentence);
+  await drawn(...every20(0, 100));
+  happens();
+  await drawn(...every20(120, 200));
+  await failed;
+  changeSettings({ mode: "stateless" });
 });
 
 test("the display's interval is that of the page at rest, in later runs, too", async () => {
@@ -203,7 +237,18 @@ test("a download begins with the recording, and until its first picture nothing 
   const { captures } = await run;
   expect(captures.length).toBeGreaterThanOrEqual(4);
   for (const capture of captures) expect(capture).toMatchObject({ pose: -1, view: null, width: 640, height: 360 });
-  expect(runner.takePicture(0)).toMatchObject({ width: 640 });
+  const size = vi.fn();
+  class FakeCanvas {
+    getContext = () => null;
+    convertToBlob = async () => new Blob(["png"]);
+    constructor(...sides: number[]) {
+      size(...sides);
+    }
+  }
+  vi.stubGlobal("OffscreenCanvas", FakeCanvas);
+  expect(await (await runner.takePicture(0)).text()).toBe("png");
+  expect(size).toHaveBeenCalledWith(640, 360);
+  await expect(runner.takePicture(0)).rejects.toThrow("there is no picture 0");
   changeSettings(before);
 });
 
