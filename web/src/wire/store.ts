@@ -278,10 +278,9 @@ export interface VideoRequest {
  * An expanded experiment file.
  */
 export interface PlanSummary {
-  name: string;
-  scenes: string[];
   runs: number;
   lasting: string;
+  problem: string | null;
 }
 /**
  * The answer to an ExperimentRequest.

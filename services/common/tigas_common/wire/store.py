@@ -67,11 +67,11 @@ class ExperimentRequest(WireModel):
 class PlanSummary(WireModel):
     """An expanded experiment file."""
 
-    name: str
-    scenes: Entries[str]
     runs: int
     lasting: str
     """Approximate duration for people, such as `6 minutes`."""
+    problem: str | None
+    """Why it cannot be expanded, in one sentence."""
 
 
 class ExperimentCreated(WireModel):

@@ -37,7 +37,7 @@ from tigas_experiments.store.errors import (
 )
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.metrics import MonitoredLock
-from tigas_experiments.store.planning import LIMIT, expand, placed_points, reopen
+from tigas_experiments.store.planning import LIMIT, BrokenPlan, expand, placed_points, reopen
 from tigas_experiments.store.upload import COMPARE, check_limit, complete_upload, keep_upload
 from tigas_experiments.store.workspace import Workspace
 
@@ -138,9 +138,11 @@ class Planner:
     async def summary(self, body: bytes) -> PlanSummary:
         """Expand a file without keeping anything. Raises InvalidRequest and TooCostly."""
         with storage_explained(), self._workspace.folder() as folder:
-            experiment, _ = await self._offload(expand, body, self._movements, folder / "experiment", limit=LIMIT)
-        plan, runs = experiment.plan, experiment.runs
-        return PlanSummary(name=plan.name, scenes=plan.scenes, runs=len(runs), lasting=lasting(runs))
+            try:
+                experiment, _ = await self._offload(expand, body, self._movements, folder / "experiment", limit=LIMIT)
+            except BrokenPlan as error:
+                return PlanSummary(runs=0, lasting="", problem=error.detail)
+        return PlanSummary(runs=len(experiment.runs), lasting=lasting(experiment.runs), problem=None)
 
     async def create(self, body: bytes) -> str:
         """Begin an experiment; its id. Raises InvalidRequest, TooCostly and DiskFull."""

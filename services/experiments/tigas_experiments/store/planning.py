@@ -28,11 +28,15 @@ INPUTS = "inputs"
 """The folder of an experiment's movements."""
 
 
+class BrokenPlan(InvalidRequest):
+    """The experiment's file cannot be expanded."""
+
+
 def expand(body: bytes, movements: Path, out: Path) -> tuple[Experiment, Mapping[str, float]]:
     """An experiment in a new folder, with copies of its movements, and the durations of the shaper's traces.
 
-    The file names movements of the request, of the directory `movements`, and generated ones. Raises InvalidRequest
-    with one sentence, and DiskFull.
+    The file names movements of the request, of the directory `movements`, and generated ones. Raises InvalidRequest,
+    BrokenPlan with one sentence, and DiskFull.
     """
     request = parse(ExperimentRequest, body, MAX_REQUEST_BYTES)
     try:
@@ -47,7 +51,7 @@ def expand(body: bytes, movements: Path, out: Path) -> tuple[Experiment, Mapping
         for run in {run.movement: run for run in experiment.runs}.values():
             experiment.inputs.movement(run)
     except StartError as error:
-        raise InvalidRequest(str(error)) from None
+        raise BrokenPlan(str(error)) from None
     return experiment, request.traces_s
 
 

@@ -29,8 +29,8 @@ beforeEach(() => {
       const stroll = { name: "stroll-2", duration_ms: 60_000, anchor: "start", description: "" };
       return Response.json({ movements: [stroll] });
     }
+    if (path === "plans") return Response.json({ runs: 2, lasting: "6 minutes", problem: refusal });
     if (refusal !== null) return Response.json({ type: "tigas:x", detail: refusal }, { status: 400 });
-    if (path === "plans") return Response.json({ name: "a", scenes: [], runs: 2, lasting: "6 minutes" });
     return Response.json({ id: "walk-1" }, { status: 201 });
   });
 });

@@ -175,8 +175,8 @@ function useSummary(store: StoreApi, request: ExperimentRequest | null): string 
     const outdated = new AbortController();
     const expand = async () => {
       try {
-        const { runs, lasting } = await store.summary(JSON.parse(key) as ExperimentRequest, outdated.signal);
-        said.value = `${runs} ${runs === 1 ? "run" : "runs"}, about ${lasting}.`;
+        const { runs, lasting, problem } = await store.summary(JSON.parse(key) as ExperimentRequest, outdated.signal);
+        said.value = problem ?? `${runs} ${runs === 1 ? "run" : "runs"}, about ${lasting}.`;
       } catch (error) {
         if (outdated.signal.aborted) return;
         if (!(error instanceof ApiError)) throw error;
