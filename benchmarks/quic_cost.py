@@ -21,8 +21,8 @@ from aioquic.quic.configuration import QuicConfiguration
 from aioquic.quic.connection import QuicConnection
 
 from benchmarks.frame_cost import interval
-from tigas_common.certificate import Certificate
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
+from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.cids import ALONE
 from tigas_render.transport.congestion import LIMITED_RENO
 

@@ -13,7 +13,7 @@ from tigas_cluster.director import create_director
 from tigas_cluster.fleet import HostAddress
 from tigas_cluster.polled_fleet import PolledFleet
 from tigas_common.address import Address
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.origins import OriginPolicy
 from tigas_common.runner import serve_http
 

@@ -14,7 +14,7 @@ from websockets.asyncio.client import ClientConnection, connect
 
 from tests.dash.fakes import FakeRender
 from tigas_common.address import Address
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.origins import OriginPolicy
 from tigas_common.runner import serve_http
 from tigas_dash.app import create_app

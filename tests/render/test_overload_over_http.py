@@ -13,7 +13,7 @@ import pytest
 from tests.render.fakes import FakeRasterizer, render_request
 from tests.render.transport.serving import eventually
 from tigas_common.parsing import parse
-from tigas_common.wire.cluster import HostLoad
+from tigas_common.wire.render import HostLoad
 from tigas_render.admission import http_viewers
 from tigas_render.admission.limits import Limits
 from tigas_render.server.app import create_app

@@ -19,7 +19,6 @@ from tigas_cluster.metrics import DirectorMetrics
 from tigas_cluster.scenes import list_scenes
 from tigas_cluster.scenes import unload as unload_everywhere
 from tigas_common.address import bracketed
-from tigas_common.described import JSON, PICTURES, described
 from tigas_common.errors import InvalidRequest, Overloaded
 from tigas_common.metrics import CountedRequests, metrics_route, new_registry
 from tigas_common.openapi import openapi
@@ -27,8 +26,11 @@ from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.topology import fitted
 from tigas_common.web import (
     EXCEPTION_HANDLERS,
+    JSON,
     NO_STORE,
+    PICTURES,
     ModelResponse,
+    described,
     healthy,
     json_response,
     list_response,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from tigas_common.address import bracketed
-from tigas_common.wire.cluster import HostLoad
+from tigas_common.wire.render import HostLoad
 
 PRESSED_UTILISATION, PRESSED_AGE_S = 0.8, 0.06
 """A host that is busier than this, or in which something waits for longer (in seconds), has no room to speak of."""

@@ -12,7 +12,7 @@ import httpx
 from tigas_cluster.fleet import Fleet, HostAddress, HostState
 from tigas_common.errors import TigasError
 from tigas_common.parsing import parse
-from tigas_common.wire.cluster import HostLoad
+from tigas_common.wire.render import HostLoad
 
 POLL_S = 0.25
 """Polling interval of each host, in seconds."""

@@ -11,9 +11,9 @@ import httpx
 
 from tigas_cluster.fleet import HostState
 from tigas_cluster.host_proxy import AWAY, RETRY_S
-from tigas_common.aggregate import merged_scenes
 from tigas_common.errors import Overloaded, TigasError
 from tigas_common.parsing import parse
+from tigas_common.placement import merged_scenes
 from tigas_common.wire.render import SceneInfo
 
 ANSWER_S = 4.0

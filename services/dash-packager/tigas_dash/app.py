@@ -13,27 +13,35 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from tigas_common.described import TEXT, described
+from tigas_common.address import host_of
 from tigas_common.errors import TigasError, problem
-from tigas_common.front_door import front_door
-from tigas_common.hosts import host_of
 from tigas_common.metrics import CountedRequests, metrics_route, new_registry
-from tigas_common.openapi import openapi
+from tigas_common.openapi import index, openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.parsing import parse
 from tigas_common.web import (
     EXCEPTION_HANDLERS,
     NO_STORE,
+    TEXT,
     Body,
     ModelResponse,
     created_response,
+    described,
     healthz,
     json_response,
     list_response,
     takes,
 )
-from tigas_common.wire.dash import FrameShown, PoseUpdate, SessionInfo, SessionRequest, SessionStatus
-from tigas_common.wire.webrtc import MAX_SDP, WebRtcRequest, WebRtcSession
+from tigas_common.wire.dash import (
+    MAX_SDP,
+    FrameShown,
+    PoseUpdate,
+    SessionInfo,
+    SessionRequest,
+    SessionStatus,
+    WebRtcRequest,
+    WebRtcSession,
+)
 from tigas_dash.clock import iso
 from tigas_dash.errors import UnknownSegment, UnknownSession
 from tigas_dash.session import Session
@@ -55,7 +63,7 @@ def create_app(sessions: Sessions, policy: OriginPolicy, webrtc: WebRtc) -> ASGI
     registry = new_registry("dash", sessions.metrics)
     app = Starlette(
         routes=[
-            front_door("DASH packager"),
+            index("DASH packager"),
             openapi("DASH packager"),
             Route("/sessions", open_session, methods=["POST"]),
             Route("/sessions", list_sessions),

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from tigas_common.errors import InvalidRequest
 from tigas_common.parsing import sentence
-from tigas_common.scene_hosts import SceneHosts
+from tigas_common.render_requests import SceneHosts
 from tigas_common.wire.dash import PoseUpdate, StreamRequest
 from tigas_common.wire.render import Problem, RenderRequest, Rung, SceneInfo, ServerConfig
 from tigas_dash.encoding import RawFrame

@@ -14,7 +14,7 @@ from typing import Annotated
 from tigas_common.cli import in_a_sentence
 from tigas_common.command import POSITIONAL, REST, Command, Group, Metavar
 from tigas_common.errors import StartError
-from tigas_common.extras import install_command, missing_packages, require
+from tigas_common.installation import install_command, missing_packages, require
 from tigas_common.settings import Listen
 
 

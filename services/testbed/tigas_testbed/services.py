@@ -11,11 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
-from tigas_common.address import ISOLATED, Address
+from tigas_common.address import ISOLATED, Address, host_of
 from tigas_common.cli import settings_of
-from tigas_common.commit import VARIABLE, this_commit
 from tigas_common.errors import StartError
-from tigas_common.hosts import host_of
+from tigas_common.installation import COMMIT_VARIABLE, this_commit
 from tigas_common.processes import Service, keep_running, tigas
 from tigas_common.settings import MODELS
 from tigas_common.topology import (
@@ -164,7 +163,7 @@ def run_lab(
         for folder in lent:
             user.give(folder)
         needed = [each for each in (models, traces, results) if each is not None and each.is_dir()]
-        runner = Runner(lab, user, needed, {VARIABLE: this_commit() or ""})  # git refuses other users
+        runner = Runner(lab, user, needed, {COMMIT_VARIABLE: this_commit() or ""})  # git refuses other users
         try:
             keep_running(
                 (

@@ -21,7 +21,7 @@ from tests.prerequisites import ROOT_RIGHTS
 from tests.prometheus import figures
 from tests.web.server import Store
 from tigas_common.errors import InvalidRequest
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.offload import offload_to_process
 from tigas_common.parsing import parse
 from tigas_common.wire.store import RunUpload

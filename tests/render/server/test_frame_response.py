@@ -13,7 +13,7 @@ from tests.render.fakes import render_request
 from tests.render.pipe.pipe_bench import Edge, Engine
 from tests.render.transport.client import FakeFrames
 from tigas_common.address import Address
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.runner import serve_http
 from tigas_common.wire.render import ServerTiming
 from tigas_render.admission.http_viewers import HttpViewers

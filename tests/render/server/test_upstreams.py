@@ -23,7 +23,7 @@ from websockets.utils import accept_key
 from tests.every_service import SERVICES
 from tests.test_foreign_pages import CASES, EVIL, FRAME, IMAGE, NOBODY, REBOUND
 from tigas_common.address import Address
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.origins import OriginPolicy
 from tigas_common.runner import serve_http
 from tigas_common.topology import ServiceName

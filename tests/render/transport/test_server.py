@@ -22,8 +22,8 @@ from tests.render.transport.client import (
     request_body,
 )
 from tests.render.transport.serving import hello, served
-from tigas_common.certificate import Certificate
 from tigas_render.admission.limits import Limits
+from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.server import Http3Server
 from tigas_render.transport.stateless_reset import StatelessResets
 

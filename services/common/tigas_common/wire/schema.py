@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 from pydantic.json_schema import models_json_schema
 
-from tigas_common.wire import dash, figures, movement, recording, render, run, shaper, store, webrtc
+from tigas_common.wire import dash, figures, movement, recording, render, run, shaper, store
 from tigas_common.wire.model import WireModel
 
 
@@ -53,13 +53,13 @@ def schemas() -> dict[str, dict[str, Any]]:
             ],
         ),
         "dash": messages_schema(
-            requests=[dash.SessionRequest, dash.PoseUpdate, webrtc.WebRtcRequest],
+            requests=[dash.SessionRequest, dash.PoseUpdate, dash.WebRtcRequest],
             answers=[
                 dash.SessionInfo,
                 dash.SessionStatus,
                 dash.FrameShown,
-                webrtc.WebRtcSession,
-                webrtc.SentFrame,
+                dash.WebRtcSession,
+                dash.SentFrame,
             ],
         ),
         "shaper": messages_schema(

@@ -6,9 +6,8 @@ import secrets
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from tigas_common.address import Address
-from tigas_common.hosts import is_loopback
-from tigas_common.wire.webrtc import WebRtcRequest
+from tigas_common.address import Address, is_loopback
+from tigas_common.wire.dash import WebRtcRequest
 from tigas_dash.clock import Clock
 from tigas_dash.errors import WebRtcUnavailable
 from tigas_dash.representation import single_size

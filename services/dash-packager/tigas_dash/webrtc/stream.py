@@ -11,9 +11,8 @@ from aiortc import RTCDataChannel, RTCPeerConnection
 
 from tigas_common.errors import InvalidRequest, TigasError, problem
 from tigas_common.parsing import parse
-from tigas_common.wire.dash import PoseUpdate, SessionStatus
+from tigas_common.wire.dash import FRAMES, POSES, PoseUpdate, SentFrame, SessionStatus, WebRtcRequest, WebRtcSession
 from tigas_common.wire.model import WireModel
-from tigas_common.wire.webrtc import FRAMES, POSES, SentFrame, WebRtcRequest, WebRtcSession
 from tigas_dash.clock import Clock
 from tigas_dash.encoding import RawFrame
 from tigas_dash.metrics import Transport

@@ -7,10 +7,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from tigas_common.files import to_disk
+from tigas_common.offload import Limit
 from tigas_common.parsing import parse
 from tigas_common.wire.recording import MAX_BYTES
 from tigas_common.wire.store import InterruptedRun, RunUpload
-from tigas_common.work_limits import Limit
 from tigas_experiments.records.folder import RunRecord, RunWriter
 from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.records.machine import Machine

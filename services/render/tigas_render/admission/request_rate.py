@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from tigas_common.errors import AskedTooOften
-from tigas_common.rate_limit import RateLimit
+from tigas_common.limits import RateLimit
 from tigas_render.admission.load import Load
 from tigas_render.frame import Client
 

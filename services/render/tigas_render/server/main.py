@@ -12,7 +12,7 @@ from contextlib import AsyncExitStack, asynccontextmanager, suppress
 
 from tigas_common.address import Address, warning_if_open
 from tigas_common.errors import StartError, TigasError
-from tigas_common.memory import keep_together
+from tigas_common.resources import keep_together
 from tigas_common.runner import until_stopped
 from tigas_common.settings import MODELS
 from tigas_common.terminal import printable

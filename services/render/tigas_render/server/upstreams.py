@@ -16,12 +16,11 @@ from starlette.datastructures import Headers
 from starlette.requests import ClientDisconnect, Request
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from tigas_common.concurrency import ConcurrencyLimit
+from tigas_common.address import client_network
 from tigas_common.errors import Overloaded, ServiceAway, ServiceSilent, TigasError, UnknownService
+from tigas_common.limits import ConcurrencyLimit, quota
 from tigas_common.origins import OriginPolicy
-from tigas_common.peers import client_network
 from tigas_common.proxy import ask, hand_back, headers_of, refuse, unless, until_left
-from tigas_common.quota import quota
 from tigas_common.topology import SERVICES_PATH, ServiceName
 from tigas_render.server.websocket_relay import relay
 

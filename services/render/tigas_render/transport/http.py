@@ -15,7 +15,7 @@ from aioquic.h3.connection import ErrorCode
 from aioquic.h3.events import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from tigas_common.peers import ARRIVED
+from tigas_common.web import ARRIVED
 from tigas_common.wire.render import Problem
 from tigas_render.transport.outlet import Outlet, StreamClosed
 

@@ -22,13 +22,13 @@ from aioquic.quic.packet import (
 )
 from starlette.types import ASGIApp
 
-from tigas_common.certificate import Certificate
+from tigas_common.address import client_network
 from tigas_common.origins import OriginPolicy
-from tigas_common.peers import client_network
 from tigas_render.admission.connections import ConnectionAdmission, Usage
 from tigas_render.admission.limits import Limits
 from tigas_render.admission.load import Load
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
+from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.congestion import LIMITED_RENO
 from tigas_render.transport.connection import Connection
 from tigas_render.transport.gso import Address, Datagram

@@ -11,9 +11,8 @@ from prometheus_client.parser import text_string_to_metric_families
 from prometheus_client.registry import Collector
 from pydantic import TypeAdapter
 
-from tigas_common.aggregate import merged_scene, merged_scenes
-from tigas_common.wire.cluster import HostLoad
-from tigas_common.wire.render import SceneInfo, Training
+from tigas_common.placement import merged_scene, merged_scenes
+from tigas_common.wire.render import HostLoad, SceneInfo, Training
 from tigas_render.pipe.engines import RemoteEngine
 
 TRAININGS = ("running", "failed", "done", "idle")

@@ -6,7 +6,7 @@ import pytest
 
 from tests.render.transport import simulated
 from tests.render.transport.simulated import Simulation
-from tigas_common.rate_limit import RateLimit
+from tigas_common.limits import RateLimit
 from tigas_render.transport.aioquic_ext.stream_credit import LEAST, MOST, stream_window
 
 

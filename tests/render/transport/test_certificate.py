@@ -16,7 +16,7 @@ import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric import ec
 
-from tigas_common.certificate import Certificate
+from tigas_render.transport.certificate import Certificate
 
 NOW = datetime(2030, 1, 15, 12, tzinfo=UTC)
 

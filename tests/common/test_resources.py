@@ -1,13 +1,16 @@
-"""How many processors control groups leave a service."""
+"""Processors within the quota of control groups, and memory that goes back to the system."""
 
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from tigas_common.processors import quotas, usable_processors
+from tests.prerequisites import LINUX
+from tigas_common.resources import quotas, usable_processors
 
 MINE = "proc/self/cgroup"
 
@@ -109,3 +112,32 @@ def write(root: Path, files: dict[str, str]) -> None:
 
 def test_this_process_has_one_at_least() -> None:
     assert 1 <= usable_processors() <= 16
+
+
+PROGRAM = """
+import threading
+from pathlib import Path
+from tigas_common.resources import give_back, keep_together
+
+def resident():
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+
+def use():
+    [bytes(20_000) for _ in range(10_000)]
+
+keep_together()
+before = resident()
+threads = [threading.Thread(target=use) for _ in range(4)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+give_back()
+print(resident() - before)
+"""
+
+
+@LINUX.mark
+def test_what_threads_have_freed_goes_back_to_the_system() -> None:
+    grown = int(subprocess.run([sys.executable, "-c", PROGRAM], check=True, capture_output=True, text=True).stdout)
+    assert grown < 10_000_000  # of 800 MB

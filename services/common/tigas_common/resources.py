@@ -1,12 +1,58 @@
-"""How many processors this process may use: containers have fewer than their machine."""
+"""Resources of this process: processors within a container's quota, memory returned to the system, capabilities."""
 
 from __future__ import annotations
 
+import asyncio
+import ctypes
+import gc
 import os
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+
+CAP_NET_ADMIN = 12
+"""Configure interfaces, filters and queues (capabilities(7))."""
+CAP_SYS_ADMIN = 21
+"""Make network namespaces."""
+GIVE_BACK_EVERY_S = 10.0
+"""Seconds for which a service may keep unused memory."""
+_M_ARENA_MAX = -8
+
+
+def has_capabilities(*capabilities: int) -> bool:
+    """Whether this process has all of these capabilities in effect."""
+    status = dict(line.split(":\t", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    effective = int(status["CapEff"], 16)
+    return all(effective >> capability & 1 for capability in capabilities)
+
+
+def keep_together() -> None:
+    """Make all threads allocate from one glibc arena: only the first one can return memory to the system.
+
+    Must be called before threads start.
+    """
+    with suppress(AttributeError, OSError, TypeError):
+        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
+
+
+def give_back() -> None:
+    """Collect garbage and return free memory (malloc_trim(3), with glibc). Takes milliseconds."""
+    gc.collect()
+    with suppress(AttributeError, OSError, TypeError):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
+async def give_back_regularly() -> None:
+    """Return memory periodically, in a thread, until cancelled.
+
+    Objects from start-up are frozen: scanning them for garbage each time would stall the service.
+    """
+    gc.collect()
+    gc.freeze()
+    while True:
+        await asyncio.sleep(GIVE_BACK_EVERY_S)
+        await asyncio.to_thread(give_back)
 
 
 @dataclass(frozen=True, slots=True)

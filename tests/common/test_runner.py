@@ -10,7 +10,7 @@ from starlette.types import Receive, Scope, Send
 
 from tests.common.raw_client import ASK, connected
 from tigas_common.address import Address
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.runner import serve_http
 
 pytestmark = pytest.mark.anyio

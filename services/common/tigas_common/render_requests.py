@@ -1,11 +1,10 @@
-"""Where a program that knows one address asks for a scene's frames: there, or, if that is a cluster's director, at the
-host that it names, since frames do not pass through it.
-"""
+"""Requests of programs to a render service, or to a cluster, whose director names the host of each scene's frames."""
 
 from __future__ import annotations
 
+import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
@@ -15,6 +14,12 @@ from tigas_common.errors import TigasError
 from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.wire.render import ServerConfig
 
+TRIES: Final = 5
+LATER: Final = (409, 429, 503)
+"""Superseded by a newer request; rate limited; overloaded."""
+PAUSE_S: Final = 1.0
+LONGEST_PAUSE_S: Final = 10.0
+"""Default and maximum seconds between two tries."""
 LOOK_S: Final = 3.0
 """Interval of asking the director for a scene's host, in seconds."""
 DOUBT_S: Final = 1.0
@@ -23,6 +28,17 @@ ANSWER_S: Final = 1.0
 """Timeout of its answer in seconds; after that the host is kept."""
 MOST_SCENES: Final = 256
 """Number of scenes with a known host."""
+
+
+async def retried(ask: Callable[[], Awaitable[httpx.Response]]) -> httpx.Response:
+    """The first answer that is not for later, or the last one. Raises as `ask` does."""
+    for _ in range(TRIES - 1):
+        answer = await ask()
+        if answer.status_code not in LATER:
+            return answer
+        told = answer.headers.get("retry-after", "")
+        await asyncio.sleep(min(float(told), LONGEST_PAUSE_S) if told.isdecimal() else PAUSE_S)
+    return await ask()
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,9 @@
-"""Programs that know one address get a scene's frames from the hosts of a cluster, or from a service that is alone."""
+"""Requests of programs to a service or a cluster."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ from tests.render.fakes import render_request
 from tigas_cluster.director import create_director
 from tigas_common.origins import OriginPolicy
 from tigas_common.placement import ranked
-from tigas_common.scene_hosts import DOUBT_S, LOOK_S, SceneHosts
+from tigas_common.render_requests import DOUBT_S, LOOK_S, SceneHosts, retried
 from tigas_dash.source import RenderClient
 from tigas_experiments.samples.renderer import Renderer
 
@@ -145,3 +145,44 @@ async def test_the_packager_and_those_who_render_samples_follow_a_director(clust
     async with cluster.client() as http:
         assert await RenderClient(http).frame(request) == FIRST.encode()
         assert await Renderer(http).frame(request) == FIRST.encode()
+
+
+@pytest.fixture
+def slept(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The pauses that were made."""
+    pauses: list[float] = []
+
+    async def sleep(seconds: float) -> None:
+        pauses.append(seconds)
+
+    monkeypatch.setattr("tigas_common.render_requests.asyncio.sleep", sleep)
+    return pauses
+
+
+def answering(*answers: httpx.Response) -> Callable[[], Awaitable[httpx.Response]]:
+    left = iter(answers)
+
+    async def ask() -> httpx.Response:
+        return next(left)
+
+    return ask
+
+
+def busy(status: int = 503, **headers: str) -> httpx.Response:
+    return httpx.Response(status, headers={name.replace("_", "-"): value for name, value in headers.items()})
+
+
+async def test_it_waits_as_long_as_the_service_says_within_reason(slept: list[float]) -> None:
+    ask = answering(busy(retry_after="3"), busy(429, retry_after="600"), busy(409), busy(retry_after="soon"), busy(200))
+    assert (await retried(ask)).status_code == 200
+    assert slept == [3, 10, 1, 1]
+
+
+async def test_what_stays_busy_has_the_last_word(slept: list[float]) -> None:
+    assert (await retried(answering(*[busy()] * 5))).status_code == 503
+    assert len(slept) == 4
+
+
+async def test_other_refusals_are_final(slept: list[float]) -> None:
+    assert (await retried(answering(busy(404)))).status_code == 404
+    assert slept == []
