@@ -13,7 +13,7 @@ import pytest
 from tigas_common.errors import InvalidRequest, Overloaded, TooCostly
 from tigas_common.offload import Limit, offload_to_process
 from tigas_common.parsing import parse
-from tigas_common.wire.store import ExperimentRequest
+from tigas_experiments.wire.store import ExperimentRequest
 
 pytestmark = pytest.mark.anyio
 

@@ -28,7 +28,7 @@ from tigas_common.origins import OriginPolicy
 from tigas_common.runner import serve_http
 from tigas_common.topology import ServiceName
 from tigas_common.web import created_response
-from tigas_common.wire.store import ExperimentCreated
+from tigas_experiments.wire.store import ExperimentCreated
 from tigas_render.server import upstreams
 from tigas_render.server.upstreams import Upstreams
 from tigas_render.server.websocket_relay import SERVICE_LOST

@@ -34,21 +34,6 @@ from tigas_common.web import (
     read_body,
     takes,
 )
-from tigas_common.wire.recording import MAX_BYTES
-from tigas_common.wire.store import (
-    Experiment,
-    ExperimentCreated,
-    ExperimentList,
-    ExperimentRequest,
-    InterruptedRun,
-    Materialisation,
-    MovementList,
-    RunRow,
-    RunUpload,
-    SampleIndex,
-    SampleList,
-    UploadedSamples,
-)
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.records.machine import Machine
 from tigas_experiments.records.samples import MAX_PICTURE_BYTES
@@ -70,6 +55,21 @@ from tigas_experiments.store.samples import (
 )
 from tigas_experiments.store.upload import check_limit, keep_interrupted, keep_upload
 from tigas_experiments.store.workspace import Workspace
+from tigas_experiments.wire.recording import MAX_BYTES
+from tigas_experiments.wire.store import (
+    Experiment,
+    ExperimentCreated,
+    ExperimentList,
+    ExperimentRequest,
+    InterruptedRun,
+    Materialisation,
+    MovementList,
+    RunRow,
+    RunUpload,
+    SampleIndex,
+    SampleList,
+    UploadedSamples,
+)
 
 # A report needs nothing but itself, and must not act as a page of the store.
 REPORT_HEADERS = NO_STORE | {

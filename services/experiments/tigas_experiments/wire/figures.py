@@ -80,7 +80,7 @@ class ResponseTimes(WireModel):
 
 
 class Requests(WireModel):
-    """Outcomes of the requests sent during the run (`tigas_common.wire.recording.Fate`)."""
+    """Outcomes of the requests sent during the run (`tigas_experiments.wire.recording.Fate`)."""
 
     sent: int
     shown: int

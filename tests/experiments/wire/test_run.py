@@ -11,8 +11,8 @@ import pytest
 from pydantic import ValidationError
 
 from tests.experiments.made_up import configuration
-from tigas_common.wire.run import DASH, LOCAL, MODE_NAMES, MODES, PER_VIEW, Configuration, Mode, Network
 from tigas_common.wire.shaper import LinkSetting
+from tigas_experiments.wire.run import DASH, LOCAL, MODE_NAMES, MODES, PER_VIEW, Configuration, Mode, Network
 
 
 @pytest.mark.parametrize("network", [Network(), Network(link=LinkSetting(down_kbps=20_000, up_kbps=10_000))])

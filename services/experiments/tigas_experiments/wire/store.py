@@ -9,12 +9,12 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, JsonValue, StringConstraints, model_validator
 
-from tigas_common.wire.figures import Figures
 from tigas_common.wire.model import Entries, WireModel
-from tigas_common.wire.movement import Anchor
-from tigas_common.wire.recording import LinkSample, Recording, Sample
-from tigas_common.wire.run import Configuration
 from tigas_common.wire.shaper import Backend
+from tigas_experiments.wire.figures import Figures
+from tigas_experiments.wire.movement import Anchor
+from tigas_experiments.wire.recording import LinkSample, Recording, Sample
+from tigas_experiments.wire.run import Configuration
 
 AROUND_MS = 600_000
 """Maximum distance of records from a run's start and from its movement's end."""
