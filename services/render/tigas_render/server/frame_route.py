@@ -16,8 +16,7 @@ from tigas_common.peers import ARRIVED, client_network
 from tigas_common.proxy import unless, until_left
 from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, Body, takes
 from tigas_common.wire.render import RenderRequest
-from tigas_render.admission.http_viewers import HttpViewers
-from tigas_render.admission.request_rate import RequestRate
+from tigas_render.admission.viewers import HttpViewers, RequestRate
 from tigas_render.frame import Client, Frame, FrameSource, Transport
 from tigas_render.server.frame_response import FrameResponse, Lending
 
