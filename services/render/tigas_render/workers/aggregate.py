@@ -15,7 +15,8 @@ from tigas_common.origins import OriginPolicy
 from tigas_common.parsing import MAX_BODY
 from tigas_common.proxy import ask, hand_back, headers_of, refuse, unless
 from tigas_common.web import read_body
-from tigas_render.pipe.engines import Engines, RemoteEngine
+from tigas_render.pipe.engines import Engines
+from tigas_render.pipe.remote_engine import RemoteEngine
 from tigas_render.workers import merging
 
 MAX_CONNECTIONS = 256

@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 from tigas_common.aggregate import merged_scene, merged_scenes
 from tigas_common.wire.cluster import HostLoad
 from tigas_common.wire.render import SceneInfo, Training
-from tigas_render.pipe.engines import RemoteEngine
+from tigas_render.pipe.remote_engine import RemoteEngine
 
 TRAININGS = ("running", "failed", "done", "idle")
 """The states of a training, which only one engine knows, the ones that count first."""
