@@ -30,8 +30,7 @@ from tigas_render.workers.control import (
     TicketTaken,
 )
 from tigas_render.workers.devices import names
-from tigas_render.workers.standby import Standby
-from tigas_render.workers.worker import Worker, WorkerProcess
+from tigas_render.workers.worker import Standby, Worker, WorkerProcess
 
 DIRECTORY = "tigas-render-"
 """The prefix of the directory with the engines' sockets."""
