@@ -16,9 +16,8 @@ from tigas_common.address import Address
 from tigas_common.limits import HttpLimits
 from tigas_common.runner import serve_http
 from tigas_common.wire.render import ServerTiming
-from tigas_render.admission.http_viewers import HttpViewers
 from tigas_render.admission.load import Load
-from tigas_render.admission.request_rate import RequestRate
+from tigas_render.admission.viewers import HttpViewers, RequestRate
 from tigas_render.frame import Frame
 from tigas_render.server.frame_response import FrameResponse, Lending
 from tigas_render.server.frame_route import HttpFrames, frames_app

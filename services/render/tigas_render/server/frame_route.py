@@ -15,8 +15,7 @@ from tigas_common.errors import InvalidRequest
 from tigas_common.proxy import unless, until_left
 from tigas_common.web import ARRIVED, EXCEPTION_HANDLERS, NO_STORE, PICTURES, Body, described, takes
 from tigas_common.wire.render import RenderRequest
-from tigas_render.admission.http_viewers import HttpViewers
-from tigas_render.admission.request_rate import RequestRate
+from tigas_render.admission.viewers import HttpViewers, RequestRate
 from tigas_render.frame import Client, Frame, FrameSource, Transport
 from tigas_render.server.frame_response import FrameResponse, Lending
 

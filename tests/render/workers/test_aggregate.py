@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from tigas_common.wire.render import SceneInfo, Training
-from tigas_render.workers import merging
-from tigas_render.workers.merging import Part
+from tigas_render.workers import aggregate
 
 
 def info(id: str = "garden", **changes: Any) -> SceneInfo:
@@ -30,29 +29,29 @@ def info(id: str = "garden", **changes: Any) -> SceneInfo:
     return SceneInfo(**known | changes)
 
 
-def parts(*bodies: SceneInfo | Training) -> list[Part]:
-    return [Part(f"device {number}", body.model_dump_json().encode()) for number, body in enumerate(bodies)]
+def bodies(*models: SceneInfo | Training) -> dict[str, bytes]:
+    return {f"device {number}": model.model_dump_json().encode() for number, model in enumerate(models)}
 
 
 def test_a_scene_is_loaded_if_it_is_anywhere_and_what_any_knows_is_known() -> None:
     one = info(state="loaded", gaussians=7, memory_bytes=100, file_sha256="ab")
     other = info(state="loading", memory_bytes=0, sh_degree=3)
-    for given in (parts(one, other), parts(other, one)):
-        assert SceneInfo.model_validate_json(merging.scene(given)) == one.model_copy(update={"sh_degree": 3})
-    both = SceneInfo.model_validate_json(merging.scene(parts(one, one)))
+    for given in (bodies(one, other), bodies(other, one)):
+        assert SceneInfo.model_validate_json(aggregate.merge_scene(given)) == one.model_copy(update={"sh_degree": 3})
+    both = SceneInfo.model_validate_json(aggregate.merge_scene(bodies(one, one)))
     assert both.memory_bytes == 200
 
 
 def test_a_scene_is_broken_only_if_no_device_can_have_it() -> None:
     broken = info(state="broken", error="It is broken.")
-    assert SceneInfo.model_validate_json(merging.scene(parts(broken, info()))) == info()
-    assert SceneInfo.model_validate_json(merging.scene(parts(broken, broken))) == broken
+    assert SceneInfo.model_validate_json(aggregate.merge_scene(bodies(broken, info()))) == info()
+    assert SceneInfo.model_validate_json(aggregate.merge_scene(bodies(broken, broken))) == broken
 
 
 def test_scenes_that_only_one_engine_has_found_are_listed_too() -> None:
-    bodies = ([info("a"), info("c")], [info("b"), info("a", state="loaded")])
-    given = [Part("x", json.dumps([each.model_dump() for each in body]).encode()) for body in bodies]
-    listed = [(each["id"], each["state"]) for each in json.loads(merging.scenes(given))]
+    of = {"x": [info("a"), info("c")], "y": [info("b"), info("a", state="loaded")]}
+    given = {name: json.dumps([each.model_dump() for each in infos]).encode() for name, infos in of.items()}
+    listed = [(each["id"], each["state"]) for each in json.loads(aggregate.merge_scenes(given))]
     assert listed == [("a", "loaded"), ("b", "unloaded"), ("c", "unloaded")]
 
 
@@ -61,9 +60,9 @@ def test_scenes_that_only_one_engine_has_found_are_listed_too() -> None:
     [("idle", "running", "running"), ("done", "idle", "done"), ("failed", "idle", "failed"), ("idle", "idle", "idle")],
 )
 def test_a_training_is_that_of_the_engine_that_knows_of_one(one: Any, other: Any, together: str) -> None:
-    merged = merging.training(parts(Training(state=one), Training(state=other)))
+    merged = aggregate.merge_training(bodies(Training(state=one), Training(state=other)))
     assert json.loads(merged)["state"] == together
-    assert merging.is_running(merged) == (together == "running")
+    assert aggregate.is_running(merged) == (together == "running")
 
 
 def test_metrics_of_engines_have_a_device_and_those_of_edges_are_there_once() -> None:
@@ -79,7 +78,7 @@ tigas_render_frame_seconds_sum{stage="queue"} 0.5
 # TYPE tigas_render_viewers gauge
 tigas_render_viewers{edge="0"} 2.0
 """
-    merged = merging.metrics([Part("a", text.encode()), Part("b", text.encode())], []).decode()
+    merged = aggregate.merge_metrics({"a": text.encode(), "b": text.encode()}, []).decode()
     for device in "ab":
         assert f'tigas_render_requests_total{{device="{device}",outcome="frame"}} 3.0' in merged
         assert f'tigas_render_frame_seconds_bucket{{device="{device}",le="+Inf",stage="queue"}} 3.0' in merged
