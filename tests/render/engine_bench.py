@@ -22,12 +22,9 @@ class Bench:
     scenes: FakeScenes = field(default_factory=FakeScenes)
     metrics: EngineMetrics = field(default_factory=EngineMetrics)
     now: float = 1000.0
-    waiting_per_address: int = 128
 
     def __post_init__(self) -> None:
-        self.engine = Engine(
-            self.rasterizer, self.scenes, DEFAULT_LADDER, self.metrics, lambda: self.now, self.waiting_per_address
-        )
+        self.engine = Engine(self.rasterizer, self.scenes, DEFAULT_LADDER, self.metrics, lambda: self.now)
 
     async def rendering(self) -> None:
         """Wait until the rasteriser has begun one more frame."""

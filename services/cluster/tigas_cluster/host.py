@@ -1,4 +1,4 @@
-"""One host of the cluster: a `tigas render` on this machine, a child of this process, kept running and listened to."""
+"""One host of the cluster: a `tigas render` on this machine, a child of this process, which is kept running."""
 
 from __future__ import annotations
 
@@ -47,10 +47,16 @@ class Facts(TypedDict):
 
 
 class Host:
-    """Runs `tigas render` until `stop`."""
+    """Runs `tigas render` until `stop`. Ray runs it as an actor, and other processes call its methods through Ray."""
 
-    def __init__(self, address: str, http_port: int, quic_port: int, options: Sequence[str]) -> None:
-        """address: of this machine, within the cluster; ports: 0 for any free one; options: more, of `tigas render`."""
+    def __init__(self, address: str | None, http_port: int, quic_port: int, options: Sequence[str]) -> None:
+        """address: of this machine, within the cluster; None: the one that Ray knows. ports: 0 for any free one.
+        options: more, of `tigas render`.
+        """
+        if address is None:
+            import ray.util
+
+            address = ray.util.get_node_ip_address()
         self._address = address
         self._viewer_address = os.environ.get(VIEWER_ADDRESS) or address
         everywhere = address if is_loopback(address) else "::" if ":" in address else "0.0.0.0"
@@ -66,7 +72,6 @@ class Host:
         self._keeping = threading.Thread(target=self._keep, name="keep the render service", daemon=True)
         self._keeping.start()
 
-    @property
     def facts(self) -> Facts:
         """The present facts."""
         render = self._render

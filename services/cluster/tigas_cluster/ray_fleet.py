@@ -1,5 +1,5 @@
 """The hosts of a Ray cluster: as many as are wanted, on the machines that may be hosts. Ray starts and supervises them;
-their state is polled over HTTP as in any other fleet.
+the director's fleet polls them.
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any, Protocol, Self
 
-from tigas_cluster.fleet import Fleet, HostAddress, HostState
+from tigas_cluster.fleet import Fleet, HostAddress
 from tigas_cluster.host import Facts
-from tigas_cluster.polled_fleet import PolledFleet
 from tigas_cluster.scaling import Scaler
 from tigas_common.errors import StartError
 
@@ -63,23 +62,23 @@ class Cluster(Protocol):
         """Request this number of possible hosts, for an autoscaler."""
 
 
-class RayFleet(Fleet):
+class RayFleet:
     """An async context manager that maintains the hosts, which outlive it."""
 
     def __init__(
         self,
         cluster: Cluster,
         scaler: Scaler,
-        polled: PolledFleet,
+        fleet: Fleet,
         clock: Callable[[], float],
         say: Callable[[str], None],
     ) -> None:
-        """polled: polls the hosts; clock: in seconds; say: prints a message for the operator."""
+        """fleet: gets the hosts' addresses; clock: in seconds; say: prints a message for the operator."""
         self._cluster = cluster
         self._scaler = scaler
         self._clock = clock
         self._say = say
-        self._polled = polled
+        self.fleet = fleet
         self._facts: dict[str, Facts] = {}
         self._draining: frozenset[str] = frozenset()
         self._up: frozenset[str] = frozenset()
@@ -103,19 +102,11 @@ class RayFleet(Fleet):
         """Done once a host serves; has a StartError if none can."""
 
     async def __aenter__(self) -> Self:
-        await self._polled.__aenter__()
         self._do(self._keep_looking())
         return self
 
     async def __aexit__(self, *_: object) -> None:
         self._stop_looking()
-        await self._polled.__aexit__()
-
-    def hosts(self) -> Sequence[HostState]:
-        return self._polled.hosts()
-
-    async def suspect(self, name: str) -> None:
-        await self._polled.suspect(name)
 
     async def end(self) -> None:
         """End all hosts, including those still starting."""
@@ -129,8 +120,6 @@ class RayFleet(Fleet):
 
     def _stop_all(self) -> None:
         self._cluster.stop(self._cluster.hosts())
-
-    # -- looking -----------------------------------------------------------------------------------------------------
 
     async def _keep_looking(self) -> None:
         while True:
@@ -152,7 +141,7 @@ class RayFleet(Fleet):
         self._follow()
         self._tell()
         serving = self._note_silence(present)
-        plan = self._scaler.plan(self.hosts(), len(serving - self._up))
+        plan = self._scaler.plan(self.fleet.hosts(), len(serving - self._up))
         if plan.draining != self._draining:
             for name in sorted(plan.draining - self._draining):
                 self._say(f"{name} drains: it gets no new viewers.")
@@ -170,7 +159,7 @@ class RayFleet(Fleet):
 
     def _follow(self) -> None:
         """Poll the hosts with known addresses."""
-        self._polled.follow(
+        self.fleet.follow(
             HostAddress(name, facts["url"], facts["viewer_address"], name in self._draining)
             for name, facts in self._facts.items()
             if facts["url"] is not None and facts["version"] == VERSION
@@ -178,7 +167,7 @@ class RayFleet(Fleet):
 
     def _tell(self) -> None:
         """Report changes to the operator."""
-        up = frozenset(host.name for host in self.hosts())
+        up = frozenset(host.name for host in self.fleet.hosts())
         for name in sorted(up - self._up):
             self._say("\n".join(f"{name}: {line}" for line in self._facts[name]["said"]) or f"{name} serves again.")
         for name in sorted(self._up - up):
@@ -214,8 +203,6 @@ class RayFleet(Fleet):
             self.began.set_result(None)
         elif self._failures and not self._beginning and present.keys() <= self._failures.keys():
             self.began.set_exception(StartError(next(iter(self._failures.values()))))
-
-    # -- changing ----------------------------------------------------------------------------------------------------
 
     def _start(self, number: int, free: Sequence[Node], hosts: Mapping[str, str]) -> None:
         """Start this number of hosts on free machines, as far as available."""

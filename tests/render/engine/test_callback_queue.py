@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
-from tigas_render.engine.callback_queue import CallbackQueue
+from tigas_render.engine.work import CallbackQueue
 
 pytestmark = pytest.mark.anyio
 

@@ -284,8 +284,9 @@ async def test_too_many_waiting_requests_are_refused(bench: Bench, monkeypatch: 
     assert all(frame.body for frame in await asyncio.gather(first, *tasks))
 
 
-async def test_one_address_cannot_take_all_places() -> None:
-    bench = Bench(waiting_per_address=3)
+async def test_one_address_cannot_take_all_places(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(work_queue, "WAITING_PER_ADDRESS", 3)
+    bench = Bench()
     async with bench.engine:
         first = await busy(bench)
         tasks = [bench.submit(f"session {number}", address="hostile") for number in range(3)]

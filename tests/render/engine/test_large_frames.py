@@ -7,9 +7,8 @@ import pytest
 from tests.render.fakes import render_request
 from tigas_common.errors import Overloaded
 from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest
-from tigas_render.engine.cost_model import CostModel
+from tigas_render.engine.cost_model import ACTIVE_S, USUAL_OVERSCAN, CostModel, LargeFrames
 from tigas_render.engine.frame_size import FrameSize
-from tigas_render.engine.large_frames import ACTIVE_S, USUAL_OVERSCAN, Admission
 from tigas_render.frame import Client
 
 LARGE, HUGE = 1280 * 720, 4096 * 4096
@@ -28,11 +27,11 @@ def costs() -> CostModel:
     return costs
 
 
-def check(admission: Admission, request: RenderRequest, now: float, *, others_wait: bool = False) -> None:
+def check(admission: LargeFrames, request: RenderRequest, now: float, *, others_wait: bool = False) -> None:
     admission.check(HOSTILE, request, FrameSize.of(request, DEFAULT_LADDER), now, others_wait=others_wait)
 
 
-def refused(admission: Admission, request: RenderRequest, now: float) -> bool:
+def refused(admission: LargeFrames, request: RenderRequest, now: float) -> bool:
     try:
         check(admission, request, now)
     except Overloaded:
@@ -41,7 +40,7 @@ def refused(admission: Admission, request: RenderRequest, now: float) -> bool:
 
 
 def test_huge_frames_are_refused_while_somebody_else_is_active(costs: CostModel) -> None:
-    admission = Admission(DEFAULT_LADDER, costs)
+    admission = LargeFrames(DEFAULT_LADDER, costs)
     admission.heard_of(HOSTILE, 100.0)
     assert not refused(admission, huge(), 100.0)
     admission.heard_of(POLITE, 101.0)
@@ -53,13 +52,13 @@ def test_huge_frames_are_refused_while_somebody_else_is_active(costs: CostModel)
 
 
 def test_another_session_of_the_same_address_is_somebody_else(costs: CostModel) -> None:
-    admission = Admission(DEFAULT_LADDER, costs)
+    admission = LargeFrames(DEFAULT_LADDER, costs)
     admission.heard_of(Client(HOSTILE.address, "2"), 100.0)
     assert refused(admission, huge(), 100.0)
 
 
 def test_what_a_display_needs_is_never_refused(costs: CostModel) -> None:
-    admission = Admission(DEFAULT_LADDER, costs)
+    admission = LargeFrames(DEFAULT_LADDER, costs)
     admission.heard_of(POLITE, 100.0)
     assert not refused(admission, huge(profile=0), 100.0)
     assert not refused(admission, huge(width=1280, height=720), 100.0)
@@ -68,7 +67,7 @@ def test_what_a_display_needs_is_never_refused(costs: CostModel) -> None:
 
 
 def test_margins_count(costs: CostModel) -> None:
-    admission = Admission(DEFAULT_LADDER, costs)
+    admission = LargeFrames(DEFAULT_LADDER, costs)
     admission.heard_of(POLITE, 100.0)
     assert refused(admission, huge(width=1280, height=720, overscan=0.2), 100.0)
     assert refused(admission, huge(profile=0, overscan=0.5), 100.0)
@@ -78,17 +77,17 @@ def test_margins_count(costs: CostModel) -> None:
 def test_where_huge_frames_are_quick_nobody_minds() -> None:
     costs = CostModel()
     costs.measured("scene", "jpeg", HUGE, 0.02)
-    admission = Admission(DEFAULT_LADDER, costs)
+    admission = LargeFrames(DEFAULT_LADDER, costs)
     admission.heard_of(POLITE, 100.0)
     assert not refused(admission, huge(), 100.0)
 
 
 def test_huge_frames_of_unknown_cost_are_refused() -> None:
-    admission = Admission(DEFAULT_LADDER, CostModel())
+    admission = LargeFrames(DEFAULT_LADDER, CostModel())
     admission.heard_of(POLITE, 100.0)
     assert refused(admission, huge(), 100.0)
 
 
 def test_whoever_waits_is_active_however_long(costs: CostModel) -> None:
     with pytest.raises(Overloaded):
-        check(Admission(DEFAULT_LADDER, costs), huge(), 100.0, others_wait=True)
+        check(LargeFrames(DEFAULT_LADDER, costs), huge(), 100.0, others_wait=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tigas_render.engine.utilisation import Utilisation
+from tigas_render.engine.metrics import Utilisation
 
 
 def test_time_at_rest_is_no_work_even_if_it_is_asked_for_meanwhile() -> None:

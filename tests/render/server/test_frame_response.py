@@ -20,8 +20,7 @@ from tigas_render.admission.http_viewers import HttpViewers
 from tigas_render.admission.load import Load
 from tigas_render.admission.request_rate import RequestRate
 from tigas_render.frame import Frame
-from tigas_render.server.frame_response import FrameResponse, Lending
-from tigas_render.server.frame_route import HttpFrames, frames_app
+from tigas_render.server.frame_route import FrameResponse, HttpFrames, Lending, frames_app
 
 pytestmark = pytest.mark.anyio
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tigas_render.server.compressed_files import CompressedFiles
+from tests.cluster.hosts import load
+from tigas_render.server.page import Page
 
 pytestmark = pytest.mark.anyio
 SCRIPT = b"export const answer = 42;\n" * 50
@@ -21,7 +22,7 @@ async def client(tmp_path: Path) -> AsyncIterator[httpx.AsyncClient]:
     (tmp_path / "app.js.gz").write_bytes(gzip.compress(SCRIPT))
     (tmp_path / "app.js.br").write_bytes(b"brotli")
     (tmp_path / "plain.css").write_bytes(b"body {}")
-    transport = httpx.ASGITransport(CompressedFiles(directory=tmp_path))
+    transport = httpx.ASGITransport(Page(tmp_path, lambda request: load().config))
     async with httpx.AsyncClient(transport=transport, base_url="http://page.test") as client:
         yield client
 
