@@ -97,12 +97,12 @@ class RayFleet:
         """How many more hosts there would be if there were machines for them."""
         self._tasks: set[asyncio.Task[None]] = set()
         self._starts: set[asyncio.Task[None]] = set()
-        """Calls that start hosts, which cannot be cancelled, as they run in threads."""
+        """Starts of hosts, which cannot be cancelled, as they run in threads."""
         self.began: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         """Done once a host serves; has a StartError if none can."""
 
     async def __aenter__(self) -> Self:
-        self._do(self._keep_looking())
+        self._do(self._keep_looking(), self._tasks)
         return self
 
     async def __aexit__(self, *_: object) -> None:
@@ -148,7 +148,7 @@ class RayFleet:
             self._draining = plan.draining
             self._follow()
         for name in (hosts.keys() - present.keys() | plan.ending) - self._ending:
-            self._do(self._end(name, hosts[name]))
+            self._do(self._end(name, hosts[name]), self._tasks)
         free = [node for node in nodes if node.amount and node.id not in hosts.values()]
         self._start(plan.wanted - len(serving - self._draining), free, hosts)
         if (machines := plan.wanted + len(self._draining)) != self._asked_for:
@@ -212,15 +212,13 @@ class RayFleet:
         ready = (node for node in free if now >= self._tried.get(node.id, -math.inf) + AGAIN_S)
         for node in itertools.islice(ready, max(0, number)):
             self._tried[node.id] = now
-            self._do(self._begin(next(names), node))
+            self._do(self._begin(next(names), node), self._starts)
 
     async def _begin(self, name: str, node: Node) -> None:
         self._beginning[name] = node.id
         self._say(f"{name} starts on {node.address}.")
-        self._starts.add(start := asyncio.create_task(asyncio.to_thread(self._cluster.start, name, node)))
-        start.add_done_callback(self._starts.discard)
         try:
-            await asyncio.shield(start)
+            await asyncio.to_thread(self._cluster.start, name, node)
         except StartError as error:
             self._fails(name, str(error))
         else:
@@ -239,9 +237,9 @@ class RayFleet:
         finally:
             self._ending.remove(name)
 
-    def _do(self, what: Coroutine[Any, Any, None]) -> None:
-        self._tasks.add(task := asyncio.create_task(what))
-        task.add_done_callback(self._tasks.discard)
+    def _do(self, what: Coroutine[Any, Any, None], tasks: set[asyncio.Task[None]]) -> None:
+        tasks.add(task := asyncio.create_task(what))
+        task.add_done_callback(tasks.discard)
 
     def _stop_looking(self) -> None:
         for task in self._tasks:

@@ -100,7 +100,6 @@ class Engine(FrameSource):
         return partial(self._withdraw, work)
 
     def forget(self, client: Client) -> None:
-        """Free the encoder of a client's video."""
         self.videos.forget(client)
 
     def state(self) -> tuple[float, float]:
@@ -164,7 +163,6 @@ class Engine(FrameSource):
             self._post(work, result)
 
     def _post(self, work: Work, result: Frame | Exception) -> None:
-        """Answer soon, from any thread."""
         self._answers.put((work, result))
 
     def _deliver(self, work: Work, result: Frame | Exception) -> None:
@@ -214,6 +212,5 @@ class Engine(FrameSource):
                 result.release()
 
     def _lost(self, work: Work, result: Frame | Exception) -> None:
-        """Drop a result."""
         if isinstance(result, Frame) and result.video is not None:
             self.videos.lost(work.client, result.seq)

@@ -255,7 +255,6 @@ class ThreadFrameMaker(FrameMaker):
 
 
 def has_depth(request: RenderRequest) -> bool:
-    """Whether the frame carries depth."""
     return request.depth and request.format in ("jpeg", "webp")
 
 

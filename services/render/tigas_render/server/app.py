@@ -205,7 +205,6 @@ def _config(request: Request) -> ServerConfig:
 
 
 def _origin(request: Request) -> str:
-    """The page's origin, from the request."""
     return f"{request.url.scheme}://{request.url.netloc}"
 
 

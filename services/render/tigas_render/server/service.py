@@ -172,8 +172,6 @@ class RenderService(FrameSource):
         return self.settings.quic is not None and (not self.settings.quic.is_loopback or is_loopback(host))
 
     def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
-        """A viewer's frame, as `Engine.request`."""
-
         def note(answer: Frame | Exception) -> None:
             if isinstance(answer, Frame):
                 self.registry.viewed(request.scene)
@@ -182,7 +180,6 @@ class RenderService(FrameSource):
         return self.engine.request(client, request, arrived, note)
 
     def forget(self, client: Client) -> None:
-        """As `Engine.forget`."""
         self.engine.forget(client)
 
     async def load(self, scene_id: str) -> None:

@@ -9,19 +9,11 @@ def test_time_at_rest_is_no_work_even_if_it_is_asked_for_meanwhile() -> None:
     renderer = Utilisation(0.0)
     assert renderer.share(1.0) == 1.0
     renderer.rest(1.5)
-    assert renderer.share(2.0) == 0.5
-    assert renderer.share(3.0) == 0.0
+    renderer.rest(1.75)  # that goes on from its beginning
+    assert [renderer.share(2.0), renderer.share(3.0)] == [0.5, 0.0]
     renderer.work(3.5)
     assert renderer.share(4.0) == 0.5
     renderer.rest(4.25)
     renderer.work(4.5)
     renderer.rest(4.75)
-    assert renderer.share(5.0) == 0.5
-    assert renderer.share(5.0) == 0.0
-
-
-def test_rest_that_goes_on_is_rest_from_its_beginning() -> None:
-    renderer = Utilisation(0.0)
-    renderer.rest(0.5)
-    renderer.rest(0.75)
-    assert renderer.share(1.0) == 0.5
+    assert [renderer.share(5.0), renderer.share(5.0)] == [0.5, 0.0]
