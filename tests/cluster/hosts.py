@@ -43,6 +43,7 @@ class FakeFleet(Fleet):
     """A fleet controlled by the test."""
 
     def __init__(self, *states: HostState) -> None:
+        super().__init__((), lambda: 0.0)
         self.states: list[HostState] = list(states)
         self.dead: set[str] = set()
         """Of these it is only noticed when they are suspected."""

@@ -63,7 +63,7 @@ def anyio_backend() -> str:
 @pytest.fixture(scope="module")
 async def told(anyio_backend: str, tmp_path_factory: pytest.TempPathFactory) -> set[str]:
     """Metrics of all services."""
-    found = Figures(aggregate.merge_metrics([], []).decode()).names | {"up"}  # which Prometheus adds
+    found = Figures(aggregate.merge_metrics({}, []).decode()).names | {"up"}  # which Prometheus adds
     for name, service in SERVICES.items():
         async with (
             service(tmp_path_factory.mktemp(name)) as app,

@@ -66,7 +66,6 @@ async def serve(settings: RenderSettings) -> None:
 
 
 def say(line: str) -> None:
-    """Print a message for the user."""
     print(line, flush=True)
 
 

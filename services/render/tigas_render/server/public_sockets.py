@@ -33,17 +33,14 @@ class PublicSockets:
 
     @property
     def http_port(self) -> int:
-        """Of the page and the API."""
         return int(self.http.getsockname()[1])
 
     @property
     def https_port(self) -> int | None:
-        """Of the same over HTTPS."""
         return None if self.https is None else int(self.https.getsockname()[1])
 
     @property
     def quic_port(self) -> int | None:
-        """Of HTTP/3 and WebTransport."""
         return int(self.quic[0][0].getsockname()[1]) if self.quic else None
 
     def fds(self) -> tuple[int, ...]:

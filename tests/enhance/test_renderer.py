@@ -10,12 +10,11 @@ import psutil
 import pytest
 
 from tests.prerequisites import SETPRIV
-from tigas_enhance.errors import RenderFailed
-from tigas_enhance.renderer_process import render_service
+from tigas_enhance.renderer import RenderFailed, render_service
 
 TRAINING = """
 import time
-from tigas_enhance.renderer_process import render_service
+from tigas_enhance.renderer import render_service
 with render_service(None, "cpu") as url:
     print(url, flush=True)
     time.sleep(600)

@@ -11,7 +11,7 @@ from tigas_common.errors import StartError
 from tigas_common.pose import Pose
 from tigas_common.sample_cameras import NEAR, NEAR_DEGREES
 from tigas_common.wire.render import SceneInfo, StartCamera
-from tigas_enhance.views import MOST_HELD_OUT, held_out_views, training_views
+from tigas_enhance.pairs import MOST_HELD_OUT, held_out_views, training_views
 
 
 def scene(up: tuple[float, float, float] = (0.0, -1.0, 0.0), **changes: object) -> SceneInfo:

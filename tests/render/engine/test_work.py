@@ -8,14 +8,22 @@ from collections.abc import Callable
 
 import pytest
 
-from tigas_render.engine.callback_queue import CallbackQueue
+from tests.eventually import eventually
+from tigas_render.engine.work import CallbackQueue
 
 pytestmark = pytest.mark.anyio
 
 
-def _put(callback_queue: CallbackQueue[int], count: int) -> None:
-    for number in range(count):
-        callback_queue.put(number)
+def put(queue: CallbackQueue[int], count: int) -> threading.Thread:
+    """Put numbers on a thread, which has started."""
+
+    def put_all() -> None:
+        for number in range(count):
+            queue.put(number)
+
+    thread = threading.Thread(target=put_all)
+    thread.start()
+    return thread
 
 
 async def test_all_that_comes_while_the_loop_is_busy_comes_at_one_wakeup(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -27,37 +35,31 @@ async def test_all_that_comes_while_the_loop_is_busy_comes_at_one_wakeup(monkeyp
         call_soon(call)
 
     monkeypatch.setattr(loop, "call_soon_threadsafe", wake)
-    callback_queue = CallbackQueue(received.append)
-    thread = threading.Thread(target=_put, args=(callback_queue, 100))
-    thread.start()
-    thread.join()
+    queue = CallbackQueue(received.append)
+    put(queue, 100).join()
     assert received == []
     await asyncio.sleep(0)
     assert received == list(range(100))
     assert len(wakeups) == 1
-    callback_queue.put(100)
+    queue.put(100)
     await asyncio.sleep(0)
     assert received[-1] == 100
 
 
 async def test_nothing_is_lost_between_threads() -> None:
     received: list[int] = []
-    callback_queue = CallbackQueue(received.append)
-    callback_queue = CallbackQueue(received.append)
-    threads = [threading.Thread(target=_put, args=(callback_queue, 2000)) for _ in range(3)]
-    for thread in threads:
-        thread.start()
-    async with asyncio.timeout(20):
-        while len(received) < 6000:  # noqa: ASYNC110 - nothing announces it
-            await asyncio.sleep(0)
+    queue = CallbackQueue(received.append)
+    for _ in range(3):
+        put(queue, 2000)
+    await eventually(lambda: len(received) == 6000)
     assert sorted(received) == sorted([*range(2000)] * 3)
 
 
 async def test_one_that_cannot_be_received_does_not_keep_the_others(caplog: pytest.LogCaptureFixture) -> None:
     received: list[float] = []
-    callback_queue: CallbackQueue[int] = CallbackQueue(lambda number: received.append(1 / number))
+    queue: CallbackQueue[int] = CallbackQueue(lambda number: received.append(1 / number))
     for number in (1, 0, 2):
-        callback_queue.put(number)
-    callback_queue.deliver()
+        queue.put(number)
+    queue.deliver()
     assert received == [1, 0.5]
     assert "ZeroDivisionError" in caplog.text
