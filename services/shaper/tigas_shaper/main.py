@@ -20,8 +20,8 @@ from tigas_common.memory import keep_together
 from tigas_common.origins import OriginPolicy
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_shaper.api import create_app
+from tigas_shaper.link.commands import Interface
 from tigas_shaper.link.gateway import Forward
-from tigas_shaper.link.interfaces import Interface
 from tigas_shaper.service import Shaper
 from tigas_shaper.settings import ShaperSettings
 
