@@ -1,16 +1,43 @@
-"""A long-running dialogue with a command-line tool: lines go in, answers and errors come back."""
+"""Commands of iproute2 and nftables: safe names and filters in them, and a dialogue with a running tool."""
 
 from __future__ import annotations
 
 import asyncio
 import re
+import socket
 from asyncio.subprocess import DEVNULL, PIPE, STDOUT, Process
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
 
 TIMEOUT_S = 5
 """A tool that does not answer by then is taken for dead."""
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,14}")
 _LINE = re.compile(r"[ -~]+")
+MARK = 0x7469
+"""Set by the gateway on forwarded packets."""
+# Classic BPF, instructions as "code jump-true jump-false operand"; the mark is at SKF_AD_OFF + SKF_AD_MARK. One word
+# for tc, which splits its lines at blanks outside quotes.
+MARKED = f'bpf bytecode "4,32 0 0 4294963220,21 0 1 {MARK},6 0 0 4294967295,6 0 0 0"'
+EVERYTHING = 'bpf bytecode "1,6 0 0 4294967295"'
+
+
+class Interface(str):
+    """The name of a network interface. Raises ValueError if it is invalid."""
+
+    __slots__ = ()
+
+    def __new__(cls, name: str) -> Interface:
+        if not _NAME.fullmatch(name):
+            raise ValueError(f"{name!r} is not the name of a network interface")
+        return super().__new__(cls, name)
+
+    @property
+    def number(self) -> int | None:
+        """The kernel's number for it, or None if it does not exist. An interface made anew has a new number."""
+        try:
+            return socket.if_nametoindex(self)
+        except OSError:
+            return None
 
 
 class CommandError(Exception):

@@ -1,4 +1,4 @@
-"""Exchanges with a long-running tool: a fake that answers, complains and exits on demand."""
+"""Names in commands, and exchanges with a fake tool that answers, complains and exits on demand."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator
 
 import pytest
 
-from tigas_shaper.link.channel import Channel, CommandError, attempt, run
+from tigas_shaper.link.commands import Channel, CommandError, Interface, attempt, run
 
 pytestmark = pytest.mark.anyio
 TOOL = """
@@ -64,3 +64,14 @@ async def test_commands_that_run_once() -> None:
     assert not await attempt(sys.executable, "-c", "raise SystemExit(3)")
     with pytest.raises(CommandError, match=r"^bad luck$"):
         await run(sys.executable, "-c", "import sys; sys.exit('bad luck')")
+
+
+@pytest.mark.parametrize("name", ["", "a b", "eth0;reboot", "-h", "x\ny", "a/b", "a" * 16, '"', "é"])
+def test_what_is_no_interfaces_name_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="is not the name of a network interface"):
+        Interface(name)
+
+
+def test_an_interfaces_number_tells_whether_it_exists() -> None:
+    assert Interface("lo").number
+    assert Interface("nope0").number is None

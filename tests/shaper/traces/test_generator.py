@@ -9,9 +9,17 @@ import pytest
 
 from tests.shared_data import shared_file
 from tigas_shaper.traces.formats import load_trace
-from tigas_shaper.traces.generator import LinkModel, Regime, generate
-from tigas_shaper.traces.own_traces import BUS_4G, DRIVING_5G, DSL, TRAIN_4G, own_traces, write_own_traces
-from tigas_shaper.traces.summary import outages
+from tigas_shaper.traces.generator import (
+    BUS_4G,
+    DRIVING_5G,
+    DSL,
+    TRAIN_4G,
+    LinkModel,
+    Regime,
+    generate,
+    own_traces,
+    write_own_traces,
+)
 from tigas_shaper.traces.trace import NetworkTrace
 
 KEPT = Path(__file__).parents[3] / "traces" / "network"
@@ -47,7 +55,7 @@ def test_the_kept_files_are_what_they_are_called() -> None:
     kept = {path.stem: load_trace(path) for path in KEPT.glob("*.csv")}
     assert kept == {trace.name: trace for trace in own_traces()}
     assert all(60_000 <= trace.duration_ms <= 300_000 for trace in kept.values())
-    assert outages(kept["outage"]) == [(20_000, 1_000), (40_000, 5_000)]
+    assert kept["outage"].outages == [(20_000, 1_000), (40_000, 5_000)]
     assert {state.up_kbps for state in kept["outage"].states if not state.down_kbps} == {0}
     assert kept["step-down"].at(29_999).down_kbps == kept["step-up"].at(30_000).down_kbps == 40_000
     assert max(path.stat().st_size for path in KEPT.glob("*.csv")) < 50_000
@@ -89,7 +97,7 @@ def test_a_regimes_mean_rate_is_its_own_and_its_dwell_times_are_kept() -> None:
         step_ms=100,
     )
     trace = generate("t", model, HOUR_MS, seed=3)
-    gaps = outages(trace)
+    gaps = trace.outages
     assert fmean(length for _, length in gaps) == pytest.approx(1_000, rel=0.1)
     assert len(gaps) == pytest.approx(HOUR_MS / 5_000, rel=0.1)
     assert trace.mean_down_kbps == pytest.approx(8_000, rel=0.05)
