@@ -74,6 +74,7 @@ class DeliveryRate:
         if not bursts or bursts[0].number > newest.packet_number:  # reordered
             return None
         burst = bursts[0]
+        assert newest.sent_time is not None
         self._first_sent_at = newest.sent_time
         interval = max(newest.sent_time - burst.first_sent_at, now - burst.delivered_at)
         return (self._delivered - burst.delivered) / interval if interval > LEAST_INTERVAL_S else None
@@ -111,7 +112,9 @@ class Westwood(LimitedReno):
 
     def on_packets_sent(self, packets: Sequence[QuicSentPacket]) -> None:
         """As NewReno; also starts a sample of the delivery rate."""
-        self._rate.sent(packets[0].packet_number, packets[0].sent_time, not self.bytes_in_flight)
+        first = packets[0]
+        assert first.sent_time is not None
+        self._rate.sent(first.packet_number, first.sent_time, idle=not self.bytes_in_flight)
         super().on_packets_sent(packets)
 
     def on_packets_acked(self, packets: Sequence[QuicSentPacket], now: float) -> None:
