@@ -26,7 +26,7 @@ from tigas_common.origins import OriginPolicy
 from tigas_render.admission.connections import ConnectionAdmission, Usage
 from tigas_render.admission.limits import Limits
 from tigas_render.admission.load import Load
-from tigas_render.transport.aioquic_ext.congestion import LIMITED_RENO
+from tigas_render.transport.aioquic_ext.congestion import RENO
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.connection import Connection, Connections
@@ -158,7 +158,7 @@ class Http3Server:
             alpn_protocols=H3_ALPN,
             certificate=certificate.x509,
             private_key=certificate.private_key,
-            congestion_control_algorithm=LIMITED_RENO,
+            congestion_control_algorithm=RENO,
             connection_id_length=CID_LENGTH,
             idle_timeout=self._limits.idle_timeout,
             max_datagram_size=MAX_DATAGRAM_SIZE,
