@@ -11,8 +11,8 @@ from playwright.sync_api import Page, expect
 from tests.web.conftest import OpenPage
 from tests.web.experiments import WALK, PageLab, dialog, fill, outcome, page_lab, progress, remarks, start
 from tests.web.stage import SCENE, wait_for_frames
-from tigas_common.wire.run import Network
 from tigas_experiments.run.parsing import parse_network
+from tigas_experiments.wire.run import Network
 
 HIDE = """() => {
   const draw = window.requestAnimationFrame;

@@ -17,13 +17,11 @@ import pytest
 from tests.experiments.made_up import MACHINE, SERVER, configuration, recording, sample, write_run
 from tests.scenes import scene
 from tigas_common.address import Address
-from tigas_common.http_limits import HttpLimits
-from tigas_common.offload import Offload
+from tigas_common.limits import HttpLimits
+from tigas_common.offload import Limit, Offload
 from tigas_common.origins import OriginPolicy
 from tigas_common.runner import serve_http
 from tigas_common.wire.render import SceneInfo, ServerConfig
-from tigas_common.wire.run import Configuration, Mode
-from tigas_common.work_limits import Limit
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.store.app import Store, create_app
@@ -33,6 +31,7 @@ from tigas_experiments.store.planner import Planner, Services
 from tigas_experiments.store.reports import Reports
 from tigas_experiments.store.rerendering import Rerendering
 from tigas_experiments.store.workspace import NAME, Workspace
+from tigas_experiments.wire.run import Configuration, Mode
 
 PATIENCE_S = 20
 NOBODY = "http://127.0.0.1:9"

@@ -14,12 +14,12 @@ from tests.experiments.store.conftest import Running, plan, running_store, servi
 from tests.scenes import scene
 from tigas_common.errors import StartError
 from tigas_common.wire.render import SceneInfo, ServerConfig
-from tigas_common.wire.run import Configuration
 from tigas_experiments.quality.ground_truth import GroundTruth
 from tigas_experiments.quality.picture import decode
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.run.experiment import GIVE_UP_AFTER
 from tigas_experiments.store.planner import LEASE_S
+from tigas_experiments.wire.run import Configuration
 
 pytestmark = pytest.mark.anyio
 WALK = "# anchor: start\nt_ms,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n{end},1,0,0,0,0,0,1\n"

@@ -1,6 +1,6 @@
 import { signal } from "@preact/signals";
 import { expect, test } from "vitest";
-import labels from "../../../tests/common/wire/network_labels.golden.json";
+import labels from "../../../tests/experiments/wire/network_labels.golden.json";
 import type { Shaper } from "../network/shaper";
 import type { ShaperStatus } from "../wire/shaper";
 import type { Configuration } from "../wire/store";

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from tigas_common.errors import StartError
 from tigas_common.wire.render import LadderName, Rung, SceneInfo
-from tigas_common.wire.run import PER_VIEW, Configuration
 from tigas_experiments.records.folder import RunRecord
 from tigas_experiments.records.machine import Server
 from tigas_experiments.run.targets import Target
+from tigas_experiments.wire.run import PER_VIEW, Configuration
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,7 @@ from typing import Generic, TypeVar
 from playwright.async_api import Browser
 
 from tigas_common.errors import StartError
-from tigas_common.wire.movement import TimedPose
 from tigas_common.wire.render import LadderName
-from tigas_common.wire.run import PER_VIEW, Configuration, Network
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.lock import exclusive, services_lock
 from tigas_experiments.records.machine import Machine, Server, this_machine
@@ -25,6 +23,8 @@ from tigas_experiments.run.inputs import Inputs, points_sha256
 from tigas_experiments.run.link import held
 from tigas_experiments.run.outcome import MadeFrom
 from tigas_experiments.run.targets import LAB_URL, Target, alive, lab_target, load_scene, make_download, url_target
+from tigas_experiments.wire.movement import TimedPose
+from tigas_experiments.wire.run import PER_VIEW, Configuration, Network
 
 Resource = TypeVar("Resource")
 

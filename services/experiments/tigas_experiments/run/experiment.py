@@ -10,7 +10,6 @@ from itertools import count
 from pathlib import Path
 
 from tigas_common.errors import StartError
-from tigas_common.wire.run import Configuration
 from tigas_experiments.lock import EXPERIMENT, exclusive
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import (
@@ -23,6 +22,7 @@ from tigas_experiments.records.folder import (
 )
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.plan import ExperimentPlan
+from tigas_experiments.wire.run import Configuration
 
 GIVE_UP_AFTER = 5
 """Consecutive failures that end an experiment."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from tigas_common.wire.movement import TimedPose
-from tigas_common.wire.run import Configuration, RunPlan
+from tigas_experiments.wire.movement import TimedPose
+from tigas_experiments.wire.run import Configuration, RunPlan
 
 
 def page_settings(configuration: Configuration) -> dict[str, Any]:

@@ -9,9 +9,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from tigas_common.errors import StartError
-from tigas_common.wire.recording import Recording
-from tigas_common.wire.run import Configuration
-from tigas_common.wire.store import RunUpload
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import RunRecord, RunWriter
@@ -23,6 +20,9 @@ from tigas_experiments.run.link import held, link_sample, watching_link
 from tigas_experiments.run.outcome import complete, write_records
 from tigas_experiments.run.targets import alive
 from tigas_experiments.run.watched import watched
+from tigas_experiments.wire.recording import Recording
+from tigas_experiments.wire.run import Configuration
+from tigas_experiments.wire.store import RunUpload
 
 DRAIN_S = 30
 """How much longer than its movement a recording may take."""

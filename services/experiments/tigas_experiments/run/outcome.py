@@ -9,10 +9,7 @@ from typing import Any
 
 import httpx
 
-from tigas_common.wire.recording import Recording
 from tigas_common.wire.render import SceneInfo, ServerConfig
-from tigas_common.wire.run import OFF
-from tigas_common.wire.store import RunUpload
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.quality.ground_truth import TIMEOUT_S, GroundTruth, pose_at
 from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, encode
@@ -21,6 +18,9 @@ from tigas_experiments.records.folder import InputDigests, RunRecord, RunWriter,
 from tigas_experiments.records.load import Load, LoadSample, WatchedServices
 from tigas_experiments.records.machine import Server
 from tigas_experiments.records.samples import read_sample_file
+from tigas_experiments.wire.recording import Recording
+from tigas_experiments.wire.run import OFF
+from tigas_experiments.wire.store import RunUpload
 
 NOT_PLAYED = "The movement was not played to its end."
 HIDDEN = "The page was hidden, so that not all of the run could be shown."

@@ -20,7 +20,9 @@ from tigas_common.parsing import legible, sentence
 from tigas_common.wire.dash import RepresentationRequest
 from tigas_common.wire.model import WireModel
 from tigas_common.wire.render import LadderName
-from tigas_common.wire.run import (
+from tigas_experiments.run.parsing import capture_interval_ms, parse_network, parse_viewport
+from tigas_experiments.run.segments import movement_offsets, trace_offsets
+from tigas_experiments.wire.run import (
     AUTO,
     LOCAL,
     MAX_OFFSET_S,
@@ -36,9 +38,7 @@ from tigas_common.wire.run import (
     Overscan,
     PredictorName,
 )
-from tigas_common.wire.store import MOST_FILE_CHARACTERS, ExperimentName
-from tigas_experiments.run.parsing import capture_interval_ms, parse_network, parse_viewport
-from tigas_experiments.run.segments import movement_offsets, trace_offsets
+from tigas_experiments.wire.store import MOST_FILE_CHARACTERS, ExperimentName
 
 MAX_VALUES, MAX_VARIANTS = 1000, 100
 """Maximum lengths of a list in a file, and of the list of variants."""

@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from tigas_common.errors import StartError
-from tigas_common.wire.run import Configuration
 from tigas_experiments.records.folder import RunRecord
 from tigas_experiments.run.checks import changes
 from tigas_experiments.run.environment import Environment, open_environment
 from tigas_experiments.run.experiment import GIVE_UP_AFTER, Experiment
 from tigas_experiments.run.measure import run
+from tigas_experiments.wire.run import Configuration
 
 
 @dataclass(frozen=True, slots=True)

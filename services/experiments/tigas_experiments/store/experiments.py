@@ -18,13 +18,6 @@ from typing import TypeVar
 
 from tigas_common.errors import StartError, StorageFailed
 from tigas_common.files import names_to_disk
-from tigas_common.wire.store import (
-    Experiment,
-    ExperimentList,
-    ExperimentSummary,
-    RunRow,
-    SampleCounts,
-)
 from tigas_experiments.lock import EXPERIMENT, exclusive
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import ExperimentRecord, RunRecord, StoredRun, read_experiment
@@ -35,6 +28,13 @@ from tigas_experiments.records.summary import Summary, summarise
 from tigas_experiments.store.errors import ExperimentInUse, UnknownExperiment, UnknownRun, storage_explained
 from tigas_experiments.store.samples import count_samples
 from tigas_experiments.store.workspace import Workspace
+from tigas_experiments.wire.store import (
+    Experiment,
+    ExperimentList,
+    ExperimentSummary,
+    RunRow,
+    SampleCounts,
+)
 
 CACHED_RUNS = 10_000
 T = TypeVar("T")

@@ -12,10 +12,7 @@ from pathlib import Path
 from tigas_common.errors import StartError
 from tigas_common.files import names_to_disk
 from tigas_common.offload import Offload
-from tigas_common.wire.movement import TimedPose
 from tigas_common.wire.render import SceneInfo, ServerConfig
-from tigas_common.wire.run import Configuration
-from tigas_common.wire.store import NextRequest, NextRun, PlanSummary, RunJob, RunRow
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.records.machine import Machine, Server
@@ -40,6 +37,9 @@ from tigas_experiments.store.metrics import MonitoredLock
 from tigas_experiments.store.planning import LIMIT, BrokenPlan, expand, placed_points, reopen
 from tigas_experiments.store.upload import COMPARE, check_limit, complete_upload, keep_upload
 from tigas_experiments.store.workspace import Workspace
+from tigas_experiments.wire.movement import TimedPose
+from tigas_experiments.wire.run import Configuration
+from tigas_experiments.wire.store import NextRequest, NextRun, PlanSummary, RunJob, RunRow
 
 LEASE_S = 300.0
 """How much longer than its warm-up and movement a page may take for a run. Nothing is sent during a run."""

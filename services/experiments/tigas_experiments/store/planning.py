@@ -7,12 +7,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from tigas_common.errors import InvalidRequest, StartError
+from tigas_common.offload import Limit
 from tigas_common.parsing import parse
-from tigas_common.wire.movement import TimedPose
 from tigas_common.wire.render import SceneInfo
-from tigas_common.wire.run import Configuration
-from tigas_common.wire.store import ExperimentRequest
-from tigas_common.work_limits import Limit
 from tigas_experiments.movement.generated import KINDS
 from tigas_experiments.movement.trace import MovementTrace
 from tigas_experiments.records.folder import ExperimentRecord, InputDigests
@@ -20,6 +17,9 @@ from tigas_experiments.run.experiment import Experiment
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.plan import ExperimentPlan
 from tigas_experiments.store.errors import storage_explained
+from tigas_experiments.wire.movement import TimedPose
+from tigas_experiments.wire.run import Configuration
+from tigas_experiments.wire.store import ExperimentRequest
 
 MAX_REQUEST_BYTES = 16_000_000
 """Maximum size of a request that creates an experiment, with its movements."""

@@ -9,11 +9,8 @@ from pathlib import Path
 
 from tigas_common.errors import InvalidRequest
 from tigas_common.files import to_disk
+from tigas_common.offload import Limit
 from tigas_common.parsing import parse
-from tigas_common.wire.recording import MAX_BYTES
-from tigas_common.wire.run import Configuration
-from tigas_common.wire.store import RunUpload, mismatch
-from tigas_common.work_limits import Limit
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import RunRecord, RunWriter, StoredRun
@@ -21,6 +18,9 @@ from tigas_experiments.records.load import LoadSample
 from tigas_experiments.records.machine import Machine
 from tigas_experiments.run.outcome import MadeFrom, complete, write_records
 from tigas_experiments.store.errors import storage_explained
+from tigas_experiments.wire.recording import MAX_BYTES
+from tigas_experiments.wire.run import Configuration
+from tigas_experiments.wire.store import RunUpload, mismatch
 
 COMPARE = Limit(memory=2_000_000_000, cpu_s=1200)
 """Of comparing a run's captures with ground truth."""
