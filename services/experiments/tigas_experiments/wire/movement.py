@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
+from pydantic import Field
 from typing_extensions import TypedDict
 
 Anchor = Literal["start", "scene"]
@@ -27,5 +28,5 @@ class TimedPose(TypedDict):
     """A pose at a time, in the scene's own frame."""
 
     t_ms: float
-    position: list[float]
-    quaternion: list[float]
+    position: Annotated[list[float], Field(fail_fast=True)]
+    quaternion: Annotated[list[float], Field(fail_fast=True)]

@@ -45,7 +45,6 @@ async function opened() {
     scene: signal(COURTYARD),
     movement: { movement: signal(null) },
     unturned: signal(null),
-    rig: { viewport: signal({ width: 640, height: 360 }) },
   };
   render(<ExperimentDialog session={session as unknown as ViewerSession} open={signal(true)} />);
   await screen.findByRole("option", { name: /stroll-2/ });
@@ -107,7 +106,6 @@ test("without a store there is nothing to begin", () => {
     scene: signal(COURTYARD),
     movement: { movement: signal(null) },
     unturned: signal(null),
-    rig: { viewport: signal({ width: 640, height: 360 }) },
   };
   render(<ExperimentDialog session={session as unknown as ViewerSession} open={signal(true)} />);
   expect(screen.getByRole("dialog").textContent).toContain("Experiments need a store");

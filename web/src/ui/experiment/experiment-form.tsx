@@ -50,7 +50,7 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
     movement: name,
     present: "label" in present ? present.label : "",
     settings: settings.value,
-    viewport: session.rig.viewport.value,
+    viewport: { width: innerWidth, height: innerHeight },
   });
   const file = edited.value ?? written;
   const request: ExperimentRequest = {
