@@ -15,6 +15,8 @@ from tests.prerequisites import BUILT_PAGE
 from tests.web.fake_shaper import FakeShaper
 from tests.web.server import RenderServer, Store
 
+STORED_MS = 90_000
+"""How long the last run and its upload may take; the store's first check starts a process."""
 WALK = "# anchor: start\nt_ms,x,y,z,qx,qy,qz,qw\n" + "".join(
     f"{t},{t / 8000:.4f},0,{t / 8000:.4f},0,0,0,1\n" for t in range(0, 2001, 50)
 )

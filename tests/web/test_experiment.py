@@ -13,7 +13,7 @@ from playwright.sync_api import expect
 
 from tests.experiments.processes import finished, started
 from tests.web.conftest import OpenPage
-from tests.web.experiments import WALK, PageLab, dialog, fill, outcome, page_lab, progress, remarks, start
+from tests.web.experiments import STORED_MS, WALK, PageLab, dialog, fill, outcome, page_lab, progress, remarks, start
 from tests.web.stage import SCENE, wait_for_frames
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.summary import summarise
@@ -39,7 +39,7 @@ def test_two_controllers_are_compared_and_kept(open_page: OpenPage, lab: PageLab
     expect(progress(page)).to_contain_text("Warms up")
     expect(page.locator(".run-stage .stage")).to_have_css("width", "1000px")
     expect(progress(page)).to_contain_text("Run 2 of 2")
-    expect(outcome(page)).to_contain_text("All runs are complete.")
+    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
     expect(remarks(page)).to_have_count(0)
     with page.expect_download() as download:
         outcome(page).get_by_role("link", name="Save as ZIP").click()
@@ -104,12 +104,12 @@ def test_cancelling_keeps_what_was_finished_and_gives_the_link_back(open_page: O
     expect(progress(page)).to_contain_text("Run 2 of 2")
     expect(progress(page)).to_contain_text("Plays the movement")
     page.get_by_role("button", name="Cancel").click()
-    expect(outcome(page)).to_contain_text("It was cancelled.")
+    expect(outcome(page)).to_contain_text("It was cancelled.", timeout=STORED_MS)
     assert len(lab.runs("Cancelled-*")) == 1
     expect(page.locator(".run-stage .stage")).to_have_count(0)
     assert lab.shaper.asked[-1] == ("/stop", {}), "the link was not given back"
     outcome(page).get_by_role("button", name="Continue").click()
-    expect(outcome(page)).to_contain_text("All runs are complete.")
+    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
     assert {run["status"] for run in lab.runs("Cancelled-*").values()} == {"complete"}
 
 
@@ -127,7 +127,7 @@ def test_an_experiment_whose_page_was_closed_is_resumed_by_another(open_page: Op
     expect(row.get_by_role("cell").first).to_have_text("1 of 2, incomplete")
     row.get_by_role("link", name="Continue").click()
     expect(progress(page)).to_contain_text("Run 2 of 2")
-    expect(outcome(page)).to_contain_text("All runs are complete.")
+    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
     assert {run["status"] for run in lab.runs("Closed-*").values()} == {"complete"}
     page.get_by_role("link", name="Experiments").click()
     expect(row.get_by_role("cell").first).to_have_text("2")
@@ -159,7 +159,7 @@ def test_page_and_command_write_identical_folders(open_page: OpenPage, lab: Page
     dialog(page).get_by_text("As a file").click()
     dialog(page).get_by_label("Experiment’s file").fill(FILE)
     start(page)
-    expect(outcome(page)).to_contain_text("All runs are complete.")
+    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
     (performed,) = lab.results.glob("Twin-*")
     (command,), (uploaded,) = out.glob("runs/*"), performed.glob("runs/*")
     assert command.name == uploaded.name

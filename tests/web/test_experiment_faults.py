@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.web.conftest import OpenPage
-from tests.web.experiments import WALK, PageLab, dialog, fill, outcome, page_lab, progress, remarks, start
+from tests.web.experiments import STORED_MS, WALK, PageLab, dialog, fill, outcome, page_lab, progress, remarks, start
 from tests.web.stage import SCENE, wait_for_frames
 from tigas_experiments.run.parsing import parse_network
 from tigas_experiments.wire.run import Network
@@ -69,7 +69,7 @@ def test_somebody_else_at_the_link_and_a_hidden_page_spoil_a_run(open_page: Open
     page.evaluate(HIDE)
     page.wait_for_timeout(1500)
     page.evaluate("show()")
-    expect(outcome(page)).to_contain_text("2 runs are incomplete.")
+    expect(outcome(page)).to_contain_text("2 runs are incomplete.", timeout=STORED_MS)
     expect(remarks(page).nth(0)).to_contain_text(CHANGED)
     expect(remarks(page).nth(1)).to_contain_text("The page was hidden, so that not all of the run could be shown.")
     statuses = [run["status"] for run in lab.runs("Disturbed-*").values()]
@@ -83,7 +83,7 @@ def test_the_present_link_is_held_and_must_stay(open_page: OpenPage, lab: PageLa
         (path, body) for path, body in lab.shaper.asked
     ]
     assert page.request.post(f"{lab.shaper.url}/link", data={"down_kbps": 5000, "up_kbps": 5000}).ok
-    expect(outcome(page)).to_contain_text("1 runs are incomplete.")
+    expect(outcome(page)).to_contain_text("1 runs are incomplete.", timeout=STORED_MS)
     expect(remarks(page)).to_have_count(1)
     expect(remarks(page)).to_contain_text(CHANGED)
     labels = [Network.model_validate(run["configuration"]["network"]) for run in lab.runs("As-it-is-*").values()]
@@ -96,5 +96,5 @@ def test_two_pages_share_an_experiment_and_a_link(open_page: OpenPage, lab: Page
     other = open_page(page.url.removeprefix(lab.url), url=lab.url)
     expect(progress(other)).to_contain_text("Waits for other pages")
     page.close(run_before_unload=False)
-    expect(outcome(other)).to_contain_text("All runs are complete.")
+    expect(outcome(other)).to_contain_text("All runs are complete.", timeout=STORED_MS)
     assert [run["status"] for run in lab.runs("Shared-*").values()] == ["complete"] * 3

@@ -13,7 +13,7 @@ from PIL import Image
 from playwright.sync_api import Locator, Page, Route, expect
 
 from tests.web.conftest import OpenPage
-from tests.web.experiments import PageLab, dialog, fill, outcome, page_lab, progress, remarks, start
+from tests.web.experiments import STORED_MS, PageLab, dialog, fill, outcome, page_lab, progress, remarks, start
 from tests.web.stage import SCENE, wait_for_frames
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.samples import read_sample_file, sample_path
@@ -76,7 +76,7 @@ def check(lab: PageLab, run: StoredRun) -> None:
 def test_samples_follow_their_run_to_the_store(open_page: OpenPage, lab: PageLab) -> None:
     page = open_page(SCENE, url=lab.url)
     begin(page, "Followed")
-    expect(outcome(page)).to_contain_text("All runs are complete.")
+    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
     expect(remarks(page)).to_have_count(0)
     expect(outcome(page).get_by_role("link", name="Samples")).to_be_visible()
     run = the_run(lab, "Followed")
@@ -157,7 +157,7 @@ def test_a_run_that_finds_no_room_goes_on_without_samples(open_page: OpenPage, l
     limit_storage(page, lab, 1)
     begin(page, "No room")
     expect(remarks(page)).to_contain_text("The browser’s storage is full. Nothing was sampled.")
-    expect(outcome(page)).to_contain_text("All runs are complete.")
+    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
     run = the_run(lab, "No-room")
     assert (run.record.status, run.samples()) == ("complete", [])
 
@@ -173,7 +173,7 @@ def test_a_disk_that_fills_up_ends_sampling_and_neither_the_run_nor_what_was_kep
     limit_storage(page, lab, 1)
     remark = remarks(page)
     expect(remark).to_contain_text("The browser’s storage is full. Sampling ended after")
-    expect(outcome(page)).to_contain_text("All runs are complete.")
+    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
     run = the_run(lab, "Filled-up")
     assert run.record.status == "complete"
     assert f"after {len(run.samples())} frames." in remark.inner_text()

@@ -6,11 +6,8 @@ import { RunFailed } from "./errors";
 import type { Performed } from "./perform";
 import type { StoreApi } from "./store-api";
 
-const { noteStored, uploadSamples } = vi.hoisted(() => ({
-  noteStored: vi.fn(async () => undefined),
-  uploadSamples: vi.fn(async () => undefined),
-}));
-vi.mock("./sample-upload", () => ({ noteStored, uploadSamples }));
+const { uploadSamples } = vi.hoisted(() => ({ uploadSamples: vi.fn(async (_: object) => undefined) }));
+vi.mock("./sample-upload", () => ({ uploadSamples }));
 
 const NOTHING: NextRun = { job: null, planned: 2, missing: 0, remaining_s: 0, wait: false, problem: null };
 const AWAY = new ApiError("The store is away.", true);
@@ -174,7 +171,7 @@ test("samples follow their run; what stays in the browser is said", async () => 
   perform = async ({ run }) => performed({ samples: run, upload: { ...performed().upload, sampling_problem: "Few." } });
   uploadSamples.mockResolvedValueOnce(undefined).mockRejectedValueOnce(AWAY);
   expect(await conducted()).toMatchObject({ sampled: true });
-  expect(noteStored.mock.calls).toEqual([["a"], ["b"]]);
+  expect(uploadSamples.mock.calls).toMatchObject([[{ key: "a", stored: true }], [{ key: "b", stored: true }]]);
   expect(conductor.notices.value).toEqual([
     "A: Few.",
     "B: Few.",

@@ -9,7 +9,7 @@ import { ShaperError } from "../network/api";
 import type { NextRun, RunJob, RunUpload } from "../wire/store";
 import { RunFailed } from "./errors";
 import type { Performed } from "./perform";
-import { noteStored, uploadSamples } from "./sample-upload";
+import { uploadSamples } from "./sample-upload";
 import type { StoreApi } from "./store-api";
 
 export interface Progress extends Pick<NextRun, "planned" | "missing" | "remaining_s"> {
@@ -148,8 +148,7 @@ export class Conductor {
     const { signal } = this.#cancelled;
     const progress = (sent: number, of: number) => stage(`Uploads samples, ${megabytes(sent)} of ${megabytes(of)} MB`);
     try {
-      await noteStored(key);
-      await uploadSamples({ key, store, progress, signal });
+      await uploadSamples({ key, stored: true, store, progress, signal });
       this.#sampled = true;
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;

@@ -2,7 +2,7 @@ import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "../http/problem";
 import type { SampledRun } from "../samples/sampled-runs";
 import type { Sample } from "../wire/store";
-import { deleteSamples, noteStored, type SampleStore, uploadSamples } from "./sample-upload";
+import { deleteSamples, type SampleStore, uploadSamples } from "./sample-upload";
 
 const { runs, held, described } = vi.hoisted(() => ({
   runs: new Map<string, unknown>(),
@@ -66,14 +66,13 @@ function sampled(about: object | null, samples = [{ seq: 1 }, { seq: 2 }] as Sam
 
 const ABOUT = { experiment: "e7", run: "r", stored: false, title: "Budget", started_unix_ms: 5 };
 
-function uploaded(signal = new AbortController().signal) {
-  return uploadSamples({ key: "k", store, progress: (sent, of) => told.push([sent, of]), signal });
+function uploaded({ signal = new AbortController().signal, stored = false } = {}) {
+  return uploadSamples({ key: "k", stored, store, progress: (sent, of) => told.push([sent, of]), signal });
 }
 
 test("pictures come first, then which samples there are; then they are gone from here", async () => {
   sampled(ABOUT);
-  await noteStored("k");
-  await uploaded();
+  await uploaded({ stored: true });
   expect(store.pictures).toEqual(
     new Map([
       ["000001.jpg", 10],
@@ -155,7 +154,7 @@ test("cancelling ends it between two pictures, and loses nothing", async () => {
   sampled(ABOUT);
   const cancel = new AbortController();
   vi.mocked(store.addPicture).mockImplementationOnce(async () => cancel.abort(new Error("cancelled")));
-  await expect(uploaded(cancel.signal)).rejects.toThrow("cancelled");
+  await expect(uploaded({ signal: cancel.signal })).rejects.toThrow("cancelled");
   expect(store.addPicture).toHaveBeenCalledTimes(1);
   expect([runs.size, held.size]).toEqual([1, 0]);
 });

@@ -8,6 +8,8 @@ export type SampleStore = Pick<StoreApi, "add" | "uploadedSamples" | "addPicture
 
 interface Upload {
   readonly key: string;
+  /** Whether the store is known to have their run. */
+  readonly stored?: boolean;
   readonly store: SampleStore;
   /** Progress callback: stored and total bytes. */
   readonly progress: (sent: number, of: number) => void;
@@ -23,12 +25,6 @@ export function uploadSamples({ key, ...how }: Upload): Promise<void> {
     if (run.samples.length > 0) await send(run, how);
     await removeSampledRun(key);
   });
-}
-
-/** Notes that the store has the samples' run. */
-export async function noteStored(key: string): Promise<void> {
-  const { about } = await readSampledRun(key);
-  if (about) await describeSamples(key, { ...about, stored: true });
 }
 
 /** Gives samples up. Rejects with an ApiError. */
@@ -48,14 +44,12 @@ async function holding(key: string, work: () => Promise<void>): Promise<void> {
 
 async function send(
   { key, about, pictures, bytes, samples }: SampledRun,
-  { store, progress, signal }: Omit<Upload, "key">,
+  { stored = false, store, progress, signal }: Omit<Upload, "key">,
 ): Promise<void> {
   if (about === null) throw new ApiError("It is not known of which run they are.", false);
   const { experiment, run } = about;
-  if (!about.stored) {
-    await store.add(experiment, run, { problem: CLOSED });
-    await describeSamples(key, { ...about, stored: true });
-  }
+  if (!stored && !about.stored) await store.add(experiment, run, { problem: CLOSED });
+  await describeSamples(key, { ...about, stored: true });
   const { complete, files } = await store.uploadedSamples(experiment, run);
   if (complete) return;
   const there = new Map(files.map(({ name, bytes }) => [name, bytes]));
