@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import pytest
 
 from tests.cluster.hosts import host
@@ -15,9 +17,9 @@ CALM_S, GRACE_S = 300.0, 600.0
 class Scene:
     """A scaler, its clock, and the hosts' reports."""
 
-    def __init__(self, lowest: int = 1, highest: int = 8) -> None:
+    def __init__(self, allowed: str = "1..8") -> None:
         self.now = 0.0
-        self.scaler = Scaler(HostRange(lowest, highest), CALM_S, GRACE_S, lambda: self.now)
+        self.scaler = Scaler(HostRange.parse(allowed), CALM_S, GRACE_S, lambda: self.now)
 
     def after(self, seconds: float, *hosts: HostState, starting: int = 0) -> Plan:
         """The plan after the hosts have been in this state for some time."""
@@ -37,45 +39,48 @@ def test_what_is_no_range_is_refused_in_a_sentence(text: str) -> None:
         HostRange.parse(text)
 
 
-def test_an_empty_cluster_gets_the_fewest() -> None:
-    assert Scene(2, 8).after(0).wanted == 2
+Step: TypeAlias = tuple[float, list[HostState]]
+"""Seconds that hosts are in a state."""
+BUSY, FULL = host("a", 70, queue_age_s=0.3), host("a", 100, full=5.0)
 
 
-def test_a_host_that_has_room_is_enough() -> None:
-    assert Scene().after(3600, host("a", 60)).wanted == 1
-
-
-@pytest.mark.parametrize("pressed", [host("a", 70, full=5.0), host("a", 70, queue_age_s=0.3)])
-def test_one_more_once_most_are_pressed_for_a_while(pressed: HostState) -> None:
-    scene = Scene()
-    assert scene.after(LASTING_S / 2, host("a", 70, queue_age_s=0.3)).wanted == 1
-    assert scene.after(LASTING_S, pressed).wanted == 2
-
-
-def test_a_pause_of_a_host_calls_for_none() -> None:
-    scene = Scene()
-    for _ in range(20):
-        assert scene.after(LASTING_S / 2, host("a", 5, queue_age_s=0.3)).wanted == 1
-        scene.after(0, host("a", 5))
+@pytest.mark.parametrize(
+    ("allowed", "steps", "wanted"),
+    [
+        ("2..8", [(0, [])], 2),
+        ("1..8", [(3600, [host("a", 60)])], 1),
+        ("1..8", [(LASTING_S / 2, [BUSY])], 1),
+        ("1..8", [(LASTING_S / 2, [BUSY]), (LASTING_S, [BUSY])], 2),
+        ("1..8", [(LASTING_S / 2, [BUSY]), (LASTING_S, [host("a", 70, full=5.0)])], 2),
+        ("1..8", [(LASTING_S / 2, [BUSY]), (0, [host("a", 5)])] * 20, 1),
+        ("1..8", [(LASTING_S, [FULL]), (1, [host("a", 70), host("b", 90)])], 2),
+        ("1..8", [(LASTING_S, [FULL]), (1, [host("a", 95), host("b", 90)])], 3),  # before either is full
+        ("1..2", [(3600, [FULL, host("b", 100, full=5.0)])], 2),
+        ("1..8", [(1, [host("a", 20), host("b", 20)]), (60, [host("a", 20)])], 2),
+    ],
+    ids=[
+        "an empty cluster gets the fewest",
+        "a host that has room is enough",
+        "pressed for a moment",
+        "pressed for a while",
+        "full for a while",
+        "pauses",
+        "what a full host held is known",
+        "and more than that are there",
+        "never more than allowed",
+        "a lost one is replaced",
+    ],
+)
+def test_as_many_are_wanted_as_viewers_need(allowed: str, steps: list[Step], wanted: int) -> None:
+    scene = Scene(allowed)
+    plans = [scene.after(seconds, *hosts) for seconds, hosts in steps]
+    assert plans[-1].wanted == wanted
 
 
 def test_one_that_is_starting_is_waited_for() -> None:
     scene = Scene()
-    assert scene.after(LASTING_S, host("a", 70, queue_age_s=0.3)).wanted == 2
-    assert scene.after(120, host("a", 70, queue_age_s=0.3), starting=1).wanted == 2
-
-
-def test_what_a_full_host_held_tells_how_many_the_next_viewers_need() -> None:
-    scene = Scene()
-    scene.after(LASTING_S, host("a", 100, full=5.0))
-    assert scene.after(1, host("a", 70), host("b", 90)).wanted == 2
-    assert scene.after(1, host("a", 95), host("b", 90)).wanted == 3  # before either is full
-
-
-def test_there_are_never_more_than_allowed() -> None:
-    scene = Scene(1, 2)
-    hosts = [host("a", 100, full=5.0), host("b", 100, full=5.0)]
-    assert scene.after(3600, *hosts).wanted == 2
+    assert scene.after(LASTING_S, BUSY).wanted == 2
+    assert scene.after(120, BUSY, starting=1).wanted == 2
 
 
 def test_hosts_that_were_there_already_are_kept_at_first() -> None:
@@ -105,6 +110,27 @@ def test_one_after_the_other() -> None:
     assert scene.after(CALM_S / 2, *hosts[1:]).draining == {"b"}
 
 
+@pytest.mark.parametrize(
+    ("before", "steps"),
+    [
+        (3, [(GRACE_S / 2, 3, False), (0, 0, True)]),
+        (0, [(SETTLED_S / 2, 0, False), (SETTLED_S, 0, True)]),
+        (3, [(GRACE_S, 1, True)]),
+    ],
+    ids=["viewers leave", "viewers may be on their way", "a viewer never leaves"],
+)
+def test_a_draining_host_ends(before: int, steps: list[tuple[float, int, bool]]) -> None:
+    scene = draining(before)
+    for seconds, viewers, ends in steps:
+        plan = scene.after(seconds, host("a", 20), host("b", viewers, draining=True))
+        assert plan.ending == ({"b"} if ends else set())
+
+
+def test_a_host_that_drains_comes_back_before_there_is_another() -> None:
+    plan = draining(3).after(LASTING_S, host("a", 60, full=5.0), host("b", 3, draining=True))
+    assert plan == Plan(2, frozenset(), frozenset())
+
+
 def draining(viewers: int) -> Scene:
     """A host `b` that has just begun to drain."""
     scene = Scene()
@@ -112,31 +138,3 @@ def draining(viewers: int) -> Scene:
     scene.after(CALM_S, host("a", 20), host("b", viewers))
     assert scene.scaler.plan([host("a", 20), host("b", viewers)]).draining == {"b"}
     return scene
-
-
-def test_a_host_ends_once_its_viewers_have_left() -> None:
-    scene = draining(3)
-    assert scene.after(GRACE_S / 2, host("a", 20), host("b", 3, draining=True)).ending == set()
-    assert scene.after(0, host("a", 23), host("b", 0, draining=True)).ending == {"b"}
-
-
-def test_viewers_who_are_on_their_way_are_waited_for() -> None:
-    scene = draining(0)
-    assert scene.after(SETTLED_S / 2, host("a", 20), host("b", 0, draining=True)).ending == set()
-    assert scene.after(SETTLED_S, host("a", 20), host("b", 0, draining=True)).ending == {"b"}
-
-
-def test_a_viewer_who_never_leaves_keeps_no_host() -> None:
-    assert draining(3).after(GRACE_S, host("a", 20), host("b", 1, draining=True)).ending == {"b"}
-
-
-def test_a_host_that_drains_comes_back_before_there_is_another() -> None:
-    scene = draining(3)
-    plan = scene.after(LASTING_S, host("a", 60, full=5.0), host("b", 3, draining=True))
-    assert plan == Plan(2, frozenset(), frozenset())
-
-
-def test_a_host_that_is_lost_is_replaced() -> None:
-    scene = Scene()
-    scene.after(1, host("a", 20), host("b", 20))
-    assert scene.after(60, host("a", 20)).wanted == 2
