@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from tigas_cluster.director import create_director
 from tigas_cluster.fleet import Fleet, HostAddress
 from tigas_common.address import Address
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.origins import OriginPolicy
 from tigas_common.runner import serve_http
 

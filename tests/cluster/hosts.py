@@ -12,8 +12,7 @@ import httpx
 from tigas_cluster.director import create_director
 from tigas_cluster.fleet import Fleet, HostAddress, HostState
 from tigas_common.origins import OriginPolicy
-from tigas_common.wire.cluster import HostLoad
-from tigas_common.wire.render import DEFAULT_LADDER, ServerConfig
+from tigas_common.wire.render import DEFAULT_LADDER, HostLoad, ServerConfig
 
 
 def load(

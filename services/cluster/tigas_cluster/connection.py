@@ -21,10 +21,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from tigas_common.address import Address
+from tigas_common.address import Address, host_of
 from tigas_common.errors import StartError
-from tigas_common.extras import install_command
-from tigas_common.hosts import host_of
+from tigas_common.installation import install_command
 
 ADDRESS = "RAY_ADDRESS"
 AUTO = "auto"

@@ -18,7 +18,6 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from tigas_cluster.choice import Choice
 from tigas_cluster.fleet import Fleet, HostState
 from tigas_cluster.host_proxy import HostProxy, NoHost
-from tigas_common.described import JSON, PICTURES, described
 from tigas_common.errors import InvalidRequest
 from tigas_common.metrics import CountedRequests, labelled_gauge, metrics_route, new_registry
 from tigas_common.openapi import openapi
@@ -26,8 +25,11 @@ from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.topology import fitted
 from tigas_common.web import (
     EXCEPTION_HANDLERS,
+    JSON,
     NO_STORE,
+    PICTURES,
     ModelResponse,
+    described,
     healthy,
     json_response,
     list_response,

@@ -14,7 +14,7 @@ import httpx
 from tigas_common.address import bracketed
 from tigas_common.errors import TigasError
 from tigas_common.parsing import parse
-from tigas_common.wire.cluster import HostLoad
+from tigas_common.wire.render import HostLoad
 
 PRESSED_UTILISATION, PRESSED_AGE_S = 0.8, 0.06
 """A host that is busier than this, or in which something waits for longer (in seconds), has no room to speak of."""

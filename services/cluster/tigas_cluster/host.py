@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import IO, TypedDict
 
-from tigas_common.address import Address
+from tigas_common.address import Address, is_address, is_loopback
 from tigas_common.errors import StartError
-from tigas_common.hosts import is_address, is_loopback
 from tigas_common.processes import Service, keep_running, tigas, with_parent
 
 VIEWER_ADDRESS = "TIGAS_CLUSTER_VIEWER_ADDRESS"

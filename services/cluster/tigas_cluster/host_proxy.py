@@ -13,10 +13,9 @@ from starlette.requests import Request
 from starlette.types import Receive, Scope, Send
 
 from tigas_cluster.fleet import Fleet, HostState
-from tigas_common.aggregate import merged_scenes
 from tigas_common.errors import Overloaded, TigasError
 from tigas_common.parsing import MAX_BODY, parse
-from tigas_common.placement import ranked
+from tigas_common.placement import merged_scenes, ranked
 from tigas_common.proxy import ask, hand_back, headers_of, unless
 from tigas_common.web import page_policy, read_body
 from tigas_common.wire.render import SceneInfo

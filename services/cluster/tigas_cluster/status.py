@@ -15,7 +15,7 @@ from tigas_cluster.fleet import MAX_LOAD
 from tigas_cluster.host import Facts
 from tigas_common.errors import StartError, TigasError
 from tigas_common.parsing import parse
-from tigas_common.wire.cluster import HostLoad
+from tigas_common.wire.render import HostLoad
 
 if TYPE_CHECKING:
     from rich.table import Table

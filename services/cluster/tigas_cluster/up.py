@@ -18,7 +18,7 @@ from tigas_cluster.ray_fleet import RayFleet
 from tigas_cluster.scaling import Scaler
 from tigas_cluster.settings import ClusterSettings
 from tigas_common.address import Address, bracketed, say_if_open
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.loop_share import LoopShare
 from tigas_common.origins import OriginPolicy
 from tigas_common.processes import terminated_as_interrupted

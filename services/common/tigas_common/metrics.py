@@ -28,9 +28,8 @@ from starlette.responses import Response
 from starlette.routing import BaseRoute, Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from tigas_common.commit import this_commit
-from tigas_common.described import TEXT, described
-from tigas_common.web import NO_STORE
+from tigas_common.installation import this_commit
+from tigas_common.web import NO_STORE, TEXT, described
 
 METHODS = frozenset({"DELETE", "GET", "HEAD", "OPTIONS", "POST", "PUT"})
 OTHER = "other"

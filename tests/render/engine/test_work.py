@@ -16,7 +16,12 @@ pytestmark = pytest.mark.anyio
 
 def put(queue: CallbackQueue[int], count: int) -> threading.Thread:
     """Put numbers on a thread, which has started."""
-    thread = threading.Thread(target=lambda: [queue.put(number) for number in range(count)])
+
+    def put_all() -> None:
+        for number in range(count):
+            queue.put(number)
+
+    thread = threading.Thread(target=put_all)
     thread.start()
     return thread
 

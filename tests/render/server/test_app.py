@@ -20,7 +20,7 @@ from tests.prometheus import figures
 from tests.render.arrays import gaussians_of
 from tests.render.fakes import FakeRasterizer, render_request
 from tigas_common.errors import DeviceLost
-from tigas_common.extras import install_command
+from tigas_common.installation import install_command
 from tigas_common.weights import FILE, write_weights
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.devices import create_rasterizer

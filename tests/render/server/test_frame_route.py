@@ -10,17 +10,16 @@ import pytest
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from tests.eventually import eventually
-from tests.render.admission.test_http_viewers import FullLoad
+from tests.render.admission.chosen_load import ChosenLoad
 from tests.render.fakes import render_request
 from tests.render.pipe.pipe_bench import Edge, Engine
 from tests.render.transport.client import FakeFrames
 from tigas_common.address import Address
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.runner import serve_http
 from tigas_common.wire.render import ServerTiming
-from tigas_render.admission.http_viewers import HttpViewers
 from tigas_render.admission.load import Load
-from tigas_render.admission.request_rate import RequestRate
+from tigas_render.admission.viewers import HttpViewers, RequestRate
 from tigas_render.frame import Frame, FrameSource
 from tigas_render.server.frame_route import FrameResponse, HttpFrames, Lending, frames_app
 
@@ -33,7 +32,7 @@ def serving(source: FrameSource, load: Load) -> ASGIApp:
 
 
 async def test_a_full_server_keeps_a_viewer_and_refuses_its_neighbour_behind_the_same_gateway() -> None:
-    load = FullLoad()
+    load = ChosenLoad()
     transport = httpx.ASGITransport(serving(FakeFrames(), load))
     async with httpx.AsyncClient(base_url="http://localhost", transport=transport) as client:
 
@@ -48,7 +47,7 @@ async def test_a_full_server_keeps_a_viewer_and_refuses_its_neighbour_behind_the
 @pytest.mark.parametrize(("version", "transport"), [("1.1", "http1"), ("3", "http3")])
 async def test_metrics_are_to_know_how_a_viewer_is_reached(version: str, transport: str) -> None:
     source = FakeFrames()
-    frames = serving(source, FullLoad())
+    frames = serving(source, ChosenLoad())
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
         await frames({**scope, "http_version": version}, receive, send)

@@ -74,7 +74,7 @@ async def test_a_missing_preview_is_rendered_once_and_kept(
 async def test_another_scene_version_or_camera_gets_another_picture(renderer: Renderer, cache: PreviewCache) -> None:
     turned = SceneMetadata(background=(1, 0, 0))
     for changes in ({}, {"id": "forest"}, {"version": "2"}, {"metadata": turned}):
-        await cache.get(replace(SOURCE, **changes))  # type: ignore[arg-type]
+        await cache.get(replace(SOURCE, **changes))
     assert len(renderer.calls) == 4
 
 

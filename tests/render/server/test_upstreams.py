@@ -23,12 +23,12 @@ from websockets.utils import accept_key
 from tests.every_service import SERVICES
 from tests.test_foreign_pages import EVIL, IMAGE, NOBODY, REBOUND, REQUESTS, attacks
 from tigas_common.address import Address
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.origins import OriginPolicy
 from tigas_common.runner import serve_http
 from tigas_common.topology import ServiceName
 from tigas_common.web import created_response
-from tigas_common.wire.store import ExperimentCreated
+from tigas_experiments.wire.store import ExperimentCreated
 from tigas_render.server import upstreams
 from tigas_render.server.upstreams import SERVICE_LOST, TITLES, Upstreams
 

@@ -12,25 +12,28 @@ from starlette.responses import Response
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
-from tigas_common.described import BYTES, HAS_IT_ALREADY, JSON, PICTURES, described
 from tigas_common.errors import problem
 from tigas_common.metrics import CountedRequests, metrics_route, new_registry
 from tigas_common.openapi import openapi
 from tigas_common.origins import OriginCheck
 from tigas_common.web import (
+    BYTES,
     EXCEPTION_HANDLERS,
+    HAS_IT_ALREADY,
+    JSON,
+    PICTURES,
     Body,
     ModelResponse,
     Tagged,
     created_response,
+    described,
     healthy,
     json_response,
     list_response,
     problem_response,
     takes,
 )
-from tigas_common.wire.cluster import HostLoad
-from tigas_common.wire.render import AddedScene, SceneInfo, SceneName, ServerConfig, Training
+from tigas_common.wire.render import AddedScene, HostLoad, SceneInfo, SceneName, ServerConfig, Training
 from tigas_render.server.frame_route import FRAMES, PATH, HttpFrames
 from tigas_render.server.page import Page
 from tigas_render.server.service import RenderService

@@ -14,14 +14,12 @@ from starlette.responses import Response
 from starlette.routing import Route
 from starlette.types import Receive, Scope, Send
 
-from tigas_common.described import PICTURES, described
+from tigas_common.address import client_network
 from tigas_common.errors import InvalidRequest
-from tigas_common.peers import ARRIVED, client_network
 from tigas_common.proxy import unless, until_left
-from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, Body, takes
+from tigas_common.web import ARRIVED, EXCEPTION_HANDLERS, NO_STORE, PICTURES, Body, described, takes
 from tigas_common.wire.render import RenderRequest
-from tigas_render.admission.http_viewers import HttpViewers
-from tigas_render.admission.request_rate import RequestRate
+from tigas_render.admission.viewers import HttpViewers, RequestRate
 from tigas_render.frame import Client, Frame, FrameSource, Transport
 
 PATH = "/render"

@@ -11,8 +11,7 @@ from pathlib import Path
 
 from tigas_common.errors import Overloaded, TigasError
 from tigas_common.files import storage_explained
-from tigas_common.offload import Offload, offload_to_process
-from tigas_common.work_limits import Limit
+from tigas_common.offload import Limit, Offload, offload_to_process
 from tigas_render.scenes.library_operations import remove_scene, rename_scene
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.settings import RenderSettings

@@ -11,10 +11,10 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from tigas_common.address import Address
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.runner import explained
 from tigas_render.settings import RenderSettings
-from tigas_render.transport.steering import steer
+from tigas_render.transport.shared_port import steer
 from tigas_render.transport.udp import SOCKET_BUFFER, bind_all, bind_another
 
 

@@ -14,16 +14,21 @@ from urllib.parse import urlsplit
 from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from tigas_common.address import bracketed
-from tigas_common.certificate import Certificate
-from tigas_common.commit import this_commit
+from tigas_common.address import bracketed, is_loopback
 from tigas_common.errors import BrokenScene, DeviceLost, Overloaded
-from tigas_common.hosts import is_loopback
+from tigas_common.installation import this_commit
 from tigas_common.metrics import labelled_gauge
 from tigas_common.origins import OriginPolicy
 from tigas_common.topology import reached
-from tigas_common.wire.cluster import HostLoad
-from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest, SceneInfo, ServerConfig, StillFormat, Training
+from tigas_common.wire.render import (
+    DEFAULT_LADDER,
+    HostLoad,
+    RenderRequest,
+    SceneInfo,
+    ServerConfig,
+    StillFormat,
+    Training,
+)
 from tigas_render.admission.edge_loads import EdgeLoads
 from tigas_render.admission.load import LoadState
 from tigas_render.admission.viewers import ViewerAdmission
@@ -41,6 +46,7 @@ from tigas_render.server.library import Library
 from tigas_render.server.preview import Preview, PreviewCache, preview_camera
 from tigas_render.settings import RenderSettings
 from tigas_render.single_flight import Repeated
+from tigas_render.transport.certificate import Certificate
 
 logger = logging.getLogger(__name__)
 

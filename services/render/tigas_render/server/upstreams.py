@@ -21,12 +21,11 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidStatus, WebSocketException
 from websockets.typing import Origin
 
-from tigas_common.concurrency import ConcurrencyLimit
+from tigas_common.address import client_network
 from tigas_common.errors import Overloaded, ServiceAway, ServiceSilent, TigasError, UnknownService
+from tigas_common.limits import ConcurrencyLimit, quota
 from tigas_common.origins import OriginPolicy
-from tigas_common.peers import client_network
 from tigas_common.proxy import HOP_BY_HOP, ask, forwarded, hand_back, headers_of, refuse, unless, until_left
-from tigas_common.quota import quota
 from tigas_common.topology import SERVICES_PATH, ServiceName
 
 TITLES: Mapping[ServiceName, str] = {
