@@ -124,7 +124,7 @@ async def test_what_a_dead_host_does_not_answer_another_one_does(client: httpx.A
     assert (await client.get("/scenes/garden/preview")).status_code == 503
 
 
-async def test_nobody_waits_for_a_host_that_is_gone(
+async def test_a_lost_host_is_not_waited_for(
     client: httpx.AsyncClient, hosts: Hosts, fleet: FakeFleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(host_proxy, "LOOK_S", 0.01)
@@ -158,9 +158,7 @@ async def test_a_host_that_does_not_answer_is_left_out(
     assert (await client.get("/scenes")).status_code == 503
 
 
-async def test_a_scene_is_unloaded_wherever_it_is_loaded(
-    client: httpx.AsyncClient, hosts: Hosts, fleet: FakeFleet
-) -> None:
+async def test_a_scene_is_unloaded_everywhere(client: httpx.AsyncClient, hosts: Hosts, fleet: FakeFleet) -> None:
     fleet.states = [host("a", scenes=("gar den", "wood")), host("b", scenes=("gar den",))]
     assert (await client.post("/scenes/gar%20den/unload")).json()["state"] == "unloaded"
     assert (await client.post("/scenes/wood/unload")).status_code == 200

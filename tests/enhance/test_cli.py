@@ -90,9 +90,7 @@ def run(*arguments: str) -> tuple[int, str]:
     return outcome.exit_code, outcome.output
 
 
-def test_networks_are_trained_and_those_of_another_scene_file_are_not_evaluated(
-    server: ThreadingHTTPServer, options: list[str], tmp_path: Path
-) -> None:
+def test_networks_are_trained_and_evaluated(server: ThreadingHTTPServer, options: list[str], tmp_path: Path) -> None:
     file = tmp_path / "garden" / FILE
     status, said = run("train", "garden", *options, "--seconds", "3", "--out", str(file))
     assert status == 0, said

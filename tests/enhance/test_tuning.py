@@ -33,9 +33,7 @@ def test_a_network_is_the_same_after_it_was_written_and_read() -> None:
 @pytest.mark.parametrize(
     ("heights", "rungs"), [((720, 630, 540, 468, 300, 220, 200, 180, 144), (2, 4, 7)), ((720, 540), (1,))]
 )
-def test_of_many_rungs_those_are_trained_for_that_serve_the_most(
-    heights: tuple[int, ...], rungs: tuple[int, ...]
-) -> None:
+def test_rungs_that_serve_the_most_are_trained(heights: tuple[int, ...], rungs: tuple[int, ...]) -> None:
     assert training_rungs(DEFAULT_LADDER) == (1, 2, 3)
     named = [Rung(name=f"{i}", width=640, height=h, quality=50, expected_kb=9) for i, h in enumerate(heights)]
     assert training_rungs(named) == rungs

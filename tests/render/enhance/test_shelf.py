@@ -46,9 +46,7 @@ def train(scene: SceneSource, shelf: Shelf) -> Path:
     return file
 
 
-def test_a_scene_has_its_own_weights_only_while_its_file_is_the_same(
-    scene: SceneSource, shelf: Shelf, ply: Path
-) -> None:
+def test_weights_belong_to_the_scenes_file(scene: SceneSource, shelf: Shelf, ply: Path) -> None:
     assert shelf.kind(scene) is None
     with pytest.raises(NoWeights, match="garden has no networks"):
         shelf.content(scene)
@@ -89,9 +87,7 @@ def test_a_built_in_scenes_weights_are_kept_in_the_cache(shelf: Shelf) -> None:
     assert shelf.kind(DEMO_SOURCE) == "scene"
 
 
-def test_a_folder_that_cannot_be_written_is_named(
-    scene: SceneSource, shelf: Shelf, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_read_only_folder_is_named(scene: SceneSource, shelf: Shelf, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # root may write everywhere
     with pytest.raises(NoPlace, match="folder of garden"):
         shelf.writable_place(scene)

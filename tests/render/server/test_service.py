@@ -47,9 +47,7 @@ async def test_housekeeping_goes_on_although_it_failed(
             await kept.wait()
 
 
-async def test_told_to_stop_it_ends_loading_before_it_answers_the_last_requests(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_stopping_service_ends_loading_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def endless(_: SceneSource, listener: Listener) -> NoReturn:
         while True:
             listener(0.5)
@@ -83,7 +81,7 @@ async def client(service: RenderService) -> AsyncIterator[httpx.AsyncClient]:
         yield client
 
 
-async def test_a_viewer_that_asks_no_more_counts_no_more_though_nobody_else_asks(
+async def test_a_viewer_that_has_left_counts_no_more(
     service: RenderService, client: httpx.AsyncClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async with service.measured():
@@ -94,9 +92,7 @@ async def test_a_viewer_that_asks_no_more_counts_no_more_though_nobody_else_asks
         await eventually(lambda: service.loads.viewers == 0)
 
 
-async def test_whoever_decides_where_viewers_go_hears_how_busy_the_host_is_and_whether_it_is_full(
-    service: RenderService, client: httpx.AsyncClient
-) -> None:
+async def test_a_director_hears_how_busy_the_host_is(service: RenderService, client: httpx.AsyncClient) -> None:
     idle = parse(HostLoad, (await client.get("/api/load")).content)
     assert (idle.viewers, idle.utilisation, idle.queue_age_s, idle.config.retry_after_s) == (0, 0, 0, None)
     assert idle.config.model_dump(mode="json") == (await client.get("/config.json")).json()

@@ -104,9 +104,7 @@ async def test_every_format_shows_the_same_view(client: httpx.AsyncClient) -> No
     assert len(await body(format="yuv420p")) == png.shape[0] * png.shape[1] * 3 // 2
 
 
-async def test_a_full_gpu_gives_up_what_nobody_uses_then_refuses_then_recovers(
-    client: httpx.AsyncClient, fill: Fill
-) -> None:
+async def test_a_full_gpu_unloads_unused_scenes_then_refuses(client: httpx.AsyncClient, fill: Fill) -> None:
     assert (await frame(client, "large")).status_code == 200
     fill()
     answer = await frame(client, "small")
