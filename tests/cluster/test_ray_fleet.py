@@ -15,8 +15,8 @@ from tests.eventually import eventually
 from tigas_cluster import fleet, ray_fleet
 from tigas_cluster.fleet import Fleet
 from tigas_cluster.host import Facts
+from tigas_cluster.policy import Scaler
 from tigas_cluster.ray_fleet import VERSION, Cluster, Node, RayFleet
-from tigas_cluster.scaling import Scaler
 from tigas_cluster.settings import HostRange
 from tigas_common.errors import StartError
 

@@ -152,7 +152,6 @@ class OwnRay:
 
 
 def check_ray() -> None:
-    """Raises StartError where Ray is not installed."""
     if importlib.util.find_spec("ray") is None:
         raise StartError(f"A cluster needs Ray, which is not installed: {install_command('cluster')}")
 

@@ -15,9 +15,9 @@ from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from tigas_cluster.choice import Choice
 from tigas_cluster.fleet import Fleet, HostState
 from tigas_cluster.host_proxy import HostProxy, NoHost
+from tigas_cluster.policy import Choice
 from tigas_common.errors import InvalidRequest
 from tigas_common.metrics import CountedRequests, labelled_gauge, metrics_route, new_registry
 from tigas_common.openapi import openapi

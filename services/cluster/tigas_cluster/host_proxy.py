@@ -54,7 +54,6 @@ class HostProxy:
         self._client = httpx.AsyncClient(transport=self._transport)
 
     async def close(self) -> None:
-        """Close the connections."""
         await self._client.aclose()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

@@ -15,7 +15,7 @@ from typing import Any, Protocol, Self
 
 from tigas_cluster.fleet import Fleet, HostAddress
 from tigas_cluster.host import Facts
-from tigas_cluster.scaling import Scaler
+from tigas_cluster.policy import Scaler
 from tigas_common.errors import StartError
 
 LOOK_S, PAUSE_S = 0.5, 5.0

@@ -34,7 +34,6 @@ class CostModel:
         self._means: defaultdict[tuple[str, AnswerFormat], dict[int, float]] = defaultdict(dict)
 
     def measured(self, scene: str, format: AnswerFormat, pixels: int, seconds: float) -> None:
-        """Record the cost of a finished frame."""
         means, size = self._means[scene, format], pixels.bit_length()
         means[size] = (1 - NEWEST) * means.get(size, seconds) + NEWEST * seconds
 

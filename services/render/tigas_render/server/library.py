@@ -73,7 +73,6 @@ class Library:
         await self._change(scene_id, partial(rename_scene, name=name))
 
     def tidy(self) -> None:
-        """Drop stalled uploads."""
         with suppress(ScenesFixed):
             open_uploads(self._settings).expire()
 

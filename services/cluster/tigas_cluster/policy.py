@@ -1,18 +1,20 @@
-"""The number of hosts, and the ones to end. Pure: no clock of its own, no I/O.
-
-Up at once: while more than half of the hosts are under pressure, or when there are more viewers than the hosts are
-known to hold. Down slowly: after a calm period the host with the fewest viewers drains, and ends once they have left.
-"""
+"""Decisions from the hosts' reports: where a viewer is sent, how many hosts there are, and which ones end. No I/O."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from tigas_cluster.fleet import HostState
 from tigas_cluster.settings import HostRange
+from tigas_common.placement import Candidate, Placement, ranked
 
+COUNTED_S = 2.0
+"""Seconds until a viewer sent to a host appears in the host's own count."""
+MOST_SENT = 1000
+"""Maximum number of assignments remembered until then."""
 LASTING_S = 2.0
 """Seconds of pressure on most hosts before another is added: a pause of a host is not enough."""
 FILL, ROOMY = 0.85, 0.6
@@ -21,6 +23,53 @@ below the second share.
 """
 SETTLED_S = 5.0
 """Seconds within which viewers sent to a host before it began to drain have arrived."""
+
+
+class Choice:
+    """Sends viewers of a scene to as few hosts as its demand needs, and among those to the one with the fewest."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        """clock: in seconds."""
+        self._clock = clock
+        self._placement = Placement(clock)
+        self._sent: deque[tuple[float, str]] = deque(maxlen=MOST_SENT)
+        """Times of assignments that hosts may not have counted yet, by host."""
+
+    def host(
+        self, scene: str, hosts: Sequence[HostState], *, at: str | None = None, avoid: str | None = None
+    ) -> HostState | None:
+        """The host for a viewer of this scene; None if no host is up.
+
+        at: its present host, which it keeps unless that host is down or draining. avoid: the host that refused it,
+        chosen only if there is no other. If all hosts are full, one of them is returned.
+        """
+        if not hosts:
+            return None
+        staying = [host for host in hosts if not host.draining] or list(hosts)
+        for host in staying:
+            if host.name == at:
+                return host
+        places = self._placement.places(scene, [Candidate(host.name, host.pressed) for host in staying])
+        usable = [host for host in staying if host.name != avoid] or staying
+        taking = [host for host in usable if host.full is None]
+        if not taking:
+            return min(usable, key=lambda host: host.full or 0.0)
+        # Those after its places, if they cannot have it, are the same for every viewer.
+        of_scene = [host for host in taking if host.name in places]
+        order = ranked(scene, tuple(host.name for host in taking))
+        chosen = min(
+            of_scene or [host for host in taking if host.name == order[0]],
+            key=lambda host: (host.viewers + self._expected(host.name), order.index(host.name)),
+        )
+        self._sent.append((self._clock(), chosen.name))
+        return chosen
+
+    def _expected(self, name: str) -> int:
+        """Viewers sent there that may not have been counted yet."""
+        since = self._clock() - COUNTED_S
+        while self._sent and self._sent[0][0] < since:
+            self._sent.popleft()
+        return sum(sent == name for _, sent in self._sent)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +85,12 @@ class Plan:
 
 
 class Scaler:
-    """State of scaling: the wanted number of hosts, the capacity of one, and the draining ones."""
+    """State of scaling: the wanted number of hosts, the capacity of one, and the draining ones.
+
+    Up at once: while more than half of the hosts are under pressure, or when there are more viewers than the hosts are
+    known to hold. Down slowly: after a calm period the host with the fewest viewers drains, and ends once they have
+    left.
+    """
 
     def __init__(self, allowed: HostRange, calm_s: float, grace_s: float, clock: Callable[[], float]) -> None:
         """calm_s: how long fewer hosts must have been enough before one drains; grace_s: how long its viewers may
