@@ -113,9 +113,9 @@ class Connection:
         """When there is something to do."""
         self._transmit_handle: asyncio.Handle | None = None
         self._abandoned = False
-        self._handshake_timer = self._loop.call_later(service.limits.handshake_timeout, self._handshake_late)
-
-    # -- network -----------------------------------------------------------------------------------------------------
+        self._handshake_timer = self._loop.call_later(
+            service.limits.handshake_timeout, self.close, ErrorCode.H3_NO_ERROR, "The handshake took too long"
+        )
 
     def receive(self, data: bytes, address: Address, arrived: float) -> None:
         """Take one datagram that arrived some time ago; `transmit` must follow once all that wait are in."""
@@ -186,12 +186,6 @@ class Connection:
         self.abandon()
         self._connections.remove(self)
 
-    def _handshake_late(self) -> None:
-        if not self._quic.is_established:
-            self.close(ErrorCode.H3_NO_ERROR, "The handshake took too long")
-
-    # -- closing -----------------------------------------------------------------------------------------------------
-
     def close(self, error_code: int = ErrorCode.H3_NO_ERROR, reason: str = "") -> None:
         """Close the connection; running requests end as if the client had cancelled them."""
         self._quic.close(error_code=error_code, reason_phrase=reason)
@@ -212,8 +206,6 @@ class Connection:
         self._handshake_timer.cancel()
         if self.router is not None:
             self.router.close()
-
-    # -- events ------------------------------------------------------------------------------------------------------
 
     def _process_events(self, arrived: float) -> None:
         while (event := self._quic.next_event()) is not None:

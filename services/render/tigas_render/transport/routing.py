@@ -30,10 +30,9 @@ from tigas_render.frame import Client
 from tigas_render.transport.aioquic_ext.h3 import ServerH3Connection
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 from tigas_render.transport.datagrams import Datagrams
-from tigas_render.transport.frames import RenderSession, SessionFactory
+from tigas_render.transport.frames import DRAFT_HEADER, RenderSession, SessionFactory, WebTransportStream
 from tigas_render.transport.http import HttpRequest, http_scope, refusal
 from tigas_render.transport.outlet import Outlet, Writer
-from tigas_render.transport.webtransport import DRAFT_HEADER, WebTransportStream
 
 BUFFERED_STREAM_REJECTED = 0x3994BD84
 """WebTransport's error for a stream of a session that does not exist."""
