@@ -27,7 +27,6 @@ FAILED = error_response(Exception())
 
 
 def http_scope(headers: Headers, client: tuple[str, int], server: tuple[str, int]) -> Scope:
-    """The ASGI scope of a request."""
     pseudo = {name: value for name, value in headers if name.startswith(b":")}
     raw_path, _, query = pseudo.get(b":path", b"/").partition(b"?")
     fields = [(name, value) for name, value in headers if not name.startswith(b":") and name != b"host"]

@@ -77,7 +77,6 @@ class Outlet:
         return self.writer.quic.can_write(self.stream_id)
 
     def send_headers(self, headers: Headers) -> None:
-        """Send an HTTP header section."""
         if self.is_open:
             self.writer.h3.send_headers(self.stream_id, headers)
             self.writer.transmit_soon()
@@ -109,7 +108,6 @@ class Outlet:
         _Sending(self, list(parts), ended, ends_stream=True).go_on()
 
     def end(self) -> None:
-        """End the server's side."""
         if self.is_open:
             self.writer.quic.send_stream_data(self.stream_id, b"", end_stream=True)
             self.writer.h3.finished(self.stream_id)

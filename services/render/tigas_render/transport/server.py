@@ -27,7 +27,7 @@ from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 from tigas_render.transport.connection import Connection, Connections
 from tigas_render.transport.frames import SessionFactory
 from tigas_render.transport.inbox import Inbox, Received
-from tigas_render.transport.routing import Service
+from tigas_render.transport.routing import Router, Service
 from tigas_render.transport.shared_port import LONG_HEADER, Share
 from tigas_render.transport.stateless import Retries, StatelessResets, refusal
 from tigas_render.transport.udp import Address, Datagram, UdpEndpoint, bind_all
@@ -133,7 +133,6 @@ class Http3Server:
 
     @property
     def connections(self) -> int:
-        """How many connections there are now."""
         return len(self._connections)
 
     def replace_certificate(self, certificate: Certificate) -> None:
@@ -249,7 +248,8 @@ class Http3Server:
             session_ticket_handler=self._share.tickets.add,
         )
         client = (str(address[0]).removeprefix("::ffff:"), int(address[1]))
-        connection = Connection(quic, self._connections, self._service, client, self._address, usage)
+        make_router = partial(Router, quic, self._service, client, self._address, usage)
+        connection = Connection(quic, self._connections, usage, make_router, self._limits.handshake_timeout)
         self._connections.add(connection, header.destination_cid, quic.host_cid)
         return connection
 

@@ -72,7 +72,6 @@ class EngineProxy(_EnginesApp):
         )
 
     async def close(self) -> None:
-        """Close the connections."""
         await self._transport.aclose()
 
     async def ask(self, scope: Scope, body: bytes) -> httpx.Response:
@@ -207,27 +206,20 @@ def _with_body(answer: httpx.Response, content: bytes, *, is_head: bool = False)
     return httpx.Response(answer.status_code, headers=headers, stream=httpx.ByteStream(b"" if is_head else content))
 
 
-# -- merging -----------------------------------------------------------------------------------------------------------
-
-
 def merge_scenes(bodies: Bodies) -> bytes:
-    """Merge lists of scenes."""
     return _SCENES.dump_json(merged_scenes(_SCENES.validate_json(body) for body in bodies.values()))
 
 
 def merge_scene(bodies: Bodies) -> bytes:
-    """Merge descriptions of one scene."""
     return merged_scene([SceneInfo.model_validate_json(body) for body in bodies.values()]).model_dump_json().encode()
 
 
 def merge_training(bodies: Bodies) -> bytes:
-    """Merge states of a scene's training."""
     states = [Training.model_validate_json(body) for body in bodies.values()]
     return min(states, key=lambda each: TRAININGS.index(each.state)).model_dump_json().encode()
 
 
 def is_running(body: bytes) -> bool:
-    """Whether a training runs."""
     return Training.model_validate_json(body).state == "running"
 
 

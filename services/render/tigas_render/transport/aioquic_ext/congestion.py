@@ -52,7 +52,6 @@ class LimitedReno(RenoCongestionControl):
         return fresh
 
     def on_packet_sent(self, *, packet: QuicSentPacket) -> None:
-        """Remember whether the window is full."""
         self.on_packets_sent((packet,))
 
     def on_packet_acked(self, *, now: float, packet: QuicSentPacket) -> None:
