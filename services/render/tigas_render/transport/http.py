@@ -14,14 +14,13 @@ from aioquic.h3.events import Headers
 from starlette.types import ASGIApp, Message, Scope
 
 from tigas_common.peers import ARRIVED
+from tigas_common.proxy import HOP_BY_HOP
 from tigas_common.web import error_response, problem_response
 from tigas_common.wire.render import Problem
 from tigas_render.transport.outlet import Outlet, StreamClosed
 
 logger = logging.getLogger(__name__)
 
-HOP_BY_HOP = frozenset((b"connection", b"keep-alive", b"proxy-connection", b"te", b"transfer-encoding", b"upgrade"))
-"""Fields that HTTP/3 forbids (RFC 9114, 4.2)."""
 FAILED = error_response(Exception())
 """The answer if the application fails."""
 
@@ -136,7 +135,7 @@ class HttpRequest:
             case "http.response.start" if not self._started:
                 self._started = True
                 fields = [(name.lower(), value) for name, value in message.get("headers", ())]
-                kept = [field for field in fields if field[0] not in HOP_BY_HOP]
+                kept = [field for field in fields if field[0] not in HOP_BY_HOP]  # HTTP/3 forbids them (RFC 9114, 4.2)
                 self.outlet.send_headers([(b":status", str(message["status"]).encode()), *kept])
             case "http.response.body" if self._started and not self._complete:
                 await self._send_body(message.get("body", b""), message.get("more_body", False))
