@@ -1,29 +1,23 @@
 /** The user's settings, stored in the browser. Invalid stored values are replaced by their defaults. */
 import * as v from "valibot";
 import { CONTROLLER_NAMES } from "../abr/registry";
-import { FRAME_RATES, PRESETS, tuned } from "../dash/presets";
+import { type DashSettings, FRAME_RATES, PRESETS, tuned } from "../dash/presets";
 import { OFF } from "../enhance/model/enhancer";
 import { enhancersOf } from "../enhance/registry";
 import { PREDICTOR_NAMES } from "../predict/registry";
 import { WEBRTC_STREAMS } from "../webrtc/presets";
+import { SIDE_MODES, SOURCES, USUAL_SIDES } from "../wire/run";
 
-export const MODES = ["stateless", "video", "dash", "webrtc", "side-by-side", "local"] as const;
+/** A mode that shows one picture. */
+export type SourceName = (typeof SOURCES)[number];
+/** Two pictures, each with its own mode. */
+export const COMPARED = "side-by-side";
+export const MODES = [...SOURCES, COMPARED] as const;
 export type Mode = (typeof MODES)[number];
-
-/** Whether the mode uses a stream of the packager; in `side-by-side`, each side has its own mode (`sides.ts`). */
-export const isStreamed = (mode: Mode): mode is "dash" | "webrtc" => mode === "dash" || mode === "webrtc";
-/** Whether the mode uses per-pose requests. */
-export const isPerView = (mode: Mode) => mode === "stateless" || mode === "video";
-
-/** Choices for a side of a comparison: a mode with its stream. */
-export const SIDE_MODES = [
-  "stateless",
-  "video",
-  ...PRESETS.map((preset) => `dash-${preset}` as const),
-  "webrtc",
-  "local",
-] as const;
+/** Choices for a side of a comparison: a mode, and the preset of a stream. */
 export type SideMode = (typeof SIDE_MODES)[number];
+export const PLACES = ["left", "right"] as const;
+export type Place = (typeof PLACES)[number];
 
 export const LOCKS = ["off", "resolution", "bitrate"] as const;
 export type SideLock = (typeof LOCKS)[number];
@@ -31,14 +25,10 @@ export type SideLock = (typeof LOCKS)[number];
 const Settings = v.object({
   theme: v.fallback(v.picklist(["system", "light", "dark"]), "system"),
   transport: v.fallback(v.picklist(["auto", "webtransport-streams", "webtransport-datagrams", "fetch"]), "auto"),
-  /**
-   * The mode: one JPEG per pose, one video frame per pose, a stream over DASH or WebRTC, two of them side by side, or a
-   * download rendered in this browser.
-   */
-  mode: v.fallback(v.picklist(MODES), "stateless"),
-  /** Dimension of the comparison. */
-  left: v.fallback(v.picklist(SIDE_MODES), "stateless"),
-  right: v.fallback(v.picklist(SIDE_MODES), "dash-tuned"),
+  mode: v.fallback(v.picklist(MODES), USUAL_SIDES[0]),
+  /** The two pictures of a comparison. */
+  left: v.fallback(v.picklist(SIDE_MODES), USUAL_SIDES[0]),
+  right: v.fallback(v.picklist(SIDE_MODES), USUAL_SIDES[1]),
   /** Constraint shared by both sides: a rung of the ladder, or a rate in kbit/s. */
   lock: v.fallback(v.picklist(LOCKS), "off"),
   lockRung: v.fallback(v.pipe(v.number(), v.integer(), v.minValue(0), v.maxValue(255)), 0),
@@ -100,6 +90,15 @@ const Settings = v.object({
 });
 
 export type Settings = v.InferOutput<typeof Settings>;
+
+/** Settings of one picture on the stage. */
+export interface SideSettings
+  extends Omit<Settings, "mode" | "dashRepresentation">,
+    Pick<DashSettings, "dashRepresentation"> {
+  readonly mode: SourceName;
+  /** How many kbit/s it may take; without it, as many as it likes. */
+  readonly bitrateKbps?: number;
+}
 
 export const DEFAULT_SETTINGS: Settings = v.parse(Settings, {});
 

@@ -4,7 +4,8 @@ import { ComparisonHistory } from "../charts/history";
 import { WalkRecorder } from "../charts/walk";
 import { groundTruth, psnrOf } from "../quality/ground-truth";
 import { WalkQuality } from "../quality/walk-quality";
-import { STATS_EVERY } from "../view/meter";
+import { type Figures, STATS_EVERY } from "../view/meter";
+import type { Presence } from "../view/presence";
 import type { Rig } from "../view/rig";
 import type { Side } from "./side";
 
@@ -21,7 +22,9 @@ export interface SeenQuality {
 export const UNSCORED: SeenQuality = { psnr: [], moments: 0, problem: null };
 
 /** The part of a `Side` that is used. */
-export type ComparedSide = Pick<Side, "figures" | "onPresented" | "picture" | "settings">;
+export interface ComparedSide extends Pick<Side, "onPresented" | "picture"> {
+  readonly figures: Figures | null;
+}
 
 export class Comparison {
   /** From left to right. */
@@ -37,7 +40,7 @@ export class Comparison {
   #scoring = new AbortController();
   readonly #stops: readonly (() => void)[];
 
-  constructor(rig: Rig, sides: readonly ComparedSide[]) {
+  constructor(rig: Rig, sides: readonly ComparedSide[], presence: Pick<Presence, "every">) {
     this.#rig = rig;
     this.sides = sides;
     this.history = new ComparisonHistory(sides.length);
@@ -48,9 +51,8 @@ export class Comparison {
       },
       compare: psnrOf,
     });
-    const timer = setInterval(() => this.#look(performance.now()), STATS_EVERY);
     this.#stops = [
-      () => clearInterval(timer),
+      presence.every(STATS_EVERY, () => this.#look(performance.now())),
       rig.onSample(({ seq }, at) => this.walks.sampled(seq, at)),
       ...sides.map((side, i) =>
         side.onPresented((frame) => {
@@ -59,6 +61,12 @@ export class Comparison {
         }),
       ),
     ];
+  }
+
+  /** The page was hidden until now. */
+  resumed(): void {
+    this.walks.resumed();
+    this.#seen.forget();
   }
 
   dispose(): void {

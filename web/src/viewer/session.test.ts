@@ -12,6 +12,7 @@ import { connect } from "../transport/connect";
 import { ASK_DIRECTOR_EVERY, CHECK_EVERY } from "../transport/ending";
 import { FakeTransport, settle } from "../transport/fake";
 import { RequestProblem } from "../transport/transport";
+import { LEFT_AFTER } from "../view/presence";
 import { ViewerSession } from "./session";
 
 vi.mock("../state/api");
@@ -20,15 +21,18 @@ const streams = vi.hoisted(() => [] as { readonly options: Record<string, unknow
 vi.mock("../dash/dash-views", () => ({ overDash: (source: unknown) => source }));
 vi.mock("../webrtc/webrtc-views", () => ({ overWebRtc: (source: unknown) => source }));
 vi.mock("../stream/stream-player", () => ({
+  NO_STREAM_STATS: null,
   StreamPlayer: class {
     disposed = false;
     readonly options: Record<string, unknown>;
     readonly phase = signal({ kind: "playing" });
+    readonly stats = signal(null);
     constructor(options: Record<string, unknown>) {
       this.options = options;
       streams.push(this);
     }
     presented() {}
+    resumed() {}
     tick() {}
     dispose() {
       this.disposed = true;
@@ -176,8 +180,8 @@ test("no animation frame for a long time means that the page was hidden: no late
   await drawn(30);
   now += 30_000;
   await drawn(30);
-  expect(session.stateless.stats.value.motionToPhoton?.p95).toBeLessThan(200);
-  expect(session.stateless.stats.value.contentAge).toBeLessThan(200);
+  expect(session.source.value?.stats.value.motionToPhoton?.p95).toBeLessThan(200);
+  expect(session.source.value?.stats.value.contentAge).toBeLessThan(200);
 });
 
 test("whoever stands still hears that the scene was deleted, and can come back once it is there again", async () => {
@@ -261,7 +265,7 @@ test("a rung that is refused because the ladder has become shorter is asked for 
   expect(ladder.value).toEqual(own);
   await drawn(3);
   expect(asked.at(-1)?.request.profile).toBe(0);
-  expect(session.stateless.problem.value).toBeNull();
+  expect(session.source.value?.phase.value).toEqual({ kind: "playing" });
 });
 
 test("another transport is connected at once, and the former closed", async () => {
@@ -294,7 +298,7 @@ test("two modes that ask for each view are two clients of the server, and leave 
   await drawn(5);
   expect(transports).toHaveLength(2);
   expect(transports.map(({ requests }) => requests.length > 0)).toEqual([true, true]);
-  expect([...pane.children].map(({ tagName }) => tagName)).toEqual(["CANVAS", "VIDEO"]);
+  expect([...pane.children].map(({ tagName }) => tagName)).toEqual(["CANVAS"]);
   transports[1]?.lose("The right one broke.");
   await settle();
   expect(session.rightConnection.value).toMatchObject({ status: "lost" });
@@ -312,7 +316,7 @@ test("a stream is opened where the mode has one, and anew when what decides it c
   await vi.advanceTimersByTimeAsync(1000); // the viewport has kept its size
   expect(streams).toHaveLength(0);
   changeSettings({ mode: "side-by-side" });
-  expect(session.stream.value).toBe(streams[0]);
+  expect(streams).toHaveLength(1);
   expect(streams[0]?.options).toMatchObject({
     side: "dash",
     open: { base: "http://dash.test", scene: "courtyard" },
@@ -331,27 +335,78 @@ test("a stream is opened where the mode has one, and anew when what decides it c
   await vi.advanceTimersByTimeAsync(200);
   expect(streams).toHaveLength(3);
   changeSettings({ mode: "stateless" });
-  expect(session.stream.value).toBeNull();
   expect(streams.map(({ disposed }) => disposed)).toEqual([true, true, true]);
 });
 
 test("where the browser gives a video's pictures away to nobody, a word says so, and the stream has no margins", async () => {
   await visit(); // this DOM has no VideoFrame
   await vi.advanceTimersByTimeAsync(1000);
-  expect(session.left.videoReprojector.status.value).toBe("off");
   changeSettings({ mode: "dash" });
-  expect(session.left.videoReprojector.status.value).toBe("unreadable");
+  expect(session.source.value?.reprojection.value).toBe("unreadable");
   expect(streams.at(-1)?.options.overscan).toBeNull();
+});
+
+/** A person turns to another tab, or back. */
+async function hide(hidden: boolean, after = 0): Promise<void> {
+  Object.defineProperty(document, "hidden", { value: hidden, configurable: true });
+  document.dispatchEvent(new Event("visibilitychange"));
+  await vi.advanceTimersByTimeAsync(after);
+}
+
+test("a page that nobody has seen for a while holds no connection, stream or decoder, and asks for nothing", async () => {
+  changeSettings({ mode: "side-by-side", left: "stateless", right: "dash-tuned" });
+  await visit();
+  await vi.advanceTimersByTimeAsync(1000); // the viewport has kept its size
+  await drawn(5);
+  await hide(true, LEFT_AFTER - 1000);
+  await hide(false); // back in time
+  await drawn(5);
+  expect([transports.map(({ closed }) => closed), streams.map(({ disposed }) => disposed)]).toEqual([[false], [false]]);
+  await hide(true, LEFT_AFTER);
+  expect([transports.map(({ closed }) => closed), streams.map(({ disposed }) => disposed)]).toEqual([[true], [true]]);
+  expect(session.sources.value).toEqual([]);
+  const asked = vi.mocked(fetchConfig).mock.calls.length;
+  await vi.advanceTimersByTimeAsync(60_000);
+  expect(vi.mocked(fetchConfig).mock.calls).toHaveLength(asked);
+  const shown: number[] = [];
+  session.onPresented(({ pose }) => shown.push(pose));
+  await hide(false, 1000);
+  now += 120_000;
+  await drawn(20);
+  expect(phase()).toEqual({ kind: "playing" });
+  expect([transports.map(({ closed }) => closed), streams.map(({ disposed }) => disposed)]).toEqual([
+    [true, false],
+    [true, false],
+  ]);
+  expect(shown.length).toBeGreaterThan(0);
+  expect(session.source.value?.stats.value.contentAge).toBeLessThan(200);
 });
 
 test("a page that is left ends its stream, and one that is shown again as it was opens another", async () => {
   await visit();
   await vi.advanceTimersByTimeAsync(1000);
   changeSettings({ mode: "dash" });
+  await vi.advanceTimersByTimeAsync(1000);
   dispatchEvent(new Event("pagehide"));
   expect(streams.map(({ disposed }) => disposed)).toEqual([true]);
-  dispatchEvent(Object.assign(new Event("pageshow"), { persisted: true }));
+  dispatchEvent(new Event("pageshow"));
+  await vi.advanceTimersByTimeAsync(1000);
   expect(streams.map(({ disposed }) => disposed)).toEqual([true, false]);
+});
+
+test("a device that is online again tries to connect at once", async () => {
+  await visit();
+  vi.stubGlobal("navigator", { ...navigator, onLine: false });
+  dispatchEvent(new Event("offline"));
+  vi.mocked(fetchConfig).mockRejectedValue(new ApiError("The server does not answer.", true));
+  transports[0]?.lose("The connection broke.");
+  await settle();
+  expect(phase().kind).toBe("lost");
+  vi.mocked(fetchConfig).mockImplementation(async () => serverConfig(SERVICES));
+  vi.stubGlobal("navigator", { ...navigator, onLine: true });
+  dispatchEvent(new Event("online"));
+  await settle();
+  expect(phase()).toEqual({ kind: "playing" });
 });
 
 test("a visit that ends leaves nothing running", async () => {

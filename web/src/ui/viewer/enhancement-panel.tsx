@@ -13,7 +13,9 @@ import { SceneTraining } from "./scene-training";
 
 export function EnhancementPanel({ session }: { session: ViewerSession }) {
   const missing = webgpuProblem();
-  const status = session.enhancement.status.value;
+  const source = session.source.value;
+  const status = source?.enhancement?.status.value ?? { kind: "off" };
+  const stats = source?.stats.value;
   return (
     <>
       <div class="models">
@@ -28,7 +30,7 @@ export function EnhancementPanel({ session }: { session: ViewerSession }) {
       )}
       {!missing && status.kind !== "off" && (
         <p class="muted small" role="status" data-enhancement={status.kind}>
-          {sentence(status, session.stateless.stats.value.enhanceMs)}
+          {sentence(status, stats?.kind === "requests" ? stats.enhanceMs : null)}
         </p>
       )}
       <SceneTraining session={session} />

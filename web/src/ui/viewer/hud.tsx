@@ -2,6 +2,7 @@
 import { ChevronDown, ChevronUp } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { EnhancementStatus } from "../../enhance/enhancement";
+import type { Source } from "../../sources/source";
 import { changeSettings, ladder, settings } from "../../state/app";
 import type { Stats } from "../../stateless/stats";
 import type { ViewerSession } from "../../viewer/session";
@@ -15,16 +16,17 @@ const NONE = "–";
 
 interface HudProps {
   readonly session: ViewerSession;
+  readonly source: Source;
+  readonly stats: Stats;
   /** Whether all figures are shown unless the person chose otherwise. */
   readonly detailed: boolean;
   /** Problem with the link that opened this view. */
   readonly linkNote?: string | null;
 }
 
-export function Hud({ session, detailed, linkNote }: HudProps) {
-  const stats = session.stateless.stats.value;
+export function Hud({ session, source, stats, detailed, linkNote }: HudProps) {
   const details = settings.value.hudDetails ?? detailed;
-  const enhancement = session.enhancement.status.value;
+  const enhancement = source.enhancement?.status.value ?? { kind: "off" };
   const { fallback, host } = session.connected.value ?? {};
   return (
     <section class="floating hud" aria-label="Measurements">

@@ -1,20 +1,27 @@
 /** One sentence on invalid settings in a link: they have no effect, and the user should know. */
+import { KINDS, OFF } from "../../enhance/model/enhancer";
+import { nameProblem } from "../../enhance/registry";
 import { PREDICTOR_NAMES } from "../../predict/registry";
 import { linkedPose } from "../../state/link";
 import { ASKABLE, type Asked } from "../../state/route";
-import { LINKED, MODES, SIDE_MODES, settingOf } from "../../state/settings";
+import { LINKED, MODES, settingOf } from "../../state/settings";
+import { SIDE_MODES } from "../../wire/run";
 
 /** Values of modes and comparisons accepted in a link. */
 const CHOICES = { mode: MODES, left: SIDE_MODES, right: SIDE_MODES } as const;
 
-/** Null if all settings are valid; missing models are reported where they would be used. */
+/** Null if all settings are valid. */
 export function linkNote(asked: Asked, unknown: readonly string[] = []): string | null {
-  const { at, reprojection, prediction, restore: _, upscale: __, ...others } = asked;
+  const { at, reprojection, prediction, ...others } = asked;
   if (unknown.length > 0) {
     return `The link names “${unknown.join("”, “")}”, which means nothing here; it may name ${ASKABLE.join(", ")}.`;
   }
   if (reprojection !== undefined && reprojection !== "on" && reprojection !== "off") {
     return `The link sets reprojection to “${reprojection}”: it is either on or off.`;
+  }
+  for (const kind of KINDS) {
+    const problem = nameProblem(kind, asked[kind] ?? OFF);
+    if (problem !== null) return problem;
   }
   if (prediction !== undefined && !PREDICTOR_NAMES.some((name) => name === prediction)) {
     return `The link names a prediction that does not exist, “${prediction}”; choose one of ${PREDICTOR_NAMES.join(", ")}.`;

@@ -2,13 +2,13 @@
 
 import type { ComponentChildren } from "preact";
 import { type DashPlan, type DashSetup, FRAME_RATES, PRESETS, type Preset, planFor } from "../../dash/presets";
-import { changeSettings, config, settings } from "../../state/app";
-import { isStreamed, MODES } from "../../state/settings";
-import { settingsShown } from "../../state/sides";
+import { SOURCES } from "../../sources/registry";
+import { applies, settingsShown, titleOf } from "../../sources/sides";
+import { changeSettings, settings } from "../../state/app";
+import { COMPARED, MODES } from "../../state/settings";
 import type { ViewerSession } from "../../viewer/session";
 import { CODEC_NAMES, WEBRTC_PLANS, WEBRTC_STREAMS } from "../../webrtc/presets";
 import { ComparisonPanel } from "./comparison-panel";
-import { MODE_NAMES, noPackager } from "./names";
 import { NumberField } from "./number-field";
 import { SidesPanel } from "./sides-panel";
 
@@ -21,29 +21,31 @@ const PRESET_NAMES: Readonly<Record<Preset, string>> = {
 
 export function ModePanel({ session }: { session: ViewerSession }) {
   const { mode } = settings.value;
-  const shown = settingsShown(settings.value).map((each) => each.mode);
-  const streams = shown.filter(isStreamed);
-  const missing = config.value !== null && !config.value.services.dash;
+  const sides = [session.left, session.right.value].filter((side) => side !== null);
+  const problem = sides.find((side) => side.missing.value !== null);
+  const { about } = session.left.kind.value;
   return (
     <>
       <Segments name="mode" label="Mode">
         {MODES.map((each) => (
           <Segment key={each} name="mode" checked={mode === each} onChoose={() => changeSettings({ mode: each })}>
-            {MODE_NAMES[each]}
+            {titleOf(each)}
           </Segment>
         ))}
       </Segments>
-      {mode === "local" && <Download session={session} />}
-      {mode === "side-by-side" && <SidesPanel />}
-      {streams[0] && missing && (
-        <p class="notice" role="alert" data-notice="no-packager">
-          {noPackager(streams[0])}: start one with <code>tigas dash</code>, and name it to the server as the service
-          “dash”.
+      {mode === COMPARED && <SidesPanel />}
+      {problem ? (
+        <p class="notice" role="alert">
+          {problem.missing.value}. {problem.kind.value.remedy}
         </p>
+      ) : (
+        <>
+          {applies("dashCustom", settings.value) && <Streams />}
+          {applies("webrtcStream", settings.value) && <WebRtc />}
+          {mode !== COMPARED && about && <p class="muted small">{about}</p>}
+        </>
       )}
-      {shown.includes("dash") && !missing && <Streams />}
-      {shown.includes("webrtc") && !missing && <WebRtc />}
-      {((isStreamed(mode) && !missing) || mode === "side-by-side") && <ComparisonPanel session={session} />}
+      <ComparisonPanel session={session} />
     </>
   );
 }
@@ -51,13 +53,16 @@ export function ModePanel({ session }: { session: ViewerSession }) {
 /** DASH settings: the preset, unless each side has one, and shared parameters. */
 function Streams() {
   const { mode, dashPreset, dashCustom } = settings.value;
-  const plans = settingsShown(settings.value).flatMap((shown) => (shown.mode === "dash" ? [planFor(shown)] : []));
-  const custom = settingsShown(settings.value).some((shown) => shown.mode === "dash" && shown.dashPreset === "custom");
+  const plans = settingsShown(settings.value)
+    .filter(({ mode: each }) => SOURCES[each].settings.includes("dashCustom"))
+    .map((shown) => ({ ...planFor(shown), custom: shown.dashPreset === "custom" }));
+  const custom = plans.some((one) => one.custom);
   const [plan] = plans;
+  const compared = mode === COMPARED;
   return (
     <>
       <h4 class="segments-name">DASH stream</h4>
-      {mode === "dash" && (
+      {!compared && (
         <Segments name="preset" label="DASH stream">
           {PRESETS.map((preset) => (
             <Segment
@@ -86,7 +91,7 @@ function Streams() {
           ))}
         </Segments>
       )}
-      {mode === "dash" && !custom && plan && <p class="muted small">{sentence(plan)}</p>}
+      {!compared && !custom && plan && <p class="muted small">{sentence(plan)}</p>}
     </>
   );
 }
@@ -110,24 +115,6 @@ function WebRtc() {
       </Segments>
       <p class="muted small">A video whose bit rate follows the browser’s estimate of the link.</p>
     </>
-  );
-}
-
-/** Selects the form of the download. */
-function Download({ session }: { session: ViewerSession }) {
-  const scene = session.scene.value;
-  if (scene === null) return null;
-  if (!scene.downloads?.length) {
-    return (
-      <p class="notice" role="alert" data-notice="no-download">
-        This server does not offer the scene for download.
-      </p>
-    );
-  }
-  return (
-    <p class="muted small">
-      The compressed scene is downloaded, the most important Gaussians first; this browser draws them.
-    </p>
   );
 }
 

@@ -3,10 +3,8 @@ import { ChevronDown } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { PredictorName } from "../../predict/registry";
 import { turning } from "../../reproject/acceleration";
+import { applies } from "../../sources/sides";
 import { changeSettings, settings } from "../../state/app";
-import { isPerView, isStreamed } from "../../state/settings";
-import { settingsShown } from "../../state/sides";
-import { NO_STREAM_STATS } from "../../stream/stream-player";
 import type { ViewerSession } from "../../viewer/session";
 import { Icon } from "../icon";
 import { OverscanOptions, overscanOf } from "../overscans";
@@ -15,11 +13,9 @@ import { milliseconds } from "./hud";
 
 export function ReprojectionPanel({ session }: { session: ViewerSession }) {
   const { reprojection, prediction, overscan, depth, surround } = settings.value;
-  const modes = settingsShown(settings.value).map(({ mode }) => mode);
-  const streamed = isStreamed(session.left.settings.value.mode);
-  const status = (streamed ? session.left.videoReprojector : session.left.reprojector).status.value;
+  const status = session.source.value?.reprojection.value;
   const note = session.unturned.value;
-  const { warpMs } = (streamed ? session.stream.value : session.stateless)?.stats.value ?? NO_STREAM_STATS;
+  const warpMs = session.source.value?.stats.value.warpMs ?? null;
   return (
     <>
       <label class="check" title="Turns the newest frame to the current view each time the display is refreshed">
@@ -37,7 +33,7 @@ export function ReprojectionPanel({ session }: { session: ViewerSession }) {
         <input
           type="checkbox"
           checked={depth}
-          disabled={!reprojection || !modes.includes("stateless")}
+          disabled={!reprojection || !applies("depth", settings.value)}
           onChange={() => changeSettings({ depth: !depth })}
         />
         Use depth
@@ -46,7 +42,7 @@ export function ReprojectionPanel({ session }: { session: ViewerSession }) {
         <input
           type="checkbox"
           checked={surround}
-          disabled={!reprojection || !modes.some(isPerView)}
+          disabled={!reprojection || !applies("surround", settings.value)}
           onChange={() => changeSettings({ surround: !surround })}
         />
         Fill the edges on fast turns

@@ -2,9 +2,9 @@
 import { ChevronDown, X } from "lucide";
 import type { ComponentChildren } from "preact";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../../abr/registry";
+import { applies } from "../../sources/sides";
 import { changeSettings, config, ladder, settings } from "../../state/app";
-import { DEFAULT_SETTINGS, isPerView } from "../../state/settings";
-import { settingsShown } from "../../state/sides";
+import { DEFAULT_SETTINGS, type Settings } from "../../state/settings";
 import type { TransportChoice } from "../../transport/connect";
 import type { Intrinsics } from "../../view/intrinsics";
 import type { ViewerSession } from "../../viewer/session";
@@ -33,8 +33,7 @@ interface Props {
 
 export function Sidebar({ session, onClose, onReset, onSkip }: Props) {
   const shaper = config.value?.services.shaper;
-  const modes = settingsShown(settings.value).map(({ mode }) => mode);
-  const rendered = modes.some((mode) => mode !== "local");
+  const affects = (name: keyof Settings) => applies(name, settings.value);
   return (
     <aside class="sidebar" aria-label="Settings">
       <button type="button" class="visually-hidden quiet-button" onClick={onSkip}>
@@ -49,18 +48,18 @@ export function Sidebar({ session, onClose, onReset, onSkip }: Props) {
       <Section title="Mode">
         <ModePanel session={session} />
       </Section>
-      {rendered && <Quality session={session} />}
-      {modes.some(isPerView) && (
+      {affects("controller") && <Quality session={session} />}
+      {affects("upscale") && (
         <Section title="Enhancement">
           <EnhancementPanel session={session} />
         </Section>
       )}
-      {rendered && (
+      {affects("reprojection") && (
         <Section title="Reprojection">
           <ReprojectionPanel session={session} />
         </Section>
       )}
-      {rendered && <Transport />}
+      {affects("transport") && <Transport />}
       {shaper && (
         <Section title="Network">
           <NetworkPanel base={shaper} session={session} />
@@ -97,7 +96,8 @@ function Section({
 
 function Quality({ session }: { session: ViewerSession }) {
   const { controller, profile, refine, webp } = settings.value;
-  const { frame } = session.stateless.stats.value;
+  const stats = session.source.value?.stats.value;
+  const frame = stats?.kind === "requests" ? stats.frame : null;
   const adapts = controller !== "fixed";
   const chosen = adapts ? frame?.profile : Math.min(profile, Math.max(0, ladder.value.length - 1));
   return (

@@ -1,11 +1,11 @@
 /** Settings of a comparison, and those shared by both sides. */
 import { ChevronDown } from "lucide";
 import type { ComponentChildren } from "preact";
+import { VARIANTS } from "../../sources/registry";
+import { kindsShown } from "../../sources/sides";
 import { changeSettings, ladder, settings } from "../../state/app";
-import { LOCKS, SIDE_MODES, type SideLock, type SideMode } from "../../state/settings";
-import { PLACES, type Place, settingsShown } from "../../state/sides";
+import { LOCKS, PLACES, type Place, type SideLock, type SideMode } from "../../state/settings";
 import { Icon } from "../icon";
-import { SIDE_MODE_NAMES } from "./names";
 import { NumberField } from "./number-field";
 
 const PLACE_NAMES: Readonly<Record<Place, string>> = { left: "Left", right: "Right" };
@@ -28,9 +28,9 @@ export function SidesPanel() {
             value={settings.value[place]}
             onValue={(value) => changeSettings({ [place]: value as SideMode })}
           >
-            {SIDE_MODES.map((mode) => (
-              <option key={mode} value={mode}>
-                {SIDE_MODE_NAMES[mode]}
+            {VARIANTS.map(({ name, title }) => (
+              <option key={name} value={name}>
+                {title}
               </option>
             ))}
           </Choice>
@@ -75,7 +75,7 @@ export function SidesPanel() {
 function LockNote() {
   const { lock } = settings.value;
   if (lock === "off") return null;
-  const free = settingsShown(settings.value).some(({ mode }) => mode === "local");
+  const free = kindsShown(settings.value).some(({ drawsHere }) => drawsHere);
   return (
     <p class="muted small">
       {lock === "bitrate" && "A stream is encoded at this rate; of single frames, so many come as fit into it. "}

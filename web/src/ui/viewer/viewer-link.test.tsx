@@ -68,7 +68,7 @@ test("a URL that names a model which there is not says so, and chooses none", ()
   settings.value = { ...settings.value, restore: "anime4k-restore-m", upscale: "bicubic" };
   show({ upscale: "magic" });
   expect(settings.value).toMatchObject({ restore: "anime4k-restore-m", upscale: "off" });
-  expect(screen.getByText(/Enhancement is off. There is no model “magic” to upscale with, only off, /)).toBeTruthy();
+  expect(screen.getByText(/There is no model “magic” to upscale with, only off, /)).toBeTruthy();
 });
 
 test("a URL may say how movement is met, and what makes no sense in it changes nothing", () => {
