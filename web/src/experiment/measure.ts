@@ -6,7 +6,7 @@ import type { Shaper } from "../network/shaper";
 import type { About } from "../samples/layout";
 import { titleOf } from "../sources/sides";
 import { settings } from "../state/app";
-import type { Settings } from "../state/settings";
+import { recorded } from "../state/settings";
 import type { ViewerSession } from "../viewer/session";
 import type { ShaperStatus } from "../wire/shaper";
 import type { RunUpload } from "../wire/store";
@@ -56,7 +56,7 @@ export async function measure(
     runner.seed(run.seed);
     const download = isLocal(run.mode);
     const asked = [settings.peek(), ...(download ? [{ ...settings.peek(), mode: "local" } as const] : [])].map(
-      decisive,
+      recorded,
     );
     await waitUntil(
       () => runner.state().ready,
@@ -155,7 +155,7 @@ function watchForTrouble(
     if (shown?.kind === "failed") return shown.message;
     if (!isLocal(run.mode) && shown?.kind !== "playing")
       return `The ${titleOf(settings.value.mode)} stream was lost during the run.`;
-    if (!asked.includes(decisive(settings.value)) || lens() !== before)
+    if (!asked.includes(recorded(settings.value)) || lens() !== before)
       return "Settings or the window's size were changed during the run.";
     const status = shaper?.status.value ?? null;
     if (known === null) return null; // without a shaper
@@ -175,16 +175,6 @@ function watchForTrouble(
 /** A movement from a time on, in milliseconds. */
 function from(points: readonly TimedPose[], begin: number): readonly TimedPose[] {
   return points.map((point) => ({ ...point, t_ms: point.t_ms - begin }));
-}
-
-/** The settings that affect the measurement, as text. */
-function decisive(chosen: Settings): string {
-  const { transport, mode, controller, profile, refine, restore, upscale, webp } = chosen;
-  const { reprojection, prediction, overscan, depth, surround } = chosen;
-  const { dashPreset, dashFrameRate, dashRepresentation, dashCustom, webrtcStream } = chosen;
-  const opened = [dashPreset, dashFrameRate, dashRepresentation, dashCustom, webrtcStream];
-  const motion = [reprojection, prediction, overscan, depth, surround];
-  return JSON.stringify([transport, mode, controller, profile, refine, restore, upscale, webp, ...opened, ...motion]);
 }
 
 function visible(): boolean {

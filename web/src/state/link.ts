@@ -1,7 +1,7 @@
 /** Links to a view: the camera pose, and the settings that affect the view. Pure. */
 import type { ScenePose } from "../view/camera";
 import { type Asked, sceneHash } from "./route";
-import { COMPARED, DEFAULT_SETTINGS, LINKED, type Settings, settingOf } from "./settings";
+import { COMPARED, DEFAULT_SETTINGS, LINKED, type LinkedName, type Settings, settingOf } from "./settings";
 
 /** Digits of a place and of a rotation, so that a link stays short. */
 const PLACE_DIGITS = 6;
@@ -36,6 +36,6 @@ export function linkedPose({ at }: Asked): ScenePose | null {
   return { position: [x, y, z], quaternion: [qx / length, qy / length, qz / length, qw / length] };
 }
 
-function inText(value: Settings[(typeof LINKED)[number]]): string {
+function inText(value: Settings[LinkedName]): string {
   return typeof value === "boolean" ? (value ? "on" : "off") : String(value);
 }

@@ -4,12 +4,12 @@ import type { ComponentChildren } from "preact";
 import type { EnhancementStatus } from "../../enhance/enhancement";
 import type { Source } from "../../sources/source";
 import { changeSettings, ladder, settings } from "../../state/app";
+import { SETTINGS } from "../../state/settings";
 import type { Stats } from "../../stateless/stats";
 import type { ViewerSession } from "../../viewer/session";
 import { bitrate, bytes } from "../format";
 import { Icon } from "../icon";
 import { EXPLANATIONS, type Explained } from "./explanations";
-import { TRANSPORT_NAMES } from "./names";
 import { enhancementNote, Notes, serverNote } from "./notes";
 
 const NONE = "–";
@@ -47,7 +47,9 @@ export function Hud({ session, source, stats, detailed, linkNote }: HudProps) {
       {details && <Details stats={stats} enhancement={enhancement} />}
       <p class="hud-transport" title={EXPLANATIONS.transport}>
         <span class="dot" data-transport={stats.transport ?? "none"} />
-        <span data-stat="transport">{stats.transport ? TRANSPORT_NAMES[stats.transport] : "not connected"}</span>
+        <span data-stat="transport">
+          {stats.transport ? SETTINGS.transport.options[stats.transport] : "not connected"}
+        </span>
         {fallback && (
           <span class="muted" data-stat="fallback">
             {" "}

@@ -1,23 +1,15 @@
 /** Selects the mode and the parameters of its stream. */
 
-import type { ComponentChildren } from "preact";
-import { type DashPlan, type DashSetup, FRAME_RATES, PRESETS, type Preset, planFor } from "../../dash/presets";
+import { type DashPlan, type DashSetup, FRAME_RATES, planFor } from "../../dash/presets";
 import { SOURCES } from "../../sources/registry";
 import { applies, settingsShown, titleOf } from "../../sources/sides";
 import { changeSettings, settings } from "../../state/app";
 import { COMPARED, MODES } from "../../state/settings";
 import type { ViewerSession } from "../../viewer/session";
-import { CODEC_NAMES, WEBRTC_PLANS, WEBRTC_STREAMS } from "../../webrtc/presets";
 import { ComparisonPanel } from "./comparison-panel";
 import { NumberField } from "./number-field";
+import { Segment, SegmentList, Segments } from "./setting";
 import { SidesPanel } from "./sides-panel";
-
-const PRESET_NAMES: Readonly<Record<Preset, string>> = {
-  typical: "Typical",
-  tuned: "Tuned",
-  edge: "Edge",
-  custom: "Custom",
-};
 
 export function ModePanel({ session }: { session: ViewerSession }) {
   const { mode } = settings.value;
@@ -26,13 +18,13 @@ export function ModePanel({ session }: { session: ViewerSession }) {
   const { about } = session.left.kind.value;
   return (
     <>
-      <Segments name="mode" label="Mode">
+      <SegmentList name="mode" label="Mode">
         {MODES.map((each) => (
           <Segment key={each} name="mode" checked={mode === each} onChoose={() => changeSettings({ mode: each })}>
             {titleOf(each)}
           </Segment>
         ))}
-      </Segments>
+      </SegmentList>
       {mode === COMPARED && <SidesPanel />}
       {problem ? (
         <p class="notice" role="alert">
@@ -52,7 +44,7 @@ export function ModePanel({ session }: { session: ViewerSession }) {
 
 /** DASH settings: the preset, unless each side has one, and shared parameters. */
 function Streams() {
-  const { mode, dashPreset, dashCustom } = settings.value;
+  const { mode, dashCustom } = settings.value;
   const plans = settingsShown(settings.value)
     .filter(({ mode: each }) => SOURCES[each].settings.includes("dashCustom"))
     .map((shown) => ({ ...planFor(shown), custom: shown.dashPreset === "custom" }));
@@ -62,23 +54,10 @@ function Streams() {
   return (
     <>
       <h4 class="segments-name">DASH stream</h4>
-      {!compared && (
-        <Segments name="preset" label="DASH stream">
-          {PRESETS.map((preset) => (
-            <Segment
-              key={preset}
-              name="preset"
-              checked={preset === dashPreset}
-              onChoose={() => changeSettings({ dashPreset: preset })}
-            >
-              {PRESET_NAMES[preset]}
-            </Segment>
-          ))}
-        </Segments>
-      )}
+      {!compared && <Segments name="dashPreset" />}
       {custom && <Custom setup={dashCustom} />}
       {!custom && (
-        <Segments name="frame-rate" label="Frame rate">
+        <SegmentList name="frame-rate" label="Frame rate">
           {FRAME_RATES.map((rate) => (
             <Segment
               key={rate}
@@ -89,7 +68,7 @@ function Streams() {
               {`${rate} frames/s`}
             </Segment>
           ))}
-        </Segments>
+        </SegmentList>
       )}
       {!compared && !custom && plan && <p class="muted small">{sentence(plan)}</p>}
     </>
@@ -101,38 +80,9 @@ function WebRtc() {
   return (
     <>
       <h4 class="segments-name">WebRTC stream</h4>
-      <Segments name="webrtc-stream" label="WebRTC stream">
-        {WEBRTC_STREAMS.map((each) => (
-          <Segment
-            key={each}
-            name="webrtc-stream"
-            checked={each === settings.value.webrtcStream}
-            onChoose={() => changeSettings({ webrtcStream: each })}
-          >
-            {`${CODEC_NAMES[WEBRTC_PLANS[each].codec]}, ${WEBRTC_PLANS[each].frameRate}/s`}
-          </Segment>
-        ))}
-      </Segments>
+      <Segments name="webrtcStream" />
       <p class="muted small">A video whose bit rate follows the browser’s estimate of the link.</p>
     </>
-  );
-}
-
-function Segments({ name, label, children }: { name: string; label: string; children: ComponentChildren }) {
-  return (
-    <fieldset class="segments" data-choice={name}>
-      <legend class="visually-hidden">{label}</legend>
-      {children}
-    </fieldset>
-  );
-}
-
-function Segment(props: { name: string; checked: boolean; onChoose: () => void; children: string }) {
-  return (
-    <label>
-      <input type="radio" class="visually-hidden" name={props.name} checked={props.checked} onChange={props.onChoose} />
-      <span>{props.children}</span>
-    </label>
   );
 }
 

@@ -2,8 +2,6 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { KINDS, OFF } from "../../enhance/model/enhancer";
-import { nameProblem } from "../../enhance/registry";
 import { offerBridge } from "../../experiment/bridge";
 import { Runner } from "../../experiment/runner";
 import { turning } from "../../reproject/acceleration";
@@ -184,13 +182,8 @@ function Figures({ session, detailed, note }: { session: ViewerSession; detailed
   return <Hud session={session} source={source} stats={stats} detailed={detailed} linkNote={note} />;
 }
 
-/** The link's setting, stored like one chosen by the user, unless its value is unavailable. */
+/** The link's settings, stored like those chosen by the user. */
 function choose(asked: Asked): void {
-  const named = KINDS.flatMap((kind) => (asked[kind] === undefined ? [] : [{ kind, name: asked[kind] }]));
-  const problem = named.map(({ kind, name }) => nameProblem(kind, name)).find((one) => one !== null);
-  changeSettings({
-    ...linkedSettings(asked),
-    ...(problem && Object.fromEntries(named.map(({ kind }) => [kind, OFF]))),
-  });
+  changeSettings(linkedSettings(asked));
   if (asked.reprojection === "on") turning.value = "forced";
 }
