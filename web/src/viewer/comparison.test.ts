@@ -47,7 +47,7 @@ beforeEach(() => {
   rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
   rig.enter(COURTYARD);
   sides = [fakeSide(), fakeSide()];
-  comparison = new Comparison(rig, sides, { every });
+  comparison = new Comparison(rig, sides, { every }, signal(null));
 });
 
 afterEach(() => {
@@ -94,7 +94,7 @@ test("a server that gives no ground truth says why, and the rest of the summary 
 
 test("one stream alone is measured, and not judged", async () => {
   comparison.dispose();
-  comparison = new Comparison(rig, sides.slice(0, 1), { every });
+  comparison = new Comparison(rig, sides.slice(0, 1), { every }, signal(null));
   await frames(1);
   await walk(4);
   await frames(3);

@@ -1,5 +1,5 @@
 /** Figures of the last minute for each picture on the stage and, with two of them, scores of the last walk. */
-import { signal } from "@preact/signals";
+import { type ReadonlySignal, signal } from "@preact/signals";
 import { ComparisonHistory } from "../charts/history";
 import { WalkRecorder } from "../charts/walk";
 import { groundTruth, psnrOf } from "../quality/ground-truth";
@@ -7,6 +7,7 @@ import { WalkQuality } from "../quality/walk-quality";
 import { type Figures, STATS_EVERY } from "../view/meter";
 import type { Presence } from "../view/presence";
 import type { Rig } from "../view/rig";
+import type { ServerConfig } from "../wire/render";
 import type { Side } from "./side";
 
 /** How near to ground truth the last walk was. */
@@ -40,14 +41,19 @@ export class Comparison {
   #scoring = new AbortController();
   readonly #stops: readonly (() => void)[];
 
-  constructor(rig: Rig, sides: readonly ComparedSide[], presence: Pick<Presence, "every">) {
+  constructor(
+    rig: Rig,
+    sides: readonly ComparedSide[],
+    presence: Pick<Presence, "every">,
+    config: ReadonlySignal<ServerConfig | null>,
+  ) {
     this.#rig = rig;
     this.sides = sides;
     this.history = new ComparisonHistory(sides.length);
     this.#seen = new WalkQuality({
       truth: (pose, signal) => {
         const lens = { ...rig.intrinsics.peek(), ...rig.viewport.peek() };
-        return groundTruth({ scene: rig.scene?.id ?? "", lens }, pose, signal);
+        return groundTruth({ server: config.peek(), scene: rig.scene?.id ?? "", lens }, pose, signal);
       },
       compare: psnrOf,
     });

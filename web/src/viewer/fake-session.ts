@@ -7,7 +7,7 @@ import { type ReprojectionStatus, reprojectionNote } from "../reproject/reprojec
 import { SOURCES } from "../sources/registry";
 import { settingsAt } from "../sources/sides";
 import type { Source, SourcePhase, SourceStats } from "../sources/source";
-import { settings } from "../state/app";
+import { page, settings } from "../state/app";
 import { COURTYARD } from "../state/fake-server";
 import type { Place } from "../state/settings";
 import { NO_STATS, type Stats } from "../stateless/stats";
@@ -97,6 +97,7 @@ export function fakeSession() {
   const right = signal<FakeSide | null>(null);
   const fake = {
     phase: signal<Phase>({ kind: "playing" }),
+    state: page,
     presence: new Presence(),
     scene: signal<SceneInfo | null>(COURTYARD),
     connected: signal<Connected | null>(null),

@@ -5,14 +5,15 @@ import { PAPER_LADDER } from "../abr/ladder";
 import { deferred } from "../async/deferred";
 import { ApiError } from "../http/problem";
 import { fetchConfig, fetchScene, loadScene } from "../state/api";
-import { changeSettings, config, ladder, settings } from "../state/app";
+import { changeSettings, config, ladder, page, settings } from "../state/app";
 import { COURTYARD, serverConfig } from "../state/fake-server";
 import { DEFAULT_SETTINGS } from "../state/settings";
 import { connect } from "../transport/connect";
 import { ASK_DIRECTOR_EVERY, CHECK_EVERY } from "../transport/ending";
-import { FakeTransport, settle } from "../transport/fake";
+import { type FakeTransport, settle } from "../transport/fake";
 import { RequestProblem } from "../transport/transport";
 import { LEFT_AFTER } from "../view/presence";
+import { FakePage } from "./fake-page";
 import { ViewerSession } from "./session";
 
 vi.mock("../state/api");
@@ -40,52 +41,24 @@ vi.mock("../stream/stream-player", () => ({
   },
 }));
 
-/** Decodes at once. */
-class FakeWorker {
-  onmessage: ((event: { data: unknown }) => void) | undefined;
-  postMessage({ id }: { id: number }): void {
-    this.onmessage?.({
-      data: { id, value: { bitmap: { width: 1280, height: 720, close: () => undefined }, depth: null } },
-    });
-  }
-  terminate(): void {}
-}
-
 type Div = HTMLDivElement;
 
 const SERVICES = { dash: "http://dash.test" };
-let now: number;
-let animationFrames: Map<number, () => void>;
+let host: FakePage;
 let transports: FakeTransport[];
 let session: ViewerSession;
 
 beforeEach(() => {
   vi.clearAllMocks();
   vi.useFakeTimers({ toFake: ["setTimeout", "clearTimeout"] });
-  now = 0;
-  animationFrames = new Map();
-  transports = [];
+  host = new FakePage();
+  ({ transports } = host);
   streams.length = 0;
   settings.value = DEFAULT_SETTINGS;
   config.value = null;
-  let id = 0;
-  const context = { transferFromImageBitmap: () => undefined };
-  const only = (kind: string) => (kind === "bitmaprenderer" ? context : null);
-  vi.spyOn(HTMLCanvasElement.prototype, "getContext").mockImplementation(only as never);
-  vi.stubGlobal("Worker", FakeWorker);
-  vi.stubGlobal("requestAnimationFrame", (callback: () => void) => {
-    animationFrames.set(++id, callback);
-    return id;
-  });
-  vi.stubGlobal("cancelAnimationFrame", (cancelled: number) => animationFrames.delete(cancelled));
-  vi.spyOn(performance, "now").mockImplementation(() => now);
   vi.mocked(fetchConfig).mockImplementation(async () => serverConfig(SERVICES));
   vi.mocked(loadScene).mockResolvedValue(COURTYARD);
-  vi.mocked(connect).mockImplementation(async () => {
-    const transport = new FakeTransport(() => now);
-    transports.push(transport);
-    return { transport, fallback: null, host: null };
-  });
+  vi.mocked(connect).mockImplementation(async () => host.connected());
 });
 
 afterEach(() => {
@@ -98,7 +71,7 @@ afterEach(() => {
 async function visit(): Promise<void> {
   const [element, left, right] = [0, 1, 2].map(() => document.createElement("div")) as [Div, Div, Div];
   const stage = { element, left, right };
-  session = new ViewerSession("courtyard", stage);
+  session = new ViewerSession("courtyard", stage, page);
   session.rig.resize(1280, 720);
   await settle();
 }
@@ -106,18 +79,7 @@ async function visit(): Promise<void> {
 /** Of a cluster, at a host. */
 const atHost = (host: string) => ({ ...serverConfig(SERVICES), host });
 
-/** Animation frames at 50 Hz; the server answers all requests when `answer` says so. */
-async function drawn(frames: number, { answer = true } = {}): Promise<void> {
-  for (let i = 0; i < frames; i++) {
-    now += 20;
-    for (const [id, callback] of [...animationFrames]) {
-      animationFrames.delete(id);
-      callback();
-    }
-    if (answer) for (const { reply } of transports.at(-1)?.requests ?? []) reply();
-    await settle();
-  }
-}
+const drawn = (count: number, options?: { answer: boolean }) => host.frames(count, options);
 
 const phase = () => session.phase.value;
 const requests = () => transports.flatMap((transport) => transport.requests).length;
@@ -178,7 +140,7 @@ test("no animation frame for a long time means that the page was hidden: no late
   await visit();
   session.rig.drive((at) => ({ position: [at / 1000, 0, 0], quaternion: [0, 0, 0, 1] }));
   await drawn(30);
-  now += 30_000;
+  host.now += 30_000;
   await drawn(30);
   expect(session.source.value?.stats.value.motionToPhoton?.p95).toBeLessThan(200);
   expect(session.source.value?.stats.value.contentAge).toBeLessThan(200);
@@ -371,7 +333,7 @@ test("a page that nobody has seen for a while holds no connection, stream or dec
   const shown: number[] = [];
   session.onPresented(({ pose }) => shown.push(pose));
   await hide(false, 1000);
-  now += 120_000;
+  host.now += 120_000;
   await drawn(20);
   expect(phase()).toEqual({ kind: "playing" });
   expect([transports.map(({ closed }) => closed), streams.map(({ disposed }) => disposed)]).toEqual([
@@ -415,29 +377,25 @@ test("a visit that ends leaves nothing running", async () => {
   changeSettings({ mode: "side-by-side" });
   session.dispose();
   await settle();
-  expect(animationFrames.size).toBe(0);
+  expect(host.animationFrames.size).toBe(0);
   expect(transports.map(({ closed }) => closed)).toEqual([true]);
   expect(streams.map(({ disposed }) => disposed)).toEqual([true]);
 });
 
 test("another host of a cluster takes over once it has the scene, and what is shown goes on until then", async () => {
-  vi.mocked(connect).mockImplementation(async ({ host = null }) => {
-    const transport = new FakeTransport(() => now);
-    transports.push(transport);
-    return { transport, fallback: null, host };
-  });
+  vi.mocked(connect).mockImplementation(async ({ host: name = null }) => host.connected(name));
   vi.mocked(fetchConfig).mockImplementation(async () => atHost("east"));
   await visit();
   await drawn(5);
   expect(vi.mocked(fetchConfig).mock.lastCall?.[1]).toEqual({ scene: "courtyard" });
-  expect(vi.mocked(loadScene).mock.lastCall).toEqual(["courtyard", expect.anything(), "east"]);
+  expect(vi.mocked(loadScene).mock.lastCall).toEqual(["courtyard", expect.anything(), "east", ""]);
 
   const { promise: loaded, resolve } = deferred<typeof COURTYARD>();
   vi.mocked(loadScene).mockReturnValue(loaded);
   vi.mocked(fetchConfig).mockImplementation(async () => atHost("west"));
   await vi.advanceTimersByTimeAsync(ASK_DIRECTOR_EVERY);
   expect(vi.mocked(fetchConfig).mock.lastCall?.[1]).toEqual({ scene: "courtyard", at: "east" });
-  expect(vi.mocked(loadScene).mock.lastCall).toEqual(["courtyard", expect.anything(), "west"]);
+  expect(vi.mocked(loadScene).mock.lastCall).toEqual(["courtyard", expect.anything(), "west", ""]);
   expect(transports.map(({ closed }) => closed)).toEqual([false]);
   expect([phase(), session.connected.value?.host]).toEqual([{ kind: "playing" }, "east"]);
 

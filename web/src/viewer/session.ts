@@ -13,18 +13,19 @@ import { SOURCES } from "../sources/registry";
 import { settingsAt } from "../sources/sides";
 import type { Source } from "../sources/source";
 import { fetchConfig, fetchScene, loadScene } from "../state/api";
-import { config, ladder, sceneLadder, settings } from "../state/app";
 import { COMPARED, type Place } from "../state/settings";
+import type { ViewerState } from "../state/viewer-state";
 import type { SentRequest } from "../stateless/pipeline";
 import type { Reply, ShownFrame } from "../stateless/stateless-player";
 import { type Connected, connect } from "../transport/connect";
 import { type ConnectionState, maintainConnection } from "../transport/connection";
+import type { HostReport } from "../transport/host-report";
 import { viewDistance } from "../view/camera";
 import { Presence } from "../view/presence";
 import type { PresentedFrame } from "../view/presented";
 import { Rig } from "../view/rig";
 import { add, rotate } from "../view/vector";
-import type { SceneInfo } from "../wire/render";
+import type { SceneInfo, ServerConfig } from "../wire/render";
 import { Comparison } from "./comparison";
 import { Side } from "./side";
 
@@ -49,6 +50,7 @@ export interface Stage {
 }
 
 export class ViewerSession {
+  readonly state: ViewerState;
   readonly phase = signal<Phase>({ kind: "connecting" });
   readonly presence = new Presence();
   readonly scene = signal<SceneInfo | null>(null);
@@ -99,7 +101,9 @@ export class ViewerSession {
   readonly #attempt = signal(0);
   readonly #cleanups: (() => void)[] = [];
 
-  constructor(sceneId: string, stage: Stage) {
+  constructor(sceneId: string, stage: Stage, state: ViewerState) {
+    const { settings } = state;
+    this.state = state;
     this.#sceneId = sceneId;
     this.stage = stage;
     this.input = new StageInput(stage.element, {
@@ -111,7 +115,7 @@ export class ViewerSession {
       sampleInput: (elapsed) => this.input.sample(elapsed),
       turnSpeed: () => settings.value.turnSpeed,
     });
-    this.movement = new MovementDeck(this.rig);
+    this.movement = new MovementDeck(this.rig, state.movement);
     this.left = this.#side("left");
     this.#follow(stage);
     this.#connect();
@@ -139,7 +143,7 @@ export class ViewerSession {
 
   dispose(): void {
     cancelAnimationFrame(this.#animation);
-    sceneLadder.value = null;
+    this.state.sceneLadder.value = null;
     for (const cleanup of this.#cleanups) cleanup();
     this.presence.dispose();
     this.movement.dispose();
@@ -153,6 +157,7 @@ export class ViewerSession {
   }
 
   #side(place: Place): Side {
+    const { settings, config, ladder } = this.state;
     const side = new Side({
       pane: this.stage[place],
       rig: this.rig,
@@ -224,7 +229,7 @@ export class ViewerSession {
 
   /** The right side of a comparison of two modes. */
   #compare(): void {
-    const compared = computed(() => settings.value.mode === COMPARED);
+    const compared = computed(() => this.state.settings.value.mode === COMPARED);
     const stop = effect(() => {
       if (!compared.value) return undefined;
       const right = untracked(() => this.#side("right"));
@@ -245,13 +250,13 @@ export class ViewerSession {
    */
   #measure(): void {
     const measured = computed(() => {
-      const { mode, left, right } = settings.value;
+      const { mode, left, right } = this.state.settings.value;
       if (mode === COMPARED) return this.right.value === null ? null : `${left} ${right}`;
       return SOURCES[mode].charts ? mode : null;
     });
     const stop = effect(() => {
       if (measured.value === null) return undefined;
-      const comparison = untracked(() => new Comparison(this.rig, this.#sides, this.presence));
+      const comparison = untracked(() => new Comparison(this.rig, this.#sides, this.presence, this.state.config));
       this.comparison.value = comparison;
       return () => {
         this.comparison.value = null;
@@ -267,7 +272,7 @@ export class ViewerSession {
   #connectRight(right: Side): () => void {
     const choice = computed(() =>
       right.kind.value.requests && this.scene.value !== null && !this.presence.left.value
-        ? settings.value.transport
+        ? this.state.settings.value.transport
         : null,
     );
     return effect(() => {
@@ -277,7 +282,7 @@ export class ViewerSession {
       const connection = new AbortController();
       void maintainConnection(
         {
-          fetchConfig: (signal, report) => fetchConfig(signal, { scene: this.#sceneId, ...report }),
+          fetchConfig: (signal, report) => this.#fetchConfig(signal, report),
           connect: (server, signal) => connect(server, chosen, signal, now),
           onState: (state) =>
             untracked(() => {
@@ -308,8 +313,8 @@ export class ViewerSession {
     const visit = new AbortController();
     const stop = effect(() => {
       if (!refused.value || this.scene.peek() === null) return;
-      const reread = loadScene(this.#sceneId, visit.signal, this.#host).then((scene) => {
-        if (!visit.signal.aborted) sceneLadder.value = scene.ladder ?? null;
+      const reread = loadScene(this.#sceneId, visit.signal, this.#host, this.state.server).then((scene) => {
+        if (!visit.signal.aborted) this.state.sceneLadder.value = scene.ladder ?? null;
       });
       reread.catch(() => undefined); // the refusal is already shown
     });
@@ -321,7 +326,7 @@ export class ViewerSession {
 
   /** Connects, and connects anew whenever another transport is chosen. */
   #connect(): void {
-    const choice = computed(() => (this.presence.left.value ? null : settings.value.transport));
+    const choice = computed(() => (this.presence.left.value ? null : this.state.settings.value.transport));
     const stop = effect(() => {
       const chosen = choice.value;
       if (chosen === null) return undefined;
@@ -330,9 +335,10 @@ export class ViewerSession {
       void maintainConnection(
         {
           fetchConfig: async (signal, report) => {
-            config.value = await fetchConfig(signal, { scene: this.#sceneId, ...report });
-            if (config.value.has_scene === false) untracked(() => this.#gone());
-            return config.value;
+            const config = await this.#fetchConfig(signal, report);
+            this.state.config.value = config;
+            if (config.has_scene === false) untracked(() => this.#gone());
+            return config;
           },
           connect: async (server, signal) => {
             const loading = this.#loadAt(server.host ?? null, connection.signal);
@@ -363,6 +369,10 @@ export class ViewerSession {
     this.#cleanups.push(stop, tryAgain);
   }
 
+  #fetchConfig(signal: AbortSignal, report?: HostReport): Promise<ServerConfig> {
+    return fetchConfig(signal, { scene: this.#sceneId, ...report }, this.state.server);
+  }
+
   #heard(state: ConnectionState, signal: AbortSignal): void {
     this.connected.value = state.status === "connected" ? state : null;
     if (state.status !== "connected") this.left.attach(null);
@@ -391,7 +401,7 @@ export class ViewerSession {
 
   /** Requests the scene, once at a time; after a failure it may be requested again. */
   #load(signal: AbortSignal): Promise<SceneInfo> {
-    this.#loading ??= loadScene(this.#sceneId, signal, this.#host).catch((error: unknown) => {
+    this.#loading ??= loadScene(this.#sceneId, signal, this.#host, this.state.server).catch((error: unknown) => {
       this.#loading = undefined;
       throw error;
     });
@@ -403,7 +413,7 @@ export class ViewerSession {
     for (;;) {
       await sleep(PROGRESS_EVERY, signal);
       await this.presence.untilVisible(signal);
-      const progress = (await fetchScene(this.#sceneId).catch(() => null))?.progress ?? undefined;
+      const progress = (await fetchScene(this.#sceneId, this.state.server).catch(() => null))?.progress ?? undefined;
       if (this.phase.peek().kind !== "loading") return;
       if (progress !== undefined) this.phase.value = { kind: "loading", progress };
     }
@@ -427,7 +437,7 @@ export class ViewerSession {
     if (signal.aborted) return;
     if (this.scene.value === null) this.rig.enter(scene);
     this.scene.value = scene;
-    sceneLadder.value = scene.ladder ?? null;
+    this.state.sceneLadder.value = scene.ladder ?? null;
     if (this.connected.value?.transport !== connected.transport) return; // it was lost meanwhile
     this.left.attach(connected);
     this.phase.value = { kind: "playing" };

@@ -5,7 +5,7 @@ import { useEffect, useRef } from "preact/hooks";
 import { offerBridge } from "../../experiment/bridge";
 import { Runner } from "../../experiment/runner";
 import { turning } from "../../reproject/acceleration";
-import { changeSettings, settings } from "../../state/app";
+import { changeSettings, page, settings } from "../../state/app";
 import { linkedPose, linkedSettings } from "../../state/link";
 import type { Asked } from "../../state/route";
 import { MODES } from "../../state/settings";
@@ -59,7 +59,7 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
   useEffect(() => {
     if (!stage.current || !left.current || !right.current) return undefined;
     const place = { element: stage.current, left: left.current, right: right.current };
-    const current = new ViewerSession(sceneId, place);
+    const current = new ViewerSession(sceneId, place, page);
     session.value = current;
     const movementRunner = new Runner(current);
     runner.value = movementRunner;
