@@ -12,6 +12,8 @@ const FEW_FORCED = 10;
 /** Too many milliseconds between two draws: ten frames a second would be no better than unturned ones. */
 const TOO_LONG = 100;
 const FAR_TOO_LONG = 250;
+/** No draw takes so long: the page waited for something else, such as its own start (ms). */
+const PAUSE = 1000;
 
 export class KeepingUp {
   #last: number | undefined;
@@ -26,7 +28,7 @@ export class KeepingUp {
   drawn(at: number): boolean {
     const interval = at - (this.#last ?? at);
     this.#last = at;
-    if (interval > 0) this.#intervals = [...this.#intervals, interval].slice(-DRAWS);
+    if (interval > 0 && interval < PAUSE) this.#intervals = [...this.#intervals, interval].slice(-DRAWS);
     const { length } = this.#intervals;
     const usual = length < this.#few ? 0 : median(this.#intervals);
     return usual < (length < DRAWS ? FAR_TOO_LONG : TOO_LONG);

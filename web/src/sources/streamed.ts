@@ -69,8 +69,7 @@ class Streamed<Plan> implements Source {
     const wanted = computed(() => {
       const { overscan } = settings.value;
       const base = packagerOf(config.value);
-      const { width, height } = viewport.value;
-      if (base === undefined || scene.value === null || width * height <= 1) return null;
+      if (base === undefined || scene.value === null) return null;
       const turned = reprojector.status.value === "on";
       // As text, so that only a change of its content is one; the configuration is read again and again.
       return JSON.stringify({

@@ -14,6 +14,19 @@ class FakeWorker {
   terminate(): void {}
 }
 
+/** Every observed element has the size of a stage at once. */
+class LaidOut {
+  readonly #changed: () => void;
+  constructor(changed: () => void) {
+    this.#changed = changed;
+  }
+  observe(element: Element): void {
+    Object.defineProperties(element, { clientWidth: { value: 1280 }, clientHeight: { value: 720 } });
+    this.#changed();
+  }
+  disconnect(): void {}
+}
+
 /** Stubs the page's globals until the test undoes all stubs and mocks. */
 export class FakePage {
   now = 0;
@@ -26,6 +39,7 @@ export class FakePage {
     const only = (kind: string) => (kind === "bitmaprenderer" ? context : null);
     vi.spyOn(HTMLCanvasElement.prototype, "getContext").mockImplementation(only as never);
     vi.stubGlobal("Worker", FakeWorker);
+    vi.stubGlobal("ResizeObserver", LaidOut);
     vi.stubGlobal("requestAnimationFrame", (callback: () => void) => {
       this.animationFrames.set(++this.#id, callback);
       return this.#id;

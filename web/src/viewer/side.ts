@@ -48,7 +48,11 @@ export class Side {
     this.kind = computed(() => SOURCES[settings.value.mode]);
     this.missing = computed(() => (scene.value === null ? null : this.kind.value.missing(config.value, scene.value)));
     const available = computed(
-      () => scene.value !== null && this.missing.value === null && (this.kind.value.keepsHidden || !options.left.value),
+      () =>
+        scene.value !== null &&
+        rig.viewport.value.width > 1 && // the stage has been laid out
+        this.missing.value === null &&
+        (this.kind.value.keepsHidden || !options.left.value),
     );
     this.#stop = effect(() => {
       const { value: kind } = this.kind;
