@@ -158,6 +158,7 @@ class RenderService(FrameSource):
             webtransport_url=f"https://{bracketed(quic_host)}:{quic_port}/render" if quic_port else None,
             https_url=f"https://{bracketed(host)}:{self.https_port}/" if self.https_port else None,
             services=reached(page, self.settings.services, self.settings.upstreams),
+            congestion_control=self.settings.congestion_control if quic_port else None,
             retry_after_s=self.loads.full(),
             max_upload_bytes=self.library.max_upload_bytes,
             why_no_training=self._why_no_training,

@@ -125,8 +125,6 @@ class Supervisor:
         print("\n".join(self._announcement), flush=True)
         await self._standby.keep()
 
-    # -- messages to workers -----------------------------------------------------------------------------------------
-
     def _show(self, certificate: Certificate) -> None:
         """Distribute a certificate: to edges first, as engines announce it to clients."""
         self._certificate = NewCertificate(pem=certificate.with_key)
@@ -182,8 +180,6 @@ class Supervisor:
             return (start, *(TicketIssued(ticket=ticket) for ticket in self._tickets))
 
         return Worker(name, self._standby.take, begin, self._on_message)
-
-    # -- messages from workers ---------------------------------------------------------------------------------------
 
     def _on_message(self, sender: Worker, message: Message) -> None:
         match message:

@@ -1,21 +1,7 @@
 import { expect, test } from "vitest";
 import { PAPER_LADDER } from "../abr/ladder";
-import { DEFAULT_SETTINGS, SIDE_MODES } from "./settings";
-import { anyPerView, anyStreamed, modeOf, settingsAt, settingsShown } from "./sides";
-
-test("each choice of a side is a mode, with the stream that it names", () => {
-  const { mode } = DEFAULT_SETTINGS;
-  expect(SIDE_MODES.map((choice) => ({ ...modeOf(choice) }))).toEqual([
-    { mode },
-    { mode: "video" },
-    { mode: "dash", dashPreset: "typical" },
-    { mode: "dash", dashPreset: "tuned" },
-    { mode: "dash", dashPreset: "edge" },
-    { mode: "dash", dashPreset: "custom" },
-    { mode: "webrtc" },
-    { mode: "local" },
-  ]);
-});
+import { DEFAULT_SETTINGS } from "../state/settings";
+import { applies, reopens, settingsAt, settingsShown, sideTitles } from "./sides";
 
 test("side by side each has its own, and all else in common; in the other modes there is one picture", () => {
   const settings = { ...DEFAULT_SETTINGS, left: "dash-edge", right: "video", turnSpeed: 90 } as const;
@@ -23,8 +9,27 @@ test("side by side each has its own, and all else in common; in the other modes 
   const compared = { ...settings, mode: "side-by-side" } as const;
   expect(settingsAt("left", compared)).toMatchObject({ mode: "dash", dashPreset: "edge", turnSpeed: 90 });
   expect(settingsAt("right", compared)).toMatchObject({ mode: "video", dashPreset: "tuned" });
-  expect([anyPerView(compared), anyStreamed(compared)]).toEqual([true, true]);
-  expect([anyPerView(settings), anyStreamed(settings)]).toEqual([true, false]);
+  expect([sideTitles(settings), sideTitles(compared)]).toEqual([["Stateless"], ["DASH, edge", "Video"]]);
+  const affected = (chosen: typeof DEFAULT_SETTINGS) =>
+    (["controller", "depth", "dashPreset", "webrtcStream"] as const).filter((name) => applies(name, chosen));
+  expect([affected(settings), affected(compared)]).toEqual([
+    ["controller", "depth"],
+    ["controller", "dashPreset"],
+  ]);
+});
+
+test.each([
+  ["stateless", { reprojection: false }, false],
+  ["stateless", { mode: "video" }, true],
+  ["dash", { reprojection: false }, true],
+  ["dash", { dashCustom: { ...DEFAULT_SETTINGS.dashCustom, target_latency_ms: 300 } }, true],
+  ["dash", { webrtcStream: "vp8-60" }, false],
+  ["webrtc", { webrtcStream: "vp8-60" }, true],
+  ["side-by-side", { right: "dash-edge" }, true],
+  ["side-by-side", { dashPreset: "edge" }, false],
+] as const)("in the mode %s, %o opens something anew: %s", (mode, changed, anew) => {
+  const before = { ...DEFAULT_SETTINGS, mode };
+  expect(reopens(before, { ...before, ...changed })).toBe(anew);
 });
 
 test("a lock gives both sides one rung of the ladder, or one bit rate, and nothing adapts", () => {
