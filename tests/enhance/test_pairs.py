@@ -20,7 +20,8 @@ def scene(up: tuple[float, float, float] = (0.0, -1.0, 0.0), **changes: Any) -> 
     """Seen from ten units away, or some more."""
     across = (up[1], up[2], up[0])
     camera = StartCamera(position=(1.0, 2.0, 3.0), look_at=tuple(p + 10 * a for p, a in zip((1, 2, 3), across)))  # type: ignore[arg-type] # noqa: B905
-    return scenes.scene(up, **{"camera": camera, "id": "garden"} | changes)
+    fields: dict[str, Any] = {"camera": camera, "id": "garden"}
+    return scenes.scene(up, **(fields | changes))
 
 
 def angle(one: Pose, other: Pose) -> float:

@@ -217,10 +217,7 @@ class RenderService(FrameSource):
         return state.model_copy(update={"problem": await asyncio.to_thread(self.shelf.problem, source)})
 
     def train(self, scene_id: str) -> Training:
-        """Train a scene's networks on its views.
-
-        Raises UnknownScene, BrokenScene, NoTraining, TrainingRuns and NoPlace.
-        """
+        """Train a scene's networks. Raises UnknownScene, BrokenScene, NoTraining, TrainingRuns and NoPlace."""
         source = self.registry.source(scene_id)
         if source.error is not None:
             raise BrokenScene(source.error)
