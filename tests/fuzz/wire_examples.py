@@ -15,7 +15,7 @@ from tigas_common.wire.render import RenderRequest
 from tigas_common.wire.run import Configuration
 from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest
 from tigas_common.wire.store import ExperimentRequest, InterruptedRun, RunUpload, SampleIndex
-from tigas_render.scenes.metadata import SceneMetadata
+from tigas_render.scenes.source import SceneMetadata
 
 EULER = render_request().model_dump(mode="json", exclude_none=True)
 QUATERNION = {name: EULER[name] for name in ("scene", "fx", "fy", "cx", "cy", "width", "height")} | {

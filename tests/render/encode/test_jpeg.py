@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from tests.render.encode.pictures import gradient, psnr
-from tigas_render.encode.jpeg import encode_jpeg
+from tigas_render.encode.images import encode_jpeg
 
 
 @pytest.mark.parametrize(("width", "height"), [(320, 180), (33, 17)])

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from tests.render.encode.pictures import gradient
-from tigas_render.encode.png import encode_png
+from tigas_render.encode.images import encode_png
 
 
 @pytest.mark.parametrize(("width", "height"), [(320, 180), (33, 17), (1, 1), (2, 301)])

@@ -9,8 +9,7 @@ import pytest
 from PIL import Image, ImageDraw
 
 from tests.render.encode.pictures import Pixels, gradient, psnr
-from tigas_render.encode.jpeg import encode_jpeg
-from tigas_render.encode.webp import encode_webp
+from tigas_render.encode.images import encode_jpeg, encode_webp
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tigas_render.encode.yuv420p import encode_yuv420p
+from tigas_render.encode.images import encode_yuv420p
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from tigas_render.raster.calls import Call, CallError, Calls
 from tigas_render.raster.lanes import FetchedImage, Job, Lanes
+from tigas_render.raster.native_threads import Call, CallError, Calls
 
 LIBC: Any = ctypes.CDLL(None)
 WORKS, FAILS = Calls(Call(LIBC.sched_yield, ())), Calls(Call(LIBC.close, (-1,)))

@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 
-from tigas_render.raster.calls import Call, CallError, Calls
-from tigas_render.raster.native_threads import NativeThreads, Stopwatch
+from tigas_render.raster.native_threads import Call, CallError, Calls, NativeThreads, Stopwatch
 
 LIBC: Any = ctypes.CDLL(None)
 NO_SUCH = Call(LIBC.close, (-1,))

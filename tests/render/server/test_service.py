@@ -12,7 +12,7 @@ from tests.render.fakes import FakeRasterizer
 from tests.render.scenes import plys
 from tigas_common.command import load
 from tigas_common.errors import Overloaded
-from tigas_render.scenes.columns import Listener
+from tigas_render.scenes.scene_file import Listener
 from tigas_render.scenes.source import SceneSource
 from tigas_render.server import service as service_module
 from tigas_render.server.main import until_stopped_or_lost

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.depth_segment import CodedDepth
-from tigas_render.encode.png import encode_png
+from tigas_render.encode.images import encode_png
 from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, Rasterizer
-from tigas_render.raster.calls import Calls
-from tigas_render.raster.native_threads import NativeThreads, Stopwatch
+from tigas_render.raster.native_threads import Calls, NativeThreads, Stopwatch
 
 logger = logging.getLogger(__name__)
 
