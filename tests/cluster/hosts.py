@@ -11,8 +11,7 @@ import httpx
 from tigas_cluster.director import create_director
 from tigas_cluster.fleet import Fleet, HostAddress, HostState
 from tigas_common.origins import OriginPolicy
-from tigas_common.wire.cluster import HostLoad
-from tigas_common.wire.render import DEFAULT_LADDER, ServerConfig
+from tigas_common.wire.render import DEFAULT_LADDER, HostLoad, ServerConfig
 
 
 def load(
@@ -44,6 +43,7 @@ class FakeFleet(Fleet):
     """A fleet controlled by the test."""
 
     def __init__(self, *states: HostState) -> None:
+        super().__init__((), lambda: 0.0)
         self.states: list[HostState] = list(states)
         self.dead: set[str] = set()
         """Of these it is only noticed when they are suspected."""

@@ -6,7 +6,8 @@ import pytest
 
 from tests.cluster.hosts import host
 from tigas_cluster.fleet import HostState
-from tigas_cluster.scaling import LASTING_S, SETTLED_S, HostRange, Plan, Scaler
+from tigas_cluster.scaling import LASTING_S, SETTLED_S, Plan, Scaler
+from tigas_cluster.settings import HostRange
 
 CALM_S, GRACE_S = 300.0, 600.0
 

@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from tests.cluster.hosts import FakeFleet, load
-from tigas_cluster import scenes as scenes_module
+from tigas_cluster import host_proxy
 from tigas_common.errors import SceneInUse, problem
 from tigas_common.wire.render import SceneInfo
 
@@ -87,7 +87,7 @@ async def test_every_host_looks_at_its_models_again(client: httpx.AsyncClient, h
 async def test_a_host_that_does_not_answer_is_left_out(
     client: httpx.AsyncClient, hosts: Hosts, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(scenes_module, "ANSWER_S", 0.05)
+    monkeypatch.setattr(host_proxy, "ANSWER_S", 0.05)
     hosts.silent = {"b"}
     assert await listed(client) == {"garden": "loaded", "pond": "unloaded", "wood": "loading"}
     hosts.silent = {"a", "b"}

@@ -10,8 +10,8 @@ from tigas_cluster.settings import ClusterSettings
 from tigas_common.cli import in_a_sentence, log_to_stdout
 from tigas_common.command import REST, Command, Group, Metavar
 from tigas_common.errors import StartError
+from tigas_common.installation import check_versions
 from tigas_common.terminal import make_console
-from tigas_common.versions import check_versions
 
 
 class Up(ClusterSettings, Command):

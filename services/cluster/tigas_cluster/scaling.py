@@ -7,11 +7,11 @@ known to hold. Down slowly: after a calm period the host with the fewest viewers
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from tigas_cluster.fleet import HostState
+from tigas_cluster.settings import HostRange
 
 LASTING_S = 2.0
 """Seconds of pressure on most hosts before another is added: a pause of a host is not enough."""
@@ -21,30 +21,6 @@ below the second share.
 """
 SETTLED_S = 5.0
 """Seconds within which viewers sent to a host before it began to drain have arrived."""
-
-
-@dataclass(frozen=True, slots=True)
-class HostRange:
-    """The lowest and the highest number of hosts."""
-
-    lowest: int
-    highest: int
-
-    def __str__(self) -> str:
-        return f"{self.lowest}..{self.highest}"
-
-    @classmethod
-    def parse(cls, text: str) -> HostRange:
-        """Read `N` or `MIN..MAX`. Raises ValueError with one sentence."""
-        found = re.fullmatch(r"([0-9]{1,4})(?:\.\.([0-9]{1,4}))?", text)
-        lowest, highest = (int(found[1]), int(found[2] or found[1])) if found else (0, 0)
-        if not 1 <= lowest <= highest:
-            raise ValueError(f"{text[:100]!r} is neither a number of hosts nor MIN..MAX, such as 2 or 1..8")
-        return cls(lowest, highest)
-
-    def clamp(self, number: int) -> int:
-        """The nearest number that is allowed."""
-        return min(max(number, self.lowest), self.highest)
 
 
 @dataclass(frozen=True, slots=True)

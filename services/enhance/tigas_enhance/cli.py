@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import signal
-import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,12 +13,13 @@ from pydantic import Field
 from tigas_common.cli import in_a_sentence
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import StartError, TigasError
+from tigas_common.processes import terminated_as_interrupted
 from tigas_common.terminal import make_console
 
 if TYPE_CHECKING:
     import torch
 
-    from tigas_enhance.pairs import Renderer
+    from tigas_enhance.renderer import Renderer
     from tigas_enhance.tuning import Listener
 
 SECONDS = {"cpu": 180.0, "cuda": 60.0}
@@ -54,11 +53,10 @@ class Train(_EnhanceCommand):
 
     def run(self) -> None:
         """Train and write each set."""
-        signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # ends a service that was started as well
         from tigas_common.weights import write_weights
         from tigas_enhance.tuning import tune
 
-        with in_a_sentence(StartError, TigasError, OSError):
+        with in_a_sentence(StartError, TigasError, OSError), terminated_as_interrupted():
             sets = [self.names] if self.general else [[name] for name in self.names]
             if self.out is not None and len(sets) > 1:
                 raise StartError("--out is for one set: give one scene, or --general.")
@@ -85,8 +83,12 @@ class Evaluate(_EnhanceCommand):
 
     def run(self) -> None:
         """Render the views and print a table."""
+        from rich.table import Table
+
         from tigas_common.weights import read_weights
-        from tigas_enhance.tuning import held_out_pairs
+        from tigas_enhance.evaluate import interval, scores
+        from tigas_enhance.network import to_network
+        from tigas_enhance.pairs import ScenePairs
 
         with in_a_sentence(StartError, TigasError, OSError):
             read = read_weights(self.weights or _file(self.scenes, self.name))
@@ -97,16 +99,11 @@ class Evaluate(_EnhanceCommand):
                 if problem := read.misfit(scene.file_sha256, ladder):
                     raise StartError(problem)
                 networks = {rung: network for rung, each in enumerate(ladder) if (network := read.network_for(each))}
-                pairs = held_out_pairs(renderer, scene, ladder, tuple(networks), EVALUATED_VIEWS)
-            from rich.table import Table
-
-            from tigas_enhance.evaluate import bicubic_scores, enhanced_scores, interval
-            from tigas_enhance.tuning import to_network
-
+                pairs = ScenePairs(renderer, scene, ladder, tuple(networks)).held_out(EVALUATED_VIEWS)
             table = Table("rung", "bicubic", "enhanced", "gain, dB", "95 %", "SSIM", box=None)
             for rung, network in networks.items():
-                plain = bicubic_scores(pairs, rung, where)
-                better = enhanced_scores(pairs, rung, to_network(network, read), where)
+                plain = scores(pairs, rung, None, where)
+                better = scores(pairs, rung, to_network(network, read), where)
                 gains = better.psnr - plain.psnr
                 low, high = interval(gains)
                 table.add_row(
@@ -154,12 +151,11 @@ def _device(name: str) -> torch.device:
 @contextmanager
 def _renderer(url: str | None, scenes: Path | None, device: str, *, own_ladders: bool = True) -> Iterator[Renderer]:
     """The service at a URL, or one that runs as long as the context."""
-    from tigas_enhance.pairs import Renderer
-    from tigas_enhance.renderer_process import render_service
+    from tigas_enhance.renderer import Renderer, render_service
 
     with ExitStack() as stack:
         started = render_service(scenes, device, own_ladders=own_ladders)
-        yield stack.enter_context(Renderer(url or stack.enter_context(started)))
+        yield stack.enter_context(closing(Renderer(url or stack.enter_context(started))))
 
 
 @contextmanager

@@ -11,9 +11,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tigas_enhance.errors import NothingToLearn
 from tigas_enhance.network import Network, resampled
-from tigas_enhance.pairs import Pair
+from tigas_enhance.pairs import NothingToLearn, Pair
 
 LEARNING_RATE = 4e-3
 BETAS = (0.9, 0.99)

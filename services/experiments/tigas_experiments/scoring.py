@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
 
-from tigas_common.wire.recording import Sample
 from tigas_experiments.quality.meters import VIDEO, Meters
 from tigas_experiments.quality.picture import BrokenPicture, Picture
 from tigas_experiments.quality.vmaf import vmaf_and_vif
@@ -15,6 +14,7 @@ from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.samples import read_samples
 from tigas_experiments.records.scores import Score, Values, read_scores, write_scores
 from tigas_experiments.records.triplets import KINDS, Contents, Kind, Triplet, seen, triplets
+from tigas_experiments.wire.recording import Sample
 
 FRAMES = 240
 """Maximum frames of a VMAF video, which bounds the loss after an interruption."""

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Annotated
 from tigas_common.cli import in_a_sentence, log_to_stdout
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import StartError, TigasError
+from tigas_common.installation import check_versions
 from tigas_common.processes import terminated_as_interrupted
 from tigas_common.settings import MODELS
 from tigas_common.terminal import make_console
-from tigas_common.versions import check_versions
 from tigas_render.settings import RenderSettings
 
 if TYPE_CHECKING:

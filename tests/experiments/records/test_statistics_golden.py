@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from tests.experiments.made_up import frame
-from tigas_common.wire.recording import Input, Traffic
 from tigas_experiments.records import statistics
+from tigas_experiments.wire.recording import Input, Traffic
 
 GOLDEN: dict[str, Any] = json.loads(Path(__file__).with_name("figures.golden.json").read_text())
 

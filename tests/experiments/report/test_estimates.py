@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from tests.experiments.made_up import configuration
-from tigas_common.wire.run import Network
 from tigas_experiments.report.estimates import LEAST_BLOCKS, Estimate, paired, signed
 from tigas_experiments.report.groups import Block
 from tigas_experiments.report.metrics import METRICS
+from tigas_experiments.wire.run import Network
 
 
 def block(**changes: Any) -> Block:

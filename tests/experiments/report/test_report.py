@@ -9,10 +9,10 @@ import pytest
 
 from tests.experiments.made_up import write_run
 from tests.experiments.report.test_cli import rows
-from tigas_common.wire.run import Network
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.report.page import MOST_RUNS
 from tigas_experiments.report.report import write_report
+from tigas_experiments.wire.run import Network
 
 COMMAND = "tigas compare --network '4g-<bus>'"
 

@@ -10,10 +10,10 @@ import pytest
 from rich.console import Console
 
 from tests.experiments.made_up import write_run
-from tigas_common.wire.run import USUALLY_COMPARED, Mode, Network
 from tigas_experiments.records.folder import RunRecord, StoredRun
 from tigas_experiments.report.results import Run, load
 from tigas_experiments.report.run_listing import AnyRun, by_network, in_terminal, label, markdown, runs_as_made, titles
+from tigas_experiments.wire.run import USUALLY_COMPARED, Mode, Network
 
 
 def printed(network: str, runs: Sequence[AnyRun], width: int) -> list[str]:

@@ -15,7 +15,7 @@ from starlette.responses import StreamingResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tests.render.transport.client import CERTIFICATE, Client, Recorder, connect
-from tigas_common.peers import ARRIVED
+from tigas_common.web import ARRIVED
 from tigas_render.admission.limits import Limits
 from tigas_render.transport.server import Http3Server
 

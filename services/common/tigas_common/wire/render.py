@@ -320,3 +320,17 @@ class ServerConfig(WireModel):
     """Preferred formats of pictures. Others are answered as well, but cost this server more than they gain."""
     why_no_training: str | None = None
     """One sentence: why scenes' networks cannot be trained here; null if they can."""
+
+
+class HostLoad(WireModel):
+    """A service's load and configuration, for the director of a cluster (`/api/load`)."""
+
+    config: ServerConfig
+    """Like `/config.json`, for the name under which the host was reached. `retry_after_s` is set if it is full."""
+    viewers: int = Field(ge=0)
+    utilisation: Unit
+    """Utilisation of the busier part: the edges, taken together, or the renderer."""
+    queue_age_s: float = Field(ge=0)
+    """The longest that anything waited anywhere in the last second."""
+    scenes: Entries[str]
+    """Ids of loaded scenes."""

@@ -9,7 +9,7 @@ from typing import Self
 
 import psutil
 
-from tigas_common.commit import this_commit
+from tigas_common.installation import this_commit
 from tigas_common.wire.model import Entries, WireModel
 from tigas_common.wire.render import Rung, SceneInfo, ServerConfig
 

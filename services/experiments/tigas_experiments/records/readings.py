@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import psutil
 
-from tigas_common.processors import Quota, allowed_processors, quotas
+from tigas_common.resources import Quota, allowed_processors, quotas
 from tigas_experiments.records.load import LoadSample
 
 EVERY_S = 0.5

@@ -18,9 +18,9 @@ from pydantic import Field, ValidationError
 
 from tigas_common.files import read_regular
 from tigas_common.wire.model import WireModel
-from tigas_common.wire.recording import Sample
 from tigas_experiments.records.files import MAX_FILE_BYTES, BrokenRecording
 from tigas_experiments.records.samples import read_samples
+from tigas_experiments.wire.recording import Sample
 
 INDEX = "materialised.ndjson"
 REPLAYED = "replayed.jpg"

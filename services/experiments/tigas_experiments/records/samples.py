@@ -13,8 +13,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from tigas_common.files import read_regular
-from tigas_common.wire.recording import Sample
 from tigas_experiments.records.files import BrokenRecording, read_lines, write_lines
+from tigas_experiments.wire.recording import Sample
 
 INDEX = "samples.ndjson"
 FOLDER = "samples"

@@ -15,7 +15,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tigas_common.wire.figures import INTERACTIVE_MS
 from tigas_experiments.report.charts import (
     BINS,
     Looks,
@@ -52,6 +51,7 @@ from tigas_experiments.report.plot import (
 from tigas_experiments.report.quality_figures import enhancement_heat_map, quality_heat_map, rate_distortion_plot
 from tigas_experiments.report.rate_distortion import RateDistortion, over_all
 from tigas_experiments.report.results import Floats
+from tigas_experiments.wire.figures import INTERACTIVE_MS
 
 WIDE = 2.6
 """Width of a panel with a time series, in panels."""

@@ -13,12 +13,12 @@ from typing import Self
 
 import numpy as np
 
-from tigas_common.wire.run import Configuration
 from tigas_experiments.records.folder import RunRecord
 from tigas_experiments.report.controllers import Controller, Look, in_order, looks
 from tigas_experiments.report.estimates import Estimate
 from tigas_experiments.report.metrics import Metric, Value
 from tigas_experiments.report.results import Floats, Run
+from tigas_experiments.wire.run import Configuration
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tigas_common.wire.recording import Input, Reply, ShownFrame
+from tigas_experiments.wire.recording import Input, Reply, ShownFrame
 
 PART_TITLES = {
     "wait": "Wait for a request",

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from tigas_common.wire.figures import INTERACTIVE_MS, USUAL_INTERVAL_MS, Figures
 from tigas_experiments.records.folder import RunRecord
 from tigas_experiments.report.latency_parts import PART_TITLES, LatencyParts
+from tigas_experiments.wire.figures import INTERACTIVE_MS, USUAL_INTERVAL_MS, Figures
 
 Value = float | None
 Better = Literal["low", "high"] | None

@@ -11,7 +11,6 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from tigas_common.files import read_regular
-from tigas_common.wire.figures import INTERACTIVE_MS
 from tigas_experiments.records.folder import RunRecord
 from tigas_experiments.records.rerendered import SampledRun
 from tigas_experiments.records.samples import MAX_PICTURE_BYTES
@@ -26,6 +25,7 @@ from tigas_experiments.report.rate_distortion import QUALITIES, by_condition, ov
 from tigas_experiments.report.results import LADDER, Results, Run
 from tigas_experiments.report.run_listing import COLUMNS, AnyRun, by_network, cells, column_groups, titles
 from tigas_experiments.report.tables import pegged_text, rtt_text
+from tigas_experiments.wire.figures import INTERACTIVE_MS
 
 MOST_RUNS = 16
 """Maximum number of runs of a network that are listed one by one."""

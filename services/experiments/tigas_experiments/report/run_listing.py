@@ -11,12 +11,12 @@ from typing import TypeAlias
 from rich.cells import cell_len
 from rich.table import Table
 
-from tigas_common.wire.figures import INTERACTIVE_MS
 from tigas_experiments.records.folder import RunRecord
 from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.metrics import IN_TIME, METRICS, NONE
 from tigas_experiments.report.results import Failure, Results, Run
 from tigas_experiments.report.tables import escaped
+from tigas_experiments.wire.figures import INTERACTIVE_MS
 
 GAP = 2
 """Spaces between columns in the terminal."""

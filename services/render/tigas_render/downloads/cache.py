@@ -21,10 +21,10 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 from starlette.types import Receive, Scope, Send
 
-from tigas_common.concurrency import ConcurrencyLimit
+from tigas_common.address import client_network
 from tigas_common.errors import BrokenScene, InvalidRequest, Overloaded, TigasError
+from tigas_common.limits import ConcurrencyLimit
 from tigas_common.parsing import parse
-from tigas_common.peers import client_network
 from tigas_common.web import has_already
 from tigas_common.wire.render import SceneDownload
 from tigas_render.downloads.order import Order

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from tigas_common.errors import StartError
-from tigas_common.extras import install_command
 from tigas_common.files import replace_file
+from tigas_common.installation import install_command
 from tigas_common.sample_cameras import SceneAxes
 from tigas_common.wire.render import DEFAULT_LADDER, Rung
 from tigas_render.ladder.measure import CANDIDATES, Point, measure, walks

@@ -9,15 +9,15 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from tigas_common.certificate import Certificate
-from tigas_common.memory import keep_together
+from tigas_common.resources import keep_together
 from tigas_common.runner import until_stopped
 from tigas_render.local_files import kept_key, locked_directory
 from tigas_render.server.certificates import CertificateKeeper
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.settings import RenderSettings
-from tigas_render.transport.retry import KEY_LENGTH
-from tigas_render.transport.tickets import TicketStore
+from tigas_render.transport.certificate import Certificate
+from tigas_render.transport.shared_port import TicketStore
+from tigas_render.transport.stateless import RETRY_KEY_LENGTH
 from tigas_render.workers.control import (
     EdgeStart,
     EngineStart,
@@ -29,8 +29,7 @@ from tigas_render.workers.control import (
     TicketTaken,
 )
 from tigas_render.workers.devices import names
-from tigas_render.workers.standby import Standby
-from tigas_render.workers.worker import Worker, WorkerProcess
+from tigas_render.workers.worker import Standby, Worker, WorkerProcess
 
 DIRECTORY = "tigas-render-"
 """The prefix of the directory with the engines' sockets."""
@@ -73,7 +72,7 @@ class Supervisor:
         self._sockets = sockets
         self._directory = directory
         self._reset_key = kept_key(settings.cache / "stateless-reset.key")
-        self._retry_key = os.urandom(KEY_LENGTH)
+        self._retry_key = os.urandom(RETRY_KEY_LENGTH)
         self._tickets = TicketStore()
         self._announcement: tuple[str, ...] = ()
         """From an engine, to be printed once all serve."""
