@@ -32,10 +32,10 @@ from tigas_common.pose import Pose
 from tigas_render.gaussians import Gaussians
 from tigas_render.local_files import cache_directory
 from tigas_render.raster.base import Camera
+from tigas_render.raster.calls import Calls
 from tigas_render.raster.cuda.rasterizer import CudaRasterizer
 from tigas_render.raster.cuda.scene import CudaScene
 from tigas_render.raster.devices import why_no_cuda
-from tigas_render.raster.native_threads import Calls
 from tigas_render.scenes.demo import DEMO_SOURCE
 from tigas_render.scenes.directory import read_scene_file
 

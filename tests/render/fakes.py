@@ -19,8 +19,8 @@ from tigas_common.wire.render import FrameFormat, RenderRequest, Rung
 from tigas_render.encode.depth_segment import coded
 from tigas_render.gaussians import Batches
 from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, Rasterizer
+from tigas_render.raster.calls import Call, CallError, Calls
 from tigas_render.raster.lanes import FetchedImage, Job, LaneRasterizer
-from tigas_render.raster.native_threads import Call, CallError, Calls
 
 
 def render_request(**changes: Any) -> RenderRequest:

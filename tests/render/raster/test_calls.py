@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import pytest
 
-from tigas_render.raster.native_threads import MOST_ARGUMENTS, Call, CallError, Calls
+from tigas_render.raster.calls import MOST_ARGUMENTS, Call, CallError, Calls
 
 FUNCTION = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int64] * MOST_ARGUMENTS)
 

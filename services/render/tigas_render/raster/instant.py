@@ -17,8 +17,8 @@ from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.images import encode_jpeg, encode_yuv420p
 from tigas_render.gaussians import Batches
 from tigas_render.raster.base import Camera, PreparedScene
+from tigas_render.raster.calls import Call, Calls
 from tigas_render.raster.lanes import FetchedImage, Job, LaneRasterizer
-from tigas_render.raster.native_threads import Call, Calls
 
 NAME = "instant"
 DEFAULT_BYTES = 23_000

@@ -12,7 +12,7 @@ from ctypes import POINTER, addressof, byref, c_int, c_size_t, c_void_p
 from cuda.bindings import driver
 from cuda.pathfinder import load_nvidia_dynamic_lib
 
-from tigas_render.raster.native_threads import Call, CallError, Calls
+from tigas_render.raster.calls import Call, CallError, Calls
 
 DRIVER = "libcuda.so.1"
 CSS_420, CSS_GRAY = 2, 6

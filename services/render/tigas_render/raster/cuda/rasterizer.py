@@ -17,12 +17,12 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import FrameFormat
 from tigas_render.gaussians import Batches, Gaussians
 from tigas_render.raster.base import Camera, PreparedScene, one_gaussian
+from tigas_render.raster.calls import Calls
 from tigas_render.raster.cuda.compiler import load_kernels, make_stages
 from tigas_render.raster.cuda.nvidia import ALLOCATOR_FAILURE, NvJpeg, NvJpegError
 from tigas_render.raster.cuda.scene import CudaScene, pack
 from tigas_render.raster.cuda.workspace import Workspace
 from tigas_render.raster.lanes import FetchedImage, Job, LaneRasterizer
-from tigas_render.raster.native_threads import Calls
 
 SIDES = (8, 16)
 """Sides of the tiles for which kernels exist, in pixels."""

@@ -13,11 +13,11 @@ from tigas_common.errors import Overloaded
 from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.depth_segment import CodedDepth
 from tigas_render.raster.base import Camera, coarse
+from tigas_render.raster.calls import Call, Calls
 from tigas_render.raster.cuda.compiler import Stage
 from tigas_render.raster.cuda.nvidia import JpegEncoder, NvJpeg, driver_call
 from tigas_render.raster.cuda.parameters import LAYOUT, PixelFormat, TileLayout, tile_layout, write_frame
 from tigas_render.raster.cuda.scene import CHUNK, CudaScene
-from tigas_render.raster.native_threads import Call, Calls
 
 FIRST_CAPACITY = 1 << 21
 """Entries of all tiles' lists together that a workspace begins with; it grows when a frame needs more."""
