@@ -15,8 +15,7 @@ from tigas_common.weights import FILE, GENERAL, MAX_BYTES, BrokenWeights, write_
 from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_render.enhance.shelf import NoPlace, NoWeights, Shelf
 from tigas_render.scenes.demo import DEMO_SOURCE
-from tigas_render.scenes.metadata import SceneMetadata
-from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.source import SceneMetadata, SceneSource
 
 
 @pytest.fixture

@@ -16,8 +16,7 @@ from tests.eventually import eventually
 from tests.render.scenes import plys
 from tigas_common.errors import BrokenScene
 from tigas_common.wire.render import StartCamera
-from tigas_render.scenes.metadata import SceneMetadata
-from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.source import SceneMetadata, SceneSource
 from tigas_render.server.preview import MAX_BYTES, Preview, PreviewCache, preview_camera, read_preview
 
 pytestmark = pytest.mark.anyio

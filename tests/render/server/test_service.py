@@ -19,7 +19,7 @@ from tigas_common.errors import Overloaded
 from tigas_common.parsing import parse
 from tigas_common.wire.render import HostLoad
 from tigas_render.admission import viewers
-from tigas_render.scenes.columns import Listener
+from tigas_render.scenes.scene_file import Listener
 from tigas_render.scenes.source import SceneSource
 from tigas_render.server import service as service_module
 from tigas_render.server.app import create_app

@@ -16,7 +16,7 @@ from tigas_common.resources import keep_together
 from tigas_common.runner import until_stopped
 from tigas_common.settings import MODELS
 from tigas_common.terminal import printable
-from tigas_render.cache import kept_key
+from tigas_render.local_files import kept_key
 from tigas_render.raster.devices import create_rasterizer
 from tigas_render.server.app import STATIC, create_app
 from tigas_render.server.certificates import CertificateKeeper

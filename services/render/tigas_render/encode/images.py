@@ -1,16 +1,52 @@
-"""Raw planar YUV 4:2:0, the input of video encoders: BT.709, limited range (ITU-R BT.709-6, sections 3.2 to 3.5)."""
+"""Single images: JPEG and WebP, lossless PNG for ground truth, and raw planes as the input of video encoders.
+
+Raw planes are YUV 4:2:0 in BT.709, limited range (ITU-R BT.709-6, sections 3.2 to 3.5).
+"""
 
 from __future__ import annotations
 
+import io
+from typing import Final
+
 import numpy as np
 import numpy.typing as npt
+import simplejpeg
 from numba import njit
+from PIL import Image
 
+Pixels = npt.NDArray[np.uint8]
+
+WEBP_METHOD: Final = 1
+"""Effort, 0 to 6: docs/streams.md compares them."""
+_OF_JPEG: Final = (1, 10, 20, 35, 65, 90, 100)
+_OF_WEBP: Final = (0, 3, 10, 28, 60, 88, 99)
+"""WebP quality with the PSNR of a JPEG quality, on the most demanding scene (docs/streams.md)."""
 KR, KB = 0.2126, 0.0722
 """BT.709's luma weights of red and blue."""
 
 
-def encode_yuv420p(pixels: npt.NDArray[np.uint8]) -> bytes:
+def encode_jpeg(pixels: Pixels, quality: int) -> bytes:
+    """Encode RGB pixels [H, W, 3] at a quality of 1 to 100, with 4:2:0 chroma as usual for photographs."""
+    encoded: bytes = simplejpeg.encode_jpeg(pixels, quality=quality, colorspace="RGB", colorsubsampling="420")
+    return encoded
+
+
+def encode_png(pixels: Pixels) -> bytes:
+    """Encode RGB pixels [H, W, 3] losslessly, fast rather than small."""
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, "PNG", compress_level=1)
+    return buffer.getvalue()
+
+
+def encode_webp(pixels: Pixels, quality: int) -> bytes:
+    """Encode RGB pixels [H, W, 3] with the PSNR of a JPEG of quality 1 to 100 (VP8 key frames, RFC 6386)."""
+    buffer = io.BytesIO()
+    equal = round(float(np.interp(quality, _OF_JPEG, _OF_WEBP)))
+    Image.fromarray(pixels).save(buffer, "WEBP", quality=equal, method=WEBP_METHOD)
+    return buffer.getvalue()
+
+
+def encode_yuv420p(pixels: Pixels) -> bytes:
     """RGB pixels [H, W, 3] as planes Y [H, W], then Cb and Cr [⌈H/2⌉, ⌈W/2⌉], each chroma sample the mean of four."""
     height, width = pixels.shape[:2]
     chroma = ((height + 1) // 2, (width + 1) // 2)

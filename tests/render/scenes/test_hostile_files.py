@@ -1,4 +1,4 @@
-"""Malformed packed files: one sentence each, and no memory by their announced sizes."""
+"""Malformed files: one sentence each, and no memory by their announced sizes."""
 
 from __future__ import annotations
 
@@ -17,10 +17,27 @@ import pytest
 import zstandard
 from PIL import Image
 
+from tests.fuzz.sentences import assert_sentence
 from tests.render.scenes import made_up, plys
 from tests.render.scenes.test_formats import splat_bytes, spz_bytes
 from tigas_common.errors import BrokenScene
-from tigas_render.scenes.formats import load_scene, read_scene_file
+from tigas_render.scenes.directory import read_scene_file
+from tigas_render.scenes.ply import MAX_HEADER
+
+GOOD, TEXT = plys.binary_ply(), plys.ascii_ply()
+FLOATS = plys.names(0)
+
+
+def text_with(line: int, new: str) -> bytes:
+    lines = TEXT.decode().splitlines()
+    lines[line] = new
+    return "\n".join(lines).encode() + b"\n"
+
+
+def without(*gone: str) -> bytes:
+    kept = [name for name in FLOATS if name not in gone]
+    return plys.header(kept, 1) + bytes(4 * len(kept))
+
 
 SHELL = made_up.shell()
 COMPRESSED, SPZ_3, SPZ_4, SOG = (
@@ -78,6 +95,65 @@ def with_many_files() -> bytes:
 
 
 HEADER = {
+    "PLY: empty": (b"", "is empty"),
+    "PLY: ply in its name only": (b"plywood\n", "does not begin with 'ply'"),
+    "PLY: cut in the header": (GOOD[:60], "truncated: its header has no 'end_header'"),
+    "PLY: oversized header": (b"ply\n" + b"comment x\n" * (MAX_HEADER // 8), "header of more than 64 KiB"),
+    "PLY: header without line ends": (b"ply\n" + b"x" * 200_000, "header of more than 64 KiB"),
+    "PLY: cut in the data": (GOOD[:-1], "truncated: 3 vertices make"),
+    "PLY: cut before the data": (plys.header(FLOATS, 3), "truncated: 3 vertices make"),
+    "PLY: bytes left over": (GOOD + b"\0", "longer than its header says"),
+    "PLY: 10¹² vertices": (plys.header(FLOATS, 10**12) + bytes(68), "1000000000000 vertices make 68000000000423 bytes"),
+    "PLY: 10¹² vertices as text": (
+        plys.header(FLOATS, 10**12, "ascii") + b"0 " * 34,
+        "1000000000000 vertices make at least",
+    ),
+    "PLY: 10³⁰ vertices": (plys.header(FLOATS, 10**30) + bytes(68), "impossible number"),
+    "PLY: 10⁵⁰⁰⁰ vertices": (plys.header(FLOATS, 3).replace(b"x 3", b"x " + b"9" * 5000), "impossible number"),
+    "PLY: negative count": (plys.header(FLOATS, -1), "broken PLY header"),
+    "PLY: no count": (GOOD.replace(b"element vertex 3", b"element vertex"), "broken PLY header"),
+    "PLY: an underscore in the count": (
+        plys.header(FLOATS, 3).replace(b"x 3", b"x 0_0"),
+        "line 3 is not 'element', a name",
+    ),
+    "PLY: a sign before the count": (
+        plys.header(FLOATS, 3).replace(b"x 3", b"x +0"),
+        "line 3 is not 'element', a name",
+    ),
+    "PLY: a sign before 10¹²": (plys.header(FLOATS, 3).replace(b"x 3", b"x +1000000000000"), "line 3 is not 'element'"),
+    "PLY: a vertical tab": (GOOD.replace(b"element vertex", b"element\x0bvertex"), "line 3 is not plain ASCII text"),
+    "PLY: a carriage return": (GOOD.replace(b"element vertex", b"element\rvertex"), "line 3 is not plain ASCII text"),
+    "PLY: a tab": (GOOD.replace(b"element vertex", b"element\tvertex"), "line 3 is not plain ASCII text"),
+    "PLY: a line with an indent": (
+        GOOD.replace(b"element vertex", b" element vertex"),
+        "line 3 is not plain ASCII text",
+    ),
+    "PLY: zero vertices": (plys.header(FLOATS, 0), "0 vertices"),
+    "PLY: no vertices": (GOOD.replace(b"element vertex", b"element points"), "no element 'vertex'"),
+    "PLY: two vertex elements": (
+        GOOD.replace(b"end_header", b"element vertex 1\nproperty float x\nend_header"),
+        "same name",
+    ),
+    "PLY: big-endian": (GOOD.replace(b"little", b"big"), "big-endian"),
+    "PLY: unknown format": (GOOD.replace(b"binary_little_endian", b"morse"), "broken PLY header"),
+    "PLY: unknown type": (GOOD.replace(b"property float y", b"property quad y"), "broken PLY header"),
+    "PLY: not ASCII": (GOOD.replace(b"element", b"comment \xff\xfe\nelement", 1), "broken PLY header"),
+    "PLY: property twice": (GOOD.replace(b"property float nx", b"property float x"), "same name"),
+    "PLY: first missing property": (without("f_dc_1", "rot_2"), "no property 'f_dc_1'"),
+    "PLY: a mesh": (plys.header(["x", "y", "z", "uchar red"], 1) + bytes(13), "no property 'f_dc_0'"),
+    "PLY: a list": (GOOD.replace(b"property float nx", b"property list uchar float nx"), "a list as property 'nx'"),
+    "PLY: lists before the vertices": (
+        GOOD.replace(b"element vertex", b"element face 1\nproperty list uchar int v\nelement vertex"),
+        "lists in element 'face' before",
+    ),
+    "PLY: 8 f_rest": (
+        plys.header([*FLOATS, *(f"f_rest_{i}" for i in range(8))], 1) + bytes(100),
+        "8 properties f_rest_*",
+    ),
+    "PLY: f_rest with a gap": (
+        plys.header([*FLOATS, *(f"f_rest_{i}" for i in (*range(8), 9))], 1) + bytes(104),
+        "no 'f_rest_8'",
+    ),
     "SPZ, cut off": (SPZ_3[:12], "is damaged|is truncated"),
     "SPZ, gzip of something else": (gzip.compress(bytes(100)), "is no SPZ"),
     "SPZ, gzip with a name that never ends": (b"\x1f\x8b\x08\x08" + bytes(6) + b"x" * 3_000_000, "has no end"),
@@ -126,6 +202,17 @@ HEADER = {
 }
 
 DATA = {
+    "PLY: too few rows": (TEXT.rsplit(b"\n", 2)[0] + b"\n", "promises 3 vertices and has 2"),
+    "PLY: too few columns": (text_with(-2, "1 2 3 " + "4" * 400), "cannot be read"),
+    "PLY: too many columns": (text_with(-1, "0 " * 18), "cannot be read"),
+    "PLY: garbage": (text_with(-3, "zero " + "0 " * 16), "cannot be read"),
+    "PLY: no text": (text_with(-2, "\xff\xfe" + "0 " * 18), "cannot be read"),
+    "PLY: an empty line": (text_with(-2, ""), "empty line"),
+    "PLY: not even a line": (plys.header(FLOATS, 3, "ascii") + b"7" * 300_000, "cannot be read|truncated"),
+    "PLY: numbers beyond their type": (
+        plys.header([*FLOATS[:-1], "uchar rot_3"], 1, "ascii") + b"0 " * 16 + b"300\n",
+        "cannot be read",
+    ),
     "SPZ, cut off in its data": (SPZ_3[:-200], "is damaged"),
     "SPZ with a Gaussian too few": (spz(count=301), "is truncated: it ends before all of its Gaussians"),
     "SPZ 4 with a damaged stream": (SPZ_4[:140] + bytes(60) + SPZ_4[200:], "is damaged"),
@@ -163,7 +250,7 @@ def test_broken_data_are_refused(tmp_path: Path, content: bytes, words: str) -> 
     path = plys.write(tmp_path / "scene.bin", content)
     read_scene_file(path)  # listing a scene decodes nothing
     with pytest.raises(BrokenScene, match=words) as failure:
-        load_scene(path)
+        read_scene_file(path).load()
     assert_sentence(failure.value.detail)
 
 
@@ -178,7 +265,7 @@ def test_a_bomb_is_unpacked_no_further_than_its_header_says(tmp_path: Path, kind
         content = content[:128] + bomb + SPZ_4[128 + starts :]
     path = plys.write(tmp_path / "scene.spz", content)
     tracemalloc.start()
-    assert len(load_scene(path)) == made_up.COUNT
+    assert len(read_scene_file(path).load()) == made_up.COUNT
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 3_000_000
@@ -189,14 +276,21 @@ def positions() -> bytes:
     return gzip.decompress(SPZ_3)[16 : 16 + 9 * made_up.COUNT]
 
 
+def test_a_missing_file_is_broken(tmp_path: Path) -> None:
+    with pytest.raises(BrokenScene, match=r"^nowhere\.ply cannot be read: No such file or directory\.$"):
+        read_scene_file(tmp_path / "nowhere.ply")
+
+
 def test_numbers_that_are_none_drop_their_gaussians(tmp_path: Path) -> None:
     content = bytearray(SPLAT)
     content[0:4] = content[44:48] = struct.pack("<f", np.nan)
     content[64 + 28 : 64 + 32] = bytes([128] * 4)  # a rotation of length zero
-    assert len(load_scene(plys.write(tmp_path / "scene.splat", bytes(content)))) == made_up.COUNT - 3
+    assert len(read_scene_file(plys.write(tmp_path / "scene.splat", bytes(content))).load()) == made_up.COUNT - 3
     at = COMPRESSED.index(b"end_header\n") + len(b"end_header\n")
     ranges = COMPRESSED[:at] + np.full(3, np.nan, "<f4").tobytes() + COMPRESSED[at + 12 :]
-    assert len(load_scene(plys.write(tmp_path / "scene.ply", ranges))) == made_up.COUNT - 256, "those of the chunk"
+    assert len(read_scene_file(plys.write(tmp_path / "scene.ply", ranges)).load()) == made_up.COUNT - 256, (
+        "those of the chunk"
+    )
 
 
 def test_a_folder_reads_no_file_but_those_beside_its_meta_json(tmp_path: Path) -> None:
@@ -208,9 +302,3 @@ def test_a_folder_reads_no_file_but_those_beside_its_meta_json(tmp_path: Path) -
     (tmp_path / "scene" / "meta.json").write_text(json.dumps(meta))
     with pytest.raises(BrokenScene, match="not a plain name of a file"):
         read_scene_file(tmp_path / "scene" / "meta.json")
-
-
-def assert_sentence(detail: str) -> None:
-    assert detail.endswith("."), detail
-    assert "\n" not in detail
-    assert len(detail) < 300
