@@ -20,14 +20,16 @@ from tigas_common.wire.store import (
     UploadedFile,
     UploadedSamples,
 )
-from tigas_experiments.records.rerendered import REPLAYED, TRUTH, sampled_run
 from tigas_experiments.records.samples import (
     ENHANCED,
     FOLDER,
     INDEX,
     JPEG,
     MAX_PICTURE_BYTES,
+    REPLAYED,
+    TRUTH,
     sample_path,
+    sampled_run,
     write_samples,
 )
 from tigas_experiments.store.errors import SamplesComplete, UnknownSample
