@@ -20,7 +20,7 @@ from tests.prerequisites import LINUX
 from tigas_common.address import Address
 from tigas_common.command import load
 from tigas_common.errors import UsageError
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.runner import serve_http
 from tigas_dash.settings import DashSettings
 from tigas_render.settings import RenderSettings

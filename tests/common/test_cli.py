@@ -13,7 +13,7 @@ import pytest
 from tests.command import tigas
 from tigas_common.cli import entries
 from tigas_common.command import Command, Group, parameters
-from tigas_common.extras import explained, install_command
+from tigas_common.installation import explained, install_command
 
 ROOT = Path(__file__).parents[2]
 LOADED = """

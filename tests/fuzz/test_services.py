@@ -37,12 +37,12 @@ from tigas_common.origins import OriginPolicy
 from tigas_common.wire.dash import SessionRequest
 from tigas_common.wire.render import RenderRequest
 from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest
-from tigas_common.wire.store import ExperimentRequest, InterruptedRun, RunUpload, SampleIndex
 from tigas_dash.app import create_app as create_dash
 from tigas_dash.clock import Clock
 from tigas_dash.sessions import Sessions
 from tigas_dash.source import RenderClient
 from tigas_dash.webrtc.service import WebRtc
+from tigas_experiments.wire.store import ExperimentRequest, InterruptedRun, RunUpload, SampleIndex
 from tigas_render.server.app import create_app as create_render
 from tigas_render.server.service import RenderService
 from tigas_render.settings import RenderSettings

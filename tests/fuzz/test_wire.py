@@ -18,7 +18,7 @@ from tigas_common.errors import BodyTooLarge, InvalidRequest
 from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.wire.render import RenderRequest
 from tigas_common.wire.shaper import LinkSetting
-from tigas_common.wire.store import RunUpload
+from tigas_experiments.wire.store import RunUpload
 
 MOST_MEMORY = 400
 """Bytes that a body's byte may take while it is checked."""

@@ -10,11 +10,11 @@ from tests.experiments.made_up import STREAM, configuration, frame, inputs, reco
 from tests.experiments.store.conftest import upload
 from tests.render.fakes import render_request
 from tigas_common.wire.dash import PoseUpdate, SessionRequest
-from tigas_common.wire.recording import Recording, Sample
 from tigas_common.wire.render import RenderRequest
-from tigas_common.wire.run import Configuration
 from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest
-from tigas_common.wire.store import ExperimentRequest, InterruptedRun, RunUpload, SampleIndex
+from tigas_experiments.wire.recording import Recording, Sample
+from tigas_experiments.wire.run import Configuration
+from tigas_experiments.wire.store import ExperimentRequest, InterruptedRun, RunUpload, SampleIndex
 from tigas_render.scenes.metadata import SceneMetadata
 
 EULER = render_request().model_dump(mode="json", exclude_none=True)

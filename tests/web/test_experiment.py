@@ -17,8 +17,8 @@ from tests.web.experiments import WALK, PageLab, fill, page_lab, remarks
 from tests.web.fake_shaper import FakeShaper
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, frames, wait_for_frames
-from tigas_common.wire.run import Network
 from tigas_experiments.run.parsing import parse_network
+from tigas_experiments.wire.run import Network
 
 FIGURES = ("p50", "p95", "interactive", "newViewsPerSecond", "meanHeight", "switches", "received")
 

@@ -11,7 +11,7 @@ from tests.web.conftest import OpenPage
 from tests.web.modes import wait_for_sessions, wait_for_stream, with_settings
 from tests.web.server import Packager
 from tests.web.stage import SCENE
-from tigas_common.wire.recording import Recording
+from tigas_experiments.wire.recording import Recording
 
 SMALL = {"width": 260, "height": 200}
 PLAIN = {"prediction": "off", "reprojection": False, "sidebar": False, "hudDetails": True}

@@ -10,11 +10,11 @@ from typing import Any
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from tigas_common.address import client_network
 from tigas_common.errors import AskedTooOften
+from tigas_common.limits import RateLimit
 from tigas_common.origins import OriginPolicy
-from tigas_common.peers import client_network
 from tigas_common.proxy import refuse
-from tigas_common.rate_limit import RateLimit
 
 BURST_S = 0.1
 """Seconds of the loop that an address may use at once: more than it takes to open the page."""

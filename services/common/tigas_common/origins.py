@@ -15,9 +15,8 @@ from starlette.middleware.cors import CORSMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from tigas_common.address import Address
+from tigas_common.address import Address, host_of, host_of_origin, is_address, is_loopback, is_network_name
 from tigas_common.errors import TigasError, problem
-from tigas_common.hosts import host_of, host_of_origin, is_address, is_loopback, is_network_name
 from tigas_common.web import problem_response
 
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})

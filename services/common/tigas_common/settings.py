@@ -17,10 +17,9 @@ from pydantic_settings import (
     TomlConfigSettingsSource,
 )
 
-from tigas_common.address import Address
+from tigas_common.address import Address, host_of, host_of_origin
 from tigas_common.command import Metavar
-from tigas_common.hosts import host_of, host_of_origin
-from tigas_common.http_limits import ServiceHttpLimits
+from tigas_common.limits import ServiceHttpLimits
 
 FILE_VARIABLE = "TIGAS_CONFIG"
 """Names the settings file; without it, `tigas.toml` in the working directory is read if it is there."""

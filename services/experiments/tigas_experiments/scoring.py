@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
 
-from tigas_common.wire.recording import Sample
 from tigas_experiments.quality.meters import VIDEO, Meters
 from tigas_experiments.quality.picture import BrokenPicture, Picture
 from tigas_experiments.quality.vmaf import vmaf_and_vif
@@ -24,6 +23,7 @@ from tigas_experiments.records.scores import (
     triplets,
     write_scores,
 )
+from tigas_experiments.wire.recording import Sample
 
 FRAMES = 240
 """Maximum frames of a VMAF video, which bounds the loss after an interruption."""

@@ -11,11 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
-from tigas_common.address import ISOLATED, Address
+from tigas_common.address import ISOLATED, Address, host_of
 from tigas_common.cli import settings_of
-from tigas_common.commit import VARIABLE, this_commit
 from tigas_common.errors import StartError
-from tigas_common.hosts import host_of
+from tigas_common.installation import COMMIT_VARIABLE, this_commit
 from tigas_common.processes import Service, keep_running, tigas
 from tigas_common.settings import MODELS
 from tigas_common.topology import (
@@ -32,8 +31,7 @@ from tigas_common.topology import (
     upstreams,
 )
 from tigas_testbed.namespaces import GATEWAY_SERVICE_ADDRESS, SERVICE_ADDRESS, Lab, check_rights
-from tigas_testbed.reach import own_code, reaching
-from tigas_testbed.user import User
+from tigas_testbed.user import User, own_code, reaching
 
 NAME = "lab"
 FORWARDED = (PAGE, WEBTRANSPORT, DASH, WEBRTC, STORE)
@@ -134,12 +132,7 @@ def check_free(ports: Sequence[Port]) -> None:
 
 
 def run_lab(
-    *,
-    scenes: Path | None,
-    traces: Path | None,
-    https: Address | None,
-    store: bool,
-    stop: threading.Event,
+    *, scenes: Path | None, traces: Path | None, https: Address | None, store: bool, stop: threading.Event
 ) -> None:
     """Run the whole lab, with or without the experiment store, until `stop` is set.
 
@@ -164,21 +157,16 @@ def run_lab(
         for folder in lent:
             user.give(folder)
         needed = [each for each in (models, traces, results) if each is not None and each.is_dir()]
-        runner = Runner(lab, user, needed, {VARIABLE: this_commit() or ""})  # git refuses other users
+        runner = Runner(lab, user, needed, {COMMIT_VARIABLE: this_commit() or ""})  # git refuses other users
+        services = [
+            Service("shaper", lambda: runner.start(runner.shaper(*options, https=secure))),
+            Service("render service", lambda: runner.start(runner.service(render), page)),
+            Service("DASH packager", lambda: runner.start(runner.service(dash_command()))),
+        ]
+        if store:
+            services.append(Service("experiment store", lambda: runner.start(runner.service(store_command()))))
         try:
-            keep_running(
-                (
-                    Service("shaper", lambda: runner.start(runner.shaper(*options, https=secure))),
-                    Service("render service", lambda: runner.start(runner.service(render), page)),
-                    Service("DASH packager", lambda: runner.start(runner.service(dash_command()))),
-                    *(
-                        (Service("experiment store", lambda: runner.start(runner.service(store_command()))),)
-                        if store
-                        else ()
-                    ),
-                ),
-                stop,
-            )
+            keep_running(services, stop)
         finally:
             for folder in lent:
                 caller.give(folder)
@@ -195,14 +183,13 @@ def run_demo(render_options: Sequence[str], stop: threading.Event, *, store: boo
     def start(argv: Sequence[str]) -> subprocess.Popen[bytes]:
         return subprocess.Popen(argv, start_new_session=True, env=environment)
 
-    keep_running(
-        (
-            Service("DASH packager", lambda: start(dash)),
-            *((Service("experiment store", lambda: start(tigas("store", *_own_names("store")))),) if store else ()),
-            Service("render service", lambda: start(tigas("render", *render_options))),
-        ),
-        stop,
-    )
+    running = [
+        Service("DASH packager", lambda: start(dash)),
+        Service("render service", lambda: start(tigas("render", *render_options))),
+    ]
+    if store:
+        running.insert(0, Service("experiment store", lambda: start(tigas("store", *_own_names("store")))))
+    keep_running(running, stop)
 
 
 def _own_names(service: str) -> list[str]:

@@ -19,10 +19,10 @@ from tests.command import Result, tigas
 from tests.experiments.conftest import Services
 from tests.experiments.processes import finished, started, until
 from tests.experiments.stub import Stub, fails
-from tigas_common.wire.run import USUALLY_COMPARED
 from tigas_experiments.records.folder import RunRecord, StoredRun, read_experiment
 from tigas_experiments.records.summary import summarise
 from tigas_experiments.report.run_table import load
+from tigas_experiments.wire.run import USUALLY_COMPARED
 
 SHORT = ("--scene", "pebbles", "--duration", "2", "--viewport", "320x180", "--profile", "3")
 

@@ -19,7 +19,6 @@ from tests.experiments.triplets_made_up import view, write_triplets
 from tests.web.scenes import SMALL, write_scenes
 from tests.web.server import RenderServer
 from tigas_common.pose import Intrinsics, Pose
-from tigas_common.wire.recording import Capture, Lens
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.quality.picture import CaptureQuality, compare, decode, encode
 from tigas_experiments.records.files import write_lines
@@ -34,6 +33,7 @@ from tigas_experiments.records.samples import (
 )
 from tigas_experiments.records.scores import SCORES, read_scores
 from tigas_experiments.report.report import write_report
+from tigas_experiments.wire.recording import Capture, Lens
 
 
 def quality(*arguments: str) -> Result:

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import psutil
 import pytest
 
-from tigas_common.processors import Quota
+from tigas_common.resources import Quota
 from tigas_experiments.records import load
 from tigas_experiments.records.load import Load, LoadSample, Reading, Thread, watching_load
 

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 from tests.experiments.made_up import frame, inputs, late, reply
-from tigas_common.wire.figures import ContentAges, FrameAges, Freezes, RenderTimes, Requests, ResponseTimes, Rungs
-from tigas_common.wire.recording import Fate, Input, Reply, Request, Traffic
 from tigas_common.wire.render import ServerTiming
 from tigas_experiments.records import statistics
+from tigas_experiments.wire.figures import ContentAges, FrameAges, Freezes, RenderTimes, Requests, ResponseTimes, Rungs
+from tigas_experiments.wire.recording import Fate, Input, Reply, Request, Traffic
 
 GOLDEN: dict[str, Any] = json.loads(Path(__file__).with_name("figures.golden.json").read_text())
 

@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import Any
 
 from tests.experiments.made_up import LENS, MACHINE, inputs, reply
-from tigas_common.wire.recording import LinkSample, PlayedDownload, Recording, ShownFrame, Traffic
-from tigas_common.wire.run import Configuration, Mode, Network
 from tigas_experiments.quality.picture import CaptureQuality, Quality
 from tigas_experiments.records.folder import RunRecord, RunWriter
 from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.report.groups import Groups
 from tigas_experiments.report.run_table import load
+from tigas_experiments.wire.recording import LinkSample, PlayedDownload, Recording, ShownFrame, Traffic
+from tigas_experiments.wire.run import Configuration, Mode, Network
 
 STEP_MS = 20.0
 """Between inputs: 50 a second."""

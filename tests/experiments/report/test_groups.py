@@ -11,7 +11,6 @@ import pytest
 from tests.experiments.made_up import configuration
 from tests.experiments.report.synthetic_results import download, groups, write_run
 from tigas_common.errors import StartError
-from tigas_common.wire.run import Network
 from tigas_experiments.records.folder import ExperimentRecord
 from tigas_experiments.report.estimates import Estimate
 from tigas_experiments.report.groups import Group, Groups, choose_baseline
@@ -19,6 +18,7 @@ from tigas_experiments.report.metrics import IN_TIME, METRICS
 from tigas_experiments.report.run_table import Block, load
 from tigas_experiments.report.tables import overall_markdown
 from tigas_experiments.report.warnings import warnings
+from tigas_experiments.wire.run import Network
 
 AGE = METRICS["frame_age_mean_ms"]
 

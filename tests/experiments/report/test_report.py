@@ -11,13 +11,13 @@ import pytest
 from tests.command import Result, tigas
 from tests.experiments import made_up
 from tests.experiments.report.synthetic_results import change, rows, text_of, write_large, write_run
-from tigas_common.wire.run import Network
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.report import figures, report
 from tigas_experiments.report.cli import MAX_COLUMNS, MOST_NETWORKS
 from tigas_experiments.report.page import MOST_RUNS
 from tigas_experiments.report.report import write_report
 from tigas_experiments.report.run_table import load
+from tigas_experiments.wire.run import Network
 
 COMMAND = "tigas compare --network '4g-<bus>'"
 OWN_ADDRESSES = ("http://www.w3.org/", "http://purl.org/", "http://creativecommons.org/", "url(#")

@@ -11,9 +11,9 @@ import pytest
 from rich.console import Console
 
 from tests.experiments.made_up import write_run
-from tigas_common.wire.run import USUALLY_COMPARED, Network
 from tigas_experiments.report.run_listing import by_network, in_terminal, label, markdown, titles
 from tigas_experiments.report.run_table import Run, load
+from tigas_experiments.wire.run import USUALLY_COMPARED, Network
 
 
 def listed(folder: Path, *runs: dict[str, Any]) -> list[Run]:

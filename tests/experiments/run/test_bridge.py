@@ -17,9 +17,9 @@ from PIL import Image
 from tests.experiments.conftest import Services, running
 from tests.web.stamping import ROUNDING, STAMPING, heading, read_stamp
 from tigas_common.pose import Pose
-from tigas_common.wire.recording import Recording
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.run.browser import SampleList, Viewer, chromium
+from tigas_experiments.wire.recording import Recording
 
 pytestmark = pytest.mark.alone
 

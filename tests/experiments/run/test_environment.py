@@ -15,13 +15,13 @@ from tests.experiments.made_up import MACHINE, SERVER, configuration
 from tests.scenes import scene
 from tigas_common.errors import StartError
 from tigas_common.wire.render import LadderName, Rung, SceneDownload
-from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.lock import exclusive, services_lock
 from tigas_experiments.run import environment as module
 from tigas_experiments.run.environment import Environment, Supervised, open_environment
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.targets import Target
+from tigas_experiments.wire.run import Configuration, Network
 
 
 class Counted:

@@ -15,8 +15,6 @@ import pytest
 from tests.experiments.made_up import MACHINE, SERVER, configuration, recording
 from tests.scenes import scene
 from tigas_common.errors import StartError
-from tigas_common.wire.recording import Recording
-from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.files import parse_recording
 from tigas_experiments.records.folder import InputDigests, RunRecord, StoredRun
@@ -26,6 +24,8 @@ from tigas_experiments.run import measure as run_module
 from tigas_experiments.run.environment import Setup
 from tigas_experiments.run.inputs import Inputs, points_sha256
 from tigas_experiments.run.targets import Target
+from tigas_experiments.wire.recording import Recording
+from tigas_experiments.wire.run import Configuration, Network
 
 UNSHAPED = configuration(network=Network(), warm_up_s=0.0)
 POINTS = Inputs(Path()).points(UNSHAPED, scene())

@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 from tigas_common.errors import StartError
-from tigas_common.wire.run import MODES, Configuration
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.measure import page_settings
 from tigas_experiments.run.plan import ExperimentPlan, lasting, seconds
+from tigas_experiments.wire.run import MODES, Configuration
 
 REPOSITORY = Path(__file__).parents[3]
 SMALL: dict[str, Any] = {"name": "small", "scenes": ["courtyard"], "movements": ["stroll"], "networks": ["4g-bus"]}

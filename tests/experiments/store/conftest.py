@@ -15,12 +15,10 @@ import pytest
 
 from tests.experiments.made_up import MACHINE, configuration, recording, sample, write_run
 from tigas_common.address import Address
-from tigas_common.http_limits import HttpLimits
-from tigas_common.offload import Offload
+from tigas_common.limits import HttpLimits
+from tigas_common.offload import Limit, Offload
 from tigas_common.origins import OriginPolicy
 from tigas_common.runner import serve_http
-from tigas_common.wire.run import Mode
-from tigas_common.work_limits import Limit
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.store.app import Store, create_app
@@ -29,6 +27,7 @@ from tigas_experiments.store.movements import Movements
 from tigas_experiments.store.reports import Reports
 from tigas_experiments.store.rerendering import Rerendering
 from tigas_experiments.store.workspace import NAME, Workspace
+from tigas_experiments.wire.run import Mode
 
 PATIENCE_S = 20
 NOBODY = "http://127.0.0.1:9"

@@ -21,13 +21,13 @@ from tests.prerequisites import ROOT_RIGHTS
 from tests.prometheus import figures
 from tests.web.server import Store
 from tigas_common.errors import InvalidRequest
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.offload import offload_to_process
 from tigas_common.parsing import parse
-from tigas_common.wire.store import RunUpload
 from tigas_experiments.store import app
 from tigas_experiments.store.upload import check_limit
 from tigas_experiments.store.workspace import NAME
+from tigas_experiments.wire.store import RunUpload
 
 pytestmark = pytest.mark.anyio
 

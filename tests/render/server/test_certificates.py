@@ -5,10 +5,10 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from tigas_common.certificate import Certificate
 from tigas_render.server import certificates
 from tigas_render.server.certificates import CertificateKeeper
 from tigas_render.settings import RenderSettings
+from tigas_render.transport.certificate import Certificate
 
 pytestmark = pytest.mark.anyio
 

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import labels from "../../../tests/common/wire/network_labels.golden.json";
+import labels from "../../../tests/experiments/wire/network_labels.golden.json";
 import { DEFAULT_SETTINGS, validSettings } from "../state/settings";
 import { MODES } from "../wire/run";
 import type { RunRow } from "../wire/store";

@@ -1,4 +1,4 @@
-// Generated from services/common/tigas_common/wire/run.py by `npm run wire`. Do not edit.
+// Generated from services/experiments/tigas_experiments/wire/run.py by `npm run wire`. Do not edit.
 
 export const PER_VIEW = ["stateless", "video"] as const;
 export const DASH = ["dash-typical", "dash-tuned", "dash-edge"] as const;

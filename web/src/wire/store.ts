@@ -1,4 +1,4 @@
-// Generated from services/common/tigas_common/wire/store.py by `npm run wire`. Do not edit.
+// Generated from services/experiments/tigas_experiments/wire/store.py by `npm run wire`. Do not edit.
 
 export type JsonValue = unknown;
 
@@ -461,7 +461,7 @@ export interface ResponseTimes {
   p95: number | null;
 }
 /**
- * Outcomes of the requests sent during the run (`tigas_common.wire.recording.Fate`).
+ * Outcomes of the requests sent during the run (`tigas_experiments.wire.recording.Fate`).
  */
 export interface Requests {
   sent: number;

@@ -11,8 +11,8 @@ from tigas_common.cli import in_a_sentence
 from tigas_common.command import Metavar
 from tigas_common.errors import StartError
 from tigas_common.terminal import make_console
-from tigas_common.wire.run import USUALLY_COMPARED
 from tigas_experiments.commands.options import Measure, command_as_typed
+from tigas_experiments.wire.run import USUALLY_COMPARED
 
 CAPTURE_EVERY_S = 0.5
 """Interval of the pictures kept to measure quality."""

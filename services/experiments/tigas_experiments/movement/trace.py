@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from tigas_common.wire.movement import (
+from tigas_experiments.movement.table import Floats, MovementError, Table, read_text
+from tigas_experiments.wire.movement import (
     ANCHORS,
     COLUMNS,
     MAX_COORDINATE,
@@ -21,7 +22,6 @@ from tigas_common.wire.movement import (
     Anchor,
     Unit,
 )
-from tigas_experiments.movement.table import Floats, MovementError, Table, read_text
 
 TOO_FAR = f"is farther away than {MAX_COORDINATE:,.0f}"
 ROUNDED = 0.01

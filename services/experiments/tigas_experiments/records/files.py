@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 
 from tigas_common.files import read_regular, replace_file
 from tigas_common.parsing import sentence
-from tigas_common.wire.recording import MAX_BYTES, Recording
+from tigas_experiments.wire.recording import MAX_BYTES, Recording
 
 MAX_FILE_BYTES = 256_000_000
 MAX_RECORD_BYTES = 1_000_000

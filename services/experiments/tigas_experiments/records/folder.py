@@ -25,7 +25,12 @@ from typing import Literal
 from pydantic import BaseModel, Field
 
 from tigas_common.wire.model import WireModel
-from tigas_common.wire.recording import (
+from tigas_experiments.quality.picture import CaptureQuality
+from tigas_experiments.records.files import Entry, read_lines, read_record, write_lines, write_record
+from tigas_experiments.records.load import Load, LoadSample
+from tigas_experiments.records.machine import Machine, Server
+from tigas_experiments.records.samples import read_sample_file, read_samples, write_sample_file, write_samples
+from tigas_experiments.wire.recording import (
     Capture,
     Input,
     LinkSample,
@@ -37,13 +42,8 @@ from tigas_common.wire.recording import (
     ShownFrame,
     Traffic,
 )
-from tigas_common.wire.run import Configuration
-from tigas_common.wire.store import ExperimentName, Plan
-from tigas_experiments.quality.picture import CaptureQuality
-from tigas_experiments.records.files import Entry, read_lines, read_record, write_lines, write_record
-from tigas_experiments.records.load import Load, LoadSample
-from tigas_experiments.records.machine import Machine, Server
-from tigas_experiments.records.samples import read_sample_file, read_samples, write_sample_file, write_samples
+from tigas_experiments.wire.run import Configuration
+from tigas_experiments.wire.store import ExperimentName, Plan
 
 
 class ExperimentRecord(WireModel):

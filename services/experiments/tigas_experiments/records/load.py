@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 
 import psutil
 
-from tigas_common.processors import Quota, allowed_processors, quotas
+from tigas_common.resources import Quota, allowed_processors, quotas
 from tigas_common.wire.model import WireModel
 
 EVERY_S = 0.5

@@ -21,8 +21,8 @@ from pydantic import Field, ValidationError
 
 from tigas_common.files import read_regular
 from tigas_common.wire.model import WireModel
-from tigas_common.wire.recording import Sample
 from tigas_experiments.records.files import MAX_FILE_BYTES, BrokenRecording, read_lines, write_lines
+from tigas_experiments.wire.recording import Sample
 
 INDEX = "samples.ndjson"
 RERENDERED = "materialised.ndjson"

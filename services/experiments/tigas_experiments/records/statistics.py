@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from typing import TypeVar, get_args
 
-from tigas_common.wire.figures import (
+from tigas_experiments.wire.figures import (
     AGE_EVERY_MS,
     INTERACTIVE_MS,
     USUAL_INTERVAL_MS,
@@ -30,7 +30,7 @@ from tigas_common.wire.figures import (
     ViewLatencies,
     WarpTimes,
 )
-from tigas_common.wire.recording import Fate, Input, Reply, Request, ShownFrame, Traffic
+from tigas_experiments.wire.recording import Fate, Input, Reply, Request, ShownFrame, Traffic
 
 FREEZE_MS, FREEZE_HISTORY = 150.0, 30
 """Constants of W3C webrtc-stats."""

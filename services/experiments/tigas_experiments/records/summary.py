@@ -6,14 +6,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tigas_common.wire.figures import USUAL_INTERVAL_MS, Figures, QualityFigures
 from tigas_common.wire.model import WireModel
-from tigas_common.wire.recording import Input, LinkSample, Recording, RecordingHead, Reply, Request, ShownFrame, Traffic
 from tigas_experiments.quality.picture import CaptureQuality
 from tigas_experiments.records import statistics
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import RunRecord, StoredRun
 from tigas_experiments.records.scores import Score, read_scores
+from tigas_experiments.wire.figures import USUAL_INTERVAL_MS, Figures, QualityFigures
+from tigas_experiments.wire.recording import (
+    Input,
+    LinkSample,
+    Recording,
+    RecordingHead,
+    Reply,
+    Request,
+    ShownFrame,
+    Traffic,
+)
 
 
 class Summary(WireModel):

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from tigas_common.wire.dash import RepresentationRequest
-from tigas_common.wire.run import MODE_NAMES, OFF, PER_VIEW, Configuration, Mode
+from tigas_experiments.wire.run import MODE_NAMES, OFF, PER_VIEW, Configuration, Mode
 
 LineStyle = Literal["-", "--", ":", "-."]
 CONTROLLER_TITLES = {

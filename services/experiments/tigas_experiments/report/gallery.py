@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from tigas_common.files import read_regular
-from tigas_common.wire.recording import Sample
 from tigas_experiments.quality.metrics import PICTURE_METRICS
 from tigas_experiments.quality.picture import BrokenPicture, Picture, decode, enlarged, upscaled
 from tigas_experiments.records.files import BrokenRecording
@@ -23,6 +22,7 @@ from tigas_experiments.records.folder import read_snapshot
 from tigas_experiments.records.samples import JPEG, MAX_PICTURE_BYTES, TRUTH, enhanced_path, sample_path
 from tigas_experiments.records.scores import Kind
 from tigas_experiments.report.run_table import Run
+from tigas_experiments.wire.recording import Sample
 
 MOST = 6
 """Samples in a report, from as many of its runs as possible."""

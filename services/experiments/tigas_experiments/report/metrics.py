@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from tigas_common.wire.figures import INTERACTIVE_MS, USUAL_INTERVAL_MS, Figures
-from tigas_common.wire.recording import RecordingHead
+from tigas_experiments.wire.figures import INTERACTIVE_MS, USUAL_INTERVAL_MS, Figures
+from tigas_experiments.wire.recording import RecordingHead
 
 Value = float | None
 NEVER = "never"

@@ -11,7 +11,6 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from tigas_common.files import read_regular
-from tigas_common.wire.figures import INTERACTIVE_MS
 from tigas_experiments.records.load import Load
 from tigas_experiments.records.samples import MAX_PICTURE_BYTES
 from tigas_experiments.report.controllers import Controller
@@ -23,6 +22,7 @@ from tigas_experiments.report.plot import Plot
 from tigas_experiments.report.rate_distortion import QUALITIES, RateDistortion
 from tigas_experiments.report.run_listing import COLUMN_GROUPS, by_network, titles
 from tigas_experiments.report.run_table import LADDER, Results, Run
+from tigas_experiments.wire.figures import INTERACTIVE_MS
 
 MOST_RUNS = 16
 """Maximum number of runs of a network that are listed one by one."""

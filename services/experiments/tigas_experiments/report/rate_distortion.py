@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tigas_common.wire.run import MODE_NAMES
 from tigas_experiments.report.controllers import Controller, in_order
 from tigas_experiments.report.estimates import Estimate
 from tigas_experiments.report.groups import Group, Groups
 from tigas_experiments.report.metrics import METRICS, Metric, chosen
 from tigas_experiments.report.run_table import Block
+from tigas_experiments.wire.run import MODE_NAMES
 
 RECEIVED = METRICS["received_mbit_s"]
 QUALITIES = chosen("seen_ssim", "seen_psnr_db", "picture_ssim", "picture_psnr_db")

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tigas_common.errors import StartError
-from tigas_common.wire.run import Configuration
 from tigas_experiments.records import statistics
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import ExperimentRecord, RunRecord, read_experiment
@@ -25,6 +24,7 @@ from tigas_experiments.records.scores import Score
 from tigas_experiments.records.summary import Records, read
 from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.metrics import Value, values_of
+from tigas_experiments.wire.run import Configuration
 
 LADDER = "ladder.jpg"
 """One view of the experiment at each rung, made by `tigas quality ladder`."""

@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.stats import binned_statistic
 
-from tigas_common.wire.figures import INTERACTIVE_MS
 from tigas_experiments.report.controllers import Controller, Look
 from tigas_experiments.report.groups import Group, Groups
 from tigas_experiments.report.plot import (
@@ -32,6 +31,7 @@ from tigas_experiments.report.plot import (
     style,
 )
 from tigas_experiments.report.run_table import Floats, Run
+from tigas_experiments.wire.figures import INTERACTIVE_MS
 
 Looks = Mapping[Controller, Look]
 DISTRIBUTION_POINTS = 200

@@ -20,9 +20,9 @@ from pydantic import Field, ValidationError
 from tigas_common.errors import StartError
 from tigas_common.parsing import sentence
 from tigas_common.wire.model import Entries, WireModel
-from tigas_common.wire.recording import Recording, Sample
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.files import parse_recording
+from tigas_experiments.wire.recording import Recording, Sample
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 ARGUMENTS = (

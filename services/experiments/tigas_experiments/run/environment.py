@@ -14,7 +14,6 @@ from playwright.async_api import Browser
 
 from tigas_common.errors import StartError
 from tigas_common.wire.render import LadderName, Rung, SceneInfo
-from tigas_common.wire.run import PER_VIEW, Configuration, Network
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.lock import exclusive, services_lock
 from tigas_experiments.movement.trace import TimedPose
@@ -24,6 +23,7 @@ from tigas_experiments.run.browser import chromium, find_chromium, responds, vie
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.link import held
 from tigas_experiments.run.targets import LAB_URL, Target, alive, lab_target, load_scene, make_download, url_target
+from tigas_experiments.wire.run import PER_VIEW, Configuration, Network
 
 Resource = TypeVar("Resource")
 

@@ -12,11 +12,11 @@ import numpy as np
 from tigas_common.errors import StartError
 from tigas_common.files import open_regular
 from tigas_common.wire.render import SceneInfo
-from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.movement.generated import KINDS, generate
 from tigas_experiments.movement.placement import placed
 from tigas_experiments.movement.trace import MovementTrace, TimedPose
 from tigas_experiments.records.folder import InputDigests
+from tigas_experiments.wire.run import Configuration, Network
 
 DECIMALS = 9
 """Decimals of the points' digest, so that rounding differences between mathematical libraries do not matter."""

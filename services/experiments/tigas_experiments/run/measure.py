@@ -12,8 +12,6 @@ from typing import Any
 import httpx
 
 from tigas_common.errors import StartError
-from tigas_common.wire.recording import Recording
-from tigas_common.wire.run import OFF, Configuration
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.movement.trace import TimedPose
 from tigas_experiments.quality.ground_truth import TIMEOUT_S, GroundTruth, pose_at
@@ -28,6 +26,8 @@ from tigas_experiments.run.inputs import points_sha256
 from tigas_experiments.run.link import held, link_sample, watching_link
 from tigas_experiments.run.targets import alive
 from tigas_experiments.run.watched import watched
+from tigas_experiments.wire.recording import Recording
+from tigas_experiments.wire.run import OFF, Configuration
 
 DRAIN_S = 30
 """How much longer than its movement a recording may take."""

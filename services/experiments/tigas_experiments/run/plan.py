@@ -19,7 +19,9 @@ from tigas_common.parsing import sentence
 from tigas_common.wire.dash import RepresentationRequest
 from tigas_common.wire.model import WireModel
 from tigas_common.wire.render import LadderName
-from tigas_common.wire.run import (
+from tigas_experiments.run.parsing import capture_interval_ms, parse_network, parse_viewport
+from tigas_experiments.run.segments import movement_offsets, trace_offsets
+from tigas_experiments.wire.run import (
     AUTO,
     LOCAL,
     MAX_OFFSET_S,
@@ -35,9 +37,7 @@ from tigas_common.wire.run import (
     Overscan,
     PredictorName,
 )
-from tigas_common.wire.store import ExperimentName
-from tigas_experiments.run.parsing import capture_interval_ms, parse_network, parse_viewport
-from tigas_experiments.run.segments import movement_offsets, trace_offsets
+from tigas_experiments.wire.store import ExperimentName
 
 MAX_BYTES = 100_000
 """Maximum size of a file."""

@@ -10,7 +10,6 @@ from itertools import count
 from pathlib import Path
 
 from tigas_common.errors import StartError
-from tigas_common.wire.run import Configuration
 from tigas_experiments.lock import EXPERIMENT, exclusive
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import (
@@ -25,6 +24,7 @@ from tigas_experiments.run.environment import Environment, changes, open_environ
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.measure import run
 from tigas_experiments.run.plan import ExperimentPlan
+from tigas_experiments.wire.run import Configuration
 
 GIVE_UP_AFTER = 5
 """Consecutive failures that end an experiment."""

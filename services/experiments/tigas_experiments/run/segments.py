@@ -8,9 +8,9 @@ from random import Random
 
 from tigas_common.errors import StartError
 from tigas_common.files import read_regular
-from tigas_common.wire.run import Network
 from tigas_common.wire.shaper import MAX_UPLOAD_BYTES
 from tigas_experiments.movement.trace import MovementTrace
+from tigas_experiments.wire.run import Network
 
 
 def trace_offsets(

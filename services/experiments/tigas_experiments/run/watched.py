@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 import psutil
 
-from tigas_common.hosts import is_loopback
+from tigas_common.address import is_loopback
 from tigas_experiments.records.load import Processes, WatchedServices
 from tigas_experiments.run.targets import Target
 

@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from tigas_common.errors import StartError
-from tigas_common.wire.recording import Sample
 from tigas_experiments.lock import EXPERIMENT, exclusive
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import RunRecord, StoredRun
@@ -24,6 +23,7 @@ from tigas_experiments.records.samples import (
 )
 from tigas_experiments.samples.renderer import NotRendered, Renderer, concurrently
 from tigas_experiments.samples.replay import has_truth, replay
+from tigas_experiments.wire.recording import Sample
 
 OnProgress = Callable[[int, int], None]
 """Progress callback: number of finished samples of a run, and their total."""

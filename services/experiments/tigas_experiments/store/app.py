@@ -15,39 +15,24 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
-from tigas_common.described import PICTURES, described
 from tigas_common.errors import BodyTooLarge, InvalidRequest
-from tigas_common.front_door import front_door
 from tigas_common.metrics import CountedRequests, metrics_route, new_registry
 from tigas_common.offload import Offload
-from tigas_common.openapi import openapi
+from tigas_common.openapi import index, openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.parsing import parse
 from tigas_common.web import (
     EXCEPTION_HANDLERS,
     NO_STORE,
+    PICTURES,
     Body,
     ModelResponse,
     created_response,
+    described,
     healthz,
     json_response,
     read_body,
     takes,
-)
-from tigas_common.wire.recording import MAX_BYTES
-from tigas_common.wire.store import (
-    Experiment,
-    ExperimentCreated,
-    ExperimentList,
-    ExperimentRequest,
-    InterruptedRun,
-    Materialisation,
-    MovementList,
-    RunRow,
-    RunUpload,
-    SampleIndex,
-    SampleList,
-    UploadedSamples,
 )
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.records.machine import Machine
@@ -70,6 +55,21 @@ from tigas_experiments.store.samples import (
 )
 from tigas_experiments.store.upload import check_limit, keep_interrupted, keep_upload
 from tigas_experiments.store.workspace import Workspace
+from tigas_experiments.wire.recording import MAX_BYTES
+from tigas_experiments.wire.store import (
+    Experiment,
+    ExperimentCreated,
+    ExperimentList,
+    ExperimentRequest,
+    InterruptedRun,
+    Materialisation,
+    MovementList,
+    RunRow,
+    RunUpload,
+    SampleIndex,
+    SampleList,
+    UploadedSamples,
+)
 
 # A report needs nothing but itself, and must not act as a page of the store.
 REPORT_HEADERS = NO_STORE | {
@@ -105,7 +105,7 @@ def create_app(store: Store, policy: OriginPolicy) -> ASGIApp:
     registry = new_registry("store", figures)
     app = Starlette(
         routes=[
-            front_door("Experiment store"),
+            index("Experiment store"),
             openapi("Experiment store"),
             Route("/experiments", create, methods=["POST"]),
             Route("/experiments", experiments),

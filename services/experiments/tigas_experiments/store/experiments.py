@@ -19,14 +19,6 @@ from typing import TypeVar
 from tigas_common.errors import StartError
 from tigas_common.files import names_to_disk
 from tigas_common.parsing import parse
-from tigas_common.wire.store import (
-    Experiment,
-    ExperimentList,
-    ExperimentRequest,
-    ExperimentSummary,
-    RunRow,
-    SampleCounts,
-)
 from tigas_experiments.lock import EXPERIMENT, exclusive
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import ExperimentRecord, RunRecord, StoredRun, read_experiment, write_experiment
@@ -37,6 +29,14 @@ from tigas_experiments.records.summary import Summary, summarise
 from tigas_experiments.store.errors import ExperimentInUse, UnknownExperiment, UnknownRun, storage_explained
 from tigas_experiments.store.samples import count_samples
 from tigas_experiments.store.workspace import Workspace
+from tigas_experiments.wire.store import (
+    Experiment,
+    ExperimentList,
+    ExperimentRequest,
+    ExperimentSummary,
+    RunRow,
+    SampleCounts,
+)
 
 CACHED_RUNS = 10_000
 MAX_PLAN_BYTES = 64 * 1024

@@ -6,11 +6,11 @@ import asyncio
 from contextlib import AsyncExitStack
 
 from tigas_common.address import say_if_open
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.loop_share import LoopShare
-from tigas_common.memory import keep_together
 from tigas_common.offload import offload_to_process
 from tigas_common.origins import OriginPolicy
+from tigas_common.resources import keep_together
 from tigas_common.runner import explained, serve_listener, until_stopped
 from tigas_experiments.records.load import EVERY_S, watching_load
 from tigas_experiments.records.machine import this_machine

@@ -10,16 +10,6 @@ from pathlib import Path
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest, StorageFailed
 from tigas_common.files import names_to_disk, read_regular, to_disk
-from tigas_common.wire.recording import Sample
-from tigas_common.wire.store import (
-    MOST_SAMPLES,
-    SampleCounts,
-    SampleIndex,
-    SampleList,
-    SampleRow,
-    UploadedFile,
-    UploadedSamples,
-)
 from tigas_experiments.records.samples import (
     ENHANCED,
     FOLDER,
@@ -33,6 +23,16 @@ from tigas_experiments.records.samples import (
     write_samples,
 )
 from tigas_experiments.store.errors import SamplesComplete, UnknownSample
+from tigas_experiments.wire.recording import Sample
+from tigas_experiments.wire.store import (
+    MOST_SAMPLES,
+    SampleCounts,
+    SampleIndex,
+    SampleList,
+    SampleRow,
+    UploadedFile,
+    UploadedSamples,
+)
 
 MEDIA_TYPES = {".jpg": "image/jpeg", ".png": "image/png", ".webp": "image/webp"}
 NUMBER = "[0-9]{6,10}[.]"

@@ -13,11 +13,11 @@ from tigas_common.errors import StartError
 from tigas_common.files import read_regular
 from tigas_common.parsing import sentence
 from tigas_common.wire.model import Entries, WireModel
-from tigas_common.wire.recording import MAX_BYTES
-from tigas_common.wire.store import ExperimentName, Plan, RunUpload
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.records.machine import this_machine
 from tigas_experiments.store.upload import write_run
+from tigas_experiments.wire.recording import MAX_BYTES
+from tigas_experiments.wire.store import ExperimentName, Plan, RunUpload
 
 MAX_SAVED_BYTES = 8 * MAX_BYTES
 

@@ -7,15 +7,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from tigas_common.files import to_disk
+from tigas_common.offload import Limit
 from tigas_common.parsing import parse
-from tigas_common.wire.recording import MAX_BYTES
-from tigas_common.wire.store import InterruptedRun, RunUpload
-from tigas_common.work_limits import Limit
 from tigas_experiments.records.folder import RunRecord, RunWriter
 from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.records.machine import Machine
 from tigas_experiments.records.summary import Records, Summary, figures
 from tigas_experiments.store.errors import storage_explained
+from tigas_experiments.wire.recording import MAX_BYTES
+from tigas_experiments.wire.store import InterruptedRun, RunUpload
 
 
 def check_limit(size: int) -> Limit:

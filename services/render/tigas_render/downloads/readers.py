@@ -8,9 +8,9 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 from starlette.types import Receive, Scope, Send
 
-from tigas_common.concurrency import ConcurrencyLimit
+from tigas_common.address import client_network
 from tigas_common.errors import Overloaded
-from tigas_common.peers import client_network
+from tigas_common.limits import ConcurrencyLimit
 from tigas_common.web import has_already
 from tigas_render.downloads.cache import MadeFile
 from tigas_render.scenes.source import SceneSource

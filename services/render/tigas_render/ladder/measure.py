@@ -19,7 +19,7 @@ from PIL import Image
 
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
-from tigas_common.processors import usable_processors
+from tigas_common.resources import usable_processors
 from tigas_common.sample_cameras import PER_MOVEMENT, SceneAxes, along, intrinsics
 from tigas_render.encode.jpeg import encode_jpeg
 from tigas_render.raster.base import Camera, PreparedScene, Rasterizer

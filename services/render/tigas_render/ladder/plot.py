@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from tigas_common.errors import StartError
-from tigas_common.extras import install_command
+from tigas_common.installation import install_command
 from tigas_render.ladder.choose import hull
 from tigas_render.ladder.make import Made
 from tigas_render.ladder.measure import Point

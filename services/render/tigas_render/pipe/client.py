@@ -17,8 +17,7 @@ from tigas_common.wire.render import RenderRequest
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.pipe import messages
 from tigas_render.pipe.arena import map_arena
-from tigas_render.pipe.framing import PREFIX, BadMessage, Kind, framed
-from tigas_render.pipe.link import Link
+from tigas_render.pipe.link import PREFIX, BadMessage, Kind, Link, framed
 
 logger = logging.getLogger(__name__)
 
@@ -52,7 +51,6 @@ class PipeClient(FrameSource):
         self._edge = edge
         self._on_state = on_state
         self._link: EngineLink | None = None
-        self._connected = asyncio.Event()
         self.connections = 0
         """Number of connections made: a new engine has no loaded scenes."""
         self.connected_at = 0.0
@@ -65,10 +63,6 @@ class PipeClient(FrameSource):
     async def __aexit__(self, *_: object) -> None:
         self._keeping.cancel()
         await asyncio.gather(self._keeping, return_exceptions=True)
-
-    async def connected(self) -> None:
-        """Wait until there is an engine."""
-        await self._connected.wait()
 
     @property
     def is_connected(self) -> bool:
@@ -101,7 +95,6 @@ class PipeClient(FrameSource):
             self._link.send(framed(Kind.STATS, stats))
 
     async def _keep(self) -> None:
-        """Stay connected, for ever."""
         while True:
             try:
                 link = await self._connect()
@@ -110,13 +103,11 @@ class PipeClient(FrameSource):
             else:
                 self._link = link
                 self.connections, self.connected_at = self.connections + 1, time.monotonic()
-                self._connected.set()
                 try:
                     await link.lost
                     logger.warning("The pipe to the engine was closed: %s", link.reason or "the engine is down.")
                 finally:
                     self._link = None
-                    self._connected.clear()
                     link.abort("The edge is stopping.")
             await asyncio.sleep(CONNECT_AGAIN_S)
 
@@ -166,7 +157,6 @@ class EngineLink(Link):
             _call(answered, EngineGone())
 
     def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
-        """As `FrameSource.request`."""
         id = self._next
         self._next = (id + 1) % 2**32
         self.send(messages.pack_request(id, self._session(client), arrived, time.monotonic(), request))
@@ -174,7 +164,6 @@ class EngineLink(Link):
         return partial(self._withdraw, id)
 
     def forget(self, client: Client) -> None:
-        """As `FrameSource.forget`."""
         number = self._sessions.pop(client, None)
         if number is not None:
             self.send(messages.pack_number(Kind.BYE, number))
@@ -208,7 +197,7 @@ class EngineLink(Link):
         _call(answered, Frame(body, *found.fields, partial(self._release, found.offset)))
 
     def _release(self, offset: int) -> None:
-        self.send_with_next(messages.pack_offset(Kind.RELEASE, offset))
+        self.send_with_next(messages.pack_number(Kind.RELEASE, offset))
 
     def _withdraw(self, id: int) -> None:
         if self._waiting.pop(id, None) is not None:
@@ -250,10 +239,10 @@ async def _receive_arena(sock: socket.socket) -> memoryview:
         await readable
     finally:
         loop.remove_reader(sock)
-    expected = len(messages.pack_offset(Kind.ARENA, 0))
+    expected = len(messages.pack_number(Kind.ARENA, 0))
     message, fds, _, _ = socket.recv_fds(sock, expected, 1)
     if len(message) != expected or len(fds) != 1 or PREFIX.unpack_from(message)[1] != Kind.ARENA:
         for fd in fds:
             socket.close(fd)
         raise BadMessage("The engine has passed no arena.")
-    return map_arena(fds[0], messages.unpack_offset(message[PREFIX.size :]))
+    return map_arena(fds[0], messages.unpack_number(message[PREFIX.size :]))

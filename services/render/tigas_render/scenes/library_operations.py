@@ -20,8 +20,8 @@ import httpx
 
 from tigas_common.errors import TigasError, UnknownScene
 from tigas_common.files import check_room, move_new, open_regular, read_regular, replace_file, to_disk
+from tigas_common.limits import IdleTimeout
 from tigas_common.parsing import MAX_BODY
-from tigas_common.patience import Patience
 from tigas_render.locked_directory import locked_directory
 from tigas_render.scenes.columns import Listener
 from tigas_render.scenes.directory import SAFE_NAME, scene_file, scene_id, scene_paths
@@ -153,7 +153,7 @@ def _fetch(url: str, part: Path, listener: Listener, limit: int) -> None:
             if size > limit:
                 raise too_large
             got = 0
-            patience = Patience(TIMEOUT_S, LEAST_BYTES_PER_S, time.monotonic())
+            patience = IdleTimeout(TIMEOUT_S, LEAST_BYTES_PER_S, time.monotonic())
             for content in answer.iter_raw():  # of any size: waiting for full chunks would hide a trickle
                 check_room(part.parent, max(len(content), size - got))
                 got += len(content)

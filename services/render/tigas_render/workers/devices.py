@@ -8,7 +8,7 @@ from collections import Counter
 from pathlib import Path
 
 from tigas_common.errors import StartError
-from tigas_common.processors import usable_processors
+from tigas_common.resources import usable_processors
 from tigas_render.settings import RenderSettings
 
 DEV = Path("/dev")

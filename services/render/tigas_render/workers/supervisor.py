@@ -9,16 +9,16 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from tigas_common.certificate import Certificate
-from tigas_common.memory import keep_together
+from tigas_common.resources import keep_together
 from tigas_common.runner import until_stopped
 from tigas_render.cache import kept_key
 from tigas_render.locked_directory import locked_directory
 from tigas_render.server.certificates import CertificateKeeper
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.settings import RenderSettings
-from tigas_render.transport.retry import KEY_LENGTH
-from tigas_render.transport.tickets import TicketStore
+from tigas_render.transport.certificate import Certificate
+from tigas_render.transport.shared_port import TicketStore
+from tigas_render.transport.stateless import RETRY_KEY_LENGTH
 from tigas_render.workers.control import (
     EdgeStart,
     EngineStart,
@@ -30,8 +30,7 @@ from tigas_render.workers.control import (
     TicketTaken,
 )
 from tigas_render.workers.devices import names
-from tigas_render.workers.standby import Standby
-from tigas_render.workers.worker import Worker, WorkerProcess
+from tigas_render.workers.worker import Standby, Worker, WorkerProcess
 
 DIRECTORY = "tigas-render-"
 """The prefix of the directory with the engines' sockets."""
@@ -74,7 +73,7 @@ class Supervisor:
         self._sockets = sockets
         self._directory = directory
         self._reset_key = kept_key(settings.cache / "stateless-reset.key")
-        self._retry_key = os.urandom(KEY_LENGTH)
+        self._retry_key = os.urandom(RETRY_KEY_LENGTH)
         self._tickets = TicketStore()
         self._announcement: tuple[str, ...] = ()
         """From an engine, to be printed once all serve."""
@@ -125,8 +124,6 @@ class Supervisor:
             print(f"Started without the {', the '.join(missing)}.", flush=True)
         print("\n".join(self._announcement), flush=True)
         await self._standby.keep()
-
-    # -- messages to workers -----------------------------------------------------------------------------------------
 
     def _show(self, certificate: Certificate) -> None:
         """Distribute a certificate: to edges first, as engines announce it to clients."""
@@ -183,8 +180,6 @@ class Supervisor:
             return (start, *(TicketIssued(ticket=ticket) for ticket in self._tickets))
 
         return Worker(name, self._standby.take, begin, self._on_message)
-
-    # -- messages from workers ---------------------------------------------------------------------------------------
 
     def _on_message(self, sender: Worker, message: Message) -> None:
         match message:

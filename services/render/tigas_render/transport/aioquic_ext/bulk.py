@@ -11,16 +11,16 @@ from typing import Any
 
 from aioquic._buffer import Buffer
 from aioquic.quic.connection import END_STATES, QuicNetworkPath
-from aioquic.quic.packet import PACKET_FIXED_BIT, QuicFrameType, QuicPacketType
-from aioquic.quic.packet_builder import PACKET_NUMBER_SEND_SIZE, QuicDeliveryHandler, QuicPacketBuilder, QuicSentPacket
+from aioquic.quic.packet import PACKET_FIXED_BIT, QuicFrameType
+from aioquic.quic.packet_builder import PACKET_NUMBER_SEND_SIZE, QuicDeliveryHandler, QuicPacketBuilder
 from aioquic.quic.stream import QuicStream, QuicStreamSender
 from aioquic.tls import Epoch
 
-from tigas_render.transport.aioquic_ext.pacing import TickPacer
+from tigas_render.transport.aioquic_ext.congestion import TickPacer
 from tigas_render.transport.aioquic_ext.protection import seal
 from tigas_render.transport.aioquic_ext.receiving import ReceivingQuicConnection
 from tigas_render.transport.aioquic_ext.recovery import BatchRecovery, StreamPacket
-from tigas_render.transport.gso import Datagram
+from tigas_render.transport.udp import Datagram
 
 SHORT_HEADER = 1 + PACKET_NUMBER_SEND_SIZE + 16
 """Bytes of a 1-RTT packet around its frames, without the connection id: first byte, packet number, AEAD tag."""
@@ -48,7 +48,6 @@ class Preamble:
 
     @property
     def remaining_buffer_space(self) -> int:
-        """Bytes."""
         return PREAMBLE - self._buffer.tell()
 
     def start_frame(
@@ -67,7 +66,6 @@ class Preamble:
 
     @property
     def data(self) -> bytes:
-        """The frames."""
         return self._buffer.data
 
 
@@ -75,7 +73,6 @@ class BulkQuicConnection(ReceivingQuicConnection):
     """A connection that writes stream data in bulk, the oldest stream first, so that frames arrive one by one."""
 
     def __init__(self, **arguments: Any) -> None:
-        """Takes aioquic's arguments."""
         super().__init__(**arguments)
         self._loss = BatchRecovery(
             congestion_control_algorithm=self._configuration.congestion_control_algorithm,
@@ -88,7 +85,6 @@ class BulkQuicConnection(ReceivingQuicConnection):
         self._pacer = self._loss._pacer = TickPacer(max_datagram_size=self._max_datagram_size)
 
     def datagrams_to_send(self, now: float) -> list[Datagram]:
-        """As aioquic's."""
         self._renew_keys(now)
         self._discard_finished_streams(now)
         datagrams: list[Datagram] = []
@@ -108,8 +104,6 @@ class BulkQuicConnection(ReceivingQuicConnection):
             and not self._close_pending
             and self._state not in END_STATES
         )
-
-    # -- written by aioquic only -------------------------------------------------------------------------------------
 
     def _has_rare_frames(self) -> bool:
         """Whether there may be frames other than stream data, acknowledgements and connection limits to write."""
@@ -161,8 +155,6 @@ class BulkQuicConnection(ReceivingQuicConnection):
     def _finished(self, stream_id: int, stream: QuicStream) -> None:
         """Allow the client another stream in place of a finished one."""
         self._stream_limit(stream_id).value += 1
-
-    # -- written in bulk ---------------------------------------------------------------------------------------------
 
     def _write_in_bulk(self, now: float) -> list[Datagram]:
         """As many packets as may leave now, the first with pending acknowledgements."""
@@ -258,19 +250,10 @@ class BulkQuicConnection(ReceivingQuicConnection):
             self._loss.on_stream_packets_sent(packets, space)
         else:
             assert preamble is not None
-            packet = QuicSentPacket(
-                epoch=Epoch.ONE_RTT,
-                in_flight=preamble.asks_for_ack,
-                is_ack_eliciting=preamble.asks_for_ack,
-                is_crypto_packet=False,
-                packet_number=number,
-                packet_type=QuicPacketType.ONE_RTT,
-                sent_time=now,
-                sent_bytes=len(datagrams[0]),
-                delivery_handlers=handlers,
+            self._loss.on_other_packet_sent(
+                number, now, len(datagrams[0]), handlers, space, is_ack_eliciting=preamble.asks_for_ack
             )
-            self._loss.on_packet_sent(packet=packet, space=space)
-        if not self._ack_eliciting_sent_since_receipt and (pieces or packet.is_ack_eliciting):
+        if not self._ack_eliciting_sent_since_receipt and (preamble is None or pieces or preamble.asks_for_ack):
             self._close_at = now + self._idle_timeout()
             self._ack_eliciting_sent_since_receipt = True
         path.bytes_sent += sum(map(len, datagrams))

@@ -9,16 +9,15 @@ from typing import Any
 
 from aioquic.quic.configuration import SMALLEST_MAX_DATAGRAM_SIZE
 from aioquic.quic.connection import MAX_STREAM_DATA_FRAME_CAPACITY, Limit
-from aioquic.quic.packet import QuicFrameType, QuicPacketType
-from aioquic.quic.packet_builder import QuicDeliveryState, QuicPacketBuilder, QuicSentPacket
+from aioquic.quic.packet import QuicFrameType
+from aioquic.quic.packet_builder import QuicDeliveryState, QuicPacketBuilder
 from aioquic.quic.recovery import QuicPacketSpace
 from aioquic.quic.stream import QuicStream
 from aioquic.tls import Epoch
 
 from tigas_render.transport.aioquic_ext.bulk import SHORT_HEADER, BulkQuicConnection
-from tigas_render.transport.aioquic_ext.stream_credit import StreamCredit
-from tigas_render.transport.cids import Edge
-from tigas_render.transport.gso import Datagram
+from tigas_render.transport.shared_port import Edge
+from tigas_render.transport.udp import Datagram
 
 DATAGRAM_HEADER = 1 + 2
 """Bytes of a DATAGRAM frame before its data: type and length."""
@@ -28,6 +27,44 @@ AWAY_S = 5.0
 """Seconds of silence after which a client with pending acknowledgements counts as lost."""
 RAISE_S = 60.0
 """Seconds after which the full size is tried again."""
+
+REQUESTS_PER_S = 120.0
+"""Of a viewer with a fast display."""
+SERVICE_S = 0.1
+"""Until a request is answered, and the client acknowledges that, in seconds."""
+MIN_STREAMS, MAX_STREAMS = 16, 128
+
+
+def stream_window(round_trip_s: float) -> int:
+    """Streams that a client may have open at a time: enough to send a request at any time, and not hundreds.
+
+    A stream counts from its first packet until both sides have finished it and the client has acknowledged the whole
+    answer; the next MAX_STREAMS frame takes as long again to arrive, and is delayed until half of the credit is used,
+    to be worth a frame. That makes three round trips, plus the server's time and a delayed acknowledgement.
+    """
+    return max(MIN_STREAMS, min(MAX_STREAMS, math.ceil(REQUESTS_PER_S * (3 * round_trip_s + SERVICE_S))))
+
+
+class StreamCredit(Limit):
+    """aioquic's limit, which grows by one with each finished stream, and with the round trip. It never shrinks below
+    the announced value.
+    """
+
+    def __init__(self, limit: Limit, round_trip_s: Callable[[], float]) -> None:
+        """limit: aioquic's own, which this replaces."""
+        self.frame_type, self.name = limit.frame_type, limit.name
+        self.used = self._finished = 0
+        self._round_trip_s = round_trip_s
+        self.sent = stream_window(0.0)
+
+    @property
+    def value(self) -> int:
+        """How many streams the client may have opened in all."""
+        return max(self.sent, self._finished + stream_window(self._round_trip_s()))
+
+    @value.setter
+    def value(self, value: int) -> None:
+        self._finished += value - self.value
 
 
 class ServerQuicConnection(BulkQuicConnection):
@@ -69,8 +106,6 @@ class ServerQuicConnection(BulkQuicConnection):
             connection_id.cid = self._edge.named(connection_id.cid)
             connection_id.stateless_reset_token = self._reset_token(connection_id.cid)
 
-    # -- streams that end --------------------------------------------------------------------------------------------
-
     def _finished(self, stream_id: int, stream: QuicStream) -> None:
         """Streams without a whole answer, which cost more than they are worth, are replaced at a limited rate."""
         if stream.sender._reset_error_code is None and stream_id % 4 == 0:
@@ -91,8 +126,6 @@ class ServerQuicConnection(BulkQuicConnection):
         """As aioquic's, and when the client may open another stream; None once the connection has ended."""
         due = super().get_timer()
         return due if due is None or self._credit_at is None else min(due, self._credit_at)
-
-    # -- receiving ---------------------------------------------------------------------------------------------------
 
     def _get_or_create_stream(self, frame_type: int, stream_id: int) -> QuicStream:
         stream = super()._get_or_create_stream(frame_type, stream_id)
@@ -148,8 +181,6 @@ class ServerQuicConnection(BulkQuicConnection):
             buffer.push_uint_var(stream.max_stream_data_local)
             stream.max_stream_data_local_sent = stream.max_stream_data_local
 
-    # -- sending -----------------------------------------------------------------------------------------------------
-
     def unsent(self, stream_id: int) -> int:
         """Bytes of a stream that wait to be sent for the first time."""
         stream = self._streams.get(stream_id)
@@ -182,8 +213,6 @@ class ServerQuicConnection(BulkQuicConnection):
         stream = self._streams.get(stream_id)
         return stream is not None and not stream.receiver.is_finished
 
-    # -- datagrams ---------------------------------------------------------------------------------------------------
-
     @property
     def max_datagram_payload(self) -> int:
         """The longest data that fits in a DATAGRAM frame of one packet, in bytes; 0 if the client takes none.
@@ -199,8 +228,6 @@ class ServerQuicConnection(BulkQuicConnection):
         """Number of full datagrams that can be handed over now without waiting in an irrevocable queue."""
         room = (self._loss.congestion_window - self._loss.bytes_in_flight) // self._max_datagram_size
         return max(0, room - len(self._datagrams_pending))
-
-    # -- path MTU ----------------------------------------------------------------------------------------------------
 
     def handle_timer(self, now: float) -> None:
         """Like aioquic's, falling back to the datagram size of every QUIC path when all packets are lost."""
@@ -230,18 +257,14 @@ class ServerQuicConnection(BulkQuicConnection):
         size = self._configuration.max_datagram_size
         payload = bytes([QuicFrameType.PING]).ljust(size - SHORT_HEADER - len(self._peer_cid.cid), b"\0")
         number, (datagram,) = self._seal([payload])
-        packet = QuicSentPacket(
-            epoch=Epoch.ONE_RTT,
-            in_flight=False,
+        self._loss.on_other_packet_sent(
+            number,
+            now,
+            size,
+            [(self._on_probe_delivery, ())],
+            self._spaces[Epoch.ONE_RTT],
             is_ack_eliciting=False,
-            is_crypto_packet=False,
-            packet_number=number,
-            packet_type=QuicPacketType.ONE_RTT,
-            sent_time=now,
-            sent_bytes=size,
-            delivery_handlers=[(self._on_probe_delivery, ())],
         )
-        self._loss.on_packet_sent(packet=packet, space=self._spaces[Epoch.ONE_RTT])
         return datagram, self._network_paths[0].addr
 
     def _on_probe_delivery(self, delivery: QuicDeliveryState) -> None:
@@ -252,8 +275,6 @@ class ServerQuicConnection(BulkQuicConnection):
     def _set_datagram_size(self, size: int) -> None:
         self._max_datagram_size = size
         self._loss.set_datagram_size(size)
-
-    # -- state -------------------------------------------------------------------------------------------------------
 
     def is_away(self, now: float) -> bool:
         """Whether packets are unacknowledged and nothing else has arrived for AWAY_S."""
