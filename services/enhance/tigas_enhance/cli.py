@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
-from tigas_common.cli import in_a_sentence
+from tigas_common.cli import in_a_sentence, settings_of
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import StartError, TigasError
 from tigas_common.terminal import make_console
@@ -30,8 +30,6 @@ EVALUATED_VIEWS = 12
 class _EnhanceCommand(Command):
     """A command that compares renderings of scenes."""
 
-    scenes: Path | None = None
-    """Models directory."""
     render: Annotated[str | None, Metavar("URL")] = None
     """Running render service; without it, one is started."""
     device: Annotated[str, Metavar("auto|cpu|cuda[:N]")] = "auto"
@@ -62,9 +60,9 @@ class Train(_EnhanceCommand):
             sets = [self.names] if self.general else [[name] for name in self.names]
             if self.out is not None and len(sets) > 1:
                 raise StartError("--out is for one set: give one scene, or --general.")
-            files = [self.out or _file(self.scenes, None if self.general else each[0]) for each in sets]
+            files = [self.out or _file(None if self.general else each[0]) for each in sets]
             where = _device(self.device)
-            with _renderer(self.render, self.scenes, self.device, own_ladders=not self.general) as renderer:
+            with _renderer(self.render, self.device, own_ladders=not self.general) as renderer:
                 for each, file in zip(sets, files, strict=True):
                     with _listening(self.json_) as listener:
                         weights = tune(
@@ -89,9 +87,9 @@ class Evaluate(_EnhanceCommand):
         from tigas_enhance.tuning import held_out_pairs
 
         with in_a_sentence(StartError, TigasError, OSError):
-            read = read_weights(self.weights or _file(self.scenes, self.name))
+            read = read_weights(self.weights or _file(self.name))
             where = _device(self.device)
-            with _renderer(self.render, self.scenes, self.device) as renderer:
+            with _renderer(self.render, self.device) as renderer:
                 scene = renderer.load(self.name)
                 ladder = renderer.ladder(scene)
                 if problem := read.misfit(scene.file_sha256, ladder):
@@ -125,12 +123,13 @@ enhance = Group(
 )
 
 
-def _file(scenes: Path | None, name: str | None) -> Path:
-    """Path of a scene's weights: next to its file, in the models directory."""
+def _file(name: str | None) -> Path:
+    """Path of a scene's weights: next to its file, in the render service's models directory."""
     from tigas_common.weights import FILE
 
-    if scenes is None or name is None:
-        raise StartError("Say where the networks' file is: --out (or --weights), or a scene's folder by --scenes.")
+    if name is None:
+        raise StartError("Networks for any scene need the path of a file: --out.")
+    scenes: Path = settings_of("render").scenes
     folder = scenes / name
     if Path(name).name != name or not folder.is_dir():
         raise StartError(f"{scenes} has no folder {name!r}.")
@@ -152,13 +151,13 @@ def _device(name: str) -> torch.device:
 
 
 @contextmanager
-def _renderer(url: str | None, scenes: Path | None, device: str, *, own_ladders: bool = True) -> Iterator[Renderer]:
+def _renderer(url: str | None, device: str, *, own_ladders: bool = True) -> Iterator[Renderer]:
     """The service at a URL, or one that runs as long as the context."""
     from tigas_enhance.pairs import Renderer
     from tigas_enhance.renderer_process import render_service
 
     with ExitStack() as stack:
-        started = render_service(scenes, device, own_ladders=own_ladders)
+        started = render_service(device, own_ladders=own_ladders)
         yield stack.enter_context(Renderer(url or stack.enter_context(started)))
 
 

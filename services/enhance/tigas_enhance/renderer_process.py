@@ -6,7 +6,6 @@ import re
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 from tigas_common.processes import running, tigas
 from tigas_enhance.errors import RenderFailed
@@ -15,7 +14,7 @@ STOP_S = 5
 
 
 @contextmanager
-def render_service(scenes: Path | None, device: str, *, own_ladders: bool = True) -> Iterator[str]:
+def render_service(device: str, *, own_ladders: bool = True) -> Iterator[str]:
     """Run a render service on this machine until the context ends, and give its URL.
 
     own_ladders: whether scenes have their own ladders, or all have the paper's.
@@ -23,8 +22,7 @@ def render_service(scenes: Path | None, device: str, *, own_ladders: bool = True
     """
     ladder = "scene" if own_ladders else "paper"
     options = ["--http", "127.0.0.1:0", "--quic", "off", "--device", device, "--ladder", ladder]
-    command = tigas("render", *options, *(["--scenes", str(scenes)] if scenes else []))
-    with running(command, STOP_S, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
+    with running(tigas("render", *options), STOP_S, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
         yield _url(process)  # and hardly any output after it, as a service without visitors has little to report
 
 

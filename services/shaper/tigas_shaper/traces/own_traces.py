@@ -1,11 +1,12 @@
 """The project's own traces in traces/network: shapes that test one thing each, and stochastic links.
 
 The parameters of the stochastic ones, and the data they were fitted to, are in docs/network.md. Changing anything here
-changes the files: run `tigas trace generate traces/network` afterwards.
+changes the files: run `python -m tigas_shaper.traces.own_traces traces/network` afterwards.
 """
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 from tigas_common.wire.shaper import LinkSetting
@@ -106,3 +107,7 @@ def _shape(name: str, steps: list[tuple[int, float]]) -> NetworkTrace:
         time += duration
     states = tuple(LinkSetting(round(rate), UP_KBPS if rate else 0) for _, rate in steps)
     return NetworkTrace(name, tuple(times), states, time)
+
+
+if __name__ == "__main__":
+    print(*write_own_traces(Path(sys.argv[1])), sep="\n")
