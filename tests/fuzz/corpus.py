@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, TypeVar
 
-import pytest
+from hypothesis import example
 
 CORPUS = Path(__file__).with_name("corpus")
+Fuzzer = TypeVar("Fuzzer", bound=Callable[..., Any])
 
 
-def found(kind: str) -> pytest.MarkDecorator:
-    """Parametrises a test with the `content` of every file of a kind."""
-    files = sorted(CORPUS.joinpath(kind).iterdir())
-    return pytest.mark.parametrize("content", [pytest.param(file.read_bytes(), id=file.name) for file in files])
+def found(kind: str, **arguments: Callable[[bytes], Any]) -> Callable[[Fuzzer], Fuzzer]:
+    """Gives every file of a kind to a fuzzer as an example; `arguments` make the fuzzer's arguments of its content."""
+
+    def adding(fuzzer: Fuzzer) -> Fuzzer:
+        for file in sorted(CORPUS.joinpath(kind).iterdir()):
+            fuzzer = example(**{name: make(file.read_bytes()) for name, make in arguments.items()})(fuzzer)
+        return fuzzer
+
+    return adding
