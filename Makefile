@@ -172,12 +172,14 @@ TORCH = torch==$(shell sed -n '/^name = "torch"$$/{n;s/version = "\(.*\)"/\1/p}'
 	@$(UV_SYNC) --extra cluster --group dev
 	@touch $@
 
-# Only what builds the page, without source maps and debug builds, which are half of it.
+# Only what builds the page: without types, source maps, debug builds and other module formats, which are most of it.
+UNUSED := typescript @typescript dashjs/dist/legacy dashjs/dist/modern/umd lucide/dist/cjs lucide/dist/umd \
+	playcanvas/build/playcanvas.*
 web/node_modules/.build: web/package.json web/package-lock.json
 	@node -e 'const [major, minor] = process.versions.node.split("."); process.exit(major > 22 || (major == 22 && minor >= 12) || (major == 20 && minor >= 19) ? 0 : 1)' 2>/dev/null || { echo "The web client needs Node.js 20.19, or 22.12 or newer: https://nodejs.org"; exit 1; }
 	@echo "== web client: dependencies of the page"
 	@cd web && npm ci --omit=dev --omit=peer --no-audit --no-fund --loglevel=error
-	@find web/node_modules -name '*.map' -delete -o -path '*/playcanvas/build/*.dbg*' -delete -o -path '*/playcanvas/build/*.prf*' -delete
+	@cd web/node_modules && rm -rf $(UNUSED) && find . -name '*.map' -delete -o -name '*.debug.js' -delete
 	@touch $@
 
 web/node_modules/.ready: web/node_modules/.build

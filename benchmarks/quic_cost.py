@@ -21,10 +21,10 @@ from aioquic.quic.configuration import QuicConfiguration
 from aioquic.quic.connection import QuicConnection
 
 from benchmarks.frame_cost import interval
+from tigas_render.transport.aioquic_ext.congestion import RENO
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 from tigas_render.transport.certificate import Certificate
-from tigas_render.transport.cids import ALONE
-from tigas_render.transport.congestion import LIMITED_RENO
+from tigas_render.transport.shared_port import Edge
 
 CLIENT, SERVER = ("192.0.2.1", 1000), ("192.0.2.2", 2000)
 DELAY = 0.0005
@@ -55,13 +55,13 @@ class Pair:
                 alpn_protocols=["bench"],
                 certificate=CERTIFICATE.x509,
                 private_key=CERTIFICATE.private_key,
-                congestion_control_algorithm=LIMITED_RENO if name == "ours" else "reno",
+                congestion_control_algorithm=RENO if name == "ours" else "reno",
                 max_datagram_size=1452,
             ),
             "original_destination_connection_id": self.client.original_destination_connection_id,
         }
         self.server = (
-            ServerQuicConnection(edge=ALONE, reset_token=lambda cid: bytes(16), **arguments)
+            ServerQuicConnection(edge=Edge(), reset_token=lambda cid: bytes(16), **arguments)
             if name == "ours"
             else QuicConnection(**arguments)
         )

@@ -31,10 +31,9 @@ from aioquic.quic.events import ProtocolNegotiated, QuicEvent
 
 from tigas_common.resources import give_back_regularly
 from tigas_common.wire.render import FrameHeader, RenderRequest, ServerTiming
-from tigas_render.admission.http_viewers import HttpViewers
 from tigas_render.admission.limits import Limits
 from tigas_render.admission.load import Load
-from tigas_render.admission.request_rate import RequestRate
+from tigas_render.admission.viewers import HttpViewers, RequestRate
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.server.frame_route import HttpFrames, frames_app
 from tigas_render.transport.certificate import Certificate

@@ -44,14 +44,17 @@ REQUESTS = {
 CASES = [(service, request) for service, requests in REQUESTS.items() for request in requests]
 
 
+def attacks(method: str) -> list[tuple[Mapping[str, str], int]]:
+    """Headers of other pages' requests, and the status that each is refused with."""
+    embedded = [(IMAGE, 403), (FRAME, 403), ({"Host": "evil.example"}, 421)] if method == "GET" else []
+    return [(EVIL, 403), (NOBODY, 403), (REBOUND, 421), *embedded]
+
+
 @pytest.mark.parametrize(("service", "request_line"), CASES)
 async def test_a_foreign_page_reads_changes_and_opens_nothing(service: str, request_line: str, tmp_path: Path) -> None:
     method, path = request_line.split()
-    attacks: list[tuple[Mapping[str, str], int]] = [(EVIL, 403), (NOBODY, 403), (REBOUND, 421)]
-    if method == "GET":
-        attacks += [(IMAGE, 403), (FRAME, 403), ({"Host": "evil.example"}, 421)]
     async with client_of(service, tmp_path) as http:
-        for headers, status in attacks:
+        for headers, status in attacks(method):
             answer = await http.request(method, path, headers=headers)
             assert answer.status_code == status, headers
             assert answer.json()["type"] == ("tigas:foreign-host" if status == 421 else "tigas:foreign-origin")

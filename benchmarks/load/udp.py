@@ -8,8 +8,7 @@ import struct
 import time
 from collections.abc import Iterator
 
-from tigas_render.transport.arrival import STAMP_SPACE, arrival, ask_for_stamps, stamp_ns
-from tigas_render.transport.gso import Address
+from tigas_render.transport.udp import STAMP_SPACE, Address, arrival, ask_for_stamps, stamp_ns
 
 SOL_UDP, UDP_GRO = 17, 104
 SO_RCVBUFFORCE, SO_RXQ_OVFL = 33, 40

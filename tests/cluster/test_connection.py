@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.command import tigas
-from tigas_cluster.connection import named_cluster
-from tigas_cluster.own_ray import OwnRay
+from tigas_cluster.connection import OwnRay, named_cluster
 from tigas_common.errors import StartError
 from tigas_common.installation import install_command
 

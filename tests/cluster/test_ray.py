@@ -21,7 +21,7 @@ import httpx
 import psutil
 import pytest
 
-from tigas_cluster.own_ray import OwnRay
+from tigas_cluster.connection import OwnRay
 from tigas_common.processes import tigas
 
 pytestmark = [pytest.mark.slow, pytest.mark.extended]
@@ -214,7 +214,7 @@ def test_a_host_or_a_machine_is_killed_and_the_others_serve(machines: Machines) 
     with up(machines.environment | A_HOST, "--hosts=2") as cluster:
         until(lambda: cluster.hosts() == {"host-1", "host-2"})
         name, render = host_on(machines.other, cluster), service(machines.other)
-        actor = named(machines.other, "ray::HostActor")
+        actor = named(machines.other, "ray::Host")
         assert actor
         actor.kill()
         # Its service lives slightly longer, and viewers stay with a host that answers.

@@ -16,7 +16,7 @@ from PIL import Image
 
 from tests.command import tigas as in_process
 from tests.enhance.synthetic import HEIGHT, LOW, QUALITY, WIDTH, as_jpeg, view
-from tests.enhance.test_views import scene
+from tests.enhance.test_pairs import scene
 from tigas_common.processes import tigas
 from tigas_common.weights import FILE, read_weights
 from tigas_common.wire.render import RenderRequest, Rung, ServerConfig

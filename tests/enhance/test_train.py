@@ -9,10 +9,10 @@ import pytest
 import torch
 
 from tests.enhance.synthetic import pair
-from tigas_enhance.errors import NothingToLearn
+from tigas_enhance.evaluate import gains
 from tigas_enhance.network import Network, resampled
+from tigas_enhance.pairs import NothingToLearn
 from tigas_enhance.train import Crops, Recipe, Variation, train
-from tigas_enhance.tuning import gains
 
 CPU = torch.device("cpu")
 STEPS = 60

@@ -10,9 +10,9 @@ import torch
 from tests.common.test_weights import NETWORK, made
 from tigas_common.weights import parse_weights
 from tigas_common.wire.render import DEFAULT_LADDER, Rung
-from tigas_enhance.errors import NothingToLearn
-from tigas_enhance.network import Network
-from tigas_enhance.tuning import gaining, rounded, to_network, to_tensors, training_rungs
+from tigas_enhance.network import Network, rounded, to_network, to_tensors
+from tigas_enhance.pairs import NothingToLearn
+from tigas_enhance.tuning import gaining, training_rungs
 
 
 def test_networks_that_make_nothing_better_are_left_out() -> None:

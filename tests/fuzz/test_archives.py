@@ -20,8 +20,8 @@ from tests.fuzz.effort import effort
 from tests.fuzz.sentences import assert_sentence
 from tigas_common.errors import StartError
 from tigas_experiments.report.archive import unpack as unpack_runs
-from tigas_shaper.traces.sources import FetchError
-from tigas_shaper.traces.unpack import unpack as unpack_traces
+from tigas_shaper.traces.fetch import FetchError
+from tigas_shaper.traces.fetch import unpack as unpack_traces
 
 NAMES = (
     *("study/experiment.json", "study/runs/a/run.json", "study/runs", "study", "other/x", "study/../x", "../x", "/x"),

@@ -14,7 +14,7 @@ from tests.render.fakes import FakeRasterizer, render_request
 from tests.render.transport.serving import eventually
 from tigas_common.parsing import parse
 from tigas_common.wire.render import HostLoad
-from tigas_render.admission import http_viewers
+from tigas_render.admission import viewers
 from tigas_render.admission.limits import Limits
 from tigas_render.server.app import create_app
 from tigas_render.server.service import RenderService
@@ -57,7 +57,7 @@ async def test_a_viewer_that_asks_no_more_counts_no_more_though_nobody_else_asks
     async with viewer(service, "192.0.2.1") as gone, service.measured():
         assert (await gone.post("/render", json=NOWHERE)).status_code == 404
         await eventually(lambda: service.loads.viewers == 1)
-        monkeypatch.setattr(http_viewers, "STAY_S", 0.0)
+        monkeypatch.setattr(viewers, "STAY_S", 0.0)
         await eventually(lambda: service.loads.viewers == 0)
 
 

@@ -10,8 +10,7 @@ import time
 import pytest
 
 from tests.testbed.inside import GATEWAY, echo_server, udp, wait_until
-from tests.testbed.labs import remove_abandoned
-from tests.testbed.shaper_process import ip_forward, left_behind, shaper
+from tests.testbed.labs import ip_forward, left_behind, remove_abandoned, shaper
 from tigas_common.errors import StartError
 from tigas_common.topology import SHAPER
 from tigas_testbed.namespaces import Lab

@@ -14,7 +14,7 @@ from tigas_common.command import POSITIONAL, Command, Group, Metavar, load
 from tigas_common.errors import StartError, TigasError
 from tigas_common.installation import check_versions
 from tigas_common.processes import terminated_as_interrupted
-from tigas_common.terminal import make_console
+from tigas_common.terminal import make_console, progress_bar
 from tigas_render.settings import RenderSettings
 
 if TYPE_CHECKING:
@@ -29,7 +29,6 @@ class Render(RenderSettings, Command):
     """Serve scenes: open the printed URL, pick a scene and walk through it."""
 
     def run(self) -> None:
-        """Serve until stopped."""
         import uvloop
 
         log_to_stdout()
@@ -61,7 +60,6 @@ class Info(_SceneCommand):
     """Print the contents of a scene's file, and the scene.json of its folder."""
 
     def run(self) -> None:
-        """Read the whole scene and print a table."""
         import numpy as np
         from rich.table import Table
 
@@ -102,7 +100,6 @@ class Add(Command):
     """Name of the scene; the file's name unless given."""
 
     def run(self) -> None:
-        """Fetch, check and store the scene."""
         from tigas_render.scenes.library_operations import add_scene, shown
 
         with (
@@ -122,7 +119,6 @@ class Preview(_SceneCommand):
     """Output image: .jpg or .png."""
 
     def run(self) -> None:
-        """Render and write the image."""
         from tigas_render.raster.devices import create_rasterizer
         from tigas_render.scenes.directory import scene_file
         from tigas_render.scenes.metadata import read_metadata
@@ -152,7 +148,6 @@ class Ladder(Command):
     """Plot to draw as well: .png or .svg."""
 
     def run(self) -> None:
-        """Measure, write the ladder and print it."""
         from tigas_render.ladder.make import find_scene, make, place_of, write_ladder
         from tigas_render.ladder.plot import check_plot, draw
         from tigas_render.raster.devices import create_rasterizer
@@ -178,15 +173,9 @@ scene = Group(
 
 
 @contextmanager
-def _bar(what: str) -> Iterator[Callable[[float], None]]:
-    """A progress bar in a terminal; takes the share that is done, from 0 to 1."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (BarColumn(), TextColumn("{task.percentage:.0f} %"), TimeElapsedColumn(), TextColumn(what, markup=False))
-    console = make_console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=1.0)
-        yield lambda done: bar.update(task, completed=done)
+def _bar(text: str) -> Iterator[Callable[[float], None]]:
+    with progress_bar(text) as bar:
+        yield lambda done: bar(done, text)
 
 
 def _print_ladder(made: Made) -> None:

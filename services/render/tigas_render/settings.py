@@ -13,7 +13,7 @@ from tigas_common.address import Address, reached_by_others
 from tigas_common.command import NO_FLAG, Metavar
 from tigas_common.settings import MODELS, HostNames, Listen, ListenOrOff, Origins, ServiceSettings
 from tigas_common.topology import PAGE, PAGE_HTTPS, WEBTRANSPORT, ServiceName
-from tigas_common.wire.render import LadderName
+from tigas_common.wire.render import CongestionControl, LadderName
 from tigas_render.admission.limits import QuicLimits
 from tigas_render.cache import cache_directory
 
@@ -71,6 +71,8 @@ class RenderSettings(ServiceSettings):
     """Devices to render on, separated by commas; `cuda` is all GPUs, `auto` the fastest devices."""
     quic_limits: QuicLimits = QuicLimits()
     """Limits on HTTP/3 and WebTransport, in total and per address."""
+    congestion_control: Annotated[CongestionControl, NO_FLAG] = "westwood"
+    """Congestion control of HTTP/3: `westwood` tolerates random loss, `reno` is the paper's."""
     memory_gb: float = Field(default=8.0, gt=0, le=100_000)
     """Memory limit for loaded scenes on each device, in gigabytes (10⁹ bytes); frames need more."""
     idle_minutes: Annotated[float, NO_FLAG] = Field(default=15.0, gt=0, le=525_600)

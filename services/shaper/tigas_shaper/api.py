@@ -43,7 +43,7 @@ from tigas_common.wire.shaper import (
     TracePoints,
     TraceSummary,
 )
-from tigas_shaper.errors import LinkClosed
+from tigas_shaper.link.link import LinkClosed
 from tigas_shaper.metrics import ShaperMetrics
 from tigas_shaper.service import Shaper
 from tigas_shaper.traces.library import points, summary

@@ -19,8 +19,8 @@ from tigas_common.origins import OriginPolicy
 from tigas_common.resources import CAP_NET_ADMIN, has_capabilities, keep_together
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_shaper.api import create_app
+from tigas_shaper.link.commands import Interface
 from tigas_shaper.link.gateway import Forward
-from tigas_shaper.link.interfaces import Interface
 from tigas_shaper.service import Shaper
 from tigas_shaper.settings import ShaperSettings
 

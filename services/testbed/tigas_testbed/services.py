@@ -32,8 +32,7 @@ from tigas_common.topology import (
     upstreams,
 )
 from tigas_testbed.namespaces import GATEWAY_SERVICE_ADDRESS, SERVICE_ADDRESS, Lab, check_rights
-from tigas_testbed.reach import own_code, reaching
-from tigas_testbed.user import User
+from tigas_testbed.user import User, own_code, reaching
 
 NAME = "lab"
 FORWARDED = (PAGE, WEBTRANSPORT, DASH, WEBRTC, STORE)
@@ -133,12 +132,7 @@ def check_free(ports: Sequence[Port]) -> None:
                 raise StartError(f"The lab needs {port.protocol} port {port.loopback} ({error.strerror}).") from None
 
 
-def run_lab(
-    *,
-    https: Address | None,
-    store: bool,
-    stop: threading.Event,
-) -> None:
+def run_lab(*, https: Address | None, store: bool, stop: threading.Event) -> None:
     """Run the whole lab, with or without the experiment store, until `stop` is set.
 
     Raises StartError if it cannot start, or if a service ends too often.
@@ -165,20 +159,15 @@ def run_lab(
             user.give(folder)
         needed = [each for each in (models, traces, results) if each is not None and each.is_dir()]
         runner = Runner(lab, user, needed, {COMMIT_VARIABLE: this_commit() or ""})  # git refuses other users
+        services = [
+            Service("shaper", lambda: runner.start(runner.shaper(*options, https=secure))),
+            Service("render service", lambda: runner.start(runner.service(render), page)),
+            Service("DASH packager", lambda: runner.start(runner.service(dash_command()))),
+        ]
+        if store:
+            services.append(Service("experiment store", lambda: runner.start(runner.service(store_command()))))
         try:
-            keep_running(
-                (
-                    Service("shaper", lambda: runner.start(runner.shaper(*options, https=secure))),
-                    Service("render service", lambda: runner.start(runner.service(render), page)),
-                    Service("DASH packager", lambda: runner.start(runner.service(dash_command()))),
-                    *(
-                        (Service("experiment store", lambda: runner.start(runner.service(store_command()))),)
-                        if store
-                        else ()
-                    ),
-                ),
-                stop,
-            )
+            keep_running(services, stop)
         finally:
             for folder in lent:
                 caller.give(folder)
@@ -195,14 +184,13 @@ def run_demo(render_options: Sequence[str], stop: threading.Event, *, store: boo
     def start(argv: Sequence[str], more: Mapping[str, str] = MappingProxyType({})) -> subprocess.Popen[bytes]:
         return subprocess.Popen(argv, start_new_session=True, env={**environment, **more})
 
-    keep_running(
-        (
-            Service("DASH packager", lambda: start(dash, _own_names("dash"))),
-            *((Service("experiment store", lambda: start(tigas("store"), _own_names("store"))),) if store else ()),
-            Service("render service", lambda: start(tigas("render", *render_options))),
-        ),
-        stop,
-    )
+    running = [
+        Service("DASH packager", lambda: start(dash, _own_names("dash"))),
+        Service("render service", lambda: start(tigas("render", *render_options))),
+    ]
+    if store:
+        running.insert(0, Service("experiment store", lambda: start(tigas("store"), _own_names("store"))))
+    keep_running(running, stop)
 
 
 def _own_names(service: str) -> dict[str, str]:

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.load import udp
 from benchmarks.load.udp import ViewerSocket
-from tigas_render.transport.gso import segment_size
+from tigas_render.transport.udp import segment_size
 
 
 @pytest.fixture

@@ -129,7 +129,7 @@ async def test_a_viewer_learns_that_the_service_knows_nothing_of_it_any_more() -
         await eventually(viewer.waiting)
         for connection in list(server._connections):
             connection.abandon()
-            server.terminated(connection)
+            server._connections.remove(connection)
         await eventually(lambda: not viewer.is_inside)
         assert fates(viewer)["lost"]
         source.held = False

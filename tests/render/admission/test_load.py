@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import random
+import time
 from collections import deque
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
+from tigas_render.admission import load as load_module
 from tigas_render.admission.load import (
     FEW,
     FREE_AT,
@@ -18,6 +21,7 @@ from tigas_render.admission.load import (
     STANDING_AGE_S,
     TICK_S,
     Load,
+    busy_time,
 )
 
 
@@ -265,3 +269,22 @@ def test_it_says_how_old_things_got() -> None:
     assert loop.load.state.ages == pytest.approx({"datagrams": 0.2, "loop": 0.4, "engine": 0.03})
     loop.run(5, busy=0.0)
     assert loop.load.state.ages["datagrams"] == 0.0
+
+
+def test_computing_counts_as_busy_and_sleeping_does_not() -> None:
+    before, computed = busy_time(), time.thread_time()
+    while time.thread_time() < computed + 0.05:
+        pass
+    between = busy_time()
+    assert between - before >= 0.045
+    time.sleep(0.3)
+    assert busy_time() - between < 0.25
+
+
+def test_waiting_for_a_processor_counts_where_the_kernel_tells_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(load_module, "SCHEDSTAT", tmp_path / "schedstat")
+    assert busy_time() == pytest.approx(time.thread_time(), abs=0.1)
+    (tmp_path / "schedstat").write_text("2000000000 3500000000 17\n")
+    assert busy_time() == 5.5

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -47,10 +47,3 @@ class Edge:
         async with PipeClient(self.path, self.number, lambda *state: self.states.append(state)) as client:
             await asyncio.wait_for(client.connected(), 20)
             yield client
-
-
-async def until(condition: Callable[[], object]) -> None:
-    """Poll for a condition without a notification."""
-    async with asyncio.timeout(20):
-        while not condition():  # noqa: ASYNC110
-            await asyncio.sleep(0.001)

@@ -6,82 +6,41 @@ import asyncio
 import logging
 import random
 import socket
-from collections.abc import AsyncIterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import pytest
 
 from tests.render.fakes import render_request
-from tests.render.pipe.pipe_bench import Edge, Engine, until
+from tests.render.pipe.pipe_bench import Edge, Engine
 from tests.render.transport.client import TIMING, FakeFrames
-from tigas_common.errors import (
-    BrokenScene,
-    DeadlineExceeded,
-    DeviceLost,
-    InvalidRequest,
-    NoRoom,
-    OutOfDeviceMemory,
-    Overloaded,
-    Superseded,
-    TigasError,
-    UnknownScene,
-)
-from tigas_common.wire.render import RenderRequest, VideoInfo, VideoRequest
+from tests.render.transport.serving import eventually
+from tigas_common.errors import Overloaded, TigasError
+from tigas_common.wire.render import RenderRequest, VideoRequest
 from tigas_render.frame import Client, Frame
 from tigas_render.pipe import client as client_module
 from tigas_render.pipe import messages
 from tigas_render.pipe.arena import Arena
 from tigas_render.pipe.client import PipeClient
-from tigas_render.pipe.framing import Kind, framed
+from tigas_render.pipe.link import Kind, framed
 from tigas_render.pipe.server import PipeServer
 
 pytestmark = pytest.mark.anyio
 
 VIEWER = Client("192.0.2.1", "viewer")
-REQUESTS = [
-    {},
-    {"seq": 2**32 - 1, "roll": -12.5, "profile": None, "format": "png", "scene": "größer/ohne Maß"},
-    {"overscan": 0.15, "depth": True, "deadline_ms": 0.5, "display_scale": 2.0, "profile": 255},
-    {"azimuth": None, "elevation": None, "translation": None, "position": (1e9, -1e-9, 0.1), "format": "yuv420p"}
-    | {"quaternion": (0.1, 0.2, 0.3, -0.4)},
-    {"format": "h264", "video": VideoRequest(bitrate_kbps=200_000, frames_per_s=59.94, key=True)},
-    {"format": "h264", "video": VideoRequest(bitrate_kbps=10)},
-]
-VIDEO = [VideoInfo(key=True, after=None, codec="avc1.4d401f"), VideoInfo(key=False, after=0, codec="avc1.4d4034")]
+REQUEST = render_request(scene="größer/ohne Maß", roll=-12.5, overscan=0.15, depth=True, deadline_ms=0.5)
 
 
-@pytest.fixture
-def engine(tmp_path: Path) -> Engine:
-    return Engine(tmp_path / "pipe", FakeFrames())
+def video_request(seq: int) -> RenderRequest:
+    return render_request(seq=seq, format="h264", video=VideoRequest(bitrate_kbps=1000))
 
 
-@pytest.fixture
-def frames(engine: Engine) -> FakeFrames:
-    assert isinstance(engine.source, FakeFrames)
-    return engine.source
-
-
-@pytest.fixture
-async def server(engine: Engine) -> AsyncIterator[PipeServer]:
-    async with engine.running() as server:
-        yield server
-
-
-@pytest.fixture
-async def edge(engine: Engine, server: PipeServer) -> AsyncIterator[PipeClient]:
-    async with Edge(engine.path).connected() as edge:
-        yield edge
-
-
-@pytest.mark.parametrize("changes", REQUESTS)
+@pytest.mark.parametrize("request_", [REQUEST, video_request(2)], ids=["still", "video"])
 async def test_a_request_and_its_frame_are_what_they_are_without_a_pipe(
-    edge: PipeClient, frames: FakeFrames, changes: dict[str, object]
+    edge: PipeClient, frames: FakeFrames, request_: RenderRequest
 ) -> None:
-    request = render_request(**changes)
     frames.body = random.Random(1).randbytes(100_000)
-    through, direct = await edge.submit(VIEWER, request, 12.5), await frames.submit(VIEWER, request, 12.5)
+    through, direct = await edge.submit(VIEWER, request_, 12.5), await frames.submit(VIEWER, request_, 12.5)
     assert frames.requests[0][1] == frames.requests[1][1]
     assert frames.arrivals == [12.5, 12.5]
     assert bytes(through.body) == direct.body
@@ -89,25 +48,9 @@ async def test_a_request_and_its_frame_are_what_they_are_without_a_pipe(
     assert replace(through, body=direct.body, on_release=None) == direct
 
 
-@pytest.mark.parametrize("video", VIDEO)
-async def test_a_frame_of_a_video_keeps_its_place_in_it(edge: PipeClient, frames: FakeFrames, video: VideoInfo) -> None:
-    frames.video = video
-    request = render_request(format="h264", video=VideoRequest(bitrate_kbps=1000))
-    assert (await edge.submit(VIEWER, request, 0.0)).video == video
-
-
-@pytest.mark.parametrize(
-    "kind",
-    [
-        *(InvalidRequest, UnknownScene, BrokenScene, Superseded, DeadlineExceeded, OutOfDeviceMemory, DeviceLost),
-        *(Overloaded, NoRoom, partial(Overloaded, retry_after_s=2.5)),
-    ],
-)
-async def test_an_error_is_what_it_is_without_a_pipe(
-    edge: PipeClient, frames: FakeFrames, kind: type[TigasError]
-) -> None:
-    frames.error = kind("A sentence.")
-    with pytest.raises(type(frames.error), match="A sentence") as caught:
+async def test_an_error_is_what_it_is_without_a_pipe(edge: PipeClient, frames: FakeFrames) -> None:
+    frames.error = Overloaded("A sentence.", retry_after_s=2.5)
+    with pytest.raises(Overloaded, match="A sentence") as caught:
         await edge.submit(VIEWER, render_request(), 0.0)
     assert vars(caught.value) == vars(frames.error)
 
@@ -131,29 +74,28 @@ async def test_a_withdrawn_request_is_withdrawn_in_the_engine(edge: PipeClient, 
     await frames.until(lambda: frames.cancelled == [5])
 
 
-async def test_a_frame_that_was_on_its_way_when_it_was_withdrawn_leaves_no_trace(
+async def test_frames_that_were_on_their_way_when_they_were_withdrawn_leave_no_trace_and_videos_begin_anew(
     edge: PipeClient, server: PipeServer, frames: FakeFrames
 ) -> None:
     frames.held = True
     answers: list[object] = []
-    withdraw = edge.request(VIEWER, render_request(seq=5), 0.0, answers.append)
-    await frames.until(lambda: frames.requests)
+    requests = (render_request(), video_request(5))
+    withdraws = [edge.request(VIEWER, request, 0.0, answers.append) for request in requests]
+    await frames.until(lambda: len(frames.requests) == 2)
     assert edge._link is not None
     assert edge._link._transport is not None
     edge._link._transport.pause_reading()
-    frames.release(5)
+    for request in requests:
+        frames.release(request.seq)
     (link,) = server.edges
-    await until(lambda: not link.running)
+    await eventually(lambda: not link.running)
     assert link.arena.used > 0
-    withdraw()
-    withdraw()
+    for withdraw in (*withdraws, *withdraws):
+        withdraw()
     edge._link._transport.resume_reading()
-    await until(lambda: link.arena.used == 0)
+    await eventually(lambda: link.arena.used == 0 and frames.forgotten)
     assert answers == []
-
-
-def video_request(seq: int) -> RenderRequest:
-    return render_request(seq=seq, format="h264", video=VideoRequest(bitrate_kbps=1000))
+    assert frames.forgotten == [frames.requests[1][0]]
 
 
 async def test_a_video_ends_with_its_session_and_may_begin_again(edge: PipeClient, frames: FakeFrames) -> None:
@@ -169,25 +111,6 @@ async def test_videos_end_with_their_edge(engine: Engine, frames: FakeFrames) ->
     async with engine.running(), Edge(engine.path).connected() as edge:
         await edge.submit(VIEWER, video_request(1), 0.0)
     assert frames.forgotten == [frames.requests[0][0]]
-
-
-async def test_a_video_begins_anew_after_a_frame_that_was_withdrawn_on_its_way(
-    edge: PipeClient, server: PipeServer, frames: FakeFrames
-) -> None:
-    frames.held = True
-    withdraws = [edge.request(VIEWER, request, 0.0, lambda _: None) for request in (render_request(), video_request(5))]
-    await frames.until(lambda: len(frames.requests) == 2)
-    assert edge._link is not None
-    assert edge._link._transport is not None
-    edge._link._transport.pause_reading()
-    for seq in (0, 5):
-        frames.release(seq)
-    (link,) = server.edges
-    await until(lambda: not link.running)
-    for withdraw in withdraws:
-        withdraw()
-    await frames.until(lambda: frames.forgotten)
-    assert frames.forgotten == [frames.requests[1][0]]
 
 
 async def test_a_thousand_requests_at_once_get_each_its_own_answer(
@@ -214,7 +137,7 @@ async def test_a_thousand_requests_at_once_get_each_its_own_answer(
         frame.release()
     await frames.until(lambda: set(frames.cancelled) == withdrawn)
     (link,) = server.edges
-    await until(lambda: link.arena.used == 0 and not link.running)
+    await eventually(lambda: link.arena.used == 0 and not link.running)
     assert len({client for client, _ in frames.requests}) == 217, "sessions stay apart"
     assert caplog.records == []
 
@@ -277,7 +200,7 @@ async def test_edges_hear_how_busy_the_engine_is_and_tell_it_what_they_measure(
     edge = Edge(engine.path, 3)
     async with edge.connected() as client:
         client.tell(b'{"viewers": 7}')
-        await until(lambda: edge.states and engine.stats)
+        await eventually(lambda: edge.states and engine.stats)
     age, utilisation = edge.states[0]
     assert age == 0.25
     assert 0.5 <= utilisation <= 1
@@ -315,10 +238,10 @@ async def test_what_is_no_answer_ends_the_pipe_in_a_sentence(
         async with PipeClient(path, 0, lambda *_: None) as client:
             engine, _ = await asyncio.to_thread(listener.accept)
             with engine:
-                socket.send_fds(engine, [messages.pack_offset(Kind.ARENA, 64)], [arena.fd])
+                socket.send_fds(engine, [messages.pack_number(Kind.ARENA, 64)], [arena.fd])
                 await client.connected()
                 engine.sendall(hostile)
-                await until(lambda: sentence in caplog.text)
+                await eventually(lambda: sentence in caplog.text)
     arena.close()
 
 
@@ -329,9 +252,9 @@ async def test_whoever_drops_a_frame_without_a_word_takes_no_room_for_ever(engin
         both = link.arena.used
         del dropped
         edge.request(VIEWER, render_request(), 0.0, lambda answer: None)
-        await until(lambda: len(frames.requests) == 3 and link.arena.used == both / 2)
+        await eventually(lambda: len(frames.requests) == 3 and link.arena.used == both / 2)
         assert kept.body == b"frame"
         kept.release()
         kept.release()
-        await until(lambda: link.arena.used == 0)
+        await eventually(lambda: link.arena.used == 0)
         assert (await edge.submit(VIEWER, render_request(), 0.0)).body == b"frame"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import Counter
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from tests.render.fakes import render_request
-from tests.render.pipe.pipe_bench import until
 from tests.render.transport.client import FakeFrames
+from tests.render.transport.serving import eventually
 from tigas_common.errors import (
     BrokenScene,
     DeviceLost,
@@ -28,7 +28,8 @@ from tigas_common.errors import (
 from tigas_common.wire.render import VideoRequest
 from tigas_render.frame import Client
 from tigas_render.pipe import engines as engines_module
-from tigas_render.pipe.engines import WARMING, Engines
+from tigas_render.pipe.engines import GONE_S, Engines, Sharing
+from tigas_render.pipe.remote_engine import WARMING, Pressure
 from tigas_render.pipe.server import PipeServer, serve_edges
 
 pytestmark = pytest.mark.anyio
@@ -71,7 +72,7 @@ async def devices(tmp_path: Path) -> AsyncIterator[list[Device]]:
 @pytest.fixture
 async def engines(devices: list[Device]) -> AsyncIterator[Engines]:
     async with Engines({each.path.name: each.path for each in devices}, 0, lambda *_: None, time.monotonic) as engines:
-        await until(lambda: len(engines.up()) == 2)
+        await eventually(lambda: len(engines.up()) == 2)
         yield engines
 
 
@@ -216,7 +217,7 @@ async def test_requests_to_an_engine_that_dies_are_answered_by_another(devices: 
     dying, other = first(devices)
     dying.frames.held = True
     asked = [asyncio.create_task(ask(engines, viewer=viewer)) for viewer in VIEWERS]
-    await until(lambda: len(dying.frames.requests) == 1 + len(VIEWERS))
+    await eventually(lambda: len(dying.frames.requests) == 1 + len(VIEWERS))
     assert dying.server is not None
     dying.server.close()
     await asyncio.wait_for(asyncio.gather(*asked), 5)
@@ -228,9 +229,9 @@ async def test_a_request_that_was_passed_on_can_be_withdrawn(devices: list[Devic
     refusing, other = first(devices)
     refusing.frames.error, other.frames.held = BrokenScene("It cannot."), True
     asked = asyncio.create_task(ask(engines))
-    await until(lambda: other.frames.requests)
+    await eventually(lambda: other.frames.requests)
     asked.cancel()
-    await until(lambda: other.frames.cancelled == [0])
+    await eventually(lambda: other.frames.cancelled == [0])
 
 
 async def test_an_engine_that_says_nothing_any_more_is_given_up(
@@ -259,7 +260,76 @@ async def test_the_edge_hears_of_the_engine_that_has_the_least_to_do(devices: li
     async with Engines(
         {each.path.name: each.path for each in devices}, 0, lambda *state: heard.append(state), time.monotonic
     ) as engines:
-        await until(lambda: len(engines.up()) == 2)
+        await eventually(lambda: len(engines.up()) == 2)
         heard.clear()
-        await until(lambda: len(heard) >= 6)
+        await eventually(lambda: len(heard) >= 6)
     assert heard[-1] == (0.25, 0.875)
+
+
+def share(sharing: Sharing, sessions: Sequence[int], engines: Sequence[str], now: float = 0.0) -> dict[int, str]:
+    return {session: sharing.choose(session, engines, now) for session in sessions}
+
+
+def test_engines_have_as_many_sessions_each_and_sessions_stay() -> None:
+    sharing = Sharing()
+    first = share(sharing, range(31), ("a", "b", "c"))
+    assert sorted(Counter(first.values()).values()) == [10, 10, 11]
+    assert share(sharing, range(31), ("a", "b", "c")) == first
+
+
+def test_a_new_engine_takes_its_part_and_no_more_sessions_move_than_have_to() -> None:
+    sharing = Sharing()
+    before = share(sharing, range(30), ("a", "b"))
+    after = share(sharing, range(30), ("a", "b", "c"))
+    assert set(Counter(after.values()).values()) == {10}
+    assert sum(before[session] != after[session] for session in range(30)) == 10
+    assert share(sharing, range(30), ("a", "b", "c")) == after
+
+
+def test_the_sessions_of_an_engine_that_is_gone_are_shared_out() -> None:
+    sharing = Sharing()
+    before = share(sharing, range(30), ("a", "b", "c"))
+    after = share(sharing, range(30), ("a", "b"))
+    assert set(Counter(after.values()).values()) == {15}
+    assert all(after[session] == engine for session, engine in before.items() if engine != "c")
+
+
+def test_sessions_that_ask_no_more_do_not_count() -> None:
+    sharing = Sharing()
+    share(sharing, range(10), ("a", "b"))
+    assert sharing.forget(GONE_S / 2)
+    assert not sharing.forget(GONE_S)
+    assert Counter(share(sharing, range(10, 14), ("a", "b"), GONE_S).values()) == {"a": 2, "b": 2}
+
+
+def heard(pressure: Pressure, times: int, age_s: float, utilisation: float) -> bool:
+    for _ in range(times):
+        pressure.heard(age_s, utilisation)
+    return pressure.pressed
+
+
+def test_an_engine_that_hardly_rests_is_pressed_until_it_is_at_ease() -> None:
+    pressure = Pressure()
+    assert not heard(pressure, 50, 0.0, 0.8)
+    assert heard(pressure, 20, 0.0, 0.95)
+    assert heard(pressure, 50, 0.0, 0.75), "neither much nor little to do changes anything"
+    assert not heard(pressure, 20, 0.0, 0.45)
+
+
+def test_an_engine_whose_clients_wait_is_pressed_whatever_else_it_says() -> None:
+    pressure = Pressure()
+    assert heard(pressure, 20, 0.2, 0.3)
+    assert not heard(pressure, 20, 0.0, 0.3)
+
+
+def test_an_engine_says_when_it_may_soon_be_pressed_and_when_it_could_do_as_much_again() -> None:
+    pressure = Pressure()
+    for utilisation, is_near, at_ease in ((0.3, False, True), (0.5, False, False), (0.7, True, False)):
+        heard(pressure, 50, 0.0, utilisation)
+        assert (pressure.is_near, pressure.at_ease) == (is_near, at_ease)
+
+
+def test_a_moment_is_no_pressure() -> None:
+    pressure = Pressure()
+    assert not heard(pressure, 2, 0.1, 1.0)
+    assert not heard(pressure, 1, 0.0, 0.1)

@@ -1,13 +1,15 @@
-"""Messages reach the other end in few writes, since each write wakes it."""
+"""A stream of messages comes out as it went in, however it was cut, and reaches the other end in few writes."""
 
 from __future__ import annotations
 
 import asyncio
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from tests.render.pipe.pipe_bench import until
-from tigas_render.pipe.link import Link
+from tests.render.transport.serving import eventually
+from tigas_render.pipe.link import BadMessage, Kind, Link, Splitter, framed
 
 pytestmark = pytest.mark.anyio
 
@@ -50,7 +52,7 @@ async def test_a_turns_messages_leave_together_and_take_along_what_can_wait() ->
     assert recorder.writes == [b"12345"]
     await asyncio.sleep(0)
     end.send_with_next(b"6")
-    await until(lambda: recorder.writes == [b"12345", b"6"])
+    await eventually(lambda: recorder.writes == [b"12345", b"6"])
     assert end.unsent == 0
 
 
@@ -61,5 +63,27 @@ async def test_nothing_leaves_once_the_pipe_is_closed() -> None:
     recorder.closed = True
     end.send(b"2")
     end.send_with_next(b"3")
-    await until(lambda: not end._is_delayed)
+    await eventually(lambda: not end._is_delayed)
     assert recorder.writes == []
+
+
+@given(st.lists(st.tuples(st.sampled_from(Kind), st.binary(max_size=40))), st.data())
+def test_messages_come_out_whole_and_in_order_wherever_the_stream_is_cut(
+    messages: list[tuple[Kind, bytes]], data: st.DataObject
+) -> None:
+    stream = b"".join(framed(kind, content) for kind, content in messages)
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=8)))
+    splitter = Splitter()
+    found = [
+        message
+        for begin, end in zip([0, *cuts], [*cuts, len(stream)], strict=True)
+        for message in splitter.feed(stream[begin:end])
+    ]
+    assert found == messages
+
+
+def test_a_message_that_is_too_long_is_refused_before_it_is_there() -> None:
+    splitter = Splitter(100)
+    assert list(splitter.feed(framed(Kind.STATS, bytes(100)))) == [(Kind.STATS, bytes(100))]
+    with pytest.raises(BadMessage, match="101 bytes is too long"):
+        list(splitter.feed(framed(Kind.STATS, bytes(101))[:5]))

@@ -11,6 +11,7 @@ from typing import Any, get_args
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import Field
 
 from tests.render.fakes import render_request
 from tigas_common import errors
@@ -19,7 +20,8 @@ from tigas_common.wire.model import MAX_SIDE
 from tigas_common.wire.render import RenderRequest, ServerTiming, VideoInfo, VideoRequest
 from tigas_render.frame import Client, Frame, Transport
 from tigas_render.pipe import messages
-from tigas_render.pipe.framing import PREFIX, BadMessage, Kind
+from tigas_render.pipe.link import PREFIX, BadMessage, Kind
+from tigas_render.pipe.packing import Packing
 
 coordinates = st.floats(-1e9, 1e9)
 angles = st.floats(-1e6, 1e6)
@@ -70,7 +72,6 @@ UNPACK: list[Callable[[bytes], object]] = [
     messages.unpack_failure,
     messages.unpack_hello,
     messages.unpack_number,
-    messages.unpack_offset,
     messages.unpack_state,
 ]
 
@@ -159,10 +160,8 @@ def test_nothing_of_an_error_in_the_engine_itself_is_told() -> None:
 def test_the_small_ones_come_out_as_they_went_in(number: int, address: str, session: str, transport: Transport) -> None:
     client = Client(address, session, transport)
     assert messages.unpack_hello(content(messages.pack_hello(number, client), Kind.HELLO)) == (number, client)
-    for kind in (Kind.OPEN, Kind.BYE, Kind.WITHDRAW):
-        assert messages.unpack_number(content(messages.pack_number(kind, number), kind)) == number
-    for kind in (Kind.ARENA, Kind.RELEASE):
-        assert messages.unpack_offset(content(messages.pack_offset(kind, 2**40), kind)) == 2**40
+    for kind in (Kind.OPEN, Kind.BYE, Kind.WITHDRAW, Kind.ARENA, Kind.RELEASE):
+        assert messages.unpack_number(content(messages.pack_number(kind, 2**20 * number), kind)) == 2**20 * number
     assert messages.unpack_state(content(messages.pack_state(0.5, 0.25), Kind.STATE)) == (0.5, 0.25)
 
 
@@ -195,3 +194,26 @@ def test_cut_messages_are_refused(cut: int) -> None:
 def test_a_state_that_cannot_be_is_refused(state: tuple[float, float]) -> None:
     with pytest.raises(BadMessage):
         messages.unpack_state(struct.pack("<dd", *state))
+
+
+class Extended(RenderRequest):
+    """A RenderRequest with fields that it does not have today."""
+
+    exposure: float | None = Field(default=None, gt=0)
+    samples: int = 1
+    corner: tuple[int, bool] | None = None
+
+
+@pytest.mark.parametrize(
+    "added", [{}, {"exposure": 0.5, "samples": 4, "corner": (3, True)}, {"samples": -1, "corner": (0, False)}]
+)
+def test_a_field_that_is_added_is_packed_without_further_code(added: dict[str, Any]) -> None:
+    packing = Packing(Extended)
+    model = Extended(**vars(render_request()) | added)
+    unpacked = packing.unpack(b"head" + packing.pack(model), 4)
+    assert unpacked == model
+    copy = unpacked.model_copy(update={"seq": 2})
+    assert (copy.seq, unpacked.seq) == (2, 0)
+    assert Extended.model_validate(copy.model_dump()) == copy
+    with pytest.raises(BadMessage):
+        packing.unpack(packing.pack(model)[:20])

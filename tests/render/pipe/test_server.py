@@ -17,12 +17,16 @@ import pytest
 
 from tests.render.engine_bench import Bench, busy
 from tests.render.fakes import render_request
-from tests.render.pipe.pipe_bench import Edge, Engine, until
+from tests.render.pipe.pipe_bench import Edge, Engine
 from tests.render.transport.client import FakeFrames
+from tests.render.transport.serving import eventually
 from tigas_common.errors import Overloaded
 from tigas_render.frame import Client
-from tigas_render.pipe import link, messages, server
-from tigas_render.pipe.framing import PREFIX, Kind, framed
+from tigas_render.pipe import link, messages
+from tigas_render.pipe import server as server_module
+from tigas_render.pipe.client import PipeClient
+from tigas_render.pipe.link import PREFIX, Kind, framed
+from tigas_render.pipe.server import PipeServer, serve_edges
 
 pytestmark = pytest.mark.anyio
 
@@ -51,10 +55,8 @@ asyncio.run(main())
 """
 
 
-async def test_an_edge_that_is_killed_frees_its_arena_and_its_work(tmp_path: Path) -> None:
-    frames = FakeFrames()
+async def test_an_edge_that_is_killed_frees_its_arena_and_its_work(engine: Engine, frames: FakeFrames) -> None:
     frames.held = {2}
-    engine = Engine(tmp_path / "pipe", frames)
     async with engine.running() as serving, Edge(engine.path, 1).connected() as other:
         crashing = await asyncio.create_subprocess_exec(sys.executable, "-c", CRASHING, str(engine.path))
         try:
@@ -79,7 +81,7 @@ async def test_withdrawing_through_the_pipe_takes_work_out_of_the_schedule(tmp_p
         withdrawn = asyncio.create_task(edge.submit(VIEWER, render_request(), bench.now))
         await bench.waiting(1)
         withdrawn.cancel()
-        await until(lambda: len(bench.engine._queue) == 0)
+        await eventually(lambda: len(bench.engine._queue) == 0)
         bench.rasterizer.gate.set()
         await rendered
     assert len(bench.rasterizer.cameras) == 1
@@ -87,11 +89,11 @@ async def test_withdrawing_through_the_pipe_takes_work_out_of_the_schedule(tmp_p
 
 
 async def test_a_full_arena_sends_frames_through_the_socket_until_that_is_full_too(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    engine: Engine, frames: FakeFrames, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(server, "MOST_QUEUED", 400_000)
-    frames = FakeFrames(random.Random(3).randbytes(300_000))
-    engine = Engine(tmp_path / "pipe", frames, arena_bytes=300_032)
+    monkeypatch.setattr(server_module, "MOST_QUEUED", 400_000)
+    frames.body = random.Random(3).randbytes(300_000)
+    engine.arena_bytes = 300_032
     async with engine.running(), Edge(engine.path).connected() as edge:
         kept = await edge.submit(VIEWER, render_request(), 0.0)
         inline = await edge.submit(VIEWER, render_request(), 0.0)
@@ -115,17 +117,16 @@ async def test_a_full_arena_sends_frames_through_the_socket_until_that_is_full_t
     assert kinds.count(Kind.FAILURE) >= 15, "refused at once, and nothing waits without a bound"
 
 
-async def test_what_waits_in_the_pipe_counts_in_the_queues_age(tmp_path: Path) -> None:
-    engine = Engine(tmp_path / "pipe", FakeFrames())
+async def test_what_waits_in_the_pipe_counts_in_the_queues_age(engine: Engine) -> None:
     told = Edge(engine.path)
     async with engine.running(), told.connected():
-        await until(lambda: told.states)
+        await eventually(lambda: told.states)
         assert told.states[-1][0] == 0.25, "the renderer's own queue"
         _, writer = await asyncio.open_unix_connection(engine.path)
         late = messages.pack_request(9, 1, 0.0, time.monotonic() - 2.5, render_request())
         writer.write(OPEN + HELLO + late)
-        await until(lambda: told.states[-1][0] >= 2.5)
-        await until(lambda: told.states[-1][0] == 0.25)
+        await eventually(lambda: told.states[-1][0] >= 2.5)
+        await eventually(lambda: told.states[-1][0] == 0.25)
         writer.close()
 
 
@@ -142,7 +143,7 @@ def _kinds(sock: socket.socket, answers: int) -> list[int]:
 
 
 @pytest.mark.parametrize(
-    ("hostile", "sentence"),
+    ("hostile", "why"),
     [
         (HELLO, "kind 2 is expected"),
         (OPEN + framed(Kind.FRAME, b""), "kind 17 is expected"),
@@ -151,95 +152,90 @@ def _kinds(sock: socket.socket, answers: int) -> list[int]:
         (OPEN + HELLO + REQUEST + REQUEST, "the number of one that runs"),
         (OPEN + HELLO + HELLO, "introduced twice"),
         (OPEN + messages.pack_number(Kind.BYE, 1), "not introduced"),
-        (OPEN + messages.pack_offset(Kind.RELEASE, 64), "was not taken"),
+        (OPEN + messages.pack_number(Kind.RELEASE, 64), "was not taken"),
         (OPEN + b"\x01\x00\x01\x00\x04", "65537 bytes is too long"),
     ],
 )
 async def test_what_is_no_request_ends_that_pipe_in_a_sentence(
-    tmp_path: Path, hostile: bytes, sentence: str, caplog: pytest.LogCaptureFixture
+    engine: Engine, edge: PipeClient, frames: FakeFrames, hostile: bytes, why: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    frames = FakeFrames()
     frames.held = True
-    engine = Engine(tmp_path / "pipe", frames)
-    async with engine.running() as serving, Edge(engine.path, 1).connected() as other:
-        reader, writer = await asyncio.open_unix_connection(engine.path)
-        writer.write(hostile)
-        with contextlib.suppress(ConnectionResetError):
-            await asyncio.wait_for(reader.read(), 20)
-        writer.close()
-        await until(lambda: len(serving.edges) == 1)
-        assert sentence in caplog.text
-        assert [record.levelname for record in caplog.records] == ["ERROR"]
-        frames.held = False
-        assert (await other.submit(VIEWER, render_request(), 0.0)).body == b"frame"
+    reader, writer = await asyncio.open_unix_connection(engine.path)
+    writer.write(hostile)
+    with contextlib.suppress(ConnectionResetError):
+        await asyncio.wait_for(reader.read(), 20)
+    writer.close()
+    await eventually(lambda: why in caplog.text)
+    assert [record.levelname for record in caplog.records] == ["ERROR"]
+    frames.held = False
+    assert (await edge.submit(VIEWER, render_request(), 0.0)).body == b"frame"
 
 
 async def test_an_edge_that_never_reads_is_given_up(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+    engine: Engine,
+    server: PipeServer,
+    frames: FakeFrames,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(link, "MOST_UNSENT", 100_000)
-    frames = FakeFrames(bytes(3_000_000))
-    engine = Engine(tmp_path / "pipe", frames)
-    async with engine.running() as serving:
-        with socket.socket(socket.AF_UNIX) as deaf:
-            deaf.connect(str(engine.path))
-            deaf.sendall(OPEN + HELLO + REQUEST)
-            await frames.until(lambda: frames.requests)
-            await until(lambda: "does not read" in caplog.text and not serving.edges)
+    frames.body = bytes(3_000_000)
+    with socket.socket(socket.AF_UNIX) as deaf:
+        deaf.connect(str(engine.path))
+        deaf.sendall(OPEN + HELLO + REQUEST)
+        await frames.until(lambda: frames.requests)
+        await eventually(lambda: "does not read" in caplog.text and not server.edges)
 
 
-async def test_a_frame_too_large_for_arena_and_socket_is_refused_and_the_pipe_lives(tmp_path: Path) -> None:
-    frames = FakeFrames(bytes(server.MOST_QUEUED + 1))
-    engine = Engine(tmp_path / "pipe", frames)
-    async with engine.running(), Edge(engine.path).connected() as edge:
-        with pytest.raises(Overloaded, match="no room"):
-            await edge.submit(VIEWER, render_request(), 0.0)
-        frames.body = b"frame"
-        assert (await edge.submit(VIEWER, render_request(), 0.0)).body == b"frame"
+async def test_a_frame_too_large_for_arena_and_socket_is_refused_and_the_pipe_lives(
+    edge: PipeClient, frames: FakeFrames
+) -> None:
+    frames.body = bytes(server_module.MOST_QUEUED + 1)
+    with pytest.raises(Overloaded, match="no room"):
+        await edge.submit(VIEWER, render_request(), 0.0)
+    frames.body = b"frame"
+    assert (await edge.submit(VIEWER, render_request(), 0.0)).body == b"frame"
 
 
-async def test_twenty_edges_come_and_go_and_nothing_stays(tmp_path: Path) -> None:
-    engine = Engine(tmp_path / "pipe", FakeFrames())
+async def test_twenty_edges_come_and_go_and_nothing_stays(engine: Engine) -> None:
     gc.collect()
     before = _descriptors()
     for _ in range(20):
         async with engine.running() as serving, Edge(engine.path).connected() as edge:
             await edge.submit(VIEWER, render_request(), 0.0)
-        await until(lambda serving=serving: not serving.edges)  # type: ignore[misc]
+        await eventually(lambda serving=serving: not serving.edges)  # type: ignore[misc]
     assert _descriptors() <= before
     assert "tigas frames" not in _mapped()
 
 
+@pytest.mark.usefixtures("server")
 async def test_edges_are_connected_again_after_file_descriptors_ran_out(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+    engine: Engine, caplog: pytest.LogCaptureFixture
 ) -> None:
-    engine = Engine(tmp_path / "pipe", FakeFrames())
-    async with engine.running():
-        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-        with socket.socket(socket.AF_UNIX) as waiting:
-            resource.setrlimit(resource.RLIMIT_NOFILE, (3, hard))
-            try:
-                waiting.connect(str(engine.path))
-                await until(lambda: "Too many open files" in caplog.text)
-            finally:
-                resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
-            async with Edge(engine.path).connected() as edge:
-                assert (await edge.submit(VIEWER, render_request(), 0.0)).body == b"frame"
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with socket.socket(socket.AF_UNIX) as waiting:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (3, hard))
+        try:
+            waiting.connect(str(engine.path))
+            await eventually(lambda: "Too many open files" in caplog.text)
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+        async with Edge(engine.path).connected() as edge:
+            assert (await edge.submit(VIEWER, render_request(), 0.0)).body == b"frame"
 
 
+@pytest.mark.usefixtures("server")
 async def test_an_edge_that_cannot_be_connected_leaves_no_descriptor(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+    engine: Engine, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(server, "ACCEPT_AGAIN_S", 0.001)
-    engine = Engine(tmp_path / "pipe", FakeFrames())
-    async with engine.running():
-        gc.collect()
-        before = _descriptors()
-        for count in range(1, 6):
-            with socket.socket(socket.AF_UNIX) as gone:
-                gone.connect(str(engine.path))  # closed before the engine accepts it
-            await until(lambda count=count: len(caplog.records) == count)  # type: ignore[misc]
-        assert _descriptors() == before
+    monkeypatch.setattr(server_module, "ACCEPT_AGAIN_S", 0.001)
+    gc.collect()
+    before = _descriptors()
+    for count in range(1, 6):
+        with socket.socket(socket.AF_UNIX) as gone:
+            gone.connect(str(engine.path))  # closed before the engine accepts it
+        await eventually(lambda count=count: len(caplog.records) == count)  # type: ignore[misc]
+    assert _descriptors() == before
 
 
 async def test_the_engine_ends_if_it_cannot_report_its_state(tmp_path: Path) -> None:
@@ -247,7 +243,7 @@ async def test_the_engine_ends_if_it_cannot_report_its_state(tmp_path: Path) -> 
         raise RuntimeError("The state is unknown.")
 
     with pytest.RaisesGroup(RuntimeError):
-        async with server.serve_edges(tmp_path / "pipe", FakeFrames(), state, lambda *_: None):
+        async with serve_edges(tmp_path / "pipe", FakeFrames(), state, lambda *_: None):
             async with asyncio.timeout(20):
                 await asyncio.Event().wait()
 

@@ -22,7 +22,7 @@ from tigas_render.server.public_servers import public_servers
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.certificate import Certificate
-from tigas_render.transport.share import Share
+from tigas_render.transport.shared_port import Share
 
 pytestmark = pytest.mark.anyio
 

@@ -16,7 +16,7 @@ from tests.render.transport.client import (
 )
 from tigas_render.admission.limits import Limits
 from tigas_render.admission.load import Load
-from tigas_render.admission.request_rate import RequestRate
+from tigas_render.admission.viewers import RequestRate
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
 

@@ -13,9 +13,9 @@ from aioquic.quic.connection import QuicConnection
 from aioquic.quic.events import DatagramFrameReceived, QuicEvent, StreamDataReceived
 
 from tests.render.transport.client import CERTIFICATE
+from tigas_render.transport.aioquic_ext.congestion import RENO
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
-from tigas_render.transport.cids import ALONE
-from tigas_render.transport.congestion import LIMITED_RENO
+from tigas_render.transport.shared_port import Edge
 
 CLIENT, SERVER = ("192.0.2.1", 1000), ("192.0.2.2", 2000)
 DELAY = 0.02
@@ -60,9 +60,13 @@ class Simulation:
             )
         )
         self.client.connect(SERVER, now=0.0)
-        settings: dict[str, Any] = {"max_datagram_size": 1452, "max_stream_data": 64 * 1024}
+        settings: dict[str, Any] = {
+            "congestion_control_algorithm": RENO,
+            "max_datagram_size": 1452,
+            "max_stream_data": 64 * 1024,
+        }
         self.server = ServerQuicConnection(
-            edge=ALONE,
+            edge=Edge(),
             reset_token=lambda cid: bytes(16),
             reset_delay=reset_delay,
             configuration=QuicConfiguration(
@@ -71,7 +75,6 @@ class Simulation:
                 certificate=CERTIFICATE.x509,
                 private_key=CERTIFICATE.private_key,
                 max_datagram_frame_size=65536,
-                congestion_control_algorithm=LIMITED_RENO,
                 idle_timeout=600,
                 **{**settings, **server},
             ),

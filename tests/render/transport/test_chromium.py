@@ -198,6 +198,6 @@ async def test_chromium_does_not_wait_for_a_server_that_has_forgotten_it() -> No
                 await page.evaluate(OPEN, target)
                 for connection in list(server._connections):  # as if it had been started again
                     connection.abandon()
-                    server.terminated(connection)
+                    server._connections.remove(connection)
                 asked = {"request": request_body(seq=1).decode(), "patience": PATIENCE_S * 1000}
                 assert await page.evaluate(ASK_AND_WAIT, asked) == "broken"

@@ -8,8 +8,8 @@ import pytest
 
 from tigas_common.errors import InvalidRequest
 from tigas_render.admission.limits import Limits
-from tigas_render.transport.datagrams import FRAGMENT_HEADER, DatagramSender, fragments
-from tigas_render.transport.outlet import DatagramOutlet, Writer
+from tigas_render.transport.datagrams import FRAGMENT_HEADER, Datagrams, fragments
+from tigas_render.transport.outlet import Writer
 
 
 @pytest.mark.parametrize(("length", "count"), [(0, 1), (1, 1), (100, 1), (101, 2), (200, 2), (250, 3)])
@@ -47,7 +47,7 @@ class Session:
     def __init__(self) -> None:
         self.network = Network()
         self.writer = Writer(cast(Any, self.network), cast(Any, None), Limits(), lambda: None)
-        self.sender = DatagramSender(DatagramOutlet(self.writer, 0))
+        self.datagrams = Datagrams(self.writer, 0)
 
     def sends(self, room: int) -> list[tuple[int, ...]]:
         """Datagrams sent with this much room: seq, fragment and number of fragments of each."""
@@ -58,24 +58,24 @@ class Session:
 
 def test_only_the_newest_frame_waits() -> None:
     session = Session()
-    first, second, third = (session.sender.next_request() for _ in range(3))
-    session.sender.send_frame(first, 1, bytes(1000))
+    first, second, third = (session.datagrams.next_request() for _ in range(3))
+    session.datagrams.send_frame(first, 1, bytes(1000))
     assert session.sends(room=1) == [(1, 0, 10)]
-    session.sender.send_frame(third, 3, bytes(150))
-    session.sender.send_frame(second, 2, bytes(150))  # an older frame that is ready later is not sent at all
+    session.datagrams.send_frame(third, 3, bytes(150))
+    session.datagrams.send_frame(second, 2, bytes(150))  # an older frame that is ready later is not sent at all
     assert session.sends(room=9) == [(3, 0, 2), (3, 1, 2)], "the rest of the older frame is dropped"
 
 
 def test_a_problem_goes_first_and_drops_no_frame() -> None:
     session = Session()
-    session.sender.send_frame(session.sender.next_request(), 1, bytes(150))
-    session.sender.send_problem(2, bytes(50))
+    session.datagrams.send_frame(session.datagrams.next_request(), 1, bytes(150))
+    session.datagrams.send_problem(2, bytes(50))
     assert session.sends(room=9) == [(2, 0, 1), (1, 0, 2), (1, 1, 2)]
 
 
 def test_what_the_path_no_longer_carries_holds_up_nothing() -> None:
     session = Session()
-    session.sender.send_frame(session.sender.next_request(), 1, bytes(150))
+    session.datagrams.send_frame(session.datagrams.next_request(), 1, bytes(150))
     session.network.max_datagram_payload = 60
-    session.sender.send_problem(2, bytes(40))
+    session.datagrams.send_problem(2, bytes(40))
     assert session.sends(room=9) == [(2, 0, 1), (1, 1, 2)]

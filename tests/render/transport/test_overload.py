@@ -9,6 +9,7 @@ from contextlib import AsyncExitStack
 import pytest
 from aioquic.quic.packet import QuicErrorCode
 
+from tests.render.admission.chosen_load import ChosenLoad
 from tests.render.transport.client import Client, FakeFrames, connect, request_body
 from tests.render.transport.serving import eventually, served
 from tigas.http3 import split_frame
@@ -19,22 +20,8 @@ from tigas_render.transport.aioquic_ext import quic
 pytestmark = pytest.mark.anyio
 
 
-class MadeUpLoad(Load):
-    """As busy as the test says."""
-
-    is_full = False
-    told: float | None = None
-
-    def full(self) -> float | None:
-        return 5.0 if self.is_full else None
-
-    @property
-    def requests_per_s(self) -> float | None:
-        return self.told
-
-
 async def test_new_clients_are_refused_and_those_who_are_in_go_on() -> None:
-    load = MadeUpLoad()
+    load = ChosenLoad()
     async with served(load=load) as server, connect(server.port) as viewer:
         session = await viewer.connect_webtransport()
         load.is_full = True
@@ -78,7 +65,7 @@ async def test_viewers_that_vanish_count_no_more_until_they_are_back(monkeypatch
 
 
 async def test_a_session_is_refused_with_the_time_to_come_back() -> None:
-    load = MadeUpLoad()
+    load = ChosenLoad()
     async with served(load=load) as server, connect(server.port) as client:
         load.is_full = True
         refused = await client.response(await client.connect_webtransport())
@@ -88,7 +75,7 @@ async def test_a_session_is_refused_with_the_time_to_come_back() -> None:
 
 
 async def test_frames_say_how_often_to_ask() -> None:
-    load = MadeUpLoad()
+    load = ChosenLoad()
     async with served(load=load) as server, connect(server.port) as client:
         session = await client.connect_webtransport()
         load.told = 12.5

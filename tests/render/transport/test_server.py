@@ -25,7 +25,7 @@ from tests.render.transport.serving import hello, served
 from tigas_render.admission.limits import Limits
 from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.server import Http3Server
-from tigas_render.transport.stateless_reset import StatelessResets
+from tigas_render.transport.stateless import StatelessResets
 
 pytestmark = pytest.mark.anyio
 KEY = bytes(range(32))

@@ -26,7 +26,7 @@ from tigas.http3 import split_frame
 from tigas_render.admission import connections as connections_module
 from tigas_render.admission.limits import Limits
 from tigas_render.transport import server as server_module
-from tigas_render.transport.aioquic_ext.stream_credit import LEAST, MOST
+from tigas_render.transport.aioquic_ext.quic import MAX_STREAMS, MIN_STREAMS
 from tigas_render.transport.connection import Connection
 from tigas_render.transport.server import Http3Server
 
@@ -60,7 +60,7 @@ async def test_one_address_cannot_take_every_place() -> None:
             async with connect(server.port, source="127.0.0.2") as other:
                 assert (await other.fetch("GET", "/")).status == 200
         await eventually(lambda: server.connections == 0)
-        assert server._usage == {}
+        assert server._connections.usage == {}
 
 
 async def test_one_address_cannot_open_connections_all_the_time() -> None:
@@ -115,7 +115,7 @@ async def reset_streams(client: Client) -> int:
     """Open and reset streams until the server allows no more. Returns how many they were."""
     session = await client.connect_webtransport()
     quic, count = client._quic, 0
-    while count < 2 * MOST:
+    while count < 2 * MAX_STREAMS:
         with suppress(TimeoutError):
             async with asyncio.timeout(1):
                 await client.until(lambda: quic.get_next_available_stream_id() // 4 < quic._remote_max_streams_bidi)
@@ -137,8 +137,8 @@ async def test_streams_that_one_address_resets_are_replaced_slowly_on_all_of_its
         connect(server.port, source="127.0.0.2") as other,
     ):
         reset = await reset_streams(first) + await reset_streams(second)
-        assert reset <= 2 * MOST, "no more than may be open at a time"
-        for _ in range(MOST):
+        assert reset <= 2 * MAX_STREAMS, "no more than may be open at a time"
+        for _ in range(MAX_STREAMS):
             assert (await other.fetch("GET", "/")).status == 200
 
 
@@ -214,7 +214,7 @@ async def test_two_hundred_connections_that_are_dropped_are_forgotten(monkeypatc
         async with connect(server.port) as client:
             assert (await client.fetch("GET", "/")).status == 200
         await eventually(lambda: server.connections == 0)
-        assert server._by_cid == {}
+        assert server._connections.by_cid == {}
         gc.collect()
         assert not any(type(thing) is Connection for thing in gc.get_objects())
 
@@ -230,7 +230,7 @@ async def test_a_handshake_that_is_never_finished_is_forgotten() -> None:
 async def test_garbage_is_ignored() -> None:
     generator = random.Random(6)
     async with served(Limits(handshake_timeout=0.2)) as server, connect(server.port) as client:
-        known = next(iter(server._by_cid))
+        known = next(iter(server._connections.by_cid))
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
             target = ("127.0.0.1", server.port)
             version = (1).to_bytes(4, "big")
@@ -290,7 +290,7 @@ async def test_streams_opened_and_never_finished_leave_room_for_others() -> None
     ):
         session = await hoarder.connect_webtransport()
         its = await good.connect_webtransport()
-        streams = [hoarder.open_stream(session, b"{", end=False) for _ in range(LEAST - 1)]
+        streams = [hoarder.open_stream(session, b"{", end=False) for _ in range(MIN_STREAMS - 1)]
         assert (await good.frame(its, request_body()))[0]["status"] == 200
         statuses = [split_frame(bytes((await hoarder.response(s)).body))[0]["status"] for s in streams]
         assert set(statuses) == {400, 503}
@@ -303,7 +303,7 @@ async def test_requests_whose_headers_never_end_are_reset_and_leave_room_for_oth
         connect(server.port) as hoarder,
         connect(server.port) as good,
     ):
-        streams = [hoarder._quic.get_next_available_stream_id() + 4 * number for number in range(LEAST)]
+        streams = [hoarder._quic.get_next_available_stream_id() + 4 * number for number in range(MIN_STREAMS)]
         for stream in streams:
             hoarder._quic.send_stream_data(stream, b"\x01\x40\xff" + bytes(100))  # HEADERS of 255 bytes
         hoarder.transmit()
@@ -318,7 +318,7 @@ async def test_a_flood_of_requests_and_cancellations_leaves_nothing_behind() -> 
     async with served(source=source) as server, connect(server.port) as client:
         session = await client.connect_webtransport()
         for _ in range(80):
-            streams = [client.open_stream(session, request_body()) for _ in range(LEAST // 2)]
+            streams = [client.open_stream(session, request_body()) for _ in range(MIN_STREAMS // 2)]
             for stream in streams[::2]:
                 client.stop(stream)
             for stream in streams:
@@ -339,7 +339,7 @@ async def test_a_connection_that_has_ended_waits_for_no_request() -> None:
         client.close()
         await eventually(lambda: server.connections == 0)
         assert connection.router is not None
-        connection.router._unfinished.begin(0, 0.0)  # as a stream does that came with the last packets
+        connection.router._unfinished[0] = 0.0  # as a stream does that came with the last packets
         connection._quic._credit_at = 0.0  # as after streams that were reset
         connection.transmit()
         assert connection.router.deadline is not None

@@ -1,16 +1,29 @@
-"""Datagrams leave in batches, arrive unchanged, and survive a full socket or refused batches."""
+"""Datagrams leave in batches, arrive unchanged and with their times, and survive a full socket or refused batches."""
 
 from __future__ import annotations
 
 import asyncio
 import errno
 import socket
+import struct
 import time
+from collections.abc import AsyncIterator
+from contextlib import closing
 from typing import Any
 
 import pytest
 
-from tigas_render.transport.udp import BATCHES_AGAIN_S, UdpEndpoint, bind
+from tigas_render.transport.udp import (
+    BATCHES_AGAIN_S,
+    MAX_BATCH,
+    MAX_SEGMENTS,
+    SO_TIMESTAMPNS,
+    UdpEndpoint,
+    arrival,
+    batches,
+    bind,
+    stamp_ns,
+)
 
 pytestmark = pytest.mark.anyio
 
@@ -29,21 +42,21 @@ class Socket:
         """Released whenever it was full."""
 
     def sendmsg(self, *arguments: Any) -> int:
-        if self.full:
-            self.refused.release()
-            raise BlockingIOError
+        self._refuse_if_full()
         self.batches += 1
-        if self.batch_error is not None:
-            raise OSError(self.batch_error, "refused")
-        if arguments[-1] == self.small_path:
-            raise OSError(errno.EINVAL, "Invalid argument")
+        error = errno.EINVAL if arguments[-1] == self.small_path else self.batch_error
+        if error is not None:
+            raise OSError(error, "refused")
         return self._sock.sendmsg(*arguments)
 
     def sendto(self, *arguments: Any) -> int:
+        self._refuse_if_full()
+        return self._sock.sendto(*arguments)
+
+    def _refuse_if_full(self) -> None:
         if self.full:
             self.refused.release()
             raise BlockingIOError
-        return self._sock.sendto(*arguments)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._sock, name)
@@ -86,17 +99,21 @@ class Pair:
         self.receiver.close()
 
 
+@pytest.fixture
+async def pair() -> AsyncIterator[Pair]:
+    with closing(Pair()) as pair:
+        yield pair
+
+
 def numbered(count: int, size: int = 1400) -> list[bytes]:
     return [number.to_bytes(2, "big") + bytes(size - 2) for number in range(count)]
 
 
-async def test_batches_arrive_as_single_datagrams() -> None:
-    pair = Pair()
+async def test_batches_arrive_as_single_datagrams(pair: Pair) -> None:
     payloads = [*numbered(90), b"tail"]
     pair.send(*payloads)
     assert await pair.delivered() == payloads
     assert pair.socket.batches == 3
-    pair.close()
 
 
 async def test_a_datagram_arrives_when_the_kernel_gets_it() -> None:
@@ -117,8 +134,7 @@ async def test_a_datagram_arrives_when_the_kernel_gets_it() -> None:
     endpoint.close()
 
 
-async def test_a_full_socket_delays_and_loses_nothing() -> None:
-    pair = Pair()
+async def test_a_full_socket_delays_and_loses_nothing(pair: Pair) -> None:
     pair.socket.full = True
     payloads = numbered(50)
     pair.send(*payloads[:30])
@@ -128,22 +144,19 @@ async def test_a_full_socket_delays_and_loses_nothing() -> None:
             await pair.socket.refused.acquire()
     pair.socket.full = False
     assert await pair.delivered() == payloads
-    pair.close()
 
 
 @pytest.mark.parametrize("error", [errno.EINVAL, errno.EIO, errno.EMSGSIZE, errno.ENOPROTOOPT])
-async def test_a_kernel_without_offload_gets_single_datagrams(error: int) -> None:
-    pair = Pair()
+async def test_a_kernel_without_offload_gets_single_datagrams(pair: Pair, error: int) -> None:
     pair.socket.batch_error = error
     payloads = numbered(20)
     pair.send(*payloads)
     pair.send(*payloads)
     assert await pair.delivered() == [*payloads, *payloads]
-    pair.close()
 
 
-async def test_a_small_path_mtu_spoils_no_other_clients_batches() -> None:
-    pair, other = Pair(), Pair()
+async def test_a_small_path_mtu_spoils_no_other_clients_batches(pair: Pair) -> None:
+    other = Pair()
     pair.socket.small_path = other.address
     payloads = numbered(20)
     for _ in range(2):
@@ -157,20 +170,63 @@ async def test_a_small_path_mtu_spoils_no_other_clients_batches() -> None:
     pair.socket.small_path = None
     pair.sender.send([(payload, other.address) for payload in payloads])
     assert pair.socket.batches == 4, "its path is better now"
-    pair.close()
     other.close()
 
 
-async def test_what_the_network_refuses_is_dropped() -> None:
-    pair = Pair()
+async def test_what_the_network_refuses_is_dropped(pair: Pair) -> None:
     pair.sender.send([(bytes(70_000), pair.address)])  # no datagram is that long
     pair.sender.send([(b"x", ("255.255.255.255", 9))])  # broadcast is forbidden
     pair.send(b"after")
     assert await pair.delivered() == [b"after"]
+
+
+async def test_closing_twice_does_nothing(pair: Pair) -> None:
     pair.close()
 
 
-async def test_closing_twice_does_nothing() -> None:
-    pair = Pair()
-    pair.close()
-    pair.close()
+A, B = ("192.0.2.1", 1), ("192.0.2.1", 2)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "expected"),
+    [
+        ([], []),
+        ([100], [[100]]),
+        ([1452] * 3, [[1452] * 3]),
+        ([1452, 1452, 30, 1452], [[1452, 1452, 30], [1452]]),
+        ([30, 1452, 1452], [[30], [1452, 1452]]),
+        ([100] * (MAX_SEGMENTS + 1), [[100] * MAX_SEGMENTS, [100]]),
+        ([MAX_BATCH // 4] * 5, [[MAX_BATCH // 4] * 4, [MAX_BATCH // 4]]),
+    ],
+)
+def test_a_batch_has_one_size_but_for_its_last(sizes: list[int], expected: list[list[int]]) -> None:
+    result = list(batches([(bytes(size), A) for size in sizes]))
+    assert [[len(data) for data in batch] for batch, _ in result] == expected
+
+
+def test_a_batch_has_one_address() -> None:
+    result = list(batches([(b"1", A), (b"2", B), (b"3", B), (b"4", A)]))
+    assert result == [([b"1"], A), ([b"2", b"3"], B), ([b"4"], A)]
+
+
+REAL = 1_800_000_000_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("stamp", "arrived"),
+    [
+        (REAL - 2_300_000_000, 997.7),
+        (REAL, 1000.0),
+        (None, 1000.0),
+        (REAL + 3_600_000_000_000, 1000.0),
+        (REAL - 3_600_000_000_000, 990.0),
+    ],
+    ids=["it waited", "it did not", "no stamp", "the clock was set back", "the clock was set forward"],
+)
+def test_when_a_datagram_arrived(stamp: int | None, arrived: float) -> None:
+    assert arrival(stamp, REAL, now=1000.0, empty_at=990.0) == pytest.approx(arrived)
+
+
+def test_the_stamp_is_found_among_other_messages() -> None:
+    stamp = (socket.SOL_SOCKET, SO_TIMESTAMPNS, struct.pack("@ll", 12, 34))
+    assert stamp_ns([(socket.IPPROTO_IP, 1, b"other"), stamp]) == 12_000_000_034

@@ -7,19 +7,18 @@ import errno
 import os
 import signal
 import socket
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
 import pytest
 
+from tests.render.transport.serving import eventually
 from tigas_common.errors import StartError
 from tigas_common.processes import BackOff
-from tigas_render.workers import standby as standby_module
 from tigas_render.workers import worker as worker_module
 from tigas_render.workers.control import Channel, Failed, Loaded, Message, Ready
-from tigas_render.workers.standby import Standby
-from tigas_render.workers.worker import Worker, WorkerProcess
+from tigas_render.workers.worker import Standby, Worker, WorkerProcess
 
 pytestmark = pytest.mark.anyio
 
@@ -91,12 +90,6 @@ async def ended(benches: Sequence[Bench], tasks: Sequence[asyncio.Task[None]]) -
     await asyncio.gather(*tasks)
 
 
-async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(20):
-        while not condition():  # noqa: ASYNC110
-            await asyncio.sleep(0.001)
-
-
 WORKS: Sequence[Message] = (Ready(),)
 FAILS: Sequence[Message] = (Failed(detail="It is lost."),)
 
@@ -107,10 +100,10 @@ async def test_one_that_cannot_be_forked_for_a_moment_is_started_again(
     monkeypatch.setattr(BackOff, "FIRST_S", 0.001)
     bench = Bench("edge 0", WORKS)
     task = asyncio.create_task(bench.worker.keep())
-    await until(bench.worker.ready.is_set)
+    await eventually(bench.worker.ready.is_set)
     bench.refused = 2
     bench.processes[-1].send_signal(signal.SIGKILL)
-    await until(lambda: bench.starts == 2 and bench.worker._serves)
+    await eventually(lambda: bench.starts == 2 and bench.worker._serves)
     await ended([bench], [task])
     assert capsys.readouterr().err.splitlines() == [
         "The edge 0 has ended (exit status 1); it is started again.",
@@ -135,7 +128,7 @@ async def test_a_process_that_cannot_be_forked_leaves_no_descriptor(monkeypatch:
 
 
 async def test_a_spare_edge_is_kept_after_one_could_not_be_forked(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(standby_module, "PAUSE_S", 0.001)
+    monkeypatch.setattr(worker_module, "STANDBY_PAUSE_S", 0.001)
     starts = 0
 
     async def start(program: str, inherited: Sequence[int]) -> WorkerProcess:
@@ -151,7 +144,7 @@ async def test_a_spare_edge_is_kept_after_one_could_not_be_forked(monkeypatch: p
     monkeypatch.setattr(WorkerProcess, "start", start)
     standby = Standby(())
     keeping = asyncio.create_task(standby.keep())
-    await until(lambda: standby._waiting)
+    await eventually(lambda: standby._waiting)
     assert starts == 2
     keeping.cancel()
     await standby.end()
@@ -168,7 +161,7 @@ async def test_a_spare_edge_that_cannot_be_forked_does_not_disturb_the_end(monke
     monkeypatch.setattr(WorkerProcess, "start", start)
     standby = Standby(())
     keeping = asyncio.create_task(standby.keep())
-    await until(lambda: standby._own)
+    await eventually(lambda: standby._own)
     keeping.cancel()
     failing.set()
     await standby.end()
@@ -180,7 +173,7 @@ async def test_one_that_does_not_start_is_tried_again_ever_more_rarely_while_ano
     monkeypatch.setattr(worker_module, "RARE_S", 0.001)
     benches = Bench("engine on a", FAILS), Bench("engine on b", WORKS)
     tasks = together(*benches)
-    await until(lambda: benches[0].starts == 5)
+    await eventually(lambda: benches[0].starts == 5)
     assert benches[1].starts == 1
     await ended(benches, tasks)
     said = capsys.readouterr().err.splitlines()
@@ -194,7 +187,7 @@ async def test_one_that_is_lost_for_a_while_serves_again(monkeypatch: pytest.Mon
     monkeypatch.setattr(worker_module, "RARE_S", 0.001)
     benches = Bench("engine on a", FAILS, FAILS, WORKS), Bench("engine on b", WORKS)
     tasks = together(*benches)
-    await until(benches[0].worker.ready.is_set)
+    await eventually(benches[0].worker.ready.is_set)
     await ended(benches, tasks)
 
 
@@ -205,7 +198,7 @@ async def test_one_that_ends_too_often_is_tried_again_while_another_serves(
     benches = Bench("engine on a", (*WORKS, *FAILS)), Bench("engine on b", WORKS)
     tasks = together(*benches)
     for start in range(5):
-        await until(lambda start=start: benches[0].starts == start + 1 and benches[0].worker._serves)  # type: ignore[misc]
+        await eventually(lambda start=start: benches[0].starts == start + 1 and benches[0].worker._serves)  # type: ignore[misc]
         benches[0].processes[-1].send_signal(signal.SIGKILL)
     said = ""
 
@@ -214,7 +207,7 @@ async def test_one_that_ends_too_often_is_tried_again_while_another_serves(
         said += capsys.readouterr().err
         return "ended 5 times within 60 s, the last time with exit status 1. It is lost. It is tried again in" in said
 
-    await until(is_said)
+    await eventually(is_said)
     await ended(benches, tasks)
 
 

@@ -6,13 +6,11 @@ A new viewer passes these checks in order, each of them cheaper than the resourc
    connections have their own limits (`tigas_common.http_server`).
 2. `load`: while the process is full, new connections, sessions and viewers by POST are refused.
 3. `connections.Usage`: sessions and running requests of a connection and of its address.
-4. `http_viewers`: a viewer by POST is one name at one address, and stays one for some time after its last request.
-5. `request_rate`: the requests of each session per second, which `load` lowers under overload.
+4. `viewers.HttpViewers`: a viewer by POST is one name at one address, and stays one for some time after its last
+   request.
+5. `viewers.RequestRate`: the requests of each session per second, which `load` lowers under overload.
 
 `limits` has the numbers that a user may set, and `load` the control loop with its constants. `viewers` bundles the
 state of one process, and `edge_loads` adds up all edges for metrics, the page and a cluster's director. An admitted
 request waits in the engine's queue, which is fair between addresses and has its own bounds (`engine.work_queue`).
-
-Imports run one way: edge_loads, connections, viewers → http_viewers, request_rate → load → busy_clock. `limits` imports
-none of them.
 """

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from tigas_common.errors import ServerFull
 from tigas_common.limits import RateLimit
 from tigas_render.admission.limits import Limits
-from tigas_render.admission.load import FULL, Load
+from tigas_render.admission.load import Load
 
 HANDSHAKES_AT_ONCE, HANDSHAKES_PER_S = 2, 25.0
 """Handshakes of one address that begin at once and in the long run: each takes the event loop some milliseconds. The
@@ -64,9 +65,10 @@ class ConnectionAdmission:
 
         connections: open ones of all addresses.
         """
-        if self._load.full() is not None:
-            self._load.refused()
-            return FULL
+        try:
+            self._load.check()
+        except ServerFull as error:
+            return error.detail
         if connections >= self._limits.connections:
             return "The server has as many connections as it may; try again later."
         if usage.connections >= self._limits.connections_per_address:

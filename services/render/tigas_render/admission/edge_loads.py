@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.core import CounterMetricFamily as Counter
+from prometheus_client.core import GaugeMetricFamily as Gauge
+from prometheus_client.core import Metric
 from prometheus_client.registry import Collector
 
 from tigas_common.parsing import parse
@@ -62,28 +64,21 @@ class EdgeLoads(Collector):
 
     def collect(self) -> Iterator[Metric]:
         """For Prometheus."""
-        ages = GaugeMetricFamily(
-            "tigas_render_queue_age_seconds",
-            "The longest that something waited in the last second",
-            labels=["queue", "edge"],
-        )
-        shares = GaugeMetricFamily(
-            "tigas_render_utilisation_ratio", "Share of the time at work, 0 to 1", labels=["of", "edge"]
-        )
-        viewers = GaugeMetricFamily("tigas_render_viewers", "Viewers that were taken", labels=["edge"])
-        full = GaugeMetricFamily("tigas_render_full", "Whether new viewers are refused", labels=["edge"])
-        allowed = GaugeMetricFamily(
-            "tigas_render_allowed_requests_per_second", "Of each viewer, while there is too much to do", labels=["edge"]
-        )
-        refused = CounterMetricFamily("tigas_render_refused_viewers", "Viewers that were refused", labels=["edge"])
-        stale = CounterMetricFamily("tigas_render_stale_datagrams", "Datagrams dropped for their age", labels=["edge"])
-        batches = CounterMetricFamily(
-            "tigas_render_refused_batches", "Batches of datagrams that the kernel refused", labels=["edge"]
-        )
+        age = "The longest that something waited in the last second"
+        ages = Gauge("tigas_render_queue_age_seconds", age, labels=["queue", "edge"])
+        shares = Gauge("tigas_render_utilisation_ratio", "Share of the time at work, 0 to 1", labels=["of", "edge"])
+        viewers = Gauge("tigas_render_viewers", "Viewers that were taken", labels=["edge"])
+        full = Gauge("tigas_render_full", "Whether new viewers are refused", labels=["edge"])
+        rate = "Of each viewer, while there is too much to do"
+        allowed = Gauge("tigas_render_allowed_requests_per_second", rate, labels=["edge"])
+        refused = Counter("tigas_render_refused_viewers", "Viewers that were refused", labels=["edge"])
+        stale = Counter("tigas_render_stale_datagrams", "Datagrams dropped for their age", labels=["edge"])
+        batch = "Batches of datagrams that the kernel refused"
+        batches = Counter("tigas_render_refused_batches", batch, labels=["edge"])
         for number, state in self.states.items():
             edge = [str(number)]
-            for queue, age in state.ages.items():
-                ages.add_metric([queue, *edge], age)
+            for queue, queue_age in state.ages.items():
+                ages.add_metric([queue, *edge], queue_age)
             shares.add_metric(["loop", *edge], state.utilisation)
             shares.add_metric(["engine", *edge], state.engine_utilisation)
             viewers.add_metric(edge, state.viewers)

@@ -20,9 +20,12 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
-from tigas_render.admission.busy_clock import busy_time
+from tigas_common.errors import ServerFull
 
+SCHEDSTAT = Path("/proc/thread-self/schedstat")
+"""Nanoseconds on a processor, nanoseconds of waiting for one, and a count (Linux: scheduler/sched-stats)."""
 TICK_S = 0.1
 """Seconds between measurements."""
 SMOOTHING_S, MOST_TICK_S = 1.0, 0.3
@@ -58,7 +61,17 @@ MAX_AGE_S, STANDING_AGE_S = 1.0, 0.1
 WINDOW_TICKS = 10
 """The number of ticks over which the largest age is reported."""
 
-FULL = "The server is full; try again in a few seconds."
+
+def busy_time() -> float:
+    """Seconds for which the calling thread has computed or waited for a processor; if that is unknown, computed.
+
+    A loop that shares its processor with others is as busy as one that computes all the time.
+    """
+    try:
+        on_processor, waiting, _ = SCHEDSTAT.read_bytes().split()
+    except (OSError, ValueError):
+        return time.thread_time()
+    return (int(on_processor) + int(waiting)) / 1e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +123,8 @@ class Load:
         self._rate: float | None = None
         self._entered: deque[float] = deque()
         """Arrival times of viewers without a measured cost."""
-        self._viewers = 0
+        self.viewers = 0
+        """Present viewers."""
         self._refused = self._stale = self._refused_batches = 0
 
     # -- measurements ------------------------------------------------------------------------------------------------
@@ -138,20 +152,8 @@ class Load:
 
     def entered(self) -> None:
         """Count a new viewer."""
-        self._viewers += 1
+        self.viewers += 1
         self._entered.append(self._clock())
-
-    def left(self, count: int = 1) -> None:
-        """Count viewers that have left."""
-        self._viewers -= count
-
-    def returned(self, count: int) -> None:
-        """Count viewers that are back."""
-        self._viewers += count
-
-    def refused(self) -> None:
-        """Count a refused viewer."""
-        self._refused += 1
 
     def batch_refused(self) -> None:
         """Count a batch of datagrams that the kernel refused."""
@@ -199,14 +201,20 @@ class Load:
 
     def full(self) -> float | None:
         """Return the seconds after which a new viewer may try again, or None to admit it."""
-        if self._viewers < FEW:
+        if self.viewers < FEW:
             return None
         return RETRY_S if self._full or self._expected() >= FULL_AT else None
+
+    def check(self) -> None:
+        """Raise ServerFull, which is counted, unless a new viewer is admitted."""
+        if (retry_after_s := self.full()) is not None:
+            self._refused += 1
+            raise ServerFull("The server is full; try again in a few seconds.", retry_after_s)
 
     @property
     def requests_per_s(self) -> float | None:
         """The allowed rate of each viewer now; None without a limit."""
-        return self._rate if self._viewers > FEW else None
+        return self._rate if self.viewers > FEW else None
 
     @property
     def state(self) -> LoadState:
@@ -216,7 +224,7 @@ class Load:
             utilisation=self._utilisation,
             engine_utilisation=self._engine_utilisation,
             ages=dict(zip(("datagrams", "loop", "engine"), ages, strict=True)),
-            viewers=self._viewers,
+            viewers=self.viewers,
             full=self.full(),
             requests_per_s=self.requests_per_s,
             refused=self._refused,
@@ -229,7 +237,7 @@ class Load:
         settled = self._clock() - SETTLED_S
         while self._entered and self._entered[0] < settled:
             self._entered.popleft()
-        known = max(0, self._viewers - len(self._entered))
+        known = max(0, self.viewers - len(self._entered))
         of_known = self._utilisation if known else 0.0  # else their arrival keeps the loop busy
         each = (of_known + FEW * EXPECTED_COST) / (known + FEW)
         return self._utilisation + each * len(self._entered)

@@ -4,13 +4,25 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections import Counter
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from typing import Final
 
-from tigas_render.admission.http_viewers import HttpViewers
+from tigas_common.errors import AskedTooOften
+from tigas_common.limits import RateLimit
 from tigas_render.admission.limits import QuicLimits
 from tigas_render.admission.load import Load, LoadState
-from tigas_render.admission.request_rate import RequestRate
+from tigas_render.frame import Client
+
+SLACK = 1.25
+"""The tolerated excess over the announced rate: clocks differ, and announcements take time."""
+BURST_S, LEAST_BURST = 0.25, 4
+"""Burst in seconds, and its minimum in requests: the network bunches them."""
+STAY_S = 30.0
+"""Seconds for which a viewer over HTTP stays admitted after its last request."""
+MOST_NAMED: Final = 64
+"""The most viewers over HTTP of one address that are distinguished, as many as its sessions; others count as one."""
 
 
 class ViewerAdmission:
@@ -34,3 +46,66 @@ class ViewerAdmission:
             yield
         finally:
             measuring.cancel()
+
+
+class RequestRate:
+    """A token bucket of requests for each session: the announced rate with some slack, or above any display's."""
+
+    def __init__(self, load: Load, most: float, clock: Callable[[], float]) -> None:
+        """most: requests of a session a second on an idle server."""
+        self._load = load
+        self._most = most
+        self._clock = clock
+        self._limit = RateLimit[Client]()
+
+    @property
+    def told(self) -> float | None:
+        """The announced rate in requests a second; None if a client may ask as often as its display refreshes."""
+        return self._load.requests_per_s
+
+    def check(self, client: Client) -> None:
+        """Count a request of a session. Raises AskedTooOften."""
+        told = self.told
+        rate = self._most if told is None else min(self._most, SLACK * told)
+        if not self._limit.allows(client, self._clock(), rate, max(LEAST_BURST / rate, BURST_S)):
+            often = f"more than {told or self._most:.0f} times a second"
+            raise AskedTooOften(f"This session asks {often}; ask less often.", 1 / rate)
+
+
+class HttpViewers:
+    """Viewers by `POST /render`. They have no session that could be refused, so they name themselves.
+
+    Browsers open and close connections as they like, so a viewer is a name that it chooses at its address, or the
+    address itself without a name.
+    """
+
+    def __init__(self, load: Load, clock: Callable[[], float]) -> None:
+        self._load = load
+        self._clock = clock
+        self._asked: dict[tuple[str, str], float] = {}
+        """The time of the last request, by address and name, the oldest first."""
+        self._named: Counter[str] = Counter()
+        """The number of viewers of each address."""
+
+    def check(self, address: str, name: str = "") -> None:
+        """Admit a viewer, or note its request. Raises ServerFull for a new one while there is no room."""
+        self.forget_absent()
+        viewer = (address, name)
+        if viewer not in self._asked and self._named.get(address, 0) >= MOST_NAMED:
+            viewer = (address, "")
+        if self._asked.pop(viewer, None) is None:
+            self._load.check()
+            self._load.entered()
+            self._named[address] += 1
+        self._asked[viewer] = self._clock()
+
+    def forget_absent(self) -> None:
+        """Forget viewers without a request for STAY_S. Call it regularly, as there may be no other request."""
+        since = self._clock() - STAY_S
+        while self._asked and (first := next(iter(self._asked.items())))[1] < since:
+            address, _ = first[0]
+            del self._asked[first[0]]
+            self._load.viewers -= 1
+            self._named[address] -= 1
+            if not self._named[address]:
+                del self._named[address]

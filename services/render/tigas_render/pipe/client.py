@@ -17,8 +17,7 @@ from tigas_common.wire.render import RenderRequest
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.pipe import messages
 from tigas_render.pipe.arena import map_arena
-from tigas_render.pipe.framing import PREFIX, BadMessage, Kind, framed
-from tigas_render.pipe.link import Link
+from tigas_render.pipe.link import PREFIX, BadMessage, Kind, Link, framed
 
 logger = logging.getLogger(__name__)
 
@@ -208,7 +207,7 @@ class EngineLink(Link):
         _call(answered, Frame(body, *found.fields, partial(self._release, found.offset)))
 
     def _release(self, offset: int) -> None:
-        self.send_with_next(messages.pack_offset(Kind.RELEASE, offset))
+        self.send_with_next(messages.pack_number(Kind.RELEASE, offset))
 
     def _withdraw(self, id: int) -> None:
         if self._waiting.pop(id, None) is not None:
@@ -250,10 +249,10 @@ async def _receive_arena(sock: socket.socket) -> memoryview:
         await readable
     finally:
         loop.remove_reader(sock)
-    expected = len(messages.pack_offset(Kind.ARENA, 0))
+    expected = len(messages.pack_number(Kind.ARENA, 0))
     message, fds, _, _ = socket.recv_fds(sock, expected, 1)
     if len(message) != expected or len(fds) != 1 or PREFIX.unpack_from(message)[1] != Kind.ARENA:
         for fd in fds:
             socket.close(fd)
         raise BadMessage("The engine has passed no arena.")
-    return map_arena(fds[0], messages.unpack_offset(message[PREFIX.size :]))
+    return map_arena(fds[0], messages.unpack_number(message[PREFIX.size :]))

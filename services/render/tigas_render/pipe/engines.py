@@ -9,53 +9,60 @@ engine of a scene that may soon need it.
 from __future__ import annotations
 
 import asyncio
-import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import AsyncExitStack
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Self
 
-from tigas_common.errors import BrokenScene, DeviceLost, NoRoom, OutOfDeviceMemory, UnknownScene
-from tigas_common.placement import Candidate, Placement, ranked
+from tigas_common.errors import DeviceLost, UnknownScene
+from tigas_common.placement import Placement, ranked
 from tigas_common.wire.render import RenderRequest
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.pipe.client import EngineGone, OnState, PipeClient, no_engine
-from tigas_render.pipe.pressure import Pressure
-from tigas_render.pipe.sharing import Sharing
+from tigas_render.pipe.remote_engine import REFUSALS, RemoteEngine
 
-logger = logging.getLogger(__name__)
-
-REFUSED_S: Final = 30.0
-"""Seconds for which a device without room for a scene is not asked for it again, if another can be."""
-WARM_S: Final = 60.0
-"""Seconds for which a device that answered with a scene's frame counts as having it loaded."""
 SILENT_S: Final = 1.0
 """Seconds without a load report after which an engine has stopped; reports are ten times as frequent."""
 LOOK_S: Final = 0.2
-WARMING: Final = Client("engines", "warming")
-"""Client of frames that only load a scene."""
-
-REFUSALS: Final = (BrokenScene, NoRoom, OutOfDeviceMemory)
-"""Of an engine that cannot have the scene, though another may."""
+GONE_S: Final = 5.0
+"""Seconds without a request after which a session no longer counts."""
 
 
-class RemoteEngine:
-    """One engine, as an edge knows it."""
+class Sharing:
+    """Assigns each session of a scene to one of its engines, stably and evenly."""
 
-    def __init__(self, name: str, pipe: PipeClient) -> None:
-        self.name = name
-        self.pipe = pipe
-        self.candidate = Candidate(name)
-        self.pressure = Pressure()
-        self.age_s = self.utilisation = 0.0
-        self.heard_at = 0.0
-        self.warm: dict[str, float] = {}
-        """When it had a frame of each scene last."""
-        self.warming: set[str] = set()
-        self.refused: dict[str, float] = {}
-        """Times until which it is not asked for a scene again."""
-        self.link = 0
-        """The number of the connection for which all this is true."""
+    def __init__(self) -> None:
+        self._engines: dict[Hashable, tuple[str, float]] = {}
+        """Each session's engine, and when it asked last."""
+        self._counts: Counter[str] = Counter()
+
+    def choose(self, session: Hashable, engines: Sequence[str], now: float) -> str:
+        """The engine to ask, among these, best first.
+
+        A session moves only if its engine is not among them, or has more sessions than its share.
+        """
+        kept = self._engines.get(session)
+        if kept is not None and kept[0] in engines and self._counts[kept[0]] <= self._part(engines):
+            chosen = kept[0]
+        else:
+            if kept is not None:
+                self._counts[kept[0]] -= 1
+            chosen = min(engines, key=lambda engine: self._counts[engine])
+            self._counts[chosen] += 1
+        self._engines[session] = chosen, now
+        return chosen
+
+    def forget(self, now: float) -> bool:
+        """Drop ended sessions; whether any are left."""
+        for session in [session for session, (_, at) in self._engines.items() if now - at >= GONE_S]:
+            engine, _ = self._engines.pop(session)
+            self._counts[engine] -= 1
+        return bool(self._engines)
+
+    def _part(self, engines: Sequence[str]) -> int:
+        return -(-sum(self._counts[engine] for engine in engines) // len(engines))
 
 
 class Engines(FrameSource):
@@ -68,13 +75,13 @@ class Engines(FrameSource):
         self._on_state = on_state
         self._clock = clock
         self._placement = Placement(clock)
-        self._sharings: dict[str, Sharing] = {}
+        self._sharings: defaultdict[str, Sharing] = defaultdict(Sharing)
         """By scene, where anybody asks for it."""
         self._videos: dict[Client, RemoteEngine] = {}
         """The engine that encodes each client's video."""
         self._engines: dict[str, RemoteEngine] = {}
         for name, path in sockets.items():
-            self._engines[name] = RemoteEngine(name, PipeClient(path, edge, self._hears(name)))
+            self._engines[name] = RemoteEngine(name, PipeClient(path, edge, self._hears(name)), clock)
 
     async def __aenter__(self) -> Self:
         async with AsyncExitStack() as stack:
@@ -112,8 +119,8 @@ class Engines(FrameSource):
         engine = self._choose(client, request, self.up())
         if engine is None:
             return no_engine(answered)
-        asked = _Asked(self, client, request, arrived, answered)
-        asked.begin(engine)
+        asked = _Asked(self, engine, client, request, arrived, answered)
+        asked.begin()
         return asked.withdraw
 
     def forget(self, client: Client) -> None:
@@ -135,21 +142,16 @@ class Engines(FrameSource):
         names = self._places(scene, willing)
         if not names:
             return None
-        own = self._engines[self._share(scene).choose(client, names, self._clock())]
-        if self._is_warm(own, scene):
+        own = self._engines[self._sharings[scene].choose(client, names, self._clock())]
+        if own.is_warm(scene):
             if own.pressure.is_near and len(names) < len(willing):
-                self._warm_up(self._engines[self._order(scene, willing)[len(names)]], request)
+                self._engines[self._order(scene, willing)[len(names)]].warm_up(request)
             return own
-        warm = [name for name in self._order(scene, willing) if self._is_warm(self._engines[name], scene)]
+        warm = [name for name in self._order(scene, willing) if self._engines[name].is_warm(scene)]
         if not warm:
             return own
-        self._warm_up(own, request)
+        own.warm_up(request)
         return self._engines[warm[0]]
-
-    def _share(self, scene: str) -> Sharing:
-        if (sharing := self._sharings.get(scene)) is None:
-            sharing = self._sharings[scene] = Sharing()
-        return sharing
 
     def _order(self, scene: str, engines: Sequence[RemoteEngine]) -> Sequence[str]:
         return ranked(scene, tuple(engine.name for engine in engines))
@@ -159,42 +161,7 @@ class Engines(FrameSource):
 
     def _willing(self, scene: str, engines: Sequence[RemoteEngine]) -> Sequence[RemoteEngine]:
         """Engines that did not refuse the scene lately, or all if each did."""
-        now = self._clock()
-        return [each for each in engines if each.refused.get(scene, now) <= now] or engines
-
-    def _is_warm(self, engine: RemoteEngine, scene: str) -> bool:
-        at = engine.warm.get(scene)
-        return at is not None and engine.link == engine.pipe.connections and self._clock() - at < WARM_S
-
-    def _warm_up(self, engine: RemoteEngine, request: RenderRequest) -> None:
-        scene = request.scene
-        if scene in engine.warming or self._is_warm(engine, scene):
-            return
-        engine.warming.add(scene)
-
-        def answered(answer: Frame | Exception) -> None:
-            engine.warming.discard(scene)
-            self.note(engine, scene, answer)
-            if isinstance(answer, Frame):
-                answer.release()
-
-        patient = request.model_copy(update={"deadline_ms": None, "format": "jpeg", "video": None})
-        engine.pipe.request(WARMING, patient, self._clock(), answered)
-
-    # -- answers -----------------------------------------------------------------------------------------------------
-
-    def note(self, engine: RemoteEngine, scene: str, answer: Frame | Exception) -> None:
-        """Record an answer's information on its engine and the scene."""
-        if isinstance(answer, Frame):
-            if engine.link != engine.pipe.connections:
-                engine.warm.clear()
-                engine.link = engine.pipe.connections
-            engine.warm[scene] = self._clock()
-        elif isinstance(answer, REFUSALS):
-            engine.warm.pop(scene, None)
-            engine.refused[scene] = self._clock() + REFUSED_S
-        elif isinstance(answer, DeviceLost):
-            engine.pipe.give_up(answer.detail)
+        return [engine for engine in engines if not engine.refuses(scene)] or engines
 
     def another(
         self, client: Client, request: RenderRequest, engine: RemoteEngine, error: Exception
@@ -202,17 +169,13 @@ class Engines(FrameSource):
         """The engine to ask after another one's failure; None if the failure is final."""
         if not isinstance(error, (*REFUSALS, UnknownScene, EngineGone, DeviceLost)):
             return None
-        now = self._clock()
-        rest = [each for each in self.up() if each is not engine and each.refused.get(request.scene, now) <= now]
+        rest = [each for each in self.up() if each is not engine and not each.refuses(request.scene)]
         return self._choose(client, request, rest)
 
     def _hears(self, name: str) -> OnState:
         def heard(age_s: float, utilisation: float) -> None:
             engine = self._engines[name]
-            engine.heard_at = self._clock()
-            engine.age_s, engine.utilisation = age_s, utilisation
-            engine.pressure.heard(age_s, utilisation)
-            engine.candidate = Candidate(name, engine.pressure.pressed, engine.pressure.at_ease)
+            engine.heard(age_s, utilisation)
             freest = min(self.up() or (engine,), key=lambda each: (each.utilisation, each.age_s))
             self._on_state(freest.age_s, freest.utilisation)
 
@@ -229,39 +192,37 @@ class Engines(FrameSource):
                     if now - max(engine.heard_at, engine.pipe.connected_at) > SILENT_S:
                         engine.pipe.give_up(f"The engine on {engine.name} says nothing.")
             looked = now
-            self._sharings = {scene: each for scene, each in self._sharings.items() if each.forget(now)}
+            for scene in [scene for scene, sharing in self._sharings.items() if not sharing.forget(now)]:
+                del self._sharings[scene]
 
 
+@dataclass(slots=True, eq=False)
 class _Asked:
     """One request, which is passed on once if the engine that was asked first cannot answer it."""
 
-    __slots__ = ("_answered", "_arrived", "_client", "_engine", "_engines", "_is_second", "_request", "_withdraw")
+    engines: Engines
+    engine: RemoteEngine
+    client: Client
+    request: RenderRequest
+    arrived: float
+    answered: Answered
+    is_second: bool = False
+    cancel: Withdraw = field(init=False)
 
-    def __init__(
-        self, engines: Engines, client: Client, request: RenderRequest, arrived: float, answered: Answered
-    ) -> None:
-        self._engines = engines
-        self._client = client
-        self._request = request
-        self._arrived = arrived
-        self._answered = answered
-        self._is_second = False
-
-    def begin(self, engine: RemoteEngine) -> None:
-        self._engine = engine
-        if self._request.video is not None:
-            self._engines.encodes(engine, self._client)
-        self._withdraw = engine.pipe.request(self._client, self._request, self._arrived, self._take)
+    def begin(self) -> None:
+        if self.request.video is not None:
+            self.engines.encodes(self.engine, self.client)
+        self.cancel = self.engine.pipe.request(self.client, self.request, self.arrived, self.take)
 
     def withdraw(self) -> None:
-        self._withdraw()
+        self.cancel()
 
-    def _take(self, answer: Frame | Exception) -> None:
-        self._engines.note(self._engine, self._request.scene, answer)
-        if isinstance(answer, Exception) and not self._is_second:
-            other = self._engines.another(self._client, self._request, self._engine, answer)
+    def take(self, answer: Frame | Exception) -> None:
+        self.engine.note(self.request.scene, answer)
+        if isinstance(answer, Exception) and not self.is_second:
+            other = self.engines.another(self.client, self.request, self.engine, answer)
             if other is not None:
-                self._is_second = True
-                self.begin(other)
+                self.is_second, self.engine = True, other
+                self.begin()
                 return
-        self._answered(answer)
+        self.answered(answer)

@@ -1,18 +1,82 @@
-"""One end of a pipe on the event loop: messages out in batches, messages in one by one, and one sentence at its end."""
+"""One end of a pipe on the event loop: messages out in batches, messages in one by one, and one sentence at its end.
+
+A message is its content's length, its kind and its content; all numbers are little-endian.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import struct
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from enum import IntEnum
 from typing import Final, cast
 
-from tigas_render.pipe.framing import BadMessage, Splitter
-
+PREFIX: Final = struct.Struct("<IB")
+MOST_BYTES: Final = 64 * 1024
+"""In a message, unless the receiver takes more."""
 MOST_UNSENT: Final = 8 * 1024 * 1024
 """Bytes that may wait for an end that does not read; then it is given up."""
-
 DELAY_S: Final = 0.01
 """Maximum wait of a message that is not urgent for an urgent one."""
+
+
+class Kind(IntEnum):
+    """Message kinds and their senders."""
+
+    # the edge
+    OPEN = 1
+    HELLO = 2
+    BYE = 3
+    REQUEST = 4
+    WITHDRAW = 5
+    RELEASE = 6
+    STATS = 7
+    # the engine
+    ARENA = 16
+    FRAME = 17
+    INLINE = 18
+    FAILURE = 19
+    STATE = 20
+
+
+class BadMessage(Exception):
+    """The other end sent an invalid message: all that follows is unintelligible."""
+
+
+def framed(kind: Kind, content: bytes) -> bytes:
+    """A whole message."""
+    return PREFIX.pack(len(content), kind) + content
+
+
+class Splitter:
+    """From the bytes of a stream to messages."""
+
+    def __init__(self, most_bytes: int = MOST_BYTES) -> None:
+        self._most_bytes = most_bytes
+        self._rest = bytearray()
+        self._wanted = 0
+        """Length of `_rest` at which a message may be complete: a large one is assembled once."""
+
+    def feed(self, data: bytes) -> Iterator[tuple[int, bytes]]:
+        """Kind and content of each complete message. Raises BadMessage for one that is too long."""
+        if self._rest:
+            self._rest += data
+            if len(self._rest) < self._wanted:
+                return
+            data, self._rest = bytes(self._rest), bytearray()
+        at, end, self._wanted = 0, len(data), 0
+        while end - at >= PREFIX.size:
+            length, kind = PREFIX.unpack_from(data, at)
+            if length > self._most_bytes:
+                raise BadMessage(f"A message of {length} bytes is too long.")
+            begin = at + PREFIX.size
+            if end - begin < length:
+                self._wanted = PREFIX.size + length
+                break
+            at = begin + length
+            yield kind, data[begin:at]
+        self._rest += data[at:]
 
 
 class Link(asyncio.Protocol, ABC):

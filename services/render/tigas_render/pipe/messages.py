@@ -24,14 +24,13 @@ from tigas_common.errors import (
 )
 from tigas_common.wire.render import AnswerFormat, RenderRequest, ServerTiming, VideoInfo
 from tigas_render.frame import Client, Frame, Transport
-from tigas_render.pipe.framing import BadMessage, Kind, framed
+from tigas_render.pipe.link import BadMessage, Kind, framed
 from tigas_render.pipe.packing import Packing
 
 _FORMATS: Final[tuple[AnswerFormat, ...]] = get_args(AnswerFormat)
 _NUMBER_OF: Final = {format: number for number, format in enumerate(_FORMATS)}
 _TRANSPORTS: Final[tuple[Transport, ...]] = get_args(Transport)
-_NUMBER: Final = struct.Struct("<I")
-_OFFSET: Final = struct.Struct("<Q")
+_NUMBER: Final = struct.Struct("<Q")
 _STATE: Final = struct.Struct("<dd")
 _HELLO: Final = struct.Struct("<IBB")
 """A session's number, its transport's, and the length of its address, which follows; the rest is its name."""
@@ -185,25 +184,16 @@ def unpack_hello(content: bytes) -> tuple[int, Client]:
 
 
 def pack_number(kind: Kind, number: int) -> bytes:
-    """OPEN with the edge's number, BYE with a session's, WITHDRAW with a request's."""
+    """OPEN with the edge's number, BYE with a session's, WITHDRAW with a request's; ARENA with its size, RELEASE with
+    the offset of a frame in it.
+    """
     return framed(kind, _NUMBER.pack(number))
 
 
 def unpack_number(content: bytes) -> int:
-    """Parse the output of `pack_number`."""
+    """Parse the content of `pack_number`."""
     (number,) = _unpacked(_NUMBER, content)
     return int(number)
-
-
-def pack_offset(kind: Kind, offset: int) -> bytes:
-    """ARENA with its size, RELEASE with the offset of a frame in it."""
-    return framed(kind, _OFFSET.pack(offset))
-
-
-def unpack_offset(content: bytes) -> int:
-    """Parse the output of `pack_offset`."""
-    (offset,) = _unpacked(_OFFSET, content)
-    return int(offset)
 
 
 def pack_state(queue_age_s: float, utilisation: float) -> bytes:

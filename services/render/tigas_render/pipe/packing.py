@@ -10,7 +10,7 @@ from types import UnionType
 from typing import Annotated, Any, Generic, Literal, NamedTuple, TypeVar, Union, get_args, get_origin
 
 from tigas_common.wire.model import WireModel
-from tigas_render.pipe.framing import BadMessage
+from tigas_render.pipe.link import BadMessage
 
 Model = TypeVar("Model", bound=WireModel)
 _CODES = {bool: "?", int: "q", float: "d"}

@@ -17,8 +17,7 @@ from tigas_common.errors import Overloaded, TigasError
 from tigas_render.frame import Client, Frame, FrameSource, Withdraw
 from tigas_render.pipe import messages
 from tigas_render.pipe.arena import Arena
-from tigas_render.pipe.framing import MOST_BYTES, BadMessage, Kind
-from tigas_render.pipe.link import Link
+from tigas_render.pipe.link import MOST_BYTES, BadMessage, Kind, Link
 
 logger = logging.getLogger(__name__)
 
@@ -102,7 +101,7 @@ class PipeServer:
             arena = Arena(self._arena_bytes)
             undo.callback(arena.close)
             # into an empty buffer, so that it does not wait
-            socket.send_fds(sock, [messages.pack_offset(Kind.ARENA, arena.size)], [arena.fd])
+            socket.send_fds(sock, [messages.pack_number(Kind.ARENA, arena.size)], [arena.fd])
             link = partial(EdgeLink, self, arena, self._accepted)
             await asyncio.get_running_loop().connect_accepted_socket(link, sock)
             undo.pop_all()
@@ -142,15 +141,6 @@ class EdgeLink(Link):
         """By the edge's number for the request."""
         self._videos: dict[int, Client] = {}
         """Clients of the latest video frames sent to the edge, by the same number."""
-        self._handlers: dict[int, Callable[[bytes], None]] = {
-            Kind.OPEN: self._open,
-            Kind.HELLO: self._hello,
-            Kind.BYE: self._bye,
-            Kind.REQUEST: self._request,
-            Kind.WITHDRAW: self._withdraw,
-            Kind.RELEASE: self._release,
-            Kind.STATS: self._stats,
-        }
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         super().connection_made(transport)
@@ -168,29 +158,28 @@ class EdgeLink(Link):
         self.arena.close()
 
     def received(self, kind: int, content: bytes) -> None:
-        handler = self._handlers.get(kind)
-        if handler is None or (self._edge is None and kind != Kind.OPEN):
-            raise BadMessage(f"No message of kind {kind} is expected.")
-        handler(content)
+        if self._edge is None:
+            if kind != Kind.OPEN:
+                raise _unexpected(kind)
+            self._edge = messages.unpack_number(content)
+            return
+        match kind:  # the most frequent first
+            case Kind.REQUEST:
+                self._request(messages.unpack_request(content))
+            case Kind.RELEASE:
+                self._release(messages.unpack_number(content))
+            case Kind.WITHDRAW:
+                self._withdraw(messages.unpack_number(content))
+            case Kind.HELLO:
+                self._hello(*messages.unpack_hello(content))
+            case Kind.BYE:
+                self._bye(messages.unpack_number(content))
+            case Kind.STATS:
+                self._server.stats(self._edge, content)
+            case _:
+                raise _unexpected(kind)
 
-    def _open(self, content: bytes) -> None:
-        self._edge = messages.unpack_number(content)
-
-    def _hello(self, content: bytes) -> None:
-        number, client = messages.unpack_hello(content)
-        if number in self._sessions or len(self._sessions) >= MOST_SESSIONS:
-            raise BadMessage("A session was introduced twice, or there are too many.")
-        # the same name may come from another edge, or from this one before it was started again
-        self._sessions[number] = client._replace(session=f"{self._connection} {client.session}")
-
-    def _bye(self, content: bytes) -> None:
-        client = self._sessions.pop(messages.unpack_number(content), None)
-        if client is None:
-            raise BadMessage("A session ended that was not introduced.")
-        self._server.source.forget(client)
-
-    def _request(self, content: bytes) -> None:
-        asked = messages.unpack_request(content)
+    def _request(self, asked: messages.Asked) -> None:
         client = self._sessions.get(asked.session)
         if client is None or asked.id in self.running:
             raise BadMessage("A request has no session, or the number of one that runs.")
@@ -199,23 +188,30 @@ class EdgeLink(Link):
             client, asked.request, asked.arrived, partial(self._answered, asked.id, client)
         )
 
-    def _withdraw(self, content: bytes) -> None:
-        number = messages.unpack_number(content)
-        withdraw = self.running.pop(number, None)
-        if withdraw is not None:
-            withdraw()
-        elif (client := self._videos.pop(number, None)) is not None:  # its answer is in flight, without a recipient
-            self._server.source.forget(client)
-
-    def _release(self, content: bytes) -> None:
+    def _release(self, offset: int) -> None:
         try:
-            self.arena.free(messages.unpack_offset(content))
+            self.arena.free(offset)
         except KeyError:
             raise BadMessage("Room in the arena was given back that was not taken.") from None
 
-    def _stats(self, content: bytes) -> None:
-        assert self._edge is not None
-        self._server.stats(self._edge, content)
+    def _withdraw(self, id: int) -> None:
+        withdraw = self.running.pop(id, None)
+        if withdraw is not None:
+            withdraw()
+        elif (client := self._videos.pop(id, None)) is not None:  # its answer is in flight, without a recipient
+            self._server.source.forget(client)
+
+    def _hello(self, number: int, client: Client) -> None:
+        if number in self._sessions or len(self._sessions) >= MOST_SESSIONS:
+            raise BadMessage("A session was introduced twice, or there are too many.")
+        # the same name may come from another edge, or from this one before it was started again
+        self._sessions[number] = client._replace(session=f"{self._connection} {client.session}")
+
+    def _bye(self, number: int) -> None:
+        client = self._sessions.pop(number, None)
+        if client is None:
+            raise BadMessage("A session ended that was not introduced.")
+        self._server.source.forget(client)
 
     def _answered(self, id: int, client: Client, answer: Frame | Exception) -> None:
         del self.running[id]
@@ -238,3 +234,7 @@ class EdgeLink(Link):
                 self._server.source.forget(client)
             return messages.pack_failure(id, Overloaded("There is no room for the frame; ask less often."))
         return messages.pack_frame(id, frame, offset)
+
+
+def _unexpected(kind: int) -> BadMessage:
+    return BadMessage(f"No message of kind {kind} is expected.")

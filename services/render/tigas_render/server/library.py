@@ -15,6 +15,7 @@ from tigas_common.offload import Limit, Offload, offload_to_process
 from tigas_render.scenes.library_operations import remove_scene, rename_scene
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.settings import RenderSettings
+from tigas_render.single_flight import SingleFlight
 from tigas_render.uploads.checking import keep_upload
 from tigas_render.uploads.parts import MODELS, ScenesFixed, Uploads, WrongOffset, open_uploads
 
@@ -43,7 +44,7 @@ class Library:
         self._registry = registry
         self._offload = offload
         self._checks = asyncio.Semaphore(1)  # each may take as much memory as the largest scene
-        self._adding: dict[str, asyncio.Task[str]] = {}
+        self._adding = SingleFlight[str, str]()
 
     @property
     def max_upload_bytes(self) -> int | None:
@@ -60,11 +61,8 @@ class Library:
         StorageFailed.
         """
         uploads = open_uploads(self._settings)
-        adding = self._adding.get(upload_id)
-        if adding is None:
-            adding = self._adding[upload_id] = asyncio.create_task(self._add(uploads, upload_id))
-            adding.add_done_callback(lambda _: self._adding.pop(upload_id))
-        return await asyncio.shield(adding)  # a disconnected client may return and ask again
+        # A client that disconnects may return and ask again.
+        return await self._adding.get(upload_id, lambda: self._add(uploads, upload_id))
 
     async def remove(self, scene_id: str) -> None:
         """Remove a scene for good. Raises ScenesFixed, UnknownScene, BuiltIn, DiskFull and StorageFailed."""
@@ -75,7 +73,6 @@ class Library:
         await self._change(scene_id, partial(rename_scene, name=name))
 
     def tidy(self) -> None:
-        """Drop stalled uploads."""
         with suppress(ScenesFixed):
             open_uploads(self._settings).expire()
 

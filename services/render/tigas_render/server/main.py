@@ -24,7 +24,7 @@ from tigas_render.server.public_servers import public_servers
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.server.service import RenderService
 from tigas_render.settings import RenderSettings
-from tigas_render.transport.share import Share
+from tigas_render.transport.shared_port import Share
 
 logger = logging.getLogger(__name__)
 
@@ -66,7 +66,6 @@ async def serve(settings: RenderSettings) -> None:
 
 
 def say(line: str) -> None:
-    """Print a message for the user."""
     print(line, flush=True)
 
 

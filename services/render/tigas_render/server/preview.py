@@ -94,7 +94,6 @@ def read_preview(path: Path) -> Preview | None:
 
 
 def preview_camera(start: StartCamera, up: Point, width: int, height: int) -> Camera:
-    """The camera that a visitor starts with."""
     focal = height / 2 / math.tan(math.radians(FOV_Y) / 2)
     intrinsics = Intrinsics(focal, focal, width / 2, height / 2, width, height)
     return Camera(Pose.look_at(start.position, start.look_at, up), intrinsics)

@@ -22,7 +22,7 @@ from tigas_render.settings import RenderSettings
 from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
-from tigas_render.transport.share import Share
+from tigas_render.transport.shared_port import Share
 
 
 @asynccontextmanager
@@ -56,6 +56,7 @@ async def public_servers(
                 certificate=certificate,
                 webtransport={PATH: render_session(frames, admission.rate)},
                 limits=Limits.of(settings.quic_limits).of_each(edges),
+                congestion_control=settings.congestion_control,
                 reset_key=reset_key,
                 origins=origins,
                 share=quic,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from typing import Protocol
+from collections.abc import Callable, Iterator
 
 from aioquic.h3.connection import ErrorCode
 from aioquic.quic.events import (
@@ -18,8 +18,8 @@ from aioquic.quic.events import (
 
 from tigas_render.admission.connections import Usage
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
-from tigas_render.transport.gso import Address, Datagram
 from tigas_render.transport.routing import Router, Service
+from tigas_render.transport.udp import Address, Datagram
 
 logger = logging.getLogger(__name__)
 
@@ -29,23 +29,57 @@ too coarse for round trips and pacing.
 """
 
 
-class ConnectionOwner(Protocol):
-    """A connection's interface to the server."""
+class Connections:
+    """All connections of a server, by connection id and by address."""
 
-    def send(self, datagrams: list[Datagram]) -> None:
-        """Put datagrams on the network."""
+    def __init__(self, send: Callable[[list[Datagram]], None]) -> None:
+        """send: puts datagrams for one address on the network."""
+        self.send = send
+        self._cids: dict[Connection, set[bytes]] = {}
+        """The connection ids that the client of each connection may use."""
+        self.by_cid: dict[bytes, Connection] = {}
+        self.handshaking: set[Connection] = set()
+        self.dirty: set[Connection] = set()
+        """Connections that have received something, and must transmit."""
+        self.usage: dict[str, Usage] = {}
+        """By address, for addresses with connections."""
+
+    def __len__(self) -> int:
+        return len(self._cids)
+
+    def __iter__(self) -> Iterator[Connection]:
+        return iter(self._cids)
+
+    def add(self, connection: Connection, *cids: bytes) -> None:
+        """Take in a new connection with the ids that its client may use at first."""
+        self._cids[connection] = set()
+        for cid in cids:
+            self.issued(connection, cid)
+        self.handshaking.add(connection)
+        self.usage[connection.usage.address] = connection.usage
+        connection.usage.connections += 1
 
     def issued(self, connection: Connection, cid: bytes) -> None:
         """The client may use this connection id from now on."""
+        self.by_cid[cid] = connection
+        self._cids[connection].add(cid)
 
     def retired(self, connection: Connection, cid: bytes) -> None:
         """The client does not use this connection id any more."""
+        self.by_cid.pop(cid, None)
+        self._cids[connection].discard(cid)
 
-    def established(self, connection: Connection) -> None:
-        """The handshake is complete."""
-
-    def terminated(self, connection: Connection) -> None:
-        """The connection is over."""
+    def remove(self, connection: Connection) -> None:
+        """Forget a connection that is over, once."""
+        self.dirty.discard(connection)
+        self.handshaking.discard(connection)
+        if connection not in self._cids:
+            return
+        for cid in self._cids.pop(connection):
+            self.by_cid.pop(cid, None)
+        connection.usage.connections -= 1
+        if not connection.usage.connections:
+            del self.usage[connection.usage.address]
 
 
 class Connection:
@@ -54,7 +88,7 @@ class Connection:
     def __init__(
         self,
         quic: ServerQuicConnection,
-        owner: ConnectionOwner,
+        connections: Connections,
         service: Service,
         client: tuple[str, int],
         server: tuple[str, int],
@@ -65,7 +99,7 @@ class Connection:
         self.router: Router | None = None
         """The client's open streams and sessions, once the handshake has begun."""
         self._quic = quic
-        self._owner = owner
+        self._connections = connections
         self._service = service
         self._client = client
         self._server = server
@@ -80,13 +114,6 @@ class Connection:
         self._transmit_handle: asyncio.Handle | None = None
         self._abandoned = False
         self._handshake_timer = self._loop.call_later(service.limits.handshake_timeout, self._handshake_late)
-
-    # -- state -------------------------------------------------------------------------------------------------------
-
-    @property
-    def is_established(self) -> bool:
-        """Whether the handshake is complete; earlier requests may be replays."""
-        return self._quic.is_established
 
     # -- network -----------------------------------------------------------------------------------------------------
 
@@ -121,7 +148,7 @@ class Connection:
             datagrams = self._quic.datagrams_to_send(now=_now())
             if not datagrams:
                 break
-            self._owner.send(datagrams)
+            self._connections.send(datagrams)
         if self.router is not None:
             self.router.writer.wake()
             self.router.set_away(self._quic.is_away(_now()))
@@ -157,10 +184,10 @@ class Connection:
         """An error provoked by a client ends only its own connection."""
         logger.exception("The connection from %s failed", self._client[0])
         self.abandon()
-        self._owner.terminated(self)
+        self._connections.remove(self)
 
     def _handshake_late(self) -> None:
-        if not self.is_established:
+        if not self._quic.is_established:
             self.close(ErrorCode.H3_NO_ERROR, "The handshake took too long")
 
     # -- closing -----------------------------------------------------------------------------------------------------
@@ -192,15 +219,15 @@ class Connection:
         while (event := self._quic.next_event()) is not None:
             match event:
                 case ConnectionIdIssued():
-                    self._owner.issued(self, event.connection_id)
+                    self._connections.issued(self, event.connection_id)
                 case ConnectionIdRetired():
-                    self._owner.retired(self, event.connection_id)
+                    self._connections.retired(self, event.connection_id)
                 case ConnectionTerminated():
                     self._end_everything()
-                    self._owner.terminated(self)
+                    self._connections.remove(self)
                 case HandshakeCompleted():
                     self._handshake_timer.cancel()
-                    self._owner.established(self)
+                    self._connections.handshaking.discard(self)
                 case ProtocolNegotiated():
                     self.router = Router(
                         self._quic, self._service, self._client, self._server, self.usage, self.transmit_soon

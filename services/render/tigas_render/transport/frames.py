@@ -7,17 +7,16 @@ import logging
 import math
 import struct
 import time
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from tigas_common.errors import InvalidRequest, Overloaded, TigasError, problem
 from tigas_common.parsing import parse
 from tigas_common.wire.render import FrameHeader, RenderRequest
 from tigas_render.admission.load import Load
-from tigas_render.admission.request_rate import RequestRate
+from tigas_render.admission.viewers import RequestRate
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
-from tigas_render.transport.datagrams import DatagramSender
-from tigas_render.transport.outlet import DatagramOutlet
-from tigas_render.transport.webtransport import Answer, Parts, SessionFactory
+from tigas_render.transport.datagrams import Datagrams
 
 logger = logging.getLogger(__name__)
 
@@ -25,34 +24,35 @@ MAX_DATAGRAM_REQUESTS = 16
 """Requests by datagram that one session may have running."""
 
 
-def render_session(source: FrameSource, rate: RequestRate | None = None) -> SessionFactory:
-    """Handler of the `/render` sessions. rate: request rate of each; None: unlimited."""
-    rates = RequestRate(Load(), math.inf, time.monotonic) if rate is None else rate
-    return lambda client, datagrams: RenderSession(source, rates, client, datagrams)
+Parts = Sequence[bytes | memoryview]
+"""Bytes, one part after the other."""
+Answer = Callable[[Parts], None]
+"""Sends bytes and ends the stream. The parts are not needed any more when it returns."""
 
 
 class RenderSession:
-    """One viewer."""
+    """One viewer. No method may wait."""
 
-    def __init__(self, source: FrameSource, rate: RequestRate, client: Client, datagrams: DatagramOutlet) -> None:
+    def __init__(self, source: FrameSource, rate: RequestRate, client: Client, datagrams: Datagrams) -> None:
         """client: unique to the session."""
         self._source = source
         self._rate = rate
         self._client = client
-        self._sender = DatagramSender(datagrams)
+        self._datagrams = datagrams
         self._running: dict[int, Withdraw] = {}
         """Cancel functions of requests received by datagram, by number."""
         self._has_video = False
 
     def closed(self) -> None:
-        """The session has ended: its requests by datagram are cancelled."""
+        """The session has ended, its streams are cancelled, and so are its requests by datagram."""
         self.stopped()
         for withdraw in self._running.values():
             withdraw()
         self._running.clear()
+        self._datagrams.close()
 
     def stopped(self) -> None:
-        """The client does not get all of an answer."""
+        """The client does not get all of an answer: it has stopped reading, or is too slow."""
         if self._has_video:
             self._has_video = False
             self._source.forget(self._client)
@@ -64,7 +64,10 @@ class RenderSession:
         self._rate.check(self._client)
 
     def request(self, body: bytes, arrived: float, answer: Answer) -> Withdraw:
-        """Answer the request on a stream."""
+        """Answer a request received on a stream at a time of the monotonic clock.
+
+        `answer` is called once, unless the request is cancelled before, with the function returned here.
+        """
 
         def answered(result: Frame | Exception) -> None:
             if isinstance(result, Frame):
@@ -82,21 +85,21 @@ class RenderSession:
     # -- datagrams ---------------------------------------------------------------------------------------------------
 
     def datagram(self, body: bytes, arrived: float) -> None:
-        """Answer the request in a datagram."""
-        if not self._sender.can_send:
+        """Answer a request in a datagram that arrived at a time of the monotonic clock."""
+        if not self._datagrams.can_send:
             return
-        number = self._sender.next_request()
-        if len(self._running) >= MAX_DATAGRAM_REQUESTS:
-            error: TigasError = Overloaded(f"This session has {MAX_DATAGRAM_REQUESTS} requests running.")
-        elif not self._rate.allows(self._client):
-            error = self._rate.error
-        else:
-            self._running[number] = _nothing
-            withdraw = self._ask(body, arrived, partial(self._answered_datagram, number, body))
-            if number in self._running:
-                self._running[number] = withdraw
+        number = self._datagrams.next_request()
+        try:
+            if len(self._running) >= MAX_DATAGRAM_REQUESTS:
+                raise Overloaded(f"This session has {MAX_DATAGRAM_REQUESTS} requests running.")
+            self._rate.check(self._client)
+        except TigasError as error:
+            self._send_problem(error, body)
             return
-        self._sender.send_problem(_seq(body), _failure(error, body, self._rate.told))
+        self._running[number] = _nothing
+        withdraw = self._ask(body, arrived, partial(self._answered_datagram, number, body))
+        if number in self._running:
+            self._running[number] = withdraw
 
     def _answered_datagram(self, number: int, body: bytes, result: Frame | Exception) -> None:
         del self._running[number]
@@ -104,20 +107,22 @@ class RenderSession:
             answer = b"".join((_header(result, self._rate.told), result.body))
             result.release()
             try:
-                self._sender.send_frame(number, result.seq, answer)
+                self._datagrams.send_frame(number, result.seq, answer)
             except InvalidRequest as error:
-                result = error
-        if isinstance(result, Exception):
-            self._sender.send_problem(_seq(body), _failure(result, body, self._rate.told))
+                self._send_problem(error, body)
+        else:
+            self._send_problem(result, body)
+
+    def _send_problem(self, error: Exception, body: bytes) -> None:
+        self._datagrams.send_problem(_seq(body), _failure(error, body, self._rate.told))
 
     def _ask(self, body: bytes, arrived: float, answered: Answered, *, is_ordered: bool = False) -> Withdraw:
         """is_ordered: whether no part of the answer gets lost."""
         try:
             request = parse(RenderRequest, body)
             if not is_ordered:
-                self._sender.check_size()
+                self._datagrams.check(request)
             if request.video is not None:
-                _check_is_ordered(is_ordered)
                 self._has_video = True
             return self._source.request(self._client, request, arrived, answered)
         except Exception as error:
@@ -125,10 +130,14 @@ class RenderSession:
             return _nothing
 
 
-def _check_is_ordered(is_ordered: bool) -> None:
-    """Raises InvalidRequest for a video by datagram."""
-    if not is_ordered:
-        raise InvalidRequest("format: h264 needs a stream, as a video's frames refer to each other.")
+SessionFactory = Callable[[Client, Datagrams], RenderSession]
+"""Makes a new session, from its client, which no other session has, and its datagrams."""
+
+
+def render_session(source: FrameSource, rate: RequestRate | None = None) -> SessionFactory:
+    """Factory of the `/render` sessions. rate: request rate of each; None: unlimited."""
+    rates = RequestRate(Load(), math.inf, time.monotonic) if rate is None else rate
+    return lambda client, datagrams: RenderSession(source, rates, client, datagrams)
 
 
 def _nothing() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import math
 from collections import deque
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -13,9 +12,9 @@ from urllib.parse import unquote_to_bytes
 
 from aioquic.h3.connection import ErrorCode
 from aioquic.h3.events import Headers
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Scope
 
-from tigas_common.web import ARRIVED
+from tigas_common.web import ARRIVED, error_response, problem_response
 from tigas_common.wire.render import Problem
 from tigas_render.transport.outlet import Outlet, StreamClosed
 
@@ -23,6 +22,8 @@ logger = logging.getLogger(__name__)
 
 HOP_BY_HOP = frozenset((b"connection", b"keep-alive", b"proxy-connection", b"te", b"transfer-encoding", b"upgrade"))
 """Fields that HTTP/3 forbids (RFC 9114, 4.2)."""
+FAILED = error_response(Exception())
+"""The answer if the application fails."""
 
 
 def http_scope(headers: Headers, client: tuple[str, int], server: tuple[str, int]) -> Scope:
@@ -47,19 +48,10 @@ def http_scope(headers: Headers, client: tuple[str, int], server: tuple[str, int
     }
 
 
-def refusal(status: int, detail: str, retry_after_s: float | None = None) -> ASGIApp:
+def refusal(status: int, detail: str) -> ASGIApp:
     """The application that answers in place of the real one, with one sentence."""
-    problem = Problem(type="about:blank", title=HTTPStatus(status).phrase, status=status, detail=detail)
-    body = problem.model_dump_json().encode()
-    headers = [(b"content-type", b"application/problem+json"), (b"content-length", str(len(body)).encode())]
-    if retry_after_s is not None:
-        headers.append((b"retry-after", str(math.ceil(retry_after_s)).encode()))
-
-    async def refuse(scope: Scope, receive: Receive, send: Send) -> None:
-        await send({"type": "http.response.start", "status": status, "headers": headers})
-        await send({"type": "http.response.body", "body": body})
-
-    return refuse
+    title = HTTPStatus(status).phrase
+    return problem_response(Problem(type="about:blank", title=title, status=status, detail=detail))
 
 
 class HttpRequest:
@@ -118,7 +110,7 @@ class HttpRequest:
             logger.exception("%s %s failed", self._scope["method"], self._scope["path"])
             failed = True
         if failed and not self._started:
-            await refusal(500, "The server failed; its log says why.")(self._scope, self.receive, self.send)
+            await FAILED(self._scope, self.receive, self.send)
         elif failed:
             self.outlet.abort(ErrorCode.H3_INTERNAL_ERROR)
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from tigas_common.address import client_network
 from tigas_render.fair_queue import Turns
-from tigas_render.transport.gso import Address
+from tigas_render.transport.udp import Address
 
 MAX_WAITING = 512
 """Datagrams of one address that wait; further ones are dropped, which QUIC sees as loss."""
@@ -36,14 +36,14 @@ class Inbox:
     def __bool__(self) -> bool:
         return bool(self._waiting)
 
-    def add(self, datagram: Received) -> None:
+    def add(self, data: bytes, address: Address, arrived: float) -> None:
         """Keep a datagram until it is its sender's turn."""
-        network = client_network(str(datagram.address[0]))
+        network = client_network(str(address[0]))
         if network not in self._waiting:
             self._waiting[network] = deque()
             self._turns.join(network, EXPECTED_S)
         if len(self._waiting[network]) < MAX_WAITING:
-            self._waiting[network].append(datagram)
+            self._waiting[network].append(Received(data, address, arrived))
 
     def take(self, besides: Collection[str] = ()) -> tuple[str, Received] | None:
         """The oldest datagram of the next address in turn, except those in `besides`; None if nothing waits."""

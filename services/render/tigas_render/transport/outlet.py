@@ -1,13 +1,13 @@
-"""Where a connection's streams and sessions send: no faster than the network and the client take it."""
+"""Where a connection's streams send: no faster than the network and the client take it."""
 
 from __future__ import annotations
 
 import asyncio
-from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from aioquic.buffer import encode_uint_var
+from aioquic.h3.connection import FrameType
 from aioquic.h3.events import Headers
 
 from tigas_render.admission.limits import Limits
@@ -16,10 +16,6 @@ from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 
 CHUNK = 64 * 1024
 """Bytes handed to QUIC at a time."""
-MAX_URGENT = 64
-"""Datagrams of one session that may wait ahead of others."""
-SESSION_ID_BYTES = 8
-"""The most that the session's id takes of a datagram."""
 
 
 class StreamClosed(ConnectionError):
@@ -42,8 +38,8 @@ class Writer:
         self.transmit_soon = transmit_soon
         self.waiting: dict[int, Callable[[], None]] = {}
         """Callbacks of writers that wait for room, by stream."""
-        self.with_datagrams: list[DatagramOutlet] = []
-        """Sessions with datagrams that wait."""
+        self.with_datagrams: list[Callable[[], bool]] = []
+        """`Datagrams.hand_over` of the sessions with datagrams that wait."""
         self.closed = False
 
     def room(self, stream_id: int) -> int:
@@ -61,7 +57,7 @@ class Writer:
 
     def hand_over_datagrams(self) -> bool:
         """Give QUIC as many datagrams as it can send soon; whether any are left."""
-        self.with_datagrams = [outlet for outlet in self.with_datagrams if outlet.hand_over()]
+        self.with_datagrams = [hand_over for hand_over in self.with_datagrams if hand_over()]
         return bool(self.with_datagrams)
 
     def close(self) -> None:
@@ -96,19 +92,25 @@ class Outlet:
         data: must not change until then. Raises StreamClosed if the client has cancelled, disconnected, or not read for
         too long.
         """
-        start = 0
-        while start < len(data):
-            stop = start + await self._room()
-            self._writer.h3.send_body(self.stream_id, data[start:stop])
-            self._writer.transmit_soon()
-            start = stop
+        if not data:
+            return
+        sent = asyncio.get_running_loop().create_future()
+        header = encode_uint_var(FrameType.DATA) + encode_uint_var(len(data))
+        sending = _Sending(self._writer, self, (header, data), partial(_resolve, sent))
+        sending.go_on()
+        try:
+            await sent
+        finally:
+            sending.stop_waiting()
+        if sending.parts:
+            raise StreamClosed
 
     def finish(self, parts: Sequence[bytes | memoryview], ended: Callable[[], None]) -> None:
         """Send bytes and end the stream; then call `ended`, also on failure.
 
         The parts need not be kept: data that the network or the client cannot take yet is copied.
         """
-        Answer(self._writer, self, parts, ended).go_on()
+        _Sending(self._writer, self, parts, ended, ends_stream=True).go_on()
 
     def end(self) -> None:
         """End the server's side."""
@@ -131,25 +133,9 @@ class Outlet:
             self._writer.transmit_soon()
         self._writer.h3.finished(self.stream_id)
 
-    async def _room(self) -> int:
-        writer = self._writer
-        while not writer.closed and self.is_open:
-            if room := writer.room(self.stream_id):
-                return room
-            waiter = asyncio.get_running_loop().create_future()
-            writer.waiting[self.stream_id] = partial(_resolve, waiter)
-            try:
-                async with asyncio.timeout(self.limits.stall_timeout):
-                    await waiter
-            except TimeoutError:
-                raise StreamClosed("the client reads nothing") from None
-            finally:
-                del writer.waiting[self.stream_id]
-        raise StreamClosed("the stream is closed")
 
-
-class Answer:
-    """All that is sent on a stream, on its way to QUIC."""
+class _Sending:
+    """Bytes on their way to QUIC."""
 
     def __init__(
         self,
@@ -157,96 +143,64 @@ class Answer:
         outlet: Outlet,
         parts: Sequence[bytes | memoryview],
         ended: Callable[[], None],
+        *,
+        ends_stream: bool = False,
     ) -> None:
-        """ended: called at the end of all work."""
+        """ended: called at the end of all work. ends_stream: whether nothing follows; then the caller does not keep the
+        parts.
+        """
+        self.parts = list(parts)
+        """Not handed over yet."""
         self._writer = writer
         self._outlet = outlet
-        self._parts = list(parts)
         self._ended = ended
+        self._ends_stream = ends_stream
         self._stalled: asyncio.TimerHandle | None = None
 
     def go_on(self) -> None:
         """Hand over as much as fits, and wait for room for the rest."""
-        writer, stream_id = self._writer, self._outlet.stream_id
-        if self._stalled is not None:
-            self._stalled.cancel()
-            del writer.waiting[stream_id]
-        while self._parts and not writer.closed and self._outlet.is_open:
-            room = writer.room(stream_id)
+        self.stop_waiting()
+        writer, outlet = self._writer, self._outlet
+        while self.parts and not writer.closed and outlet.is_open:
+            room = writer.room(outlet.stream_id)
             if not room:
                 self._wait()
                 return
-            self._write(room)
-        if not self._parts and not writer.closed:
-            self._outlet.end()
+            while self.parts and room:
+                room -= self._write(room)
+        if self._ends_stream and not self.parts and not writer.closed:
+            outlet.end()
         self._ended()
 
-    def _write(self, room: int) -> None:
-        part = self._parts[0]
+    def stop_waiting(self) -> None:
+        """Do not go on by itself any more."""
+        if self._stalled is not None:
+            self._stalled.cancel()
+            self._stalled = None
+            del self._writer.waiting[self._outlet.stream_id]
+
+    def _write(self, room: int) -> int:
+        part = self.parts[0]
         if len(part) <= room:
-            del self._parts[0]
+            del self.parts[0]
         else:
-            self._parts[0] = part[room:]
-        self._writer.quic.send_stream_data(self._outlet.stream_id, part[:room])  # type: ignore[arg-type]  # any buffer
+            self.parts[0], part = part[room:], part[:room]
+        self._writer.quic.send_stream_data(self._outlet.stream_id, part)  # type: ignore[arg-type]  # any buffer
         self._writer.transmit_soon()
+        return len(part)
 
     def _wait(self) -> None:
-        self._parts = [bytes(part) for part in self._parts]
+        if self._ends_stream:
+            self.parts = [bytes(part) for part in self.parts]
         self._writer.waiting[self._outlet.stream_id] = self.go_on
         self._stalled = asyncio.get_running_loop().call_later(self._outlet.limits.stall_timeout, self._give_up)
 
     def _give_up(self) -> None:
         """The client does not read."""
-        del self._writer.waiting[self._outlet.stream_id]
+        self.stop_waiting()
         self._ended()
 
 
 def _resolve(waiter: asyncio.Future[None]) -> None:
     if not waiter.done():
         waiter.set_result(None)
-
-
-class DatagramOutlet:
-    """A WebTransport session's datagrams. They wait here, where they can be taken back, until the network has room."""
-
-    def __init__(self, writer: Writer, session_id: int) -> None:
-        """session_id: the id of the stream that opened the session."""
-        self._writer = writer
-        self._prefix = encode_uint_var(session_id // 4)  # RFC 9297, 2.1
-        self._waiting: deque[bytes] = deque()
-        self._urgent: deque[bytes] = deque(maxlen=MAX_URGENT)
-
-    @property
-    def max_size(self) -> int:
-        """The longest datagram that fits in a packet now, in bytes; it may shrink with the path."""
-        return self._writer.quic.max_datagram_payload - SESSION_ID_BYTES
-
-    def replace(self, datagrams: Iterable[bytes]) -> None:
-        """Send these instead of the waiting ones."""
-        self._waiting = deque(datagrams)
-        self._send_soon()
-
-    def send_first(self, datagrams: Iterable[bytes]) -> None:
-        """Send these ahead of the waiting ones. Beyond the limit, the oldest are dropped."""
-        self._urgent.extend(datagrams)
-        self._send_soon()
-
-    def hand_over(self) -> bool:
-        """As `Writer.hand_over_datagrams`. A datagram that has become too long for the path is dropped."""
-        quic = self._writer.quic
-        for queue in (self._urgent, self._waiting):
-            while queue and quic.datagram_room:
-                data = self._prefix + queue.popleft()
-                if len(data) <= quic.max_datagram_payload:
-                    quic.send_datagram_frame(data)
-        return bool(self._urgent or self._waiting)
-
-    def close(self) -> None:
-        """Drop the waiting ones."""
-        self._waiting.clear()
-        self._urgent.clear()
-
-    def _send_soon(self) -> None:
-        if self not in self._writer.with_datagrams:
-            self._writer.with_datagrams.append(self)
-        self._writer.transmit_soon()

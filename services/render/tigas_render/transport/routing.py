@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Protocol
 
 from aioquic.buffer import encode_uint_var
 from aioquic.h3.connection import ErrorCode, FrameType, encode_frame
@@ -20,43 +20,31 @@ from aioquic.h3.events import (
 from aioquic.quic.events import QuicEvent, StopSendingReceived, StreamDataReceived, StreamReset
 from starlette.types import ASGIApp
 
-from tigas_common.errors import TigasError, problem
+from tigas_common.errors import TigasError
 from tigas_common.origins import OriginPolicy
-from tigas_common.web import problem_response
+from tigas_common.web import error_response
 from tigas_render.admission.connections import Usage
 from tigas_render.admission.limits import Limits
-from tigas_render.admission.load import FULL, Load
+from tigas_render.admission.load import Load
+from tigas_render.frame import Client
 from tigas_render.transport.aioquic_ext.h3 import ServerH3Connection
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
+from tigas_render.transport.datagrams import Datagrams
+from tigas_render.transport.frames import RenderSession, SessionFactory
 from tigas_render.transport.http import HttpRequest, http_scope, refusal
-from tigas_render.transport.outlet import DatagramOutlet, Outlet, Writer
-from tigas_render.transport.unfinished import UnfinishedStreams
-from tigas_render.transport.webtransport import DRAFT_HEADER, SessionFactory, WebTransportSession, WebTransportStream
+from tigas_render.transport.outlet import Outlet, Writer
+from tigas_render.transport.webtransport import DRAFT_HEADER, WebTransportStream
 
 BUFFERED_STREAM_REJECTED = 0x3994BD84
 """WebTransport's error for a stream of a session that does not exist."""
 TOO_EARLY = "This request may not be sent before the connection is established; send it again."
 
 
-class Stream(Protocol):
-    """Handler of a bidirectional stream opened by a client: an HTTP request, or one stream of a session."""
+Stream = HttpRequest | WebTransportStream
+"""A bidirectional stream opened by a client."""
 
-    outlet: Outlet
-    abort_code: int
-    """The error code for a stream that is over before it is finished."""
-
-    @property
-    def task(self) -> asyncio.Task[None] | None:
-        """The answering task, if any."""
-
-    def start(self, ended: Callable[[], None]) -> None:
-        """Answer the client; `ended` is called once at the end. An unfinished answer is reset."""
-
-    def data_received(self, data: bytes, ended: bool, arrived: float) -> None:
-        """Handle a part of the client's data; `ended` with the last."""
-
-    def cancelled(self) -> None:
-        """The client has cancelled, reset its side, or disconnected."""
+_numbers = itertools.count(1)
+"""Numbers of sessions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +85,9 @@ class Router:
         self._h3 = ServerH3Connection(quic, enable_webtransport=True)
         self.writer = Writer(quic, self._h3, service.limits, transmit_soon)
         self._streams: dict[int, Stream] = {}
-        self._sessions: dict[int, WebTransportSession] = {}
-        self._unfinished = UnfinishedStreams(service.limits.request_timeout)
+        self._sessions: dict[int, RenderSession] = {}
+        self._unfinished: dict[int, float] = {}
+        """Since when each stream without a complete first frame has waited for it, the oldest first."""
         self._next_request = 0
         self._goaway: int | None = None
         self._idle: asyncio.Future[None] | None = None
@@ -142,7 +131,7 @@ class Router:
         """Count the sessions of a client that has vanished, perhaps for good, as viewers no more until it is back."""
         if is_away != self._is_away:
             self._is_away = is_away
-            (self._service.load.left if is_away else self._service.load.returned)(len(self._sessions))
+            self._service.load.viewers += -len(self._sessions) if is_away else len(self._sessions)
 
     # -- from the client ---------------------------------------------------------------------------------------------
 
@@ -164,7 +153,7 @@ class Router:
                 self._webtransport_data(event, arrived)
             case DatagramReceived():
                 if (session := self._sessions.get(event.stream_id)) is not None:
-                    session.handler.datagram(event.data, arrived)
+                    session.datagram(event.data, arrived)
             case HeadersReceived():
                 if event.stream_id in self._streams or event.stream_id in self._sessions:  # trailers
                     self._data(event.stream_id, b"", event.stream_ended, arrived)
@@ -187,19 +176,20 @@ class Router:
             self._close_session(stream_id)
         else:  # its answer is queued in QUIC; the request is no longer known
             for session in self._sessions.values():
-                session.handler.stopped()
+                session.stopped()
 
     # -- unfinished requests -----------------------------------------------------------------------------------------
 
     @property
     def deadline(self) -> float | None:
         """When `end_late` is to be called next."""
-        return self._unfinished.deadline
+        return next((since + self._service.limits.request_timeout for since in self._unfinished.values()), None)
 
     def end_late(self, now: float) -> None:
-        """End the streams whose first frame is overdue."""
-        for stream_id in self._unfinished.late(now):
-            self._unfinished.end(stream_id)
+        """End the streams whose first frame is overdue, however often something arrives."""
+        while (deadline := self.deadline) is not None and deadline <= now:
+            stream_id = next(iter(self._unfinished))
+            del self._unfinished[stream_id]
             if stream_id % 4 == 0:
                 Outlet(self.writer, stream_id).abort(ErrorCode.H3_REQUEST_INCOMPLETE)
             else:  # the connection cannot do without its control stream
@@ -221,17 +211,17 @@ class Router:
             answered = stream_id in self._streams or stream_id in self._sessions
             waits = not answered and self._quic.can_write(stream_id)
         if not waits:
-            self._unfinished.end(stream_id)
+            self._unfinished.pop(stream_id, None)
         elif stream_id % 4 == 0 and stream_id not in self._unfinished and self._overload() is not None:
             Outlet(self.writer, stream_id).abort(ErrorCode.H3_REQUEST_REJECTED)
         else:
-            self._unfinished.begin(stream_id, arrived)
+            self._unfinished.setdefault(stream_id, arrived)
         self._count()
 
     # -- requests ----------------------------------------------------------------------------------------------------
 
     def _request_received(self, event: HeadersReceived, arrived: float) -> None:
-        self._unfinished.end(event.stream_id)
+        self._unfinished.pop(event.stream_id, None)
         outlet = Outlet(self.writer, event.stream_id)
         if not outlet.is_open:
             return
@@ -276,28 +266,26 @@ class Router:
 
     def _connect_received(self, outlet: Outlet, pseudo: Mapping[bytes, bytes], origin: bytes | None) -> ASGIApp | None:
         """Open a session, or return the application that refuses it."""
-        make_handler = self._service.webtransport.get(_path(pseudo))
+        make_session = self._service.webtransport.get(_path(pseudo))
         if pseudo.get(b":protocol") != b"webtransport":
             return refusal(501, "Only WebTransport sessions are connected to.")
-        if make_handler is None:
+        if make_session is None:
             return refusal(404, "There are no sessions at this path.")
+        load, stream_id = self._service.load, outlet.stream_id
         try:
             page = None if origin is None else origin.decode("latin-1")
             self._service.origins.check(pseudo[b":authority"].decode("latin-1"), page)
+            if (reason := self._usage.session_refusal(self._service.limits, len(self._sessions))) is not None:
+                return refusal(429, reason)
+            load.check()
         except TigasError as error:
-            return problem_response(problem(error))
-        if (reason := self._usage.session_refusal(self._service.limits, len(self._sessions))) is not None:
-            return refusal(429, reason)
-        if (retry_after := self._service.load.full()) is not None:
-            self._service.load.refused()
-            return refusal(503, FULL, retry_after)
+            return error_response(error)
         self.set_away(False)
-        self._service.load.entered()
+        load.entered()
         outlet.send_headers([(b":status", b"200"), DRAFT_HEADER])
         self._usage.sessions += 1
-        self._sessions[outlet.stream_id] = WebTransportSession(
-            outlet, DatagramOutlet(self.writer, outlet.stream_id), self._usage.address, make_handler
-        )
+        client = Client(self._usage.address, f"session {next(_numbers)}", "webtransport")
+        self._sessions[stream_id] = make_session(client, Datagrams(self.writer, stream_id))
         return None
 
     def _close_session(self, stream_id: int) -> None:
@@ -306,15 +294,18 @@ class Router:
         if session is None:
             return
         self._usage.sessions -= 1
-        self._service.load.left()
+        self._service.load.viewers -= 1
         for stream in list(self._streams.values()):
             if isinstance(stream, WebTransportStream) and stream.session is session:
                 stream.cancelled()
-        session.close()
+        session.closed()
+        outlet = Outlet(self.writer, stream_id)
+        outlet.end()
+        outlet.abort(ErrorCode.H3_NO_ERROR)
 
     def _webtransport_data(self, event: WebTransportStreamDataReceived, arrived: float) -> None:
         if event.stream_id not in self._streams:
-            self._unfinished.end(event.stream_id)
+            self._unfinished.pop(event.stream_id, None)
             outlet = Outlet(self.writer, event.stream_id)
             session = self._sessions.get(event.session_id)
             if session is None or event.stream_id % 4 != 0 or self._goaway is not None:

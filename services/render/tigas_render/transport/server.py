@@ -16,7 +16,6 @@ from aioquic.quic.configuration import SMALLEST_MAX_DATAGRAM_SIZE, QuicConfigura
 from aioquic.quic.packet import (
     QuicHeader,
     QuicPacketType,
-    encode_quic_retry,
     encode_quic_version_negotiation,
     pull_quic_header,
 )
@@ -24,23 +23,21 @@ from starlette.types import ASGIApp
 
 from tigas_common.address import client_network
 from tigas_common.origins import OriginPolicy
+from tigas_common.wire.render import CongestionControl
 from tigas_render.admission.connections import ConnectionAdmission, Usage
 from tigas_render.admission.limits import Limits
 from tigas_render.admission.load import Load
+from tigas_render.transport.aioquic_ext.congestion import RENO
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
+from tigas_render.transport.aioquic_ext.westwood import WESTWOOD
 from tigas_render.transport.certificate import Certificate
-from tigas_render.transport.congestion import LIMITED_RENO
-from tigas_render.transport.connection import Connection
-from tigas_render.transport.gso import Address, Datagram
+from tigas_render.transport.connection import Connection, Connections
+from tigas_render.transport.frames import SessionFactory
 from tigas_render.transport.inbox import Inbox, Received
-from tigas_render.transport.refusal import encode_refusal
-from tigas_render.transport.retry import RetryTokens
 from tigas_render.transport.routing import Service
-from tigas_render.transport.share import Share
-from tigas_render.transport.stateless_reset import StatelessResets
-from tigas_render.transport.tickets import TicketStore
-from tigas_render.transport.udp import UdpEndpoint, bind_all
-from tigas_render.transport.webtransport import SessionFactory
+from tigas_render.transport.shared_port import Share
+from tigas_render.transport.stateless import Retries, StatelessResets, refusal
+from tigas_render.transport.udp import Address, Datagram, UdpEndpoint, bind_all
 
 MAX_DATAGRAM_SIZE = 1452
 """Bytes of UDP payload that fit an Ethernet frame over IPv6 (1500 − 40 − 8), and over IPv4."""
@@ -65,6 +62,7 @@ class Http3Server:
         port: int = 0,
         webtransport: Mapping[str, SessionFactory] | None = None,
         limits: Limits | None = None,
+        congestion_control: CongestionControl = "westwood",
         reset_key: bytes | None = None,
         origins: OriginPolicy | None = None,
         share: Share | None = None,
@@ -81,19 +79,14 @@ class Http3Server:
         self._share = share or Share()
         self._limits = limits or Limits()
         self._load = load or Load()
+        self._congestion_control = {"reno": RENO, "westwood": WESTWOOD}[congestion_control]
         self._service = Service(app, dict(webtransport or {}), self._limits, self._load, origins or OriginPolicy())
         self._configuration = self._configure(certificate)
-        self._tickets = TicketStore() if self._share.tickets is None else self._share.tickets
-        self._retry = RetryTokens(self._share.retry_key)
+        self._retries = Retries(self._share.retry_key)
         self._reset_key = reset_key or os.urandom(32)
         self._relay = self._share.relay
-        self._connections: dict[Connection, set[bytes]] = {}
-        self._by_cid: dict[bytes, Connection] = {}
-        self._handshaking: set[Connection] = set()
-        self._usage: dict[str, Usage] = {}
-        """By address, for addresses with connections."""
+        self._connections = Connections(self._send)
         self._admission = ConnectionAdmission(self._limits, self._load)
-        self._dirty: set[Connection] = set()
         self._inbox = Inbox()
         self._next_turns: asyncio.Handle | None = None
         self._endpoints: dict[int, UdpEndpoint] = {}
@@ -112,7 +105,7 @@ class Http3Server:
             )
         self._resets = StatelessResets(self._reset_key, self.port)
         if self._relay is not None:
-            self._relay.start(self._own_received, self._drained)
+            self._relay.start(self._inbox.add, self._drained)
 
     async def close(self) -> None:
         """Stop taking requests, give running ones a moment to finish (`Limits.grace`), and close every connection."""
@@ -133,10 +126,7 @@ class Http3Server:
         await asyncio.gather(*(router.end_tasks() for router in routers))
         for connection in connections:
             connection.abandon()
-        self._connections.clear()
-        self._by_cid.clear()
-        self._handshaking.clear()
-        self._usage.clear()
+            self._connections.remove(connection)
         for endpoint in self._endpoints.values():
             endpoint.close()
         self._endpoints.clear()
@@ -172,7 +162,7 @@ class Http3Server:
             alpn_protocols=H3_ALPN,
             certificate=certificate.x509,
             private_key=certificate.private_key,
-            congestion_control_algorithm=LIMITED_RENO,
+            congestion_control_algorithm=self._congestion_control,
             connection_id_length=CID_LENGTH,
             idle_timeout=self._limits.idle_timeout,
             max_datagram_size=MAX_DATAGRAM_SIZE,
@@ -182,17 +172,13 @@ class Http3Server:
 
     # -- the network -------------------------------------------------------------------------------------------------
 
-    def send(self, datagrams: list[Datagram]) -> None:
-        """Put datagrams on the network; all are for one address."""
+    def _send(self, datagrams: list[Datagram]) -> None:
         if datagrams and (endpoint := self._endpoints.get(len(datagrams[0][1]))) is not None:
             endpoint.send(datagrams)
 
     def _received(self, data: bytes, address: Address, arrived: float) -> None:
         if self._relay is None or not self._relay.pass_on(data, address, arrived):
-            self._own_received(data, address, arrived)
-
-    def _own_received(self, data: bytes, address: Address, arrived: float) -> None:
-        self._inbox.add(Received(data, address, arrived))
+            self._inbox.add(data, address, arrived)
 
     def _drained(self) -> None:
         if self._next_turns is None:
@@ -209,11 +195,11 @@ class Http3Server:
             if self._load.handled(now - datagram.arrived):
                 self._handle(datagram)
             handled[network] += 1
-            if handled[network] > self._inbox.waiting(network) // PART and len(self._usage) > 1:
+            if handled[network] > self._inbox.waiting(network) // PART and len(self._connections.usage) > 1:
                 had_enough.add(network)
             begun, now = now, time.monotonic()
             self._inbox.settle(network, now - begun)
-        dirty, self._dirty = self._dirty, set()
+        dirty, self._connections.dirty = self._connections.dirty, set()
         for connection in dirty:
             connection.transmit()
         if self._inbox:
@@ -222,7 +208,7 @@ class Http3Server:
     def _handle(self, datagram: Received) -> None:
         connection = self._connection_for(datagram.data, datagram.address)
         if connection is not None:
-            self._dirty.add(connection)
+            self._connections.dirty.add(connection)
             connection.receive(*datagram)
 
     def _connection_for(self, data: bytes, address: Address) -> Connection | None:
@@ -231,14 +217,14 @@ class Http3Server:
             return None
         if not data[0] & 0x80:  # a short header: no new connection begins with one
             cid = data[1 : 1 + CID_LENGTH]
-            if (known := self._by_cid.get(cid)) is None:
+            if (known := self._connections.by_cid.get(cid)) is None:
                 self._reset(len(data), cid, address)
             return known
         try:
             header = pull_quic_header(Buffer(data=data), host_cid_length=CID_LENGTH)
         except ValueError:
             return None
-        if (connection := self._by_cid.get(header.destination_cid)) is not None:
+        if (connection := self._connections.by_cid.get(header.destination_cid)) is not None:
             return connection
         if header.packet_type == QuicPacketType.VERSION_NEGOTIATION or len(data) < SMALLEST_MAX_DATAGRAM_SIZE:
             return None
@@ -250,9 +236,9 @@ class Http3Server:
         return self._open(header, address)
 
     def _reset(self, size: int, cid: bytes, address: Address) -> None:
-        reset = self._resets.answer(size, cid, asyncio.get_running_loop().time())
+        reset = self._resets.packet(size, cid, asyncio.get_running_loop().time())
         if reset is not None:
-            self.send([(reset, address)])
+            self._send([(reset, address)])
 
     def _negotiate_version(self, header: QuicHeader, address: Address) -> None:
         answer = encode_quic_version_negotiation(
@@ -260,27 +246,26 @@ class Http3Server:
             destination_cid=header.source_cid,
             supported_versions=self._configuration.supported_versions,
         )
-        self.send([(answer, address)])
-
-    # -- connections -------------------------------------------------------------------------------------------------
+        self._send([(answer, address)])
 
     def _open(self, header: QuicHeader, address: Address) -> Connection | None:
+        """The connection for a first packet, or None if it is answered otherwise, or dropped."""
         original, retry_source = header.destination_cid, None
         now = asyncio.get_running_loop().time()
         network = client_network(str(address[0]))
-        usage = self._usage.get(network) or Usage(network)
+        usage = self._connections.usage.get(network) or Usage(network)
         if header.token:
-            validated = self._retry.validate(header.token, address, header.destination_cid, now)
+            validated = self._retries.validate(header.token, address, header.destination_cid, now)
             if validated is None:
                 return None
             original, retry_source = validated, header.destination_cid
         elif self._must_prove_address(usage):
-            self._send_retry(header, address, now)
+            self._send([(self._retries.packet(header, address, now), address)])
             return None
         if not self._admission.may_begin(network, now):
             return None
         if (reason := self._admission.refusal(usage, len(self._connections), now)) is not None:
-            self.send([(encode_refusal(header, reason), address)])
+            self._send([(refusal(header, reason), address)])
             return None
         quic = ServerQuicConnection(
             edge=self._share.edge,
@@ -289,56 +274,15 @@ class Http3Server:
             configuration=self._configuration,
             original_destination_connection_id=original,
             retry_source_connection_id=retry_source,
-            session_ticket_fetcher=self._tickets.take,
-            session_ticket_handler=self._tickets.add,
+            session_ticket_fetcher=self._share.tickets.take,
+            session_ticket_handler=self._share.tickets.add,
         )
         client = (str(address[0]).removeprefix("::ffff:"), int(address[1]))
-        connection = Connection(quic, self, self._service, client, self._address, usage)
-        self._connections[connection] = set()
-        self._handshaking.add(connection)
-        self._usage[network] = usage
-        usage.connections += 1
-        self.issued(connection, header.destination_cid)
-        self.issued(connection, quic.host_cid)
+        connection = Connection(quic, self._connections, self._service, client, self._address, usage)
+        self._connections.add(connection, header.destination_cid, quic.host_cid)
         return connection
 
     def _must_prove_address(self, usage: Usage) -> bool:
-        of_address = sum(connection.usage is usage for connection in self._handshaking)
-        return self._admission.must_prove_address(len(self._handshaking), of_address)
-
-    def _send_retry(self, header: QuicHeader, address: Address, now: float) -> None:
-        source_cid = self._retry.new_connection_id()
-        answer = encode_quic_retry(
-            version=header.version or 0,
-            source_cid=source_cid,
-            destination_cid=header.source_cid,
-            original_destination_cid=header.destination_cid,
-            retry_token=self._retry.create(address, header.destination_cid, source_cid, now),
-        )
-        self.send([(answer, address)])
-
-    def issued(self, connection: Connection, cid: bytes) -> None:
-        """The client may use this connection id from now on."""
-        self._by_cid[cid] = connection
-        self._connections[connection].add(cid)
-
-    def retired(self, connection: Connection, cid: bytes) -> None:
-        """The client does not use this connection id any more."""
-        self._by_cid.pop(cid, None)
-        self._connections[connection].discard(cid)
-
-    def established(self, connection: Connection) -> None:
-        """The handshake is complete."""
-        self._handshaking.discard(connection)
-
-    def terminated(self, connection: Connection) -> None:
-        """The connection is over."""
-        self._dirty.discard(connection)
-        self._handshaking.discard(connection)
-        if connection not in self._connections:
-            return
-        for cid in self._connections.pop(connection):
-            self._by_cid.pop(cid, None)
-        connection.usage.connections -= 1
-        if not connection.usage.connections:
-            del self._usage[connection.usage.address]
+        handshaking = self._connections.handshaking
+        of_address = sum(connection.usage is usage for connection in handshaking)
+        return self._admission.must_prove_address(len(handshaking), of_address)

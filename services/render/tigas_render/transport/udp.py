@@ -1,19 +1,27 @@
-"""A UDP socket on the event loop: drains received datagrams at once, sends in batches, waits when it is full."""
+"""A UDP socket on the event loop: drains received datagrams at once, sends in batches, waits when it is full.
+
+Sending dominates a Python QUIC server's time in the kernel, so many datagrams of one size to one address leave in a
+single system call (segmentation offload: Linux, udp(7)). Received ones have the kernel's timestamp (SO_TIMESTAMPNS,
+socket(7)): under load a datagram waits in the socket longer than anywhere else, and deadlines include that time.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
 import logging
 import socket
+import struct
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
-
-from tigas_render.transport.arrival import STAMP_SPACE, arrival, ask_for_stamps, stamp_ns
-from tigas_render.transport.gso import Address, Datagram, batches, segment_size
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 
 logger = logging.getLogger(__name__)
+
+Address = tuple[Any, ...]
+Datagram = tuple[bytes, Address]
 
 SOCKET_BUFFER = 8 << 20
 """Requested socket buffer of each direction in bytes; the kernel applies its own limits."""
@@ -26,6 +34,17 @@ loss.
 MAX_DATAGRAM = 65_535
 SO_RCVBUFFORCE, SO_SNDBUFFORCE = 33, 32
 
+SO_TIMESTAMPNS = 35
+"""Linux'; the control message has the same number."""
+_TIMESPEC = struct.Struct("@ll")
+STAMP_SPACE = socket.CMSG_SPACE(_TIMESPEC.size)
+"""Bytes of room for the stamp."""
+
+SOL_UDP, UDP_SEGMENT = 17, 103
+MAX_SEGMENTS = 40
+"""Below the kernel's 64 (UDP_MAX_SEGMENTS of older kernels)."""
+MAX_BATCH = 64_000
+"""Bytes; a batch is one UDP payload to the kernel until it is cut into segments."""
 BATCH_REFUSED = frozenset((errno.EINVAL, errno.EIO, errno.EMSGSIZE, errno.ENOPROTOOPT, errno.EOPNOTSUPP))
 """Errors of a kernel that cannot cut a batch: an old kernel, a device without checksums, IPsec, or a small path MTU,
 which is EMSGSIZE from Linux 6.14 on and EINVAL before."""
@@ -218,3 +237,59 @@ class UdpEndpoint:
                 logger.debug("UDP send to %s failed: %s", address, error)
             del batch[0]
         return True
+
+
+# -- batches -----------------------------------------------------------------------------------------------------------
+
+
+def batches(datagrams: Sequence[Datagram]) -> Iterator[tuple[list[bytes], Address]]:
+    """Group consecutive datagrams that may leave in one call: one address, one size, only the last may be shorter."""
+    start = 0
+    while start < len(datagrams):
+        first, address = datagrams[start]
+        size = total = len(first)
+        stop = start + 1
+        while stop < len(datagrams) and stop - start < MAX_SEGMENTS:
+            data, to = datagrams[stop]
+            if to != address or len(data) > size or total + len(data) > MAX_BATCH:
+                break
+            total += len(data)
+            stop += 1
+            if len(data) < size:
+                break
+        yield [data for data, _ in datagrams[start:stop]], address
+        start = stop
+
+
+def segment_size(batch: Sequence[bytes]) -> list[tuple[int, int, bytes]]:
+    """The control message with the segment size of a batch."""
+    return [(SOL_UDP, UDP_SEGMENT, struct.pack("=H", len(batch[0])))]
+
+
+# -- arrival -----------------------------------------------------------------------------------------------------------
+
+
+def ask_for_stamps(sock: socket.socket) -> None:
+    """Enable the kernel's timestamps, where available."""
+    with contextlib.suppress(OSError):
+        sock.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+
+
+def stamp_ns(ancillary: Sequence[tuple[int, int, bytes]]) -> int | None:
+    """The stamp in a datagram's control messages, in nanoseconds of the real-time clock."""
+    for level, kind, data in ancillary:
+        if (level, kind) == (socket.SOL_SOCKET, SO_TIMESTAMPNS) and len(data) == _TIMESPEC.size:
+            seconds, nanoseconds = _TIMESPEC.unpack(data)
+            return int(seconds) * 1_000_000_000 + int(nanoseconds)
+    return None
+
+
+def arrival(stamp: int | None, real_ns: int, now: float, empty_at: float) -> float:
+    """Arrival of a datagram, in seconds of the monotonic clock.
+
+    real_ns, now: the two clocks, read together. empty_at: when the socket was last seen empty, a lower bound for
+    anything read now, whatever steps the real-time clock has taken since.
+    """
+    if stamp is None:
+        return now
+    return min(now, max(empty_at, now - (real_ns - stamp) / 1e9))

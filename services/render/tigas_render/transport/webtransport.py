@@ -1,85 +1,29 @@
-"""WebTransport over HTTP/3: a session and its streams."""
+"""A stream of a WebTransport session: one request, and its answer."""
 
 from __future__ import annotations
 
 import asyncio
-import itertools
-from collections.abc import Callable, Sequence
-from typing import Protocol
-
-from aioquic.h3.connection import ErrorCode
+from collections.abc import Callable
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest, Overloaded, TigasError
 from tigas_common.parsing import MAX_BODY
-from tigas_render.frame import Client, Withdraw
-from tigas_render.transport.outlet import DatagramOutlet, Outlet
+from tigas_render.frame import Withdraw
+from tigas_render.transport.frames import Parts, RenderSession
+from tigas_render.transport.outlet import Outlet
 
 DRAFT_HEADER = (b"sec-webtransport-http3-draft", b"draft02")
 """The draft that browsers speak and expect in the answer."""
 CANCELLED = 0x52E4A40FA8DB
 """WebTransport's application error 0 as an HTTP/3 error code."""
 
-Parts = Sequence[bytes | memoryview]
-"""Bytes, one part after the other."""
-Answer = Callable[[Parts], None]
-"""Sends bytes and ends the stream. The parts are not needed any more when it returns."""
-
-_numbers = itertools.count(1)
-
-
-class SessionHandler(Protocol):
-    """Answers one session's client. None of this may wait."""
-
-    def check(self) -> None:
-        """Raises a TigasError if the client may not ask for anything now."""
-
-    def request(self, body: bytes, arrived: float, answer: Answer) -> Withdraw:
-        """Answer a request received on a bidirectional stream at a time of the monotonic clock.
-
-        `answer` is called once, unless the request is cancelled before, with the function returned here.
-        """
-
-    def failure(self, error: Exception, body: bytes) -> Parts:
-        """The answer to an otherwise unanswerable request; `body` is the error."""
-
-    def datagram(self, data: bytes, arrived: float) -> None:
-        """Take a datagram that arrived at a time of the monotonic clock."""
-
-    def stopped(self) -> None:
-        """The client does not get the complete answer: it has stopped reading, or is too slow."""
-
-    def closed(self) -> None:
-        """The session is over, and its streams are cancelled."""
-
-
-SessionFactory = Callable[[Client, DatagramOutlet], SessionHandler]
-"""Makes the handler of a new session, from its client, which no other session has, and its datagrams."""
-
-
-class WebTransportSession:
-    """One session, on the stream that opened it."""
-
-    def __init__(self, outlet: Outlet, datagrams: DatagramOutlet, address: str, make_handler: SessionFactory) -> None:
-        """address: the client's."""
-        self.handler = make_handler(Client(address, f"session {next(_numbers)}", "webtransport"), datagrams)
-        self._outlet = outlet
-        self._datagrams = datagrams
-
-    def close(self) -> None:
-        """End the session and its own stream."""
-        self.handler.closed()
-        self._datagrams.close()
-        self._outlet.end()
-        self._outlet.abort(ErrorCode.H3_NO_ERROR)
-
 
 class WebTransportStream:
-    """One bidirectional stream that the client opened: a request, and its answer."""
+    """A bidirectional stream that the client opened."""
 
     abort_code: int = CANCELLED
     task = None
 
-    def __init__(self, outlet: Outlet, session: WebTransportSession, overload: str | None = None) -> None:
+    def __init__(self, outlet: Outlet, session: RenderSession, overload: str | None = None) -> None:
         """overload: why the request is not taken, if it is not."""
         self.outlet = outlet
         self.session = session
@@ -98,7 +42,7 @@ class WebTransportStream:
         try:
             if self._overload is not None:
                 raise Overloaded(self._overload)
-            self.session.handler.check()  # without a look at the request
+            self.session.check()  # without a look at the request
         except TigasError as error:
             self._fail(error)
 
@@ -111,7 +55,7 @@ class WebTransportStream:
             self._fail(BodyTooLarge(f"The body has more than {MAX_BODY} bytes."))
         elif ended:
             self._read()
-            withdraw = self.session.handler.request(self._body, arrived, self._answer)
+            withdraw = self.session.request(self._body, arrived, self._answer)
             if self._ended is not None:
                 self._withdraw = withdraw
         elif self._timeout is None:
@@ -125,7 +69,7 @@ class WebTransportStream:
         if self._withdraw is not None:
             self._withdraw()
         elif self._is_answered:
-            self.session.handler.stopped()
+            self.session.stopped()
         self._end()
 
     def _read(self) -> None:
@@ -136,7 +80,7 @@ class WebTransportStream:
 
     def _fail(self, error: TigasError) -> None:
         self._read()
-        self._answer(self.session.handler.failure(error, self._body))
+        self._answer(self.session.failure(error, self._body))
 
     def _answer(self, parts: Parts) -> None:
         self._withdraw, self._is_answered = None, True
@@ -146,5 +90,5 @@ class WebTransportStream:
         ended, self._ended = self._ended, None
         if ended is not None:
             if self._is_answered and self.outlet.is_open:  # not all of it was handed over
-                self.session.handler.stopped()
+                self.session.stopped()
             ended()

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import httpx
+from prometheus_client import CollectorRegistry, generate_latest
+from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.parser import text_string_to_metric_families
+from prometheus_client.registry import Collector
+from pydantic import TypeAdapter
 from starlette.requests import Request
 from starlette.types import Receive, Scope, Send
 
 from tigas_common.errors import Overloaded, TigasError
 from tigas_common.origins import OriginPolicy
 from tigas_common.parsing import MAX_BODY
+from tigas_common.placement import merged_scene, merged_scenes
 from tigas_common.proxy import ask, hand_back, headers_of, refuse, unless
 from tigas_common.web import read_body
-from tigas_render.pipe.engines import Engines, RemoteEngine
-from tigas_render.workers import merging
+from tigas_common.wire.render import HostLoad, SceneInfo, Training
+from tigas_render.pipe.engines import Engines
+from tigas_render.pipe.remote_engine import RemoteEngine
 
 MAX_CONNECTIONS = 256
 AWAY = "The renderer is starting; try again in a second."
@@ -24,22 +32,21 @@ RETRY_S = 1.0
 CANNOT = (422, 503)
 """The statuses with which an engine refuses a scene that another may take."""
 
-Merge = Callable[[Sequence[merging.Part]], bytes]
+TRAININGS = ("running", "failed", "done", "idle")
+"""The states of a training, which only one engine knows, the ones that count first."""
+_SCENES = TypeAdapter(list[SceneInfo])
+
+Bodies = Mapping[str, bytes]
+"""The answers of engines, by name."""
+Merge = Callable[[Bodies], bytes]
 
 
-class EngineProxy:
-    """An ASGI application in front of one engine's, for bodies of up to MAX_BODY bytes."""
+class _EnginesApp(ABC):
+    """An ASGI application that engines answer, for bodies of up to MAX_BODY bytes."""
 
-    def __init__(self, path: Path, origins: OriginPolicy) -> None:
+    def __init__(self, origins: OriginPolicy) -> None:
         """origins: the pages that may read its own answers."""
-        self._transport = httpx.AsyncHTTPTransport(
-            uds=str(path), limits=httpx.Limits(max_connections=MAX_CONNECTIONS, keepalive_expiry=2.0)
-        )
         self._origins = origins
-
-    async def close(self) -> None:
-        """Close the connections."""
-        await self._transport.aclose()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         try:
@@ -49,51 +56,60 @@ class EngineProxy:
         else:
             await hand_back(answer, headers_of(answer), receive, send)
 
+    @abstractmethod
     async def ask(self, scope: Scope, body: bytes) -> httpx.Response:
-        """Return the engine's answer, for the caller to close. Raises Overloaded while there is no engine."""
+        """Return the answer, for the caller to close. Raises Overloaded while there is no engine."""
+
+
+class EngineProxy(_EnginesApp):
+    """In front of one engine's application."""
+
+    def __init__(self, path: Path, origins: OriginPolicy) -> None:
+        super().__init__(origins)
+        self._transport = httpx.AsyncHTTPTransport(
+            uds=str(path), limits=httpx.Limits(max_connections=MAX_CONNECTIONS, keepalive_expiry=2.0)
+        )
+
+    async def close(self) -> None:
+        """Close the connections."""
+        await self._transport.aclose()
+
+    async def ask(self, scope: Scope, body: bytes) -> httpx.Response:
         try:
             return await ask(self._transport, "http://engine/", scope, body)
         except httpx.TransportError as error:
             raise Overloaded(AWAY, RETRY_S) from error
 
 
-class Aggregate:
-    """An ASGI application in front of several engines': any of them answers, or their answers are merged."""
+class Aggregate(_EnginesApp):
+    """In front of several engines' applications: any of them answers, or their answers are merged."""
 
     def __init__(self, engines: Engines, proxies: Mapping[str, EngineProxy], origins: OriginPolicy) -> None:
-        """proxies: by engines' names; origins: the pages that may read its own answers."""
+        """proxies: by engines' names."""
+        super().__init__(origins)
         self._engines = engines
         self._proxies = proxies
-        self._origins = origins
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        try:
-            answer = await self._answer(scope, await read_body(Request(scope, receive), MAX_BODY))
-        except TigasError as error:
-            await refuse(error, self._origins, scope, receive, send)
-        else:
-            await hand_back(answer, headers_of(answer), receive, send)
-
-    async def _answer(self, scope: Scope, body: bytes) -> httpx.Response:
+    async def ask(self, scope: Scope, body: bytes) -> httpx.Response:
         match scope["method"], scope["path"].split("/")[1:]:
             case "GET", ["healthz"]:
                 answers = list((await self._all(scope, body)).values())
                 healthy = next((each for each in answers if each.is_success), answers[0])
                 return _with_body(healthy, healthy.content)
             case "GET" | "HEAD", ["metrics"]:
-                return await self._merged(scope, body, lambda parts: merging.metrics(parts, self._engines.all))
+                return await self._merged(scope, body, lambda bodies: merge_metrics(bodies, self._engines.all))
             case "GET" | "HEAD", ["api", "load"]:
-                return await self._merged(scope, body, merging.load)
+                return await self._merged(scope, body, merge_load)
             case "GET" | "HEAD", ["scenes"]:
-                return await self._merged(scope, body, merging.scenes)
+                return await self._merged(scope, body, merge_scenes)
             case "GET" | "HEAD", ["scenes", _]:
-                return await self._merged(scope, body, merging.scene)
+                return await self._merged(scope, body, merge_scene)
             case "GET" | "HEAD", ["scenes", _, "enhance"]:
-                return await self._merged(scope, body, merging.training)
+                return await self._merged(scope, body, merge_training)
             case "DELETE", ["scenes", _, "enhance"]:
-                return await self._merged(scope, body, merging.training, by_all=True)
+                return await self._merged(scope, body, merge_training, by_all=True)
             case "POST", ["scenes", _, "unload"]:
-                return await self._merged(scope, body, merging.scene, by_all=True)
+                return await self._merged(scope, body, merge_scene, by_all=True)
             case ("DELETE", ["scenes", _]) | ("POST", ["scenes", _, "rename"] | ["uploads", _, "scene"]):
                 return await self._change(scope, body)
             case "POST", ["scenes", scene, "enhance"]:
@@ -147,7 +163,7 @@ class Aggregate:
         refusals = [answer for answer in answers.values() if answer.status_code != 200]
         if refusals and (by_all or not done):
             return _with_body(refusals[0], refusals[0].content, is_head=is_head)
-        content = merge([merging.Part(name, answer.content) for name, answer in done.items()])
+        content = merge({name: answer.content for name, answer in done.items()})
         return _with_body(next(iter(done.values())), content, is_head=is_head)
 
     async def _change(self, scope: Scope, body: bytes) -> httpx.Response:
@@ -160,7 +176,7 @@ class Aggregate:
     async def _trainers(self, scope: Scope, scene: str) -> Sequence[RemoteEngine]:
         """Return the engine that trains a scene's networks already, else the scene's own engines."""
         engines = self._own(scene)
-        states = {name: merging.is_running(answer.content) for name, answer in (await self._all(
+        states = {name: is_running(answer.content) for name, answer in (await self._all(
             {**scope, "method": "GET"}, b""
         )).items() if answer.status_code == 200}  # fmt: skip
         return [engine for engine in engines if states.get(engine.name)] or engines
@@ -188,3 +204,76 @@ def _with_body(answer: httpx.Response, content: bytes, *, is_head: bool = False)
     headers = [each for each in answer.headers.raw if each[0].lower() not in (b"content-length", b"transfer-encoding")]
     headers.append((b"content-length", str(len(content)).encode()))
     return httpx.Response(answer.status_code, headers=headers, stream=httpx.ByteStream(b"" if is_head else content))
+
+
+# -- merging -----------------------------------------------------------------------------------------------------------
+
+
+def merge_scenes(bodies: Bodies) -> bytes:
+    """Merge lists of scenes."""
+    return _SCENES.dump_json(merged_scenes(_SCENES.validate_json(body) for body in bodies.values()))
+
+
+def merge_scene(bodies: Bodies) -> bytes:
+    """Merge descriptions of one scene."""
+    return merged_scene([SceneInfo.model_validate_json(body) for body in bodies.values()]).model_dump_json().encode()
+
+
+def merge_training(bodies: Bodies) -> bytes:
+    """Merge states of a scene's training."""
+    states = [Training.model_validate_json(body) for body in bodies.values()]
+    return min(states, key=lambda each: TRAININGS.index(each.state)).model_dump_json().encode()
+
+
+def is_running(body: bytes) -> bool:
+    """Whether a training runs."""
+    return Training.model_validate_json(body).state == "running"
+
+
+def merge_load(bodies: Bodies) -> bytes:
+    """Merge the load of the host: each engine knows all edges, but only its own scenes."""
+    loads = [HostLoad.model_validate_json(body) for body in bodies.values()]
+    loaded = tuple(sorted({scene for each in loads for scene in each.scenes}))
+    return loads[0].model_copy(update={"scenes": loaded}).model_dump_json().encode()
+
+
+def merge_metrics(bodies: Bodies, engines: Sequence[RemoteEngine]) -> bytes:
+    """Merge Prometheus' text format: metrics of engines get a label `device`, and those of edges appear once."""
+    registry = CollectorRegistry()
+    registry.register(_Metrics(bodies, engines))
+    return generate_latest(registry)
+
+
+class _Metrics(Collector):
+    def __init__(self, bodies: Bodies, engines: Sequence[RemoteEngine]) -> None:
+        self._bodies = bodies
+        self._engines = engines
+
+    def collect(self) -> Iterator[Metric]:
+        families: dict[str, Metric] = {}
+        for number, (engine, body) in enumerate(self._bodies.items()):
+            for family in text_string_to_metric_families(body.decode()):
+                together = families.setdefault(family.name, Metric(family.name, family.documentation, family.type))
+                for sample in family.samples:
+                    if "edge" not in sample.labels:
+                        labels = {**sample.labels, "device": engine}
+                        together.add_sample(sample.name, labels, sample.value, sample.timestamp, sample.exemplar)
+                    elif number == 0:
+                        together.samples.append(sample)
+        yield from families.values()
+        yield from self._devices()
+
+    def _devices(self) -> Iterator[Metric]:
+        up = GaugeMetricFamily("tigas_render_device_up", "Whether its engine runs", labels=["device"])
+        shares = GaugeMetricFamily(
+            "tigas_render_device_utilisation_ratio", "Share of the time at work, 0 to 1", labels=["device"]
+        )
+        ages = GaugeMetricFamily(
+            "tigas_render_device_queue_age_seconds", "How long a client waits for its turn", labels=["device"]
+        )
+        for engine in self._engines:
+            up.add_metric([engine.name], engine.pipe.is_connected)
+            if engine.pipe.is_connected:
+                shares.add_metric([engine.name], engine.utilisation)
+                ages.add_metric([engine.name], engine.age_s)
+        yield from (up, shares, ages)

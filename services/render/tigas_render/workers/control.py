@@ -45,40 +45,34 @@ class NewCertificate(_Message):
     """With its private key."""
 
 
-class EngineStart(_Message):
-    """The start of an engine."""
-
-    kind: Literal["engine"] = "engine"
+class _Start(_Message):
     name: str
     """As it appears in a sentence."""
     settings: RenderSettings
-    """With only its own device."""
+    """An engine's have only its own device."""
     number: int
     devices: tuple[str, ...]
-    """Of all engines, by number."""
+    """The names of the engines' devices, by number; no two are the same."""
     edges: int
-    """The number of edges that will connect."""
+    """The number of all edges."""
     directory: Path
     """The directory for the sockets of the engines, which only the user of the service may enter."""
-    http_port: int
-    https_port: int | None
-    quic_port: int | None
     certificate: NewCertificate
 
 
-class EdgeStart(_Message):
+class EngineStart(_Start):
+    """The start of an engine."""
+
+    kind: Literal["engine"] = "engine"
+    http_port: int
+    https_port: int | None
+    quic_port: int | None
+
+
+class EdgeStart(_Start):
     """The start of an edge. Sockets are file descriptors that it inherits."""
 
     kind: Literal["edge"] = "edge"
-    name: str
-    """As it appears in a sentence."""
-    settings: RenderSettings
-    devices: tuple[str, ...]
-    """The names of the engines' devices, by number; no two are the same."""
-    directory: Path
-    """As of EngineStart."""
-    number: int
-    edges: int
     http: int
     https: int | None
     quic: tuple[int, ...]
@@ -88,7 +82,6 @@ class EdgeStart(_Message):
     """The sockets to the inboxes of all edges."""
     others: tuple[int, ...]
     """The sockets of other edges, to be closed."""
-    certificate: NewCertificate
     reset_key: bytes
     retry_key: bytes
 

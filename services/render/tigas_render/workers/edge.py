@@ -24,10 +24,7 @@ from tigas_render.pipe.engines import Engines
 from tigas_render.server.frame_route import PATH, HttpFrames, frames_app
 from tigas_render.server.public_servers import public_servers
 from tigas_render.transport.certificate import Certificate
-from tigas_render.transport.cids import Edge
-from tigas_render.transport.relay import Relay
-from tigas_render.transport.share import Share
-from tigas_render.transport.tickets import TicketStore
+from tigas_render.transport.shared_port import Edge, Relay, Share, TicketStore
 from tigas_render.uploads.parts_route import PART, uploads_app
 from tigas_render.workers.aggregate import Aggregate, EngineProxy
 from tigas_render.workers.control import (

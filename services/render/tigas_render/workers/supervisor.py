@@ -17,8 +17,8 @@ from tigas_render.server.certificates import CertificateKeeper
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.certificate import Certificate
-from tigas_render.transport.retry import KEY_LENGTH
-from tigas_render.transport.tickets import TicketStore
+from tigas_render.transport.shared_port import TicketStore
+from tigas_render.transport.stateless import RETRY_KEY_LENGTH
 from tigas_render.workers.control import (
     EdgeStart,
     EngineStart,
@@ -30,8 +30,7 @@ from tigas_render.workers.control import (
     TicketTaken,
 )
 from tigas_render.workers.devices import names
-from tigas_render.workers.standby import Standby
-from tigas_render.workers.worker import Worker, WorkerProcess
+from tigas_render.workers.worker import Standby, Worker, WorkerProcess
 
 DIRECTORY = "tigas-render-"
 """The prefix of the directory with the engines' sockets."""
@@ -74,7 +73,7 @@ class Supervisor:
         self._sockets = sockets
         self._directory = directory
         self._reset_key = kept_key(settings.cache / "stateless-reset.key")
-        self._retry_key = os.urandom(KEY_LENGTH)
+        self._retry_key = os.urandom(RETRY_KEY_LENGTH)
         self._tickets = TicketStore()
         self._announcement: tuple[str, ...] = ()
         """From an engine, to be printed once all serve."""

@@ -1,8 +1,9 @@
-"""A worker process as its supervisor sees it: started, supervised, and connected by a channel."""
+"""Worker processes as their supervisor sees them: started, supervised, connected by a channel, and in reserve."""
 
 from __future__ import annotations
 
 import asyncio
+import logging
 import signal
 import socket
 import sys
@@ -16,8 +17,12 @@ from tigas_common.errors import StartError
 from tigas_common.processes import BackOff, Supervised, how_it_ended
 from tigas_render.workers.control import Channel, Failed, Loaded, Message, Ready
 
+logger = logging.getLogger(__name__)
+
 RARE_S, RAREST_S = 15.0, 900.0
 """The first and the longest delay, doubled each time, before a restart of a failing worker while others replace it."""
+STANDBY_PAUSE_S = 2.0
+"""Seconds between the use of a standby and the start of the next one: returning viewers come first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,6 +171,59 @@ class Worker(Supervised):
             f"The {self.name} has ended {BackOff.ENDS} times within {BackOff.WINDOW_S:g} s, the last time with "
             f"{how_it_ended(status)}.{reason}"
         )
+
+
+class Standby:
+    """A standby edge, which replaces one that has ended: starting Python takes seconds on a busy machine."""
+
+    def __init__(self, inherited: Sequence[int]) -> None:
+        """inherited: the file descriptors of all edges."""
+        self._inherited = inherited
+        self._own: asyncio.Task[WorkerProcess] | None = None
+        """The process until it is used."""
+        self._waiting: WorkerProcess | None = None
+        """The same once it is loaded, and waits for its first message."""
+        self._used = asyncio.Event()
+
+    async def take(self) -> WorkerProcess:
+        """Return a process for an edge: the waiting one, or a new one."""
+        waiting, self._waiting = self._waiting, None
+        if waiting is not None:
+            self._own = None
+            self._used.set()
+            if waiting.process.returncode is None:
+                return waiting
+            await waiting.channel.close()
+        return await WorkerProcess.start("edge", self._inherited)
+
+    async def keep(self) -> None:
+        """Keep one waiting until cancelled. Then call `end`."""
+        while True:
+            self._own = asyncio.create_task(WorkerProcess.start("standby_edge", self._inherited))
+            try:
+                launched = await asyncio.shield(self._own)
+            except OSError as error:  # such as a fork for which there was no memory
+                self._own = None
+                logger.warning("No spare edge could be started: %s", error)
+                await asyncio.sleep(STANDBY_PAUSE_S)
+                continue
+            if await anext(aiter(launched.channel), None) is not None:  # its `Loaded`
+                self._used.clear()
+                self._waiting = launched
+                await self._used.wait()
+            else:
+                await launched.channel.close()
+            await asyncio.sleep(STANDBY_PAUSE_S)
+
+    async def end(self) -> None:
+        """Kill it, since it has no work to finish."""
+        if self._own is None:
+            return
+        with suppress(OSError):  # it was about to start, and could not
+            launched = await self._own
+            launched.signal(signal.SIGKILL)
+            await launched.process.wait()
+            await launched.channel.close()
 
 
 def _warn(line: str) -> None:

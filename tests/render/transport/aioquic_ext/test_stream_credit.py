@@ -7,7 +7,7 @@ import pytest
 from tests.render.transport import simulated
 from tests.render.transport.simulated import Simulation
 from tigas_common.limits import RateLimit
-from tigas_render.transport.aioquic_ext.stream_credit import LEAST, MOST, stream_window
+from tigas_render.transport.aioquic_ext.quic import MAX_STREAMS, MIN_STREAMS, stream_window
 
 
 @pytest.mark.parametrize(("round_trip_s", "rate"), [(0.002, 120), (0.04, 120), (0.3, 60)])
@@ -90,5 +90,5 @@ def test_a_client_that_waits_for_credit_gets_it_by_itself() -> None:
 
 
 def test_the_window_follows_the_round_trip() -> None:
-    assert stream_window(0.0) == stream_window(0.01) == LEAST
-    assert LEAST < stream_window(0.1) < stream_window(0.2) < stream_window(10.0) == MOST
+    assert stream_window(0.0) == stream_window(0.01) == MIN_STREAMS
+    assert MIN_STREAMS < stream_window(0.1) < stream_window(0.2) < stream_window(10.0) == MAX_STREAMS

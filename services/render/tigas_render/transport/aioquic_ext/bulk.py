@@ -11,16 +11,16 @@ from typing import Any
 
 from aioquic._buffer import Buffer
 from aioquic.quic.connection import END_STATES, QuicNetworkPath
-from aioquic.quic.packet import PACKET_FIXED_BIT, QuicFrameType, QuicPacketType
-from aioquic.quic.packet_builder import PACKET_NUMBER_SEND_SIZE, QuicDeliveryHandler, QuicPacketBuilder, QuicSentPacket
+from aioquic.quic.packet import PACKET_FIXED_BIT, QuicFrameType
+from aioquic.quic.packet_builder import PACKET_NUMBER_SEND_SIZE, QuicDeliveryHandler, QuicPacketBuilder
 from aioquic.quic.stream import QuicStream, QuicStreamSender
 from aioquic.tls import Epoch
 
-from tigas_render.transport.aioquic_ext.pacing import TickPacer
+from tigas_render.transport.aioquic_ext.congestion import TickPacer
 from tigas_render.transport.aioquic_ext.protection import seal
 from tigas_render.transport.aioquic_ext.receiving import ReceivingQuicConnection
 from tigas_render.transport.aioquic_ext.recovery import BatchRecovery, StreamPacket
-from tigas_render.transport.gso import Datagram
+from tigas_render.transport.udp import Datagram
 
 SHORT_HEADER = 1 + PACKET_NUMBER_SEND_SIZE + 16
 """Bytes of a 1-RTT packet around its frames, without the connection id: first byte, packet number, AEAD tag."""
@@ -258,19 +258,10 @@ class BulkQuicConnection(ReceivingQuicConnection):
             self._loss.on_stream_packets_sent(packets, space)
         else:
             assert preamble is not None
-            packet = QuicSentPacket(
-                epoch=Epoch.ONE_RTT,
-                in_flight=preamble.asks_for_ack,
-                is_ack_eliciting=preamble.asks_for_ack,
-                is_crypto_packet=False,
-                packet_number=number,
-                packet_type=QuicPacketType.ONE_RTT,
-                sent_time=now,
-                sent_bytes=len(datagrams[0]),
-                delivery_handlers=handlers,
+            self._loss.on_other_packet_sent(
+                number, now, len(datagrams[0]), handlers, space, is_ack_eliciting=preamble.asks_for_ack
             )
-            self._loss.on_packet_sent(packet=packet, space=space)
-        if not self._ack_eliciting_sent_since_receipt and (pieces or packet.is_ack_eliciting):
+        if not self._ack_eliciting_sent_since_receipt and (preamble is None or pieces or preamble.asks_for_ack):
             self._close_at = now + self._idle_timeout()
             self._ack_eliciting_sent_since_receipt = True
         path.bytes_sent += sum(map(len, datagrams))

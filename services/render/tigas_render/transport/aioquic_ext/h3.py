@@ -5,7 +5,6 @@ from __future__ import annotations
 from contextlib import suppress
 
 from aioquic._buffer import Buffer, BufferReadError
-from aioquic.buffer import encode_uint_var
 from aioquic.h3.connection import ErrorCode, FrameType, H3Connection, H3Stream, ProtocolError, Setting
 from aioquic.h3.events import H3Event, Headers, WebTransportStreamDataReceived
 from aioquic.quic.events import QuicEvent, StreamDataReceived
@@ -76,12 +75,6 @@ class ServerH3Connection(H3Connection):
                 data = event.data[2 + buffer.tell() :]
                 return [WebTransportStreamDataReceived(data, event.stream_id, True, session_id)]
         return super().handle_event(event)
-
-    def send_body(self, stream_id: int, data: memoryview) -> None:
-        """As `send_data`, which copies all twice."""
-        header = encode_uint_var(FrameType.DATA) + encode_uint_var(len(data))
-        self._quic.send_stream_data(stream_id, header)
-        self._quic.send_stream_data(stream_id, data)  # type: ignore[arg-type]  # any buffer
 
     def finished(self, stream_id: int) -> None:
         """Forget a stream that was ended below HTTP/3, as WebTransport's are; aioquic would keep its state."""

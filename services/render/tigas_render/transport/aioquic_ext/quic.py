@@ -9,16 +9,15 @@ from typing import Any
 
 from aioquic.quic.configuration import SMALLEST_MAX_DATAGRAM_SIZE
 from aioquic.quic.connection import MAX_STREAM_DATA_FRAME_CAPACITY, Limit
-from aioquic.quic.packet import QuicFrameType, QuicPacketType
-from aioquic.quic.packet_builder import QuicDeliveryState, QuicPacketBuilder, QuicSentPacket
+from aioquic.quic.packet import QuicFrameType
+from aioquic.quic.packet_builder import QuicDeliveryState, QuicPacketBuilder
 from aioquic.quic.recovery import QuicPacketSpace
 from aioquic.quic.stream import QuicStream
 from aioquic.tls import Epoch
 
 from tigas_render.transport.aioquic_ext.bulk import SHORT_HEADER, BulkQuicConnection
-from tigas_render.transport.aioquic_ext.stream_credit import StreamCredit
-from tigas_render.transport.cids import Edge
-from tigas_render.transport.gso import Datagram
+from tigas_render.transport.shared_port import Edge
+from tigas_render.transport.udp import Datagram
 
 DATAGRAM_HEADER = 1 + 2
 """Bytes of a DATAGRAM frame before its data: type and length."""
@@ -28,6 +27,44 @@ AWAY_S = 5.0
 """Seconds of silence after which a client with pending acknowledgements counts as lost."""
 RAISE_S = 60.0
 """Seconds after which the full size is tried again."""
+
+REQUESTS_PER_S = 120.0
+"""Of a viewer with a fast display."""
+SERVICE_S = 0.1
+"""Until a request is answered, and the client acknowledges that, in seconds."""
+MIN_STREAMS, MAX_STREAMS = 16, 128
+
+
+def stream_window(round_trip_s: float) -> int:
+    """Streams that a client may have open at a time: enough to send a request at any time, and not hundreds.
+
+    A stream counts from its first packet until both sides have finished it and the client has acknowledged the whole
+    answer; the next MAX_STREAMS frame takes as long again to arrive, and is delayed until half of the credit is used,
+    to be worth a frame. That makes three round trips, plus the server's time and a delayed acknowledgement.
+    """
+    return max(MIN_STREAMS, min(MAX_STREAMS, math.ceil(REQUESTS_PER_S * (3 * round_trip_s + SERVICE_S))))
+
+
+class StreamCredit(Limit):
+    """aioquic's limit, which grows by one with each finished stream, and with the round trip. It never shrinks below
+    the announced value.
+    """
+
+    def __init__(self, limit: Limit, round_trip_s: Callable[[], float]) -> None:
+        """limit: aioquic's own, which this replaces."""
+        self.frame_type, self.name = limit.frame_type, limit.name
+        self.used = self._finished = 0
+        self._round_trip_s = round_trip_s
+        self.sent = stream_window(0.0)
+
+    @property
+    def value(self) -> int:
+        """How many streams the client may have opened in all."""
+        return max(self.sent, self._finished + stream_window(self._round_trip_s()))
+
+    @value.setter
+    def value(self, value: int) -> None:
+        self._finished += value - self.value
 
 
 class ServerQuicConnection(BulkQuicConnection):
@@ -230,18 +267,14 @@ class ServerQuicConnection(BulkQuicConnection):
         size = self._configuration.max_datagram_size
         payload = bytes([QuicFrameType.PING]).ljust(size - SHORT_HEADER - len(self._peer_cid.cid), b"\0")
         number, (datagram,) = self._seal([payload])
-        packet = QuicSentPacket(
-            epoch=Epoch.ONE_RTT,
-            in_flight=False,
+        self._loss.on_other_packet_sent(
+            number,
+            now,
+            size,
+            [(self._on_probe_delivery, ())],
+            self._spaces[Epoch.ONE_RTT],
             is_ack_eliciting=False,
-            is_crypto_packet=False,
-            packet_number=number,
-            packet_type=QuicPacketType.ONE_RTT,
-            sent_time=now,
-            sent_bytes=size,
-            delivery_handlers=[(self._on_probe_delivery, ())],
         )
-        self._loss.on_packet_sent(packet=packet, space=self._spaces[Epoch.ONE_RTT])
         return datagram, self._network_paths[0].addr
 
     def _on_probe_delivery(self, delivery: QuicDeliveryState) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 from aioquic.quic.packet import QuicPacketType
 from aioquic.quic.packet_builder import QuicDeliveryHandler, QuicDeliveryState, QuicSentPacket
@@ -14,46 +15,34 @@ from aioquic.quic.recovery import QuicPacketRecovery, QuicPacketSpace
 from aioquic.quic.stream import QuicStreamSender
 from aioquic.tls import Epoch
 
-from tigas_render.transport.congestion import LimitedReno
+from tigas_render.transport.aioquic_ext.congestion import LimitedReno
 
 Handlers = Sequence[tuple[QuicDeliveryHandler, Any]]
 
 
+@dataclass(slots=True, eq=False)
 class StreamPacket:
     """A packet of one stream's data on its way, as aioquic's QuicSentPacket."""
 
-    __slots__ = ("fin", "others", "packet_number", "sender", "sent_bytes", "sent_time", "start", "stop")
+    epoch: ClassVar = Epoch.ONE_RTT
+    in_flight: ClassVar = True
+    is_ack_eliciting: ClassVar = True
+    is_crypto_packet: ClassVar = False
+    packet_type: ClassVar = QuicPacketType.ONE_RTT
 
-    epoch = Epoch.ONE_RTT
-    in_flight = True
-    is_ack_eliciting = True
-    is_crypto_packet = False
-    packet_type = QuicPacketType.ONE_RTT
-
-    def __init__(
-        self,
-        packet_number: int,
-        sent_time: float,
-        sent_bytes: int,
-        sender: QuicStreamSender,
-        start: int,
-        stop: int,
-        fin: bool,
-        others: Handlers = (),
-    ) -> None:
-        """start, stop: its part of the stream. others: delivery handlers of its other frames."""
-        self.packet_number = packet_number
-        self.sent_time = sent_time
-        self.sent_bytes = sent_bytes
-        self.sender = sender
-        self.start = start
-        self.stop = stop
-        self.fin = fin
-        self.others = others
+    packet_number: int
+    sent_time: float
+    sent_bytes: int
+    sender: QuicStreamSender
+    start: int
+    """Of its part of the stream."""
+    stop: int
+    fin: bool
+    others: Handlers = ()
+    """Delivery handlers of its other frames."""
 
     @property
     def delivery_handlers(self) -> Handlers:
-        """Its delivery handlers."""
         return (*self.others, (self.sender.on_data_delivery, (self.start, self.stop, self.fin)))
 
 
@@ -86,6 +75,23 @@ class BatchRecovery(QuicPacketRecovery):
         space.ack_eliciting_in_flight += len(packets)
         self._time_of_last_sent_ack_eliciting_packet = packets[-1].sent_time
         self._cc.on_packets_sent(packets)  # type: ignore[arg-type]
+
+    def on_other_packet_sent(
+        self, number: int, now: float, size: int, handlers: Handlers, space: QuicPacketSpace, *, is_ack_eliciting: bool
+    ) -> None:
+        """Like `on_packet_sent` for a packet without stream data, in flight only if it elicits an acknowledgement."""
+        packet = QuicSentPacket(
+            epoch=Epoch.ONE_RTT,
+            in_flight=is_ack_eliciting,
+            is_ack_eliciting=is_ack_eliciting,
+            is_crypto_packet=False,
+            packet_number=number,
+            packet_type=QuicPacketType.ONE_RTT,
+            sent_time=now,
+            sent_bytes=size,
+            delivery_handlers=list(handlers),
+        )
+        self.on_packet_sent(packet=packet, space=space)
 
     def on_ack_received(self, *, ack_rangeset: RangeSet, ack_delay: float, now: float, space: QuicPacketSpace) -> None:
         """As aioquic's, which only gets to see the newest packets: from them it learns the round trip."""

@@ -1,0 +1,125 @@
+"""One engine, as an edge knows it: how much it has to do, and which scenes it has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from tigas_common.errors import BrokenScene, DeviceLost, NoRoom, OutOfDeviceMemory
+from tigas_common.placement import Candidate
+from tigas_common.wire.render import RenderRequest
+from tigas_render.frame import Client, Frame
+from tigas_render.pipe.client import PipeClient
+
+SMOOTHING: Final = 0.2
+"""Weight of the newest report in the mean: at ten per second, half a second's memory."""
+BUSY_FROM, BUSY_UNTIL = 0.85, 0.65
+"""Utilisation from which on an engine is pressed, and under which it is no more."""
+LATE_FROM, LATE_UNTIL = 0.06, 0.03
+"""The same for how long a client waits for its turn, in seconds."""
+NEAR_FROM: Final = 0.6
+"""Utilisation from which on it may soon be pressed."""
+EASY_UNTIL: Final = 0.4
+"""Utilisation under which it could do as much again."""
+
+REFUSED_S: Final = 30.0
+"""Seconds for which a device without room for a scene is not asked for it again, if another can be."""
+WARM_S: Final = 60.0
+"""Seconds for which a device that answered with a scene's frame counts as having it loaded."""
+WARMING: Final = Client("engines", "warming")
+"""Client of frames that only load a scene."""
+
+REFUSALS: Final = (BrokenScene, NoRoom, OutOfDeviceMemory)
+"""Of an engine that cannot have the scene, though another may."""
+
+
+class Pressure:
+    """Whether an engine has as much to do as it can."""
+
+    def __init__(self) -> None:
+        self.pressed = False
+        self._utilisation = self._age_s = 0.0
+
+    @property
+    def is_near(self) -> bool:
+        """Whether it is pressed, or soon may be."""
+        return self.pressed or self._utilisation >= NEAR_FROM
+
+    @property
+    def at_ease(self) -> bool:
+        """Whether it could do as much again."""
+        return not self.pressed and self._utilisation < EASY_UNTIL
+
+    def heard(self, age_s: float, utilisation: float) -> None:
+        """Note the age of its queue, in seconds, and its utilisation, 0 to 1, about ten times per second."""
+        self._age_s += SMOOTHING * (age_s - self._age_s)
+        self._utilisation += SMOOTHING * (utilisation - self._utilisation)
+        if self._utilisation >= BUSY_FROM or self._age_s >= LATE_FROM:
+            self.pressed = True
+        elif self._utilisation < BUSY_UNTIL and self._age_s < LATE_UNTIL:
+            self.pressed = False
+
+
+class RemoteEngine:
+    """An engine behind a pipe."""
+
+    def __init__(self, name: str, pipe: PipeClient, clock: Callable[[], float]) -> None:
+        self.name = name
+        self.pipe = pipe
+        self.candidate = Candidate(name)
+        self.pressure = Pressure()
+        self.age_s = self.utilisation = 0.0
+        self.heard_at = 0.0
+        self._clock = clock
+        self._warm: dict[str, float] = {}
+        """When it had a frame of each scene last."""
+        self._warming: set[str] = set()
+        self._refused: dict[str, float] = {}
+        """Times until which it is not asked for a scene again."""
+        self._connection = 0
+        """The number of the connection for which all this is true."""
+
+    def heard(self, age_s: float, utilisation: float) -> None:
+        """Take a report of its load, as `Pressure.heard`."""
+        self.heard_at = self._clock()
+        self.age_s, self.utilisation = age_s, utilisation
+        self.pressure.heard(age_s, utilisation)
+        self.candidate = Candidate(self.name, self.pressure.pressed, self.pressure.at_ease)
+
+    def refuses(self, scene: str) -> bool:
+        """Whether it could not have the scene a short time ago."""
+        return bool(self._refused) and self._refused.get(scene, 0.0) > self._clock()
+
+    def is_warm(self, scene: str) -> bool:
+        """Whether it has the scene loaded, as far as it is known."""
+        at = self._warm.get(scene)
+        return at is not None and self._connection == self.pipe.connections and self._clock() - at < WARM_S
+
+    def warm_up(self, request: RenderRequest) -> None:
+        """Request a frame on no viewer's behalf, unless it has the request's scene loaded."""
+        scene = request.scene
+        if scene in self._warming or self.is_warm(scene):
+            return
+        self._warming.add(scene)
+
+        def answered(answer: Frame | Exception) -> None:
+            self._warming.discard(scene)
+            self.note(scene, answer)
+            if isinstance(answer, Frame):
+                answer.release()
+
+        patient = request.model_copy(update={"deadline_ms": None, "format": "jpeg", "video": None})
+        self.pipe.request(WARMING, patient, self._clock(), answered)
+
+    def note(self, scene: str, answer: Frame | Exception) -> None:
+        """Record an answer's information on the engine and the scene."""
+        if isinstance(answer, Frame):
+            if self._connection != self.pipe.connections:
+                self._warm.clear()
+                self._connection = self.pipe.connections
+            self._warm[scene] = self._clock()
+        elif isinstance(answer, REFUSALS):
+            self._warm.pop(scene, None)
+            self._refused[scene] = self._clock() + REFUSED_S
+        elif isinstance(answer, DeviceLost):
+            self.pipe.give_up(answer.detail)

@@ -1,0 +1,130 @@
+"""Answers to packets without a connection, and the tokens in them; none leaves any state."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import os
+import struct
+
+from aioquic.quic.configuration import SMALLEST_MAX_DATAGRAM_SIZE
+from aioquic.quic.crypto import CryptoPair
+from aioquic.quic.packet import QuicErrorCode, QuicFrameType, QuicHeader, QuicPacketType, encode_quic_retry
+from aioquic.quic.packet_builder import QuicPacketBuilder
+from cryptography.exceptions import InvalidTag
+from cryptography.hazmat.primitives.ciphers.aead import AESGCM
+
+from tigas_render.transport.udp import Address
+
+RETRY_TOKEN_S = 10.0
+"""Seconds for a client to return."""
+RETRY_CID_LENGTH = 8
+RETRY_KEY_LENGTH = 16
+NONCE_LENGTH = 12
+
+RESET_TOKEN_LENGTH = 16
+MIN_RESET = 5 + RESET_TOKEN_LENGTH
+"""Bytes of the shortest reset: it looks like a packet with a short header."""
+MAX_RESET = 43
+"""Maximum length; more has no benefit."""
+RESETS_PER_S = 100
+
+
+class Retries:
+    """Retry packets (RFC 9000, 8.1.2), whose tokens prove that a client receives at the address that it sends from.
+
+    A server that a flood of first packets keeps busy asks for one before it spends memory on a handshake. Servers with
+    the same key accept each other's.
+    """
+
+    def __init__(self, key: bytes | None = None) -> None:
+        """key: of RETRY_KEY_LENGTH bytes; a new one by default."""
+        self._aead = AESGCM(key or os.urandom(RETRY_KEY_LENGTH))
+
+    def packet(self, header: QuicHeader, address: Address, now: float) -> bytes:
+        """The answer to the first packet with this header."""
+        source_cid = os.urandom(RETRY_CID_LENGTH)
+        return encode_quic_retry(
+            version=header.version or 0,
+            source_cid=source_cid,
+            destination_cid=header.source_cid,
+            original_destination_cid=header.destination_cid,
+            retry_token=self.token(address, header.destination_cid, source_cid, now),
+        )
+
+    def token(self, address: Address, original_cid: bytes, retry_cid: bytes, now: float) -> bytes:
+        """A token for one client's next first packet."""
+        nonce = os.urandom(NONCE_LENGTH)
+        return nonce + self._aead.encrypt(nonce, struct.pack("!d", now) + original_cid, _bound(address, retry_cid))
+
+    def validate(self, token: bytes, address: Address, retry_cid: bytes, now: float) -> bytes | None:
+        """The connection id that the client chose at first, or None if the token is not for it or too old."""
+        try:
+            content = self._aead.decrypt(token[:NONCE_LENGTH], token[NONCE_LENGTH:], _bound(address, retry_cid))
+        except (InvalidTag, ValueError):
+            return None
+        (made,) = struct.unpack_from("!d", content)
+        return content[8:] if 0 <= now - made <= RETRY_TOKEN_S else None
+
+
+def _bound(address: Address, retry_cid: bytes) -> bytes:
+    return repr(address[:2]).encode() + b"|" + retry_cid
+
+
+class StatelessResets:
+    """Resets (RFC 9000, 10.3), by which a restarted server tells its earlier clients that their connections are lost.
+
+    Without one, a client keeps sending until its idle timeout. The tokens are derived from the key, the port and the
+    connection id; the port is included so that two servers with one key cannot end each other's connections.
+    """
+
+    def __init__(self, key: bytes, port: int) -> None:
+        self._key = hashlib.sha256(key + port.to_bytes(2, "big")).digest()
+        self._second = 0
+        self._sent = 0
+
+    def token(self, cid: bytes) -> bytes:
+        """Proof that a reset of the connection with this id comes from the server."""
+        return hmac.digest(self._key, cid, "sha256")[:RESET_TOKEN_LENGTH]
+
+    def packet(self, size: int, cid: bytes, now: float) -> bytes | None:
+        """The answer to a packet of `size` bytes for an unknown connection; None if there have been too many.
+
+        It is shorter than that packet, so that two endpoints that do not know each other fall silent.
+        """
+        length = min(size - 1, MAX_RESET)
+        if length < MIN_RESET:
+            return None
+        if int(now) != self._second:
+            self._second, self._sent = int(now), 0
+        if self._sent >= RESETS_PER_S:
+            return None
+        self._sent += 1
+        filling = bytearray(os.urandom(length - RESET_TOKEN_LENGTH))
+        filling[0] = 0x40 | filling[0] & 0x3F
+        return bytes(filling) + self.token(cid)
+
+
+def refusal(header: QuicHeader, reason: str) -> bytes:
+    """The Initial packet that refuses a connection, with CONNECTION_REFUSED and a short reason (RFC 9000, 5.2.2).
+
+    It is far smaller than the first packet, which has this header.
+    """
+    version, text = header.version, reason.encode()
+    assert version is not None
+    crypto = CryptoPair()
+    crypto.setup_initial(cid=header.destination_cid, is_client=False, version=version)
+    builder = QuicPacketBuilder(
+        host_cid=os.urandom(len(header.destination_cid)),
+        peer_cid=header.source_cid,
+        version=version,
+        is_client=False,
+        max_datagram_size=SMALLEST_MAX_DATAGRAM_SIZE,
+    )
+    builder.start_packet(QuicPacketType.INITIAL, crypto)
+    frame = builder.start_frame(QuicFrameType.TRANSPORT_CLOSE, capacity=1 + 8 + 1 + 2 + len(text))
+    for number in (QuicErrorCode.CONNECTION_REFUSED, QuicFrameType.PADDING, len(text)):
+        frame.push_uint_var(number)
+    frame.push_bytes(text)
+    [datagram], _ = builder.flush()
+    return datagram
