@@ -11,7 +11,7 @@ from urllib.parse import unquote
 
 from starlette.types import ASGIApp, Message
 
-from tests.fuzz.sentences import assert_sentence
+from tests.fuzz.fuzzers import assert_sentence
 from tigas_common.wire.render import Problem
 
 LONGEST_S = 30

@@ -15,9 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.fuzz.byte_edits import edited
-from tests.fuzz.corpus import found
-from tests.fuzz.effort import effort
-from tests.fuzz.sentences import assert_sentence
+from tests.fuzz.fuzzers import assert_sentence, effort, found
 from tigas_common.errors import StartError
 from tigas_experiments.report.archive import unpack as unpack_runs
 from tigas_shaper.traces.fetch import FetchError

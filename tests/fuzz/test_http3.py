@@ -25,8 +25,7 @@ from starlette.types import Receive, Scope, Send
 
 from tests.fuzz.asgi import LONGEST_S, opened
 from tests.fuzz.byte_edits import chunked, edited
-from tests.fuzz.corpus import found
-from tests.fuzz.effort import effort
+from tests.fuzz.fuzzers import effort, found
 from tests.render.transport.client import CERTIFICATE, Client, FakeFrames, connect, request_body
 from tigas.http3 import Response
 from tigas_render.admission.limits import Limits

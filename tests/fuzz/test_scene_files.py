@@ -13,10 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.fuzz.byte_edits import edited
-from tests.fuzz.corpus import found
-from tests.fuzz.effort import effort
+from tests.fuzz.fuzzers import assert_sentence, effort, found
 from tests.fuzz.json_texts import bodies
-from tests.fuzz.sentences import assert_sentence
 from tests.fuzz.wire_examples import EXAMPLES
 from tests.render.scenes import made_up, plys
 from tests.render.scenes import test_streamed_sog as streamed

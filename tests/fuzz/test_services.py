@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from tests.every_service import SERVICES
 from tests.fuzz.asgi import HOST, Answer, ask, assert_answered, opened
 from tests.fuzz.byte_edits import chunked
-from tests.fuzz.corpus import found
-from tests.fuzz.effort import effort
+from tests.fuzz.fuzzers import effort, found
 from tests.fuzz.json_texts import bodies, dumps
 from tests.fuzz.targets import METHODS, headers, paths
 from tests.fuzz.test_traces import files as trace_files

@@ -9,10 +9,8 @@ from typing import Any
 import pytest
 from hypothesis import given
 
-from tests.fuzz.corpus import found
-from tests.fuzz.effort import effort
+from tests.fuzz.fuzzers import assert_sentence, effort, found
 from tests.fuzz.json_texts import bodies, dumps
-from tests.fuzz.sentences import assert_sentence
 from tests.fuzz.wire_examples import EXAMPLES
 from tigas_common.errors import BodyTooLarge, InvalidRequest
 from tigas_common.parsing import MAX_BODY, parse
