@@ -75,9 +75,10 @@ def server() -> Iterator[ThreadingHTTPServer]:
 
 
 @pytest.fixture
-def options(server: ThreadingHTTPServer, tmp_path: Path) -> list[str]:
+def options(server: ThreadingHTTPServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     (tmp_path / "garden").mkdir()
-    return ["--scenes", str(tmp_path), "--render", f"http://127.0.0.1:{server.server_port}", "--device", "cpu"]
+    monkeypatch.setenv("TIGAS_RENDER_SCENES", str(tmp_path))
+    return ["--render", f"http://127.0.0.1:{server.server_port}", "--device", "cpu"]
 
 
 def run(*arguments: str) -> tuple[int, str]:

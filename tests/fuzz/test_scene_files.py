@@ -13,10 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.fuzz.byte_edits import edited
-from tests.fuzz.corpus import found
-from tests.fuzz.effort import effort
+from tests.fuzz.fuzzers import assert_sentence, effort, found
 from tests.fuzz.json_texts import bodies
-from tests.fuzz.sentences import assert_sentence
 from tests.fuzz.wire_examples import EXAMPLES
 from tests.render.scenes import made_up, plys
 from tests.render.scenes import test_streamed_sog as streamed
@@ -80,15 +78,10 @@ def absurd_gaussians(draw: st.DrawFn) -> bytes:
 
 
 @effort(150)
-@given(files | absurd_gaussians())
+@given(content=files | absurd_gaussians())
+@found("ply", content=bytes)
 def test_any_ply_loads_or_is_broken(content: bytes) -> None:
     assert_loads_or_is_broken(content)
-
-
-@found("ply")
-def test_a_ply_that_was_found_loads_or_is_broken(content: bytes) -> None:
-    assert_loads_or_is_broken(content)
-    assert_no_other_is_broken(b"{}", content)
 
 
 @pytest.mark.filterwarnings("ignore:Generating overly large repr")
@@ -129,13 +122,9 @@ def assert_file_loads_or_is_broken(path: Path) -> None:
 
 
 @effort(100)
-@given(bodies(SceneMetadata, EXAMPLES[SceneMetadata]), files)
+@given(description=bodies(SceneMetadata, EXAMPLES[SceneMetadata]), content=files)
+@found("ply", description=lambda _: b"{}", content=bytes)
 def test_a_broken_scene_takes_no_other_with_it(description: bytes, content: bytes) -> None:
-    assert_no_other_is_broken(description, content)
-
-
-def assert_no_other_is_broken(description: bytes, content: bytes) -> None:
-    """A scan finds the scene, and a valid one next to it."""
     with tempfile.TemporaryDirectory() as folder:
         models = Path(folder)
         plys.write(models / "odd" / "scene.json", description)
@@ -151,18 +140,9 @@ def assert_no_other_is_broken(description: bytes, content: bytes) -> None:
 
 
 @effort(100)
-@given(bodies(SceneMetadata, EXAMPLES[SceneMetadata]))
+@given(description=bodies(SceneMetadata, EXAMPLES[SceneMetadata]))
+@found("scene-json", description=bytes)
 def test_whatever_a_description_says_there_is_a_view_to_begin_with(description: bytes) -> None:
-    assert_view(description)
-
-
-@found("scene-json")
-def test_a_description_that_was_found_gives_a_view(content: bytes) -> None:
-    assert_view(content)
-
-
-def assert_view(description: bytes) -> None:
-    """A scene with this scene.json is broken, or has a camera to begin with."""
     with tempfile.TemporaryDirectory() as folder:
         models = Path(folder)
         plys.write(models / "scene" / "scene.json", description)

@@ -155,10 +155,11 @@ class Store(_Service):
 
     announces = r"Experiments in .* on (http://\S+)/"
 
-    def __init__(self, *arguments: str, movements: Path | None = None) -> None:
-        super().__init__(
-            "store", *arguments, environment={"TIGAS_STORE_MOVEMENTS": str(movements)} if movements else None
-        )
+    def __init__(self, *arguments: str, **settings: object) -> None:
+        environment = {
+            f"TIGAS_STORE_{name.upper()}": str(value) for name, value in settings.items() if value is not None
+        }
+        super().__init__("store", *arguments, environment=environment)
 
     def _addresses(self) -> list[str]:
         return ["--http", "127.0.0.1:0"]

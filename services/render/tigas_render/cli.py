@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tigas_common.cli import in_a_sentence, log_to_stdout
-from tigas_common.command import POSITIONAL, Command, Group, Metavar
+from tigas_common.command import POSITIONAL, Command, Group, Metavar, load
 from tigas_common.errors import StartError, TigasError
 from tigas_common.installation import check_versions
 from tigas_common.processes import terminated_as_interrupted
-from tigas_common.settings import MODELS
 from tigas_common.terminal import make_console, progress_bar
 from tigas_render.settings import RenderSettings
 
@@ -93,12 +92,10 @@ class Info(_SceneCommand):
 
 
 class Add(Command):
-    """Check a scene, and put it into the models directory."""
+    """Check a scene, and put it into the models directory, the render service's setting `scenes`."""
 
     source: Annotated[str, POSITIONAL, Metavar("FILE|URL")]
     """Scene file or folder, or its URL."""
-    scenes: Path = MODELS
-    """Models directory."""
     id: Annotated[str | None, Metavar("NAME")] = None
     """Name of the scene; the file's name unless given."""
 
@@ -110,7 +107,7 @@ class Add(Command):
             terminated_as_interrupted(),
             _bar(f"fetching {shown(self.source)}") as listener,
         ):
-            id, file = add_scene(self.source, self.scenes, self.id, listener, MAX_DOWNLOAD_BYTES)
+            id, file = add_scene(self.source, load(RenderSettings, {}).scenes, self.id, listener, MAX_DOWNLOAD_BYTES)
         what = f"{file.format}, {file.count:,} Gaussians, SH degree {file.sh_degree}, {file.file_bytes / 1e6:.1f} MB"
         print(f"{file.files[0]}: {what}. A running service offers it as {id} once it has looked for new scenes.")
 
