@@ -10,8 +10,7 @@ import pytest
 
 from tests.render.transport.simulated import Simulation, answer_all, frames
 from tigas_render.transport.aioquic_ext.congestion import RENO, LimitedReno
-from tigas_render.transport.aioquic_ext.westwood import WESTWOOD, Westwood
-from tigas_render.transport.aioquic_ext.westwood import HEADROOM
+from tigas_render.transport.aioquic_ext.westwood import HEADROOM, WESTWOOD, Westwood
 
 SIZE = 1452
 ROUND_TRIP = 0.1
