@@ -127,7 +127,6 @@ compare: .venv/.lab $(STATIC)
 bench: .venv/.ready
 	@$(VENV)/python -m benchmarks.raster
 	@$(VENV)/python -m benchmarks.transport
-	@$(VENV)/python -m benchmarks.quic_cost
 	@$(VENV)/python -m benchmarks.memory
 	@$(VENV)/python -m benchmarks.dash
 

@@ -1,4 +1,4 @@
-"""Routes of viewers: the movements of the repository, in a scene's own frame."""
+"""Requests of viewers, along the movements of the repository, in a scene's own frame."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from benchmarks.load.plan import Plan
-from benchmarks.load.routes import make_plan
 from tigas_common.wire.render import RenderRequest, SceneInfo, StartCamera
 from tigas_experiments.movement.table import MovementError
 
@@ -21,7 +20,7 @@ SCENE = SceneInfo(
 
 def plan(movement: Path = STROLL, frames_per_s: float = 30, **more: Any) -> Plan:
     address = ("127.0.0.1", 4433)
-    return make_plan(address, SCENE, [movement], transport="webtransport", frames_per_s=frames_per_s, profile=2, **more)
+    return Plan.of(address, SCENE, [movement], transport="webtransport", frames_per_s=frames_per_s, profile=2, **more)
 
 
 def test_a_view_for_every_frame_of_a_minute() -> None:
@@ -34,19 +33,16 @@ def test_a_view_for_every_frame_of_a_minute() -> None:
     assert not first.depth
 
 
-def test_depth_is_asked_for_if_wanted() -> None:
-    assert RenderRequest.model_validate_json(plan(depth=True).request(0, 0, 1)).depth
-
-
 def test_a_faster_viewer_sees_the_same_in_smaller_steps() -> None:
     slow, fast = plan(frames_per_s=10), plan(frames_per_s=20)
     assert slow.routes[0][30] == fast.routes[0][60]
 
 
 def test_a_route_begins_anew_at_its_end() -> None:
-    made = plan(deadline_ms=100.0)
+    made = plan(deadline_ms=100.0, depth=True)
     assert made.request(0, len(made.routes[0]) + 3, 1) == made.request(0, 3, 1)
-    assert RenderRequest.model_validate_json(made.request(0, 3, 1)).deadline_ms == 100
+    again = RenderRequest.model_validate_json(made.request(0, 3, 1))
+    assert (again.deadline_ms, again.depth) == (100, True)
 
 
 def test_a_plan_comes_through_a_line_of_text() -> None:
