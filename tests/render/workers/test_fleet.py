@@ -14,8 +14,7 @@ import httpx
 import pytest
 from aioquic.tls import SessionTicket
 
-from tests.render.transport.client import Client, connect
-from tests.render.transport.serving import eventually
+from tests.render.transport.client import Client, connect, eventually
 from tests.render.workers import without_steering
 from tests.render.workers.fleet import ASK, Fleet, Viewer, asking_until, serving, session, status
 

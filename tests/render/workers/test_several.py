@@ -15,8 +15,7 @@ import httpx
 import pytest
 
 from reference.ply import write_ply
-from tests.render.transport.client import request_body
-from tests.render.transport.serving import eventually
+from tests.render.transport.client import eventually, request_body
 from tests.render.workers.fleet import ASK, Fleet, Viewer, asking_until, nothing_left, serving
 from tigas_common.placement import ranked
 from tigas_render.raster.base import one_gaussian
