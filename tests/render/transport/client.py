@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
 from datetime import UTC, datetime
 from functools import partial
+from inspect import iscoroutine
 from typing import Any
 
 from aioquic.h3.events import DatagramReceived, H3Event
@@ -29,9 +30,12 @@ TIMING = ServerTiming(queue=1.0, render=2.0, encode=3.0)
 
 
 async def eventually(condition: Callable[[], object]) -> None:
-    """Wait for an effect that has no event to wait for."""
-    async with asyncio.timeout(20):
-        while not condition():  # noqa: ASYNC110
+    """Wait for an effect that has no event to wait for, or that has to be asked for."""
+    async with asyncio.timeout(30):
+        while True:
+            result = condition()
+            if await result if iscoroutine(result) else result:
+                return
             await asyncio.sleep(0.002)
 
 
