@@ -16,7 +16,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from openapi_spec_validator import validate
 
-from tests.every_service import SERVICES
+from tests.every_service import client_of
 from tests.experiments.store.conftest import plan, upload
 from tests.experiments.store.test_sample_uploads import JPEG, PNG, index
 from tests.render.fakes import render_request
@@ -70,15 +70,7 @@ async def asking(name: str, folder: Path) -> AsyncIterator[tuple[httpx.AsyncClie
             await answer.aread()
             check_exchange(document, answer)
 
-    async with (
-        SERVICES[name](folder) as app,
-        httpx.AsyncClient(
-            transport=httpx.ASGITransport(app),
-            base_url="http://localhost:8080",
-            headers=PAGE,
-            event_hooks={"response": [compare]},
-        ) as client,
-    ):
+    async with client_of(name, folder, headers=PAGE, event_hooks={"response": [compare]}) as client:
         document = (await client.get("/openapi.json")).json()
         yield client, document
 
@@ -129,7 +121,7 @@ async def ask_store(client: httpx.AsyncClient) -> list[httpx.Response]:
 
 
 async def ask_director(client: httpx.AsyncClient) -> list[httpx.Response]:
-    answers = [await client.get(path) for path in ("/config.json?scene=garden&at=nobody", "/healthz", "/metrics")]
+    answers = [await client.get(path) for path in ("/config.json?scene=garden&at=here", "/healthz", "/metrics")]
     elsewhere = await client.post("/render", json=render_request().model_dump(mode="json", exclude_unset=True))
     assert elsewhere.status_code == 307
     return answers
@@ -147,7 +139,7 @@ REFUSED = {
     "dash": "/sessions/none",
     "shaper": "/traces/none",
     "store": "/experiments/none",
-    "director": "/scenes?scan=1",
+    "director": f"/config.json?scene={'x' * 999}",
 }
 
 
@@ -182,10 +174,7 @@ async def test_a_description_is_made_once_and_sent_once(
         return {}
 
     monkeypatch.setattr(openapi, "describe", describe)
-    async with (
-        SERVICES[name](tmp_path) as app,
-        httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://localhost:8080") as client,
-    ):
+    async with client_of(name, tmp_path) as client:
         answers = await asyncio.gather(*(client.get("/openapi.json") for _ in range(20)))
         assert {answer.status_code for answer in answers} == {200}
         tag = answers[0].headers["ETag"]

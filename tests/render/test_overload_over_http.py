@@ -11,7 +11,7 @@ import httpx
 import pytest
 
 from tests.render.fakes import FakeRasterizer, render_request
-from tests.render.transport.serving import eventually
+from tests.render.transport.client import eventually
 from tigas_common.parsing import parse
 from tigas_common.wire.render import HostLoad
 from tigas_render.admission import viewers

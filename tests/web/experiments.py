@@ -50,7 +50,7 @@ def page_lab(models: Path, directory: Path) -> Iterator[PageLab]:
     with FakeShaper() as shaper:
         services = {"TIGAS_RENDER_SERVICES": json.dumps({"store": store.url, "shaper": shaper.url})}
         with RenderServer("--scenes", str(models), environment=services) as render:
-            store.render = render.url
+            store.configure(render=render.url)
             with store:
                 yield PageLab(render.url, shaper, results)
 

@@ -154,16 +154,19 @@ class Store(_Service):
 
     announces = r"Experiments in .* on (http://\S+)/"
 
-    def __init__(self, *arguments: str, movements: Path | None = None) -> None:
-        super().__init__(
-            "store", *arguments, environment={"TIGAS_STORE_MOVEMENTS": str(movements)} if movements else None
-        )
+    def __init__(self, *arguments: str, **settings: object) -> None:
+        super().__init__("store", *arguments)
         self._http = _free_address()
         self.url = f"http://{self._http}"
-        self.render: str | None = None
+        self.configure(**settings)
+
+    def configure(self, **settings: object) -> None:
+        """Change settings for the next start."""
+        known = {name: str(value) for name, value in settings.items() if value is not None}
+        self._environment |= {f"TIGAS_STORE_{name.upper()}": value for name, value in known.items()}
 
     def _addresses(self) -> list[str]:
-        return ["--http", self._http, *(["--render", self.render] if self.render else [])]
+        return ["--http", self._http]
 
 
 def _free_address() -> str:

@@ -24,7 +24,6 @@ class Up(ClusterSettings, Command):
     """Options of each host's render service, such as -- --memory-gb 40"""
 
     def run(self) -> None:
-        """Serve until stopped."""
         with in_a_sentence(StartError):
             from tigas_cluster.connection import check_ray
 
@@ -44,7 +43,6 @@ class Status(Command):
     """Print JSON."""
 
     def run(self) -> None:
-        """Ask the hosts, and print a table or JSON."""
         with in_a_sentence(StartError):
             from tigas_cluster.connection import check_ray
 

@@ -15,9 +15,9 @@ from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from tigas_cluster.choice import Choice
 from tigas_cluster.fleet import Fleet, HostState
 from tigas_cluster.host_proxy import HostProxy, NoHost
+from tigas_cluster.policy import Choice
 from tigas_common.errors import InvalidRequest
 from tigas_common.metrics import CountedRequests, labelled_gauge, metrics_route, new_registry
 from tigas_common.openapi import openapi
@@ -110,10 +110,9 @@ class Director:
     async def place(
         self, scene: str, *, at: str | None = None, silent: str | None = None, lost: str | None = None
     ) -> HostState:
-        """The host for a viewer of this scene: the reported one, unless it must leave.
+        """The host for a viewer of this scene: the reported one, unless it must leave. Raises NoHost.
 
-        at: its present host. silent: its present host, which does not answer. lost: a host that refused it. Raises
-        NoHost.
+        at: its present host. silent: its present host, which does not answer. lost: a host that refused it.
         """
         if doubted := silent or lost:
             await self.fleet.suspect(doubted)

@@ -1,6 +1,4 @@
-"""The hosts of a Ray cluster: as many as are wanted, on the machines that may be hosts. Ray starts and supervises them;
-the director's fleet polls them.
-"""
+"""The hosts of a Ray cluster: as many as are wanted, on the machines that may be hosts."""
 
 from __future__ import annotations
 
@@ -15,7 +13,7 @@ from typing import Any, Protocol, Self
 
 from tigas_cluster.fleet import Fleet, HostAddress
 from tigas_cluster.host import Facts
-from tigas_cluster.scaling import Scaler
+from tigas_cluster.policy import Scaler
 from tigas_common.errors import StartError
 
 LOOK_S, PAUSE_S = 0.5, 5.0

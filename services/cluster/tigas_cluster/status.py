@@ -67,7 +67,6 @@ def status() -> Sequence[HostStatus]:
 
 
 def table(hosts: Sequence[HostStatus]) -> Table:
-    """The same for people."""
     from rich.table import Table
 
     made = Table("host", "address", "device", "viewers", "busy", "queue, ms", "scenes", "since", box=None)

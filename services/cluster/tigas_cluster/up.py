@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, NoReturn
 from tigas_cluster.connection import RESOURCE, AnotherUp, OwnRay, connected, named_cluster
 from tigas_cluster.director import create_director
 from tigas_cluster.fleet import Fleet
+from tigas_cluster.policy import Scaler
 from tigas_cluster.ray_fleet import RayFleet
-from tigas_cluster.scaling import Scaler
 from tigas_cluster.settings import ClusterSettings
 from tigas_common.address import Address, bracketed, say_if_open
 from tigas_common.limits import HttpLimits

@@ -106,7 +106,6 @@ class FairSchedule(Generic[Work]):
         return (waiting[-1][0] for sessions in self._waiting.values() for waiting in sessions.values())
 
     def others_wait(self, client: Client) -> bool:
-        """Whether any work waits that is not this client's."""
         own = len(self._waiting.get(client.address, {}).get(client.session, []))
         return self._length > own
 

@@ -306,7 +306,7 @@ async def test_a_store_that_is_killed_in_mid_upload_leaves_no_half_run(tmp_path:
     wanted = plan(scenes=["pebbles"], modes=["stateless"], repeats=2)
     with (
         RenderServer("--scenes", str(models)) as render,
-        Store("--results", str(results), "--render", render.url) as store,
+        Store("--results", str(results), render=render.url) as store,
     ):
         async with httpx.AsyncClient(base_url=store.url, timeout=60, trust_env=False) as http:
             experiment = (await http.post("/experiments", json=wanted)).json()["id"]

@@ -149,8 +149,9 @@ def test_no_sentence_has_a_password(tmp_path: Path, site: str, address: str) -> 
 
 def test_a_command_that_is_terminated_leaves_nothing(tmp_path: Path, site: str) -> None:
     models = tmp_path / "models"
-    command = tigas("scene", "add", f"{site}/trickle.ply", "--scenes", str(models))
-    with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
+    environment = os.environ | {"TIGAS_RENDER_SCENES": str(models)}
+    command = tigas("scene", "add", f"{site}/trickle.ply")
+    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE) as process:
         wait_for(lambda: models.is_dir() and list(models.glob(".*/trickle")))
         process.terminate()
         _, said = process.communicate(timeout=30)

@@ -89,9 +89,7 @@ async function performed() {
   };
   const session = {
     phase: { peek: () => phase },
-    stream: signal(null),
-    local: signal(null),
-    video: { problem: signal(null) },
+    source: signal(null),
   };
   const work = perform(JOB, {
     session: session as unknown as ViewerSession,

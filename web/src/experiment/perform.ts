@@ -122,10 +122,11 @@ function visible(): boolean {
 /** Why no frame comes, as far as the viewer knows. */
 function whyNoFrame(session: ViewerSession): string {
   if (!visible()) return HIDDEN;
-  const { phase, stream, local, video } = session;
-  const phases = [phase, stream.peek()?.phase, local.peek()?.phase].map((one) => one?.peek());
-  const said = phases.flatMap((phase) => (phase && "message" in phase ? phase.message : []));
-  return said[0] ?? video.problem.peek() ?? `No frame came within ${READY_WITHIN / 1000} s.`;
+  const { phase, source } = session;
+  const shown = source.peek()?.phase.peek();
+  const said = [phase.peek(), shown].flatMap((one) => (one && "message" in one ? (one.message ?? []) : []));
+  const problem = shown?.kind === "playing" ? shown.problem : undefined;
+  return said[0] ?? problem ?? `No frame came within ${READY_WITHIN / 1000} s.`;
 }
 
 async function waitUntil(done: () => boolean, otherwise: () => string, signal: AbortSignal): Promise<void> {

@@ -23,12 +23,8 @@ let rig: Rig;
 let enhancement: Signal<EnhancementStatus>;
 let unturned: Signal<string | null>;
 let phase: Signal<{ kind: string; message?: string }>;
-let stream: Signal<{ phase: Signal<{ kind: string }>; stats: Signal<object>; playing: null } | null>;
-let local: Signal<{
-  played: () => null;
-  picture: () => null;
-  phase: Signal<{ kind: string; message?: string }>;
-} | null>;
+/** Of the visit. */
+let visit: Signal<{ kind: string; message?: string }>;
 let runner: Runner;
 let present: (frame: PresentedFrame) => void;
 
@@ -37,8 +33,7 @@ beforeEach(() => {
   enhancement = signal({ kind: "off" });
   unturned = signal(null);
   phase = signal({ kind: "playing" });
-  stream = signal(null);
-  local = signal(null);
+  visit = signal({ kind: "playing" });
   waiting = [];
   page = Object.assign(new EventTarget(), { visibilityState: "visible" });
   vi.stubGlobal("document", page);
@@ -52,12 +47,10 @@ beforeEach(() => {
     receivedBytes: 0,
     seed: signal(1),
     connected: signal(null),
-    stream,
-    local,
-    enhancement: { status: enhancement },
+    source: signal({ phase, enhancement: { status: enhancement }, played: () => ({}) }),
+    left: { picture: () => null },
     unturned,
-    phase,
-    video: { problem: signal(null) },
+    phase: visit,
     onPresented: (listener: typeof present) => {
       present = listener;
       return nothing;
@@ -107,24 +100,36 @@ test.each([
   await expect(run).resolves.toMatchObject({ complete, hidden: false });
 });
 
-test.each<[string, object, () => void, string]>([
-  ["a lost connection", {}, () => (phase.value = { kind: "lost" }), "The connection was lost during the run."],
-  ["a visit that fails", {}, () => (phase.value = { kind: "failed", message: "It is gone." }), "It is gone."],
-  ["a lost stream", { mode: "dash" }, () => (stream.value = null), "The DASH stream was lost during the run."],
+test.each<[string, () => void, string]>([
+  [
+    "a lost connection",
+    () => {
+      visit.value = { kind: "lost" };
+    },
+    "The connection was lost during the run.",
+  ],
+  [
+    "a visit that fails",
+    () => {
+      visit.value = { kind: "failed", message: "It is gone." };
+    },
+    "It is gone.",
+  ],
+  [
+    "a lost stream",
+    () => {
+      phase.value = { kind: "connecting" };
+    },
+    "The Stateless stream was lost during the run.",
+  ],
   [
     "a download that fails",
-    { mode: "local" },
-    () =>
-      (local.value = {
-        played: () => null,
-        picture: () => null,
-        phase: signal({ kind: "failed", message: "No room." }),
-      }),
+    () => {
+      phase.value = { kind: "failed", message: "No room." };
+    },
     "No room.",
   ],
-])("%s ends the run", async (_, chosen, happens, sentence) => {
-  changeSettings(chosen);
-  stream.value = { phase: signal({ kind: "playing" }), stats: signal({}), playing: null };
+])("%s ends the run", async (_, happens, sentence) => {
   const { position, quaternion } = rig.pose;
   const points = [{ t_ms: 0, position, quaternion }];
   const run = runner.run({ points, duration_ms: 4000, capture_every_ms: 0, sample_stride: 0 });
@@ -133,7 +138,6 @@ test.each<[string, object, () => void, string]>([
   happens();
   await drawn(...every20(120, 200));
   await failed;
-  changeSettings({ mode: "stateless" });
 });
 
 test("the display's interval is that of the page at rest, in later runs, too", async () => {
@@ -270,7 +274,6 @@ test("a page that stands while it draws a download has played its movement, unle
 });
 
 test("a download that fails is a problem of the run, in its own words", () => {
-  const phase = signal({ kind: "failed", message: "The scene is too large for this browser." });
-  local.value = { played: () => null, picture: () => null, phase };
+  phase.value = { kind: "failed", message: "The scene is too large for this browser." };
   expect(runner.state().problem).toBe("The scene is too large for this browser.");
 });

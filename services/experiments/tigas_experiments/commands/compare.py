@@ -38,10 +38,6 @@ class Compare(Measure):
     """Seconds of movement per run."""
     viewport: Annotated[str, Metavar("WIDTHxHEIGHT")] = "640x360"
     """Size of the view in pixels."""
-    reprojection: bool = False
-    """Reproject the newest frame to each animation frame's pose."""
-    repeats: int = 1
-    """Runs of each combination."""
     out: Path | None = None
     """Folder for the report; results/compare-TIME unless named."""
 
@@ -68,8 +64,6 @@ class Compare(Measure):
                     "networks": self.networks,
                     "modes": [mode.strip() for mode in self.modes.split(",")],
                     "controllers": self.profiles,
-                    "reprojection": self.reprojection,
-                    "repeats": self.repeats,
                     "duration_s": self.duration,
                     "viewport": self.viewport,
                     "capture_every_s": CAPTURE_EVERY_S,

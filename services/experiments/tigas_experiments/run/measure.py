@@ -12,7 +12,7 @@ from tigas_common.errors import StartError
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import RunRecord, RunWriter
-from tigas_experiments.records.readings import watching_load
+from tigas_experiments.records.load import watching_load
 from tigas_experiments.run.browser import Viewer, viewer
 from tigas_experiments.run.environment import Environment, Setup
 from tigas_experiments.run.job import page_settings, run_plan

@@ -1,6 +1,4 @@
-"""Predicted costs of frames, and the refusal of frames that would hold up other clients: a started one is rarely
-interrupted.
-"""
+"""Predicted costs of frames, and the refusal of frames that would hold up other clients."""
 
 from __future__ import annotations
 
@@ -34,7 +32,6 @@ class CostModel:
         self._means: defaultdict[tuple[str, AnswerFormat], dict[int, float]] = defaultdict(dict)
 
     def measured(self, scene: str, format: AnswerFormat, pixels: int, seconds: float) -> None:
-        """Record the cost of a finished frame."""
         means, size = self._means[scene, format], pixels.bit_length()
         means[size] = (1 - NEWEST) * means.get(size, seconds) + NEWEST * seconds
 

@@ -16,13 +16,14 @@ from typing import Final, Protocol, Self
 from tigas_common.errors import DeadlineExceeded, DeviceLost, InvalidRequest, OutOfDeviceMemory, Overloaded, TigasError
 from tigas_common.wire.render import RenderRequest, Rung
 from tigas_render.encode.video_chains import VIDEO_ENCODERS, VideoChains
-from tigas_render.engine.frame_maker import frame_maker
+from tigas_render.engine.frame_maker import FrameMaker, LaneFrameMaker, ThreadFrameMaker
 from tigas_render.engine.frame_size import FrameSize
 from tigas_render.engine.metrics import EngineMetrics
 from tigas_render.engine.work import CallbackQueue, LoadedScene, SceneUse, Work
 from tigas_render.engine.work_queue import STOPPING, WorkQueue
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.raster.base import Rasterizer
+from tigas_render.raster.lanes import LaneRasterizer
 
 logger = logging.getLogger(__name__)
 
@@ -66,7 +67,8 @@ class Engine(FrameSource):
         self._queue = WorkQueue(rasterizer.frames_in_flight, ladder, clock, self._post)
         self.videos = VideoChains(VIDEO_ENCODERS, clock)
         self._thread = threading.get_ident()
-        self._maker = frame_maker(rasterizer, self._queue, clock, self._finish, self.videos)
+        suited = LaneFrameMaker if isinstance(rasterizer, LaneRasterizer) else ThreadFrameMaker
+        self._maker: FrameMaker = suited(rasterizer, self._queue, clock, self._finish, self.videos)
 
     async def __aenter__(self) -> Self:
         await self._maker.start()
@@ -123,7 +125,6 @@ class Engine(FrameSource):
             self.device_lost.set_result(reason)
 
     async def _enter(self, work: Work) -> None:
-        """Wait until the scene is loaded."""
         try:
             scene = await work.use.enter()
             work.loading = None

@@ -11,13 +11,14 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import partial
 
 from tigas_common.errors import DeadlineExceeded, Superseded, TigasError
 from tigas_common.wire.render import FrameFormat, RenderRequest, ServerTiming
 from tigas_render.encode.depth_segment import coded, with_depth
+from tigas_render.encode.images import encode_webp
 from tigas_render.encode.video_chains import VideoChains
-from tigas_render.encode.webp import encode_webp
 from tigas_render.engine.work import CallbackQueue, Work
 from tigas_render.engine.work_queue import WorkQueue
 from tigas_render.frame import Frame
@@ -26,21 +27,17 @@ from tigas_render.raster.lanes import FetchedImage, LaneRasterizer, Lanes
 
 logger = logging.getLogger(__name__)
 
-Answer = Callable[[Work, Frame | Exception], None]
 
-
+@dataclass(eq=False)
 class FrameMaker(ABC):
     """Makes the frames of one rasteriser."""
 
-    def __init__(
-        self, rasterizer: Rasterizer, queue: WorkQueue, clock: Callable[[], float], answer: Answer, videos: VideoChains
-    ) -> None:
-        """answer: called with the outcome of each work, on any thread."""
-        self._rasterizer = rasterizer
-        self._queue = queue
-        self._clock = clock
-        self._answer = answer
-        self._videos = videos
+    rasterizer: Rasterizer
+    queue: WorkQueue
+    clock: Callable[[], float]
+    answer: Callable[[Work, Frame | Exception], None]
+    """Called with the outcome of each work, on any thread."""
+    videos: VideoChains
 
     @abstractmethod
     async def start(self) -> None:
@@ -56,23 +53,21 @@ class FrameMaker(ABC):
         body, video = None, None
         try:
             with image:
-                begun = self._clock()
+                begun = self.clock()
                 if not work.is_over:
                     work.check_deadline(begun)
                     body = _encoded(work, image)
             if body is not None and request.video is not None:
-                body, video = self._videos.encode(
-                    work.client, request.seq, request.video, size.width, size.height, body
-                )
+                body, video = self.videos.encode(work.client, request.seq, request.video, size.width, size.height, body)
         except (DeadlineExceeded, Superseded) as error:
-            self._queue.done(work, rendering + self._clock() - begun + encoded)
-            self._answer(work, error)
+            self.queue.done(work, rendering + self.clock() - begun + encoded)
+            self.answer(work, error)
             return
         except Exception as error:
             self._failed("Encoding", work, error)
             return
-        encoding = self._clock() - begun + encoded
-        self._queue.done(work, rendering + encoding, is_whole=body is not None)
+        encoding = self.clock() - begun + encoded
+        self.queue.done(work, rendering + encoding, is_whole=body is not None)
         if body is None:
             return
         waiting = begun - work.arrived - rendering - encoded
@@ -81,24 +76,16 @@ class FrameMaker(ABC):
             body, request.format, size.width, size.height, request.seq, request.profile, timing,
             size.margin_x, size.margin_y, video,
         )  # fmt: skip
-        self._answer(work, frame)
+        self.answer(work, frame)
 
     def _failed(self, doing: str, work: Work, error: Exception) -> None:
         """Answer work that has begun with an error. doing: the failed step, for the log."""
-        self._queue.done(work)
+        self.queue.done(work)
         if isinstance(error, TigasError):
             logger.error("%s %s failed: %s", doing, work.request.scene, error.detail)
         else:
             logger.error("%s %s failed", doing, work.request.scene, exc_info=error)
-        self._answer(work, error)
-
-
-def frame_maker(
-    rasterizer: Rasterizer, queue: WorkQueue, clock: Callable[[], float], answer: Answer, videos: VideoChains
-) -> FrameMaker:
-    """The frame maker that suits a rasteriser."""
-    suited = LaneFrameMaker if isinstance(rasterizer, LaneRasterizer) else ThreadFrameMaker
-    return suited(rasterizer, queue, clock, answer, videos)
+        self.answer(work, error)
 
 
 class LaneFrameMaker(FrameMaker):
@@ -107,22 +94,19 @@ class LaneFrameMaker(FrameMaker):
     Threads do the remaining work on the host, such as video and WebP.
     """
 
-    _rasterizer: LaneRasterizer
-    _lanes: Lanes | None = None
-    _on_host = 0
-    """Images that the threads encode or will encode."""
-    _is_scheduled = False
-    """Whether the event loop is about to run `_begin_all`."""
+    rasterizer: LaneRasterizer
 
     async def start(self) -> None:
+        self._on_host = 0  # images that the threads encode or will encode
+        self._is_scheduled = False  # whether the event loop is about to run `_begin_all`
         self._loop = asyncio.get_running_loop()
-        self._most_on_host = max(self._rasterizer.frames_in_flight, os.cpu_count() or 1)
+        self._most_on_host = max(self.rasterizer.frames_in_flight, os.cpu_count() or 1)
         self._threads = ThreadPoolExecutor(self._most_on_host, "host")
         self._left_host: CallbackQueue[None] = CallbackQueue(self._leave_host)
-        await self._loop.run_in_executor(self._threads, self._rasterizer.warm_up)
-        self._lanes = Lanes(self._rasterizer.frames_in_flight, self._rasterizer.enter_thread)
+        await self._loop.run_in_executor(self._threads, self.rasterizer.warm_up)
+        self._lanes: Lanes | None = Lanes(self.rasterizer.frames_in_flight, self.rasterizer.enter_thread)
         self._loop.add_reader(self._lanes.fileno(), self._collect)
-        self._queue.on_work(self._schedule)
+        self.queue.on_work(self._schedule)
         self._begin_all()  # work that is already waiting; otherwise the queue learns that the renderer is idle
 
     async def stop(self) -> None:
@@ -143,7 +127,7 @@ class LaneFrameMaker(FrameMaker):
     def _begin_all(self) -> None:
         self._is_scheduled = False
         while self._lanes is not None and self._lanes.free and self._on_host < self._most_on_host:
-            work = self._queue.take()
+            work = self.queue.take()
             if work is None:
                 return
             self._begin(self._lanes, work)
@@ -152,7 +136,7 @@ class LaneFrameMaker(FrameMaker):
         request = work.request
         try:
             camera = work.size.camera(request, work.scene.background)
-            job = self._rasterizer.job(
+            job = self.rasterizer.job(
                 work.scene.prepared, camera, picture_format(request), work.quality, depth=has_depth(request)
             )
             lanes.begin(job, partial(self._fetched, work))
@@ -195,10 +179,10 @@ class ThreadFrameMaker(FrameMaker):
 
     async def start(self) -> None:
         loop = asyncio.get_running_loop()
-        self._threads = ThreadPoolExecutor(self._rasterizer.frames_in_flight, "render")
-        await loop.run_in_executor(self._threads, self._rasterizer.warm_up)
+        self._threads = ThreadPoolExecutor(self.rasterizer.frames_in_flight, "render")
+        await loop.run_in_executor(self._threads, self.rasterizer.warm_up)
         self._running = [
-            loop.run_in_executor(self._threads, self._run) for _ in range(self._rasterizer.frames_in_flight)
+            loop.run_in_executor(self._threads, self._run) for _ in range(self.rasterizer.frames_in_flight)
         ]
 
     async def stop(self) -> None:
@@ -211,11 +195,11 @@ class ThreadFrameMaker(FrameMaker):
 
     def _make_next(self) -> bool:
         """Wait for work and make its frame; False once the queue is closed."""
-        work = self._queue.next()
+        work = self.queue.next()
         if work is None:
             return False
         image = self._render(work, is_interruptible=True)
-        self._queue.rendered()
+        self.queue.rendered()
         if image is not None:
             self._finish(work, image)
         return True
@@ -226,14 +210,14 @@ class ThreadFrameMaker(FrameMaker):
 
         def pause() -> None:
             nonlocal interrupted
-            begun = self._clock()
+            begun = self.clock()
             self._make_ahead_of(work)
-            interrupted += self._clock() - begun
+            interrupted += self.clock() - begun
 
         request = work.request
         try:
-            started = self._clock()
-            image = self._rasterizer.render(
+            started = self.clock()
+            image = self.rasterizer.render(
                 work.scene.prepared,
                 work.size.camera(request, work.scene.background),
                 picture_format(request),
@@ -243,12 +227,12 @@ class ThreadFrameMaker(FrameMaker):
         except Exception as error:
             self._failed("Rendering", work, error)
             return None
-        image.rendering = self._clock() - started - interrupted
+        image.rendering = self.clock() - started - interrupted
         return image
 
     def _make_ahead_of(self, work: Work) -> None:
         """Make much smaller frames of other clients before a frame in progress continues."""
-        while (urgent := self._queue.next_ahead_of(work)) is not None:
+        while (urgent := self.queue.next_ahead_of(work)) is not None:
             image = self._render(urgent, is_interruptible=False)
             if image is not None:
                 self._finish(urgent, image)

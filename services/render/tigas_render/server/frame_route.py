@@ -78,7 +78,6 @@ class HttpFrames:
 
 
 def frames_app(frames: HttpFrames) -> Starlette:
-    """An application with this route only."""
     app = Starlette(routes=[FRAMES], exception_handlers=EXCEPTION_HANDLERS)
     app.state.frames = frames
     return app

@@ -56,6 +56,7 @@ async def public_servers(
                 certificate=certificate,
                 webtransport={PATH: render_session(frames, admission.rate)},
                 limits=Limits.of(settings.quic_limits).of_each(edges),
+                congestion_control=settings.congestion_control,
                 reset_key=reset_key,
                 origins=origins,
                 share=quic,

@@ -76,10 +76,8 @@ class PublicSockets:
 
 
 def _group(first: socket.socket, edges: int, stack: ExitStack) -> list[socket.socket]:
-    sockets = [stack.enter_context(first)]
-    for _ in range(edges - 1):
-        sockets.append(stack.enter_context(bind_another(first)))
-    return sockets
+    others = (bind_another(first) for _ in range(edges - 1))
+    return [stack.enter_context(first), *map(stack.enter_context, others)]
 
 
 def _relay(stack: ExitStack) -> tuple[socket.socket, socket.socket]:

@@ -63,7 +63,6 @@ class Upstreams:
     async def around(
         cls, app: ASGIApp, urls: Mapping[ServiceName, str], origins: OriginPolicy, processes: int = 1
     ) -> AsyncIterator[ASGIApp]:
-        """Wrap an application, as a context manager."""
         made = cls(app, urls, origins, processes)
         try:
             yield made

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from tests.render.transport.simulated import Simulation, answer_all, frames
+from benchmarks.loss import Simulation
+from tests.render.transport.simulated import answer_all, frames
 from tigas_render.transport.aioquic_ext.congestion import RENO, LimitedReno
 from tigas_render.transport.aioquic_ext.westwood import HEADROOM, WESTWOOD, Westwood
 

@@ -8,7 +8,7 @@ import { type Performed, perform } from "../../experiment/perform";
 import { Runner } from "../../experiment/runner";
 import { StoreApi } from "../../experiment/store-api";
 import { Shaper } from "../../network/shaper";
-import { config, refreshScenes, settings, settingsOverridden } from "../../state/app";
+import { config, page, refreshScenes, settings, settingsOverridden } from "../../state/app";
 import { EXPERIMENTS, samplesHash } from "../../state/route";
 import { DEFAULT_SETTINGS } from "../../state/settings";
 import { ViewerSession } from "../../viewer/session";
@@ -114,7 +114,7 @@ async function performOn(place: HTMLElement | null, { job, shaper, experiment, s
   const observer = new ResizeObserver(fit);
   observer.observe(place);
   settings.value = { ...DEFAULT_SETTINGS, theme: settings.peek().theme };
-  const session = new ViewerSession(scene, { element, left, right });
+  const session = new ViewerSession(scene, { element, left, right }, page);
   const runner = new Runner(session);
   try {
     return await perform(job, { session, runner, shaper, experiment, stage: say, signal });
