@@ -13,7 +13,8 @@ from aioquic.tls import Epoch
 from playwright.async_api import async_playwright
 
 from tests.prerequisites import CHROMIUM
-from tests.render.transport.client import CERTIFICATE, FakeFrames, request_body
+from tests.render.transport.client import CERTIFICATE, FakeFrames, eventually, request_body
+from tests.render.transport.serving import hello
 from tigas_experiments.run.browser import find_chromium
 from tigas_render.transport import server as server_module
 from tigas_render.transport.aioquic_ext import receiving
@@ -27,62 +28,41 @@ pytestmark = [pytest.mark.anyio, pytest.mark.slow]
 
 SCRIPT = """
 async ({ url, hash, requests }) => {
-  const transport = new WebTransport(url, {
-    serverCertificateHashes: [{ algorithm: "sha-256", value: Uint8Array.from(atob(hash), (c) => c.charCodeAt(0)) }],
-  });
+  const value = Uint8Array.from(atob(hash), (c) => c.charCodeAt(0));
+  const transport = new WebTransport(url, { serverCertificateHashes: [{ algorithm: "sha-256", value }] });
   await transport.ready;
   const encode = (text) => new TextEncoder().encode(text);
-
-  const open = async (request) => {
-    const stream = await transport.createBidirectionalStream();
-    const writer = stream.writable.getWriter();
-    await writer.write(encode(request));
-    await writer.close();
-    return stream.readable.getReader();
-  };
-  const join = (parts) => {
-    const all = new Uint8Array(parts.reduce((sum, part) => sum + part.length, 0));
-    let at = 0;
-    for (const part of parts) { all.set(part, at); at += part.length; }
-    return all;
-  };
-  const parse = (bytes) => {
+  const parse = async (parts) => {
+    const bytes = new Uint8Array(await new Blob(parts).arrayBuffer());
     const length = new DataView(bytes.buffer).getUint32(0);
     const header = JSON.parse(new TextDecoder().decode(bytes.subarray(4, 4 + length)));
     const body = bytes.subarray(4 + length);
     return { status: header.status, seq: header.seq, size: body.length, sum: body.reduce((sum, b) => sum + b, 0) };
   };
-
-  const overStream = async (request) => {
-    const reader = await open(request);
-    const parts = [];
-    for (;;) {
-      const { value, done } = await reader.read();
-      if (done) return parse(join(parts));
-      parts.push(value);
-    }
+  const open = async (request) => {
+    const stream = await transport.createBidirectionalStream();
+    const writer = stream.writable.getWriter();
+    await writer.write(encode(request));
+    await writer.close();
+    return stream.readable;
   };
+  const overStream = async (request) => parse([await new Response(await open(request)).arrayBuffer()]);
+
   const streams = await Promise.all(requests.streams.map(overStream));
-
-  const cancelled = await open(requests.cancelled);
-  await cancelled.cancel();
-
-  const writer = transport.datagrams.writable.getWriter();
+  await (await open(requests.cancelled)).cancel();
   const reader = transport.datagrams.readable.getReader();
-  await writer.write(encode(requests.datagram));
-  const parts = new Map();
-  let count = 1;
-  while (parts.size < count) {
+  await transport.datagrams.writable.getWriter().write(encode(requests.datagram));
+  const parts = [];
+  for (let count = 1, received = 0; received < count; received++) {
     const { value } = await reader.read();
     const view = new DataView(value.buffer, value.byteOffset);
     count = view.getUint16(6);
-    parts.set(view.getUint16(4), value.subarray(8));
+    parts[view.getUint16(4)] = value.slice(8);
   }
-  const datagrams = parse(join([...Array(count).keys()].map((number) => parts.get(number))));
-
+  const datagrams = await parse(parts);
   const after = await overStream(requests.after);
   transport.close();
-  return { streams, datagrams, fragments: count, after };
+  return { streams, datagrams, fragments: parts.length, after };
 }
 """
 
@@ -112,18 +92,20 @@ def secure_page() -> Iterator[str]:
 
 
 @contextlib.asynccontextmanager
-async def browser_page(url: str) -> AsyncIterator[Any]:
+async def visited(source: FakeFrames, host: str) -> AsyncIterator[tuple[Http3Server, Any, dict[str, Any]]]:
+    """A server, a page in Chromium, and the server's address and hash."""
     CHROMIUM.require()
-    async with async_playwright() as playwright:
+    sessions = {"/render": render_session(source)}
+    async with (
+        server_module.Http3Server(hello, certificate=CERTIFICATE, webtransport=sessions) as server,
+        async_playwright() as playwright,
+    ):
         browser = await playwright.chromium.launch(executable_path=find_chromium(), args=ARGUMENTS)
         page = await browser.new_page()
-        await page.goto(url)
-        yield page
+        with secure_page() as url:
+            await page.goto(url)
+            yield server, page, {"url": f"https://{host}:{server.port}/render", "hash": CERTIFICATE.sha256}
         await browser.close()
-
-
-async def no_app(*_: object) -> None:
-    raise NotImplementedError
 
 
 @pytest.mark.parametrize(("host", "key_packets"), [("localhost", receiving.KEY_PACKETS), ("127.0.0.1", 20)])
@@ -140,23 +122,12 @@ async def test_chromium_gets_frames(monkeypatch: pytest.MonkeyPatch, host: str, 
     monkeypatch.setattr(server_module, "ServerQuicConnection", Watched)
     source = FakeFrames(bytes(range(256)) * 200)
     source.held = {9}
-    async with Http3Server(no_app, certificate=CERTIFICATE, webtransport={"/render": render_session(source)}) as server:
-        with secure_page() as url:
-            async with browser_page(url) as page:
-                result = await page.evaluate(
-                    SCRIPT,
-                    {
-                        "url": f"https://{host}:{server.port}/render",
-                        "hash": CERTIFICATE.sha256,
-                        "requests": {
-                            "streams": [request_body(seq=seq).decode() for seq in range(4)],
-                            "cancelled": request_body(seq=9).decode(),
-                            "datagram": request_body(seq=20).decode(),
-                            "after": request_body(seq=21).decode(),
-                        },
-                    },
-                )
-                await source.until(lambda: 9 in source.cancelled)
+    numbers = {"cancelled": 9, "datagram": 20, "after": 21}
+    requests: dict[str, Any] = {name: request_body(seq=seq).decode() for name, seq in numbers.items()}
+    requests["streams"] = [request_body(seq=seq).decode() for seq in range(4)]
+    async with visited(source, host) as (_, page, target):
+        result = await page.evaluate(SCRIPT, target | {"requests": requests})
+        await eventually(lambda: 9 in source.cancelled)
     frame = {"status": 200, "size": 51_200, "sum": sum(source.body)}
     assert result["streams"] == [{**frame, "seq": seq} for seq in range(4)]
     assert result["datagrams"] == {**frame, "seq": 20}
@@ -190,14 +161,10 @@ PATIENCE_S = 4
 
 
 async def test_chromium_does_not_wait_for_a_server_that_has_forgotten_it() -> None:
-    sessions = {"/render": render_session(FakeFrames())}
-    async with Http3Server(no_app, certificate=CERTIFICATE, webtransport=sessions) as server:
-        with secure_page() as url:
-            async with browser_page(url) as page:
-                target = {"url": f"https://127.0.0.1:{server.port}/render", "hash": CERTIFICATE.sha256}
-                await page.evaluate(OPEN, target)
-                for connection in list(server._connections):  # as if it had been started again
-                    connection.abandon()
-                    server._connections.remove(connection)
-                asked = {"request": request_body(seq=1).decode(), "patience": PATIENCE_S * 1000}
-                assert await page.evaluate(ASK_AND_WAIT, asked) == "broken"
+    async with visited(FakeFrames(), "127.0.0.1") as (server, page, target):
+        await page.evaluate(OPEN, target)
+        for connection in list(server._connections):  # as if it had been started again
+            connection.abandon()
+            server._connections.remove(connection)
+        asked = {"request": request_body(seq=1).decode(), "patience": PATIENCE_S * 1000}
+        assert await page.evaluate(ASK_AND_WAIT, asked) == "broken"

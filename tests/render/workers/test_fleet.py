@@ -14,10 +14,9 @@ import httpx
 import pytest
 from aioquic.tls import SessionTicket
 
-from tests.render.transport.client import Client, connect
-from tests.render.transport.serving import eventually
+from tests.render.transport.client import Client, connect, eventually
 from tests.render.workers import without_steering
-from tests.render.workers.fleet import ASK, Fleet, Viewer, asking_until, serving, session, status
+from tests.render.workers.fleet import ASK, Fleet, Viewer, serving, session, status
 
 pytestmark = [pytest.mark.anyio, pytest.mark.slow]
 BACK_S = 2.0
@@ -88,7 +87,8 @@ async def test_an_edge_that_is_killed_costs_its_own_viewers_two_seconds_and_othe
         hit = [viewer for viewer in viewers if viewer.owner == victim]
         spared = [viewer for viewer in viewers if viewer.owner != victim]
         assert spared
-        spare = await fleet.spare()
+        await eventually(lambda: fleet.pid("spare edge"))
+        spare = fleet.pid("spare edge")
         fleet.child(f"edge {victim}").kill()
         killed_at = time.monotonic()
         await eventually(lambda: all(viewer.connections > 1 and viewer.shown[-1] > viewer.since for viewer in hit))
@@ -113,7 +113,7 @@ async def test_while_the_engine_is_gone_edges_say_when_to_come_back_and_viewers_
         async def gone() -> bool:
             return (await http.get("/config.json")).status_code != 200
 
-        await asking_until(gone)
+        await eventually(gone)
         answer = await http.get("/config.json")
         assert answer.status_code == 503
         assert int(answer.headers["retry-after"]) >= 1
@@ -126,7 +126,7 @@ async def test_while_the_engine_is_gone_edges_say_when_to_come_back_and_viewers_
         async def back() -> bool:
             return await status(client, opened) == 200 and not await gone()
 
-        await asking_until(back)
+        await eventually(back)
         assert client.terminated is None
 
 
@@ -147,7 +147,7 @@ async def test_early_data_is_taken_by_another_edge_than_gave_the_ticket_and_once
                     return (await early.response(asked)).status == 200
         return False
 
-    await asking_until(resumed_elsewhere)
+    await eventually(resumed_elsewhere)
     async with connect(fleet.port, certificate=None, ticket=tickets[0], wait=False) as replayed:
         replayed.request("POST", "/render", ASK)
         await replayed.until(lambda: replayed.handshake or replayed.terminated)

@@ -15,9 +15,8 @@ import httpx
 import pytest
 
 from reference.ply import write_ply
-from tests.render.transport.client import request_body
-from tests.render.transport.serving import eventually
-from tests.render.workers.fleet import ASK, Fleet, Viewer, asking_until, nothing_left, serving
+from tests.render.transport.client import eventually, request_body
+from tests.render.workers.fleet import ASK, Fleet, Viewer, nothing_left, serving
 from tigas_common.placement import ranked
 from tigas_render.raster.base import one_gaussian
 
@@ -112,7 +111,7 @@ async def test_what_each_engine_knows_reads_as_one(fleet: Fleet) -> None:
         async def all_edges_have_told() -> bool:
             return 'tigas_render_viewers{edge="1"}' in (await http.get("/metrics")).text
 
-        await asking_until(all_edges_have_told)
+        await eventually(all_edges_have_told)
         text = (await http.get("/metrics")).text
     for name in NAMES:
         assert f'tigas_render_device_up{{device="{name}"}} 1.0' in text
@@ -142,7 +141,7 @@ async def test_an_engine_that_stops_costs_its_viewers_two_seconds_and_others_not
             now = await frames(http)
             return min(now[name] - before[name] for name in NAMES) > 10
 
-        await asking_until(each_has_its_own)
+        await eventually(each_has_its_own)
         engine = fleet.child("engine 0")
         stopped = time.monotonic()
         engine.send_signal(number)
@@ -167,7 +166,7 @@ async def test_a_popular_scene_gets_both_devices(fleet: Fleet) -> None:
             now = await frames(http)
             return min(now[name] - before[name] for name in NAMES) > FRAMES_PER_S
 
-        await asking_until(widened)
+        await eventually(widened)
         assert [viewer.connections for viewer in viewers] == [1] * len(viewers)
 
 
