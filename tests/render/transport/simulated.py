@@ -30,7 +30,7 @@ Drop = Callable[[str, bytes], bool]
 class Simulation:
     """Call `run` after every change; it plays until both ends are quiet, or until a given time."""
 
-    def __init__(self, reset_delay: Callable[[float], float] = lambda now: 0.0) -> None:
+    def __init__(self, reset_delay: Callable[[float], float] = lambda now: 0.0, congestion_control: str = RENO) -> None:
         self.now = 0.0
         self.address = CLIENT
         """Where the client's datagrams come from."""
@@ -54,14 +54,6 @@ class Simulation:
             )
         )
         self.client.connect(SERVER, now=0.0)
-<<<<<<< HEAD
-        settings: dict[str, Any] = {
-            "congestion_control_algorithm": RENO,
-            "max_datagram_size": 1452,
-            "max_stream_data": 64 * 1024,
-        }
-=======
->>>>>>> serving
         self.server = ServerQuicConnection(
             edge=Edge(),
             reset_token=lambda cid: bytes(16),
@@ -70,16 +62,10 @@ class Simulation:
                 is_client=False,
                 certificate=CERTIFICATE.x509,
                 private_key=CERTIFICATE.private_key,
-<<<<<<< HEAD
-                max_datagram_frame_size=65536,
-                idle_timeout=600,
-                **{**settings, **server},
-=======
-                congestion_control_algorithm=LIMITED_RENO,
+                congestion_control_algorithm=congestion_control,
                 max_datagram_size=1452,
                 max_stream_data=64 * 1024,
                 **common,
->>>>>>> serving
             ),
             original_destination_connection_id=self.client.original_destination_connection_id,
         )

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.loss import Simulation
-from tests.render.transport.simulated import frames
+from tests.render.transport.simulated import Simulation, frames
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.02, 0.2])

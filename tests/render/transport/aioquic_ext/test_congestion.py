@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.loss import Simulation
+from tests.render.transport.simulated import Simulation
 
 
 def test_a_window_that_is_not_used_does_not_grow() -> None:

@@ -9,7 +9,7 @@ from aioquic.h3.connection import ErrorCode, FrameType, Setting, StreamType, enc
 from aioquic.h3.events import DataReceived, H3Event, HeadersReceived
 from aioquic.quic.events import StreamDataReceived
 
-from benchmarks.loss import Simulation
+from tests.render.transport.simulated import Simulation
 from tigas_render.transport.aioquic_ext.h3 import MAX_ENCODER_TABLE, MAX_FIELD_SECTION, ServerH3Connection
 
 REQUEST, CONTROL, ENCODER = 0, 2, 6

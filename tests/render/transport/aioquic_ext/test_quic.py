@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.loss import Simulation
 from tests.render.transport import simulated
-from tests.render.transport.simulated import frames
+from tests.render.transport.simulated import Simulation, frames
 from tigas_common.limits import RateLimit
 from tigas_render.transport.aioquic_ext.quic import MAX_STREAMS, MIN_STREAMS, RAISE_S, stream_window
 

@@ -8,8 +8,7 @@ import pytest
 from aioquic.quic.connection import QuicConnection
 from aioquic.tls import Epoch
 
-from benchmarks.loss import CLIENT, Simulation
-from tests.render.transport.simulated import DELAY, frames
+from tests.render.transport.simulated import CLIENT, DELAY, Simulation, frames
 from tigas_render.transport.aioquic_ext import receiving
 
 SETTLED = 5.0
