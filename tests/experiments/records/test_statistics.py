@@ -1,4 +1,4 @@
-"""Figures against records worked by hand; the page's figures are tested with the same golden records."""
+"""Figures against records worked by hand, some of them in `figures.golden.json`."""
 
 from __future__ import annotations
 
