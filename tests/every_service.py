@@ -16,7 +16,7 @@ from starlette.types import ASGIApp
 from tests.cluster.hosts import FakeFleet, load
 from tests.dash.fakes import FakeRender
 from tests.experiments.made_up import MACHINE
-from tests.experiments.store.conftest import NOBODY, in_a_thread
+from tests.experiments.store.conftest import NOBODY, in_a_thread, services
 from tests.render.fakes import FakeRasterizer
 from tests.render.scenes import plys
 from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, trace
@@ -35,6 +35,7 @@ from tigas_experiments.store.app import Store
 from tigas_experiments.store.app import create_app as store_app
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.movements import Movements
+from tigas_experiments.store.planner import Planner
 from tigas_experiments.store.reports import Reports
 from tigas_experiments.store.rerendering import Rerendering
 from tigas_experiments.store.workspace import Workspace
@@ -94,7 +95,17 @@ async def store(folder: Path) -> AsyncIterator[ASGIApp]:
         experiments = Experiments(folder, workspace)
         reports, kept = Reports(experiments, workspace, in_a_thread), Movements(folder)
         materialisations = Rerendering(experiments, NOBODY)
-        made = Store(workspace, experiments, reports, kept, (), MACHINE, in_a_thread, materialisations)
+        planner = Planner(
+            experiments,
+            workspace,
+            in_a_thread,
+            movements=folder,
+            render=NOBODY,
+            services=services,
+            machine=MACHINE,
+            load=(),
+        )
+        made = Store(workspace, experiments, reports, kept, planner, materialisations)
         yield store_app(made, OriginPolicy())
 
 

@@ -38,6 +38,8 @@ REQUESTS = {
         "GET /experiments/a/zip",
         "GET /movements",
         "POST /experiments",
+        "POST /plans",
+        "POST /experiments/a/next",
         "DELETE /experiments/a",
     ),
 }

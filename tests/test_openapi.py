@@ -17,8 +17,8 @@ from jsonschema import Draft202012Validator
 from openapi_spec_validator import validate
 
 from tests.every_service import client_of
-from tests.experiments.store.conftest import upload
-from tests.experiments.store.test_sample_uploads import JPEG, index
+from tests.experiments.store.conftest import plan, upload
+from tests.experiments.store.test_sample_uploads import JPEG, PNG, index
 from tests.render.fakes import render_request
 from tigas_common import openapi
 
@@ -102,15 +102,22 @@ async def ask_shaper(client: httpx.AsyncClient) -> list[httpx.Response]:
 
 
 async def ask_store(client: httpx.AsyncClient) -> list[httpx.Response]:
-    created = await client.post("/experiments", json={"name": "abr", "plan": {"seed": 1}, "planned": 1})
+    summary = await client.post("/plans", json=plan())
+    created = await client.post("/experiments", json=plan())
     experiment = f"/experiments/{created.json()['id']}"
-    kept = await client.post(f"{experiment}/runs", json=upload())
-    samples = f"{experiment}/runs/{kept.json()['folder']}/samples"
+    reserved = await client.post(f"{experiment}/next", json={"page": "a", "begin": True})
+    run = f"{experiment}/runs/{reserved.json()['job']['run']}"
+    kept = await client.put(run, json=upload())
+    capture = await client.put(f"{run}/captures/0000.png", content=PNG, headers={"Content-Type": "image/png"})
+    completed = await client.post(f"{run}/complete")
+    released = await client.delete(f"{experiment}/pages/a")
+    samples = f"{run}/samples"
     picture = await client.put(f"{samples}/000003.jpg", content=JPEG, headers={"Content-Type": "image/jpeg"})
     complete = await client.put(samples, json=index(3))
     paths = (experiment, samples, f"{samples}/000003.jpg", f"{experiment}/zip", "/experiments", "/movements", "/")
     asked = [await client.get(path) for path in paths]
-    return [created, kept, picture, complete, *asked, await client.delete(experiment)]
+    made = [summary, created, reserved, kept, capture, completed, released, picture, complete]
+    return [*made, *asked, await client.delete(experiment)]
 
 
 async def ask_director(client: httpx.AsyncClient) -> list[httpx.Response]:

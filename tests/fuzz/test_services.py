@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.every_service import SERVICES
+from tests.experiments.store.conftest import slug
 from tests.fuzz.asgi import HOST, Answer, ask, assert_answered, opened
 from tests.fuzz.byte_edits import chunked
 from tests.fuzz.fuzzers import effort, found
@@ -22,7 +23,7 @@ from tests.fuzz.wire_examples import EXAMPLES
 from tigas_common.wire.dash import SessionRequest
 from tigas_common.wire.render import RenderRequest
 from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest
-from tigas_experiments.wire.store import ExperimentRequest, InterruptedRun, RunUpload, SampleIndex
+from tigas_experiments.wire.store import ExperimentRequest, NextRequest, RunUpload, SampleIndex
 
 PAGE = (b"origin", b"http://localhost:8080")
 MOST_GROWTH = 300_000_000
@@ -130,9 +131,9 @@ def test_any_experiment_is_begun_or_refused(store: Ask, body: bytes) -> None:
 @given(st.data())
 def test_any_run_is_kept_or_refused(store: Ask, experiment: str, data: st.DataObject) -> None:
     body = data.draw(bodies(RunUpload, EXAMPLES[RunUpload]))
-    answer = store("POST", f"{experiment}/runs", chunks=data.draw(chunked(body)))
+    answer = store("PUT", f"{experiment}/runs/{slug('dash-tuned')}", chunks=data.draw(chunked(body)))
     assert_answered(answer)
-    if answer.status == 201:
+    if answer.status == 200:
         assert_answered(store("GET", experiment))
         assert_answered(store("GET", "/experiments"))
         assert store("GET", f"{experiment}/zip").body[:2] == b"PK"
@@ -141,9 +142,9 @@ def test_any_run_is_kept_or_refused(store: Ask, experiment: str, data: st.DataOb
 @pytest.fixture(scope="module")
 def run(store: Ask, experiment: str) -> str:
     """The path of a run that has no samples yet."""
-    answer = store("POST", f"{experiment}/runs", chunks=[dumps(EXAMPLES[RunUpload][0]).encode()])
-    assert answer.status == 201
-    return f"{experiment}/runs/{json.loads(answer.body)['folder']}"
+    run = f"{experiment}/runs/{slug()}"
+    assert store("PUT", run, chunks=[dumps(EXAMPLES[RunUpload][0]).encode()]).status == 200
+    return run
 
 
 @effort(50)
@@ -154,15 +155,14 @@ def test_any_picture_of_a_sample_is_kept_or_refused(store: Ask, run: str, name: 
 
 
 @effort(50)
-@given(st.sampled_from([SampleIndex, InterruptedRun]), st.data())
-def test_any_word_about_samples_is_kept_or_refused(
-    store: Ask, experiment: str, run: str, kind: Any, data: st.DataObject
-) -> None:
-    body = data.draw(bodies(kind, EXAMPLES[kind]))
-    if kind is SampleIndex:
-        assert_answered(store("PUT", f"{run}/samples", chunks=[body]))
-    else:
-        assert_answered(store("POST", f"{experiment}/interrupted-runs", chunks=[body]))
+@given(st.sampled_from([SampleIndex, NextRequest, ExperimentRequest]), st.data())
+def test_any_other_message_is_answered(store: Ask, experiment: str, run: str, kind: Any, data: st.DataObject) -> None:
+    method, path = {
+        SampleIndex: ("PUT", f"{run}/samples"),
+        NextRequest: ("POST", f"{experiment}/next"),
+        ExperimentRequest: ("POST", "/plans"),
+    }[kind]
+    assert_answered(store(method, path, chunks=[data.draw(bodies(kind, EXAMPLES[kind]))]))
 
 
 TARGETS = {

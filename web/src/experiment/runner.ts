@@ -1,5 +1,5 @@
 /**
- * Plays a movement in the viewer and records it, for scripts (`bridge.ts`) and the experiment dialog (`experiment.ts`).
+ * Plays a movement in the viewer and records it, for scripts (`bridge.ts`) and the page's experiments (`perform.ts`).
  * The record stays in the page until the run has ended, so that only the viewer's own traffic crosses the link.
  */
 
@@ -11,13 +11,14 @@ import { turning } from "../reproject/acceleration";
 import type { About } from "../samples/layout";
 import { removeSampledRun } from "../samples/sampled-runs";
 import { type Sampled, Sampler } from "../samples/sampler";
-import { kindsShown, reopens } from "../sources/sides";
+import { kindsShown, reopens, titleOf } from "../sources/sides";
 import { changeSettings, settings } from "../state/app";
 import { type Mode, type Settings, validSettings } from "../state/settings";
 import type { ScenePose } from "../view/camera";
 import type { PresentedFrame } from "../view/presented";
 import type { ViewerSession } from "../viewer/session";
 import type { Recording } from "../wire/store";
+import { RunFailed } from "./errors";
 import { intervalAtRest } from "./missed";
 import { Recorder } from "./recorder";
 
@@ -135,7 +136,10 @@ export class Runner {
     };
   }
 
-  /** Play a movement and record it; one at a time. If `signal` is aborted, it rejects with its reason. */
+  /**
+   * Play a movement and record it; one at a time. Rejects with a RunFailed if the connection or stream is lost, or with
+   * the reason of `signal`.
+   */
   async run(plan: RunPlan, signal?: AbortSignal): Promise<Required<Recording>> {
     if (this.#running) throw new Error("a run is under way");
     this.#running = true;
@@ -151,12 +155,15 @@ export class Runner {
     }
   }
 
-  /** Takes a kept picture of the last run; the recipient closes it. */
-  takePicture(index: number): ImageBitmap {
+  /** A kept picture of the last run as a PNG; it is given up then. */
+  async takePicture(index: number): Promise<Blob> {
     const picture = this.#pictures[index];
     if (!picture) throw new Error(`there is no picture ${index}`);
     this.#pictures[index] = null;
-    return picture;
+    const canvas = new OffscreenCanvas(picture.width, picture.height);
+    canvas.getContext("2d")?.drawImage(picture, 0, 0);
+    picture.close();
+    return canvas.convertToBlob({ type: "image/png" });
   }
 
   /** Outcome of the last run's samples; null if none were requested. */
@@ -207,8 +214,14 @@ export class Runner {
     };
     document.addEventListener("visibilitychange", onVisibility);
     this.#lapse = null;
+    const lost = new AbortController();
+    let played = false;
     const watch = effect(() => {
       this.#lapse ??= this.#unturned();
+      const plays = this.#session.source.value?.phase.value.kind === "playing";
+      const trouble = this.#trouble(played && !plays);
+      played ||= plays;
+      if (trouble !== null) lost.abort(new RunFailed(trouble));
     });
     try {
       const lens = { ...rig.viewport.peek(), ...rig.intrinsics.peek() };
@@ -222,7 +235,8 @@ export class Runner {
         for (let ticks = recorder.due(now); ticks > 0; ticks--) void this.#keep(recorder, now);
         return movement(now - startedAt);
       });
-      const endedAt = await this.#ended(recorder, movedUntil, signal);
+      const ending = signal ? AbortSignal.any([signal, lost.signal]) : lost.signal;
+      const endedAt = await this.#ended(recorder, movedUntil, ending);
       // Drawing a scene may take all of the page's time: that is the mode's own doing, and its poses are counted as missed.
       const animated = (recorder.animationInterval ?? Number.POSITIVE_INFINITY) < SLOWEST_DISPLAY;
       const unbroken = longestPause < PAUSE || (download && !hidden && animated);
@@ -247,6 +261,16 @@ export class Runner {
       this.#recorder = undefined;
       this.release();
     }
+  }
+
+  /** Why the pictures of a run are no longer those that it is about, in one sentence; null if they are. */
+  #trouble(stopped: boolean): string | null {
+    const { phase, source } = this.#session;
+    const shown = source.value?.phase.value;
+    if (phase.value.kind === "failed") return phase.value.message;
+    if (phase.value.kind !== "playing") return "The connection was lost during the run.";
+    if (shown?.kind === "failed") return shown.message;
+    return stopped ? `The ${titleOf(settings.peek().mode)} stream was lost during the run.` : null;
   }
 
   #unturned(): string | null {
@@ -286,11 +310,11 @@ export class Runner {
   }
 
   /** Resolves when the last pose is on screen, or the wait times out. */
-  async #ended(recorder: Recorder, movedUntil: number, signal?: AbortSignal): Promise<number> {
+  async #ended(recorder: Recorder, movedUntil: number, signal: AbortSignal): Promise<number> {
     let reportedAt = Number.NEGATIVE_INFINITY;
     for (;;) {
       const now = await animationFrame();
-      signal?.throwIfAborted();
+      signal.throwIfAborted();
       if (now - reportedAt >= TRAFFIC_EVERY) {
         recorder.received(this.#session.receivedBytes, now);
         reportedAt = now;

@@ -46,9 +46,10 @@ class Compare(Measure):
         from tigas_experiments.commands.options import end_as_ctrl_c
         from tigas_experiments.report.cli import Report
         from tigas_experiments.report.controllers import run_names
+        from tigas_experiments.run.experiment import Experiment, reserved
         from tigas_experiments.run.plan import ExperimentPlan
         from tigas_experiments.run.progress import progress
-        from tigas_experiments.run.runner import Experiment, make_missing_runs, reserved
+        from tigas_experiments.run.runner import make_missing_runs
 
         end_as_ctrl_c()
         with in_a_sentence(StartError, OSError):

@@ -19,13 +19,15 @@ def schema() -> dict[str, Any]:
     return messages_schema(
         requests=[
             store.ExperimentRequest,
+            store.NextRequest,
             store.RunUpload,
-            store.InterruptedRun,
             store.SampleIndex,
             recording.Sample,
         ],
         answers=[
+            store.PlanSummary,
             store.ExperimentCreated,
+            store.NextRun,
             store.ExperimentList,
             store.Experiment,
             store.RunRow,

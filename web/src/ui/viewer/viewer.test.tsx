@@ -114,10 +114,13 @@ test.each([
 ] as const)("an experiment begins with the viewer's own settings: %o, turning %s", async (chosen, status, checked) => {
   settings.value = { ...settings.value, ...chosen };
   session.pictures.reprojection.value = status;
+  config.value = serverConfig({ store: "http://store.test" });
+  vi.stubGlobal("fetch", async () => Response.json({ movements: [] }));
   show();
   await userEvent.keyboard("x");
   expect((await screen.findByRole<HTMLInputElement>("checkbox", { name: "Reprojection" })).checked).toBe(checked);
   expect(screen.getByRole<HTMLSelectElement>("combobox", { name: "Prediction" }).value).toBe("linear");
+  vi.unstubAllGlobals();
 });
 
 test("a dialog gives the focus back to what opened it, and the settings give it to the stage", async () => {

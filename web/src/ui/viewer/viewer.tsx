@@ -43,10 +43,8 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
   const left = useRef<HTMLDivElement>(null);
   const right = useRef<HTMLDivElement>(null);
   const session = useSignal<ViewerSession | null>(null);
-  const runner = useSignal<Runner | null>(null);
   const help = useSignal(false);
   const experiment = useSignal(false);
-  const locked = useSignal(false);
   const wide = useMedia(WIDE);
   const detailed = !useMedia(TOUCH) && wide;
   const fullscreen = useFullscreen(root);
@@ -62,19 +60,17 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
     const current = new ViewerSession(sceneId, place, page);
     session.value = current;
     const movementRunner = new Runner(current);
-    runner.value = movementRunner;
     const withdraw = offerBridge(movementRunner);
     const leaveAddress = keepAddress(current);
     stage.current.focus({ preventScroll: true });
     return () => {
       session.value = null;
-      runner.value = null;
       withdraw();
       leaveAddress();
       movementRunner.dispose();
       current.dispose();
     };
-  }, [sceneId, session, runner]);
+  }, [sceneId, session]);
 
   const live = session.value;
   useEffect(() => {
@@ -113,7 +109,7 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
   const note = linkNote(asked, unknown);
   const phase = live?.phase.value.kind ?? "connecting";
   const usable = phase !== "failed";
-  useShortcuts(actions, locked.value || !usable);
+  useShortcuts(actions, !usable);
   useFocusReturn(root, stage);
 
   const name = live?.scene.value?.name ?? sceneId;
@@ -123,7 +119,7 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
 
   return (
     <div class="viewer" ref={root} data-sidebar={usable && sidebarOpen ? "open" : "closed"}>
-      <main class="stage-area" inert={locked.value}>
+      <main class="stage-area">
         <div
           class="stage"
           ref={stage}
@@ -165,9 +161,7 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
           }}
         />
       )}
-      {live && runner.value && (
-        <ExperimentDialog session={live} runner={runner.value} open={experiment} locked={locked} />
-      )}
+      {live && <ExperimentDialog session={live} open={experiment} />}
     </div>
   );
 }
