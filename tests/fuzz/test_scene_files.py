@@ -20,11 +20,10 @@ from tests.render.scenes import made_up, plys
 from tests.render.scenes import test_streamed_sog as streamed
 from tests.render.scenes.test_formats import splat_bytes
 from tigas_common.errors import BrokenScene
-from tigas_render.scenes.directory import scan_directory
-from tigas_render.scenes.formats import load_scene
-from tigas_render.scenes.lod_meta import LodMeta
-from tigas_render.scenes.metadata import SceneMetadata
+from tigas_render.scenes.directory import read_scene_file, scan_directory
+from tigas_render.scenes.source import SceneMetadata
 from tigas_render.scenes.start_camera import derive_camera
+from tigas_render.scenes.streamed_sog import LodMeta
 from tigas_render.server.preview import HEIGHT, WIDTH, preview_camera
 
 PIECES = (
@@ -108,7 +107,7 @@ def assert_file_loads_or_is_broken(path: Path) -> None:
     """It becomes finite Gaussians that can be looked at, or a sentence, in bounded memory."""
     tracemalloc.start()
     try:
-        gaussians = load_scene(path)
+        gaussians = read_scene_file(path).load()
     except BrokenScene as error:
         assert_sentence(error.detail)
         return
@@ -118,7 +117,7 @@ def assert_file_loads_or_is_broken(path: Path) -> None:
         assert peak < MOST_MEMORY + 300 * path.stat().st_size
     assert len(gaussians) > 0
     assert all(np.isfinite(array).all() for array in gaussians.arrays)
-    camera = derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, (0.0, -1.0, 0.0))
+    camera = derive_camera(gaussians, (0.0, -1.0, 0.0))
     preview_camera(camera, (0.0, -1.0, 0.0), WIDTH, HEIGHT)
 
 
@@ -152,7 +151,7 @@ def test_whatever_a_description_says_there_is_a_view_to_begin_with(description: 
     if source.error is not None:
         return
     gaussians, metadata = plys.gaussians(10), source.metadata
-    derived = derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, metadata.up)
+    derived = derive_camera(gaussians, metadata.up)
     for camera in (derived, metadata.camera or derived):
         pose = preview_camera(camera, metadata.up, WIDTH, HEIGHT).pose
         assert abs(sum(part * part for part in pose.quaternion) - 1) < 1e-6

@@ -15,7 +15,7 @@ from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, Star
 from tigas_experiments.wire.recording import Recording, Sample
 from tigas_experiments.wire.run import Configuration
 from tigas_experiments.wire.store import ExperimentRequest, InterruptedRun, RunUpload, SampleIndex
-from tigas_render.scenes.metadata import SceneMetadata
+from tigas_render.scenes.source import SceneMetadata
 
 EULER = render_request().model_dump(mode="json", exclude_none=True)
 QUATERNION = {name: EULER[name] for name in ("scene", "fx", "fy", "cx", "cy", "width", "height")} | {

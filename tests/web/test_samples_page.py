@@ -19,8 +19,7 @@ from tests.prerequisites import BUILT_PAGE
 from tests.web.conftest import OpenPage
 from tests.web.server import RenderServer, Store
 from tigas_experiments.quality.picture import Picture
-from tigas_experiments.records.rerendered import TRUTH
-from tigas_experiments.records.samples import JPEG, sample_path, write_sample_file
+from tigas_experiments.records.samples import JPEG, TRUTH, sample_path, write_sample_file
 
 
 @dataclass(frozen=True)

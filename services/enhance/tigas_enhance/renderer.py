@@ -80,10 +80,9 @@ class Renderer:
 
 @contextmanager
 def render_service(device: str, *, own_ladders: bool = True) -> Iterator[str]:
-    """Run a render service on this machine until the context ends, and give its URL.
+    """Run a render service on this machine until the context ends, and give its URL. Raises RenderFailed.
 
     own_ladders: whether scenes have their own ladders, or all have the paper's.
-    Raises RenderFailed with its last line of output if it does not start.
     """
     ladder = "scene" if own_ladders else "paper"
     options = ["--http", "127.0.0.1:0", "--quic", "off", "--device", device, "--ladder", ladder]

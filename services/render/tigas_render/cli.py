@@ -63,13 +63,13 @@ class Info(_SceneCommand):
         import numpy as np
         from rich.table import Table
 
-        from tigas_render.scenes.directory import scene_file
-        from tigas_render.scenes.metadata import read_metadata
-        from tigas_render.scenes.scene_statistics import SceneStatistics
+        from tigas_render.scenes.directory import read_scene_file
+        from tigas_render.scenes.source import read_metadata
+        from tigas_render.scenes.start_camera import SceneStatistics
 
         statistics = SceneStatistics()
         with in_a_sentence(TigasError, OSError), _bar(f"reading {self.scene}") as listener:
-            metadata, file = read_metadata(self.scene), scene_file(self.scene)
+            metadata, file = read_metadata(self.scene), read_scene_file(self.scene)
             for _ in statistics.collect(file.open(listener)).parts:
                 pass
         camera, sample = metadata.camera or statistics.camera(metadata.up), statistics.sample
@@ -120,14 +120,15 @@ class Preview(_SceneCommand):
 
     def run(self) -> None:
         from tigas_render.raster.devices import create_rasterizer
-        from tigas_render.scenes.directory import scene_file
-        from tigas_render.scenes.metadata import read_metadata
-        from tigas_render.scenes.scene_statistics import SceneStatistics
+        from tigas_render.scenes.directory import read_scene_file
+        from tigas_render.scenes.source import read_metadata
+        from tigas_render.scenes.start_camera import SceneStatistics
         from tigas_render.server.preview import preview_camera
 
         statistics = SceneStatistics()
         with in_a_sentence(TigasError, OSError):
-            metadata, file, rasterizer = read_metadata(self.scene), scene_file(self.scene), create_rasterizer("auto")
+            metadata, file = read_metadata(self.scene), read_scene_file(self.scene)
+            rasterizer = create_rasterizer("auto")
             with _bar(f"reading {self.scene}") as listener:
                 scene = rasterizer.pack(statistics.collect(file.open(listener)))
             start = metadata.camera or statistics.camera(metadata.up)
@@ -148,8 +149,7 @@ class Ladder(Command):
     """Plot to draw as well: .png or .svg."""
 
     def run(self) -> None:
-        from tigas_render.ladder.make import find_scene, make, place_of, write_ladder
-        from tigas_render.ladder.plot import check_plot, draw
+        from tigas_render.ladder.make import check_plot, draw, find_scene, make, place_of, write_ladder
         from tigas_render.raster.devices import create_rasterizer
 
         with in_a_sentence(StartError, TigasError, OSError, ValueError):
@@ -182,7 +182,7 @@ def _print_ladder(made: Made) -> None:
     """The rungs, and below them the paper's, each with the hull's quality at the same bytes."""
     from rich.table import Table
 
-    from tigas_render.ladder.choose import hull, psnr_at
+    from tigas_render.ladder.make import hull, psnr_at
 
     table = Table("rung", "kB", "PSNR, dB", "the scene's at as many kB", box=None)
     for rung in made.file.rungs:

@@ -15,7 +15,7 @@ from tigas_common.settings import MODELS, HostNames, Listen, ListenOrOff, Origin
 from tigas_common.topology import PAGE, PAGE_HTTPS, WEBTRANSPORT, ServiceName
 from tigas_common.wire.render import CongestionControl, LadderName
 from tigas_render.admission.limits import QuicLimits
-from tigas_render.cache import cache_directory
+from tigas_render.local_files import cache_directory
 
 MAX_EDGES = 64
 

@@ -21,8 +21,7 @@ from tests.experiments.processes import finished, started, until
 from tests.experiments.stub import Stub, fails
 from tigas_experiments.records.folder import StoredRun, read_experiment
 from tigas_experiments.records.summary import summarise
-from tigas_experiments.report.results import load
-from tigas_experiments.report.run_listing import runs_as_made
+from tigas_experiments.report.run_table import load
 from tigas_experiments.wire.run import USUALLY_COMPARED
 
 SHORT = ("--scene", "pebbles", "--duration", "2", "--viewport", "320x180", "--profile", "3")
@@ -35,7 +34,7 @@ def compare(*arguments: str) -> subprocess.Popen[str]:
 
 def report(out: Path) -> list[dict[str, Any]]:
     """The runs, in the order in which they were made."""
-    return [summarise(out / "runs" / run.folder).model_dump(mode="json") for run in runs_as_made(load(out))]
+    return [summarise(run.folder).model_dump(mode="json") for run in load(out).made]
 
 
 def told_by_the_page(run: StoredRun) -> float:

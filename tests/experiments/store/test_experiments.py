@@ -14,7 +14,7 @@ import pytest
 from tests.experiments.made_up import write_run
 from tests.experiments.store.conftest import SCENE_BYTES, Running, by_command, running_store, upload
 from tigas_experiments.lock import EXPERIMENT, exclusive
-from tigas_experiments.records.folder import StoredRun, read_experiment
+from tigas_experiments.records.folder import StoredRun, read_experiment, read_snapshot
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.records.summary import summarise
 
@@ -58,7 +58,7 @@ async def test_a_run_is_kept_as_commands_keep_theirs(store: Running) -> None:
     assert (stored.record.started, stored.record.machine.system) == ("2001-09-09T01:46:40+00:00", "Linux 6")
     assert (stored.record.scene_bytes, stored.record.backend) == (SCENE_BYTES, "netem")
     assert (len(stored.inputs()), len(stored.frames()), len(stored.link())) == (50, 50, 3)
-    assert (stored.quality(), stored.load(), stored.snapshot()) == ([], [], None)
+    assert (stored.quality(), stored.load(), read_snapshot(stored.folder)) == ([], [], None)
     figures = summarise(folder).figures
     assert figures is not None
     assert json.loads(figures.model_dump_json()) == row["figures"]

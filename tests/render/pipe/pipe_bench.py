@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from tests.render.transport.serving import eventually
 from tigas_render.frame import FrameSource
 from tigas_render.pipe.client import PipeClient
 from tigas_render.pipe.server import PipeServer, serve_edges
@@ -45,5 +45,5 @@ class Edge:
     @asynccontextmanager
     async def connected(self) -> AsyncIterator[PipeClient]:
         async with PipeClient(self.path, self.number, lambda *state: self.states.append(state)) as client:
-            await asyncio.wait_for(client.connected(), 20)
+            await eventually(lambda: client.is_connected)
             yield client

@@ -181,7 +181,7 @@ async def test_while_the_engine_is_gone_requests_are_refused_and_later_they_are_
             await client.submit(VIEWER, render_request(), 0.0)
         assert kept.body == b"frame", "what was received can still be read"
         kept.release()
-        await client.connected()
+        await eventually(lambda: client.is_connected)
         assert (await client.submit(VIEWER, render_request(seq=3), 0.0)).body == b"frame"
 
 
@@ -190,7 +190,7 @@ async def test_an_edge_may_start_before_the_engine(engine: Engine) -> None:
         with pytest.raises(Overloaded):
             await client.submit(VIEWER, render_request(), 0.0)
         async with asyncio.timeout(20), engine.running():
-            await client.connected()
+            await eventually(lambda: client.is_connected)
             assert (await client.submit(VIEWER, render_request(), 0.0)).body == b"frame"
 
 
@@ -239,7 +239,7 @@ async def test_what_is_no_answer_ends_the_pipe_in_a_sentence(
             engine, _ = await asyncio.to_thread(listener.accept)
             with engine:
                 socket.send_fds(engine, [messages.pack_number(Kind.ARENA, 64)], [arena.fd])
-                await client.connected()
+                await eventually(lambda: client.is_connected)
                 engine.sendall(hostile)
                 await eventually(lambda: sentence in caplog.text)
     arena.close()

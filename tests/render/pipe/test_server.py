@@ -45,7 +45,8 @@ from tigas_render.pipe.client import PipeClient
 
 async def main():
     async with PipeClient(Path(sys.argv[1]), 0, lambda *_: None) as client:
-        await client.connected()
+        while not client.is_connected:
+            await asyncio.sleep(0.01)
         viewer = Client("192.0.2.1", "viewer")
         kept = await client.submit(viewer, render_request(seq=1), 0.0)  # never released
         client.request(viewer, render_request(seq=2), 0.0, print)

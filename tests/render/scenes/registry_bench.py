@@ -9,10 +9,9 @@ from pathlib import Path
 from tests.render.scenes import plys
 from tigas_render.gaussians import Batches
 from tigas_render.raster.base import PreparedScene
-from tigas_render.scenes.columns import Listener
-from tigas_render.scenes.metadata import SceneMetadata
 from tigas_render.scenes.registry import SceneRegistry
-from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.scene_file import Listener
+from tigas_render.scenes.source import SceneMetadata, SceneSource
 
 
 @dataclass

@@ -23,10 +23,10 @@ from tests.render.scenes import made_up, plys
 from tests.shared_data import reference_scene_ply, shared_file
 from tigas_common.errors import BrokenScene
 from tigas_common.pose import Intrinsics, Pose
-from tigas_render.downloads.compressed_ply import write_compressed_ply
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera
-from tigas_render.scenes.formats import load_scene, open_scene, read_scene_file
+from tigas_render.scenes.compressed_ply import write_compressed_ply
+from tigas_render.scenes.directory import read_scene_file
 
 PLACE = (2.0, 1.0, 2.0)
 """Where the pictures are seen from."""
@@ -105,7 +105,7 @@ def test_a_sog_scene_in_a_folder_is_the_same_as_in_one_file(tmp_path: Path) -> N
         bundle.extractall(tmp_path)
     file = read_scene_file(tmp_path / "meta.json")
     assert (file.format, len(file.files)) == ("SOG folder", 8)
-    bundled, loaded = load_scene(made_up.FILES / "shell.sog"), file.load()
+    bundled, loaded = read_scene_file(made_up.FILES / "shell.sog").load(), file.load()
     for name in ("means", "scales", "quaternions", "opacities", "sh"):
         assert np.array_equal(getattr(loaded, name), getattr(bundled, name)), name
 
@@ -116,7 +116,7 @@ def test_all_degrees_of_spherical_harmonics_survive_packing(tmp_path: Path, degr
     write_compressed_ply(tmp_path / "ply", scene, np.arange(len(scene)))
     (tmp_path / "spz").write_bytes(gzip.compress(spz_bytes(scene)))
     for name, step in (("ply", 8 / 255), ("spz", 1 / 128)):
-        loaded = load_scene(tmp_path / name)
+        loaded = read_scene_file(tmp_path / name).load()
         assert loaded.sh_degree == degree
         assert np.allclose(loaded.sh[:, 1:], scene.sh[:, 1:], rtol=0, atol=step)
 
@@ -138,14 +138,14 @@ def test_a_ply_says_how_it_was_trained(tmp_path: Path, comments: list[str], anti
     write_compressed_ply(tmp_path / "packed.ply", scene, np.arange(3), comments=comments)
     for name in ("scene.ply", "packed.ply"):
         assert read_scene_file(tmp_path / name).antialiased is antialiased
-        assert load_scene(tmp_path / name).antialiased is antialiased
+        assert read_scene_file(tmp_path / name).load().antialiased is antialiased
 
 
 def test_an_spz_says_how_it_was_trained(tmp_path: Path) -> None:
     for flags in (0, 1):
         (tmp_path / "scene.spz").write_bytes(gzip.compress(spz_bytes(made_up.shell(), flags=flags)))
         assert read_scene_file(tmp_path / "scene.spz").antialiased is bool(flags)
-        assert load_scene(tmp_path / "scene.spz").antialiased is bool(flags)
+        assert read_scene_file(tmp_path / "scene.spz").load().antialiased is bool(flags)
 
 
 @pytest.mark.parametrize(
@@ -164,7 +164,7 @@ def test_a_sog_says_how_it_was_trained(tmp_path: Path, said: dict[str, object], 
     meta = tmp_path / "meta.json"
     meta.write_text(json.dumps({**json.loads(meta.read_text()), **said}))
     assert read_scene_file(meta).antialiased is antialiased
-    assert load_scene(meta).antialiased is antialiased
+    assert read_scene_file(meta).load().antialiased is antialiased
 
 
 @pytest.mark.parametrize("name", ["ply", "spz", "splat"])
@@ -175,10 +175,10 @@ def test_reading_takes_little_memory_whatever_the_scenes_size(tmp_path: Path, na
         write_compressed_ply(path, scene, np.arange(len(scene)))
     else:
         path.write_bytes(gzip.compress(spz_bytes(scene), 1) if name == "spz" else splat_bytes(scene))
-    load_scene(made_up.FILES / "shell-3.spz")  # so that nothing is imported while memory is counted
+    read_scene_file(made_up.FILES / "shell-3.spz").load()  # so that nothing is imported while memory is counted
     tracemalloc.start()
     heard: list[float] = []
-    count = sum(map(len, open_scene(path, heard.append).parts))
+    count = sum(map(len, read_scene_file(path).open(heard.append).parts))
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert count == len(scene)
@@ -190,7 +190,8 @@ def test_reading_takes_little_memory_whatever_the_scenes_size(tmp_path: Path, na
 
 @pytest.mark.parametrize(("name", "file"), [("guitar", "guitar.compressed.ply"), ("narcissus", "narcissus.sog")])
 def test_captured_scenes_are_what_another_decoder_makes_of_them(name: str, file: str) -> None:
-    loaded, expected = load_scene(shared_file("scenes", file)), load_scene(reference_scene_ply(name))
+    paths = (shared_file("scenes", file), reference_scene_ply(name))
+    loaded, expected = (read_scene_file(path).load() for path in paths)
     for part in ("means", "scales", "quaternions", "opacities", "sh"):
         assert np.allclose(getattr(loaded, part), getattr(expected, part), atol=2e-6), part
 

@@ -11,8 +11,9 @@ import pytest
 from tests.not_files import NOT_FILES
 from tests.render.scenes import plys
 from tests.render.scenes.registry_bench import Bench
-from tigas_render.scenes.directory import read_folder
-from tigas_render.scenes.ladder import BrokenLadder, read_ladder
+from tigas_common.errors import BrokenScene
+from tigas_render.scenes.directory import read_source
+from tigas_render.scenes.source import read_ladder
 
 GOOD = [
     {"name": "1280×720 q80", "width": 1280, "height": 720, "quality": 80, "expected_kb": 160.0, "psnr_db": 37.5},
@@ -33,7 +34,7 @@ def folder_with(tmp_path: Path, ladder: bytes) -> Path:
 
 
 def test_a_scene_without_a_ladder_has_none(tmp_path: Path) -> None:
-    assert read_ladder(tmp_path / "ladder.json") is None
+    assert read_ladder(tmp_path) is None
 
 
 @pytest.mark.anyio
@@ -80,12 +81,12 @@ def test_anything_else_is_refused_with_a_sentence_and_the_scene_stays(
     tmp_path: Path, ladder: bytes, words: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     folder = folder_with(tmp_path, ladder)
-    with pytest.raises(BrokenLadder, match=words) as failure:
-        read_ladder(folder / "ladder.json")
+    with pytest.raises(BrokenScene, match=words) as failure:
+        read_ladder(folder)
     assert failure.value.detail.startswith("ladder.json ")
     assert failure.value.detail.endswith(".")
     with caplog.at_level(logging.WARNING):
-        source = read_folder(folder)
+        source = read_source(folder)
     assert (source.error, source.ladder) == (None, None)
     assert failure.value.detail in caplog.text
 
@@ -94,5 +95,5 @@ def test_anything_else_is_refused_with_a_sentence_and_the_scene_stays(
 def test_what_is_no_file_costs_nobody_the_scene(tmp_path: Path, kind: str) -> None:
     plys.write(tmp_path / "scene.ply", plys.binary_ply())
     NOT_FILES[kind](tmp_path / "ladder.json")
-    source = read_folder(tmp_path)
+    source = read_source(tmp_path)
     assert (source.error, source.ladder) == (None, None)

@@ -9,8 +9,8 @@ import pytest
 from tests.render.scenes import plys
 from tigas_common.errors import BrokenScene
 from tigas_common.wire.render import StartCamera
-from tigas_render.scenes.directory import read_folder
-from tigas_render.scenes.metadata import SceneMetadata, read_metadata
+from tigas_render.scenes.directory import read_source
+from tigas_render.scenes.source import SceneMetadata, read_metadata
 
 
 def test_everything_may_be_said_or_left_out(tmp_path: Path) -> None:
@@ -53,4 +53,4 @@ def test_anything_else_is_refused_with_a_sentence(tmp_path: Path, content: bytes
         read_metadata(path.parent)
     assert failure.value.detail.startswith("scene.json ")
     assert failure.value.detail.endswith(".")
-    assert read_folder(tmp_path).error == failure.value.detail  # the scene is listed as broken
+    assert read_source(tmp_path).error == failure.value.detail  # the scene is listed as broken

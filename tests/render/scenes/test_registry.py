@@ -17,9 +17,8 @@ from tests.render.scenes.registry_bench import Bench, states
 from tigas_common.errors import BrokenScene, Overloaded, SceneInUse, TigasError, UnknownScene
 from tigas_render.gaussians import Batches, Gaussians
 from tigas_render.raster.base import PreparedScene
-from tigas_render.scenes.columns import Listener
-from tigas_render.scenes.metadata import SceneMetadata
-from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.scene_file import Listener
+from tigas_render.scenes.source import SceneMetadata, SceneSource
 
 pytestmark = pytest.mark.anyio
 

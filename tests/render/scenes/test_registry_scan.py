@@ -19,8 +19,7 @@ from tigas_common.errors import BrokenScene, Overloaded, UnknownScene
 from tigas_common.wire.render import StartCamera
 from tigas_render.scenes import registry
 from tigas_render.scenes.directory import scan_directory
-from tigas_render.scenes.metadata import SceneMetadata
-from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.source import SceneMetadata, SceneSource
 
 pytestmark = pytest.mark.anyio
 

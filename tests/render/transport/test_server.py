@@ -86,23 +86,22 @@ async def test_without_ipv6_it_serves_ipv4(listening: str, monkeypatch: pytest.M
             raise OSError(97, "Address family not supported by protocol")
         return real(family, *args, **kwargs)
 
-    with monkeypatch.context() as patch:
-        patch.setattr(socket, "socket", without_ipv6)
-        server = Http3Server(hello, certificate=CERTIFICATE, host=listening)
-        await server.start()
-    async with connect(server.port) as client:
+    async with contextlib.AsyncExitStack() as stack:
+        with monkeypatch.context() as patch:
+            patch.setattr(socket, "socket", without_ipv6)
+            server = await stack.enter_async_context(Http3Server(hello, certificate=CERTIFICATE, host=listening))
+        client = await stack.enter_async_context(connect(server.port))
         assert (await client.fetch("GET", "/")).status == 200
-    await server.close()
 
 
 async def test_a_port_in_use_is_an_os_error() -> None:
-    async with served() as server:
-        with pytest.raises(OSError, match="in use"):
-            await Http3Server(hello, host="127.0.0.1", port=server.port, certificate=CERTIFICATE).start()
     with contextlib.closing(socket.socket(socket.AF_INET6, socket.SOCK_DGRAM)) as taken:
         taken.bind(("::1", 0))
-        with pytest.raises(OSError, match="in use"):
-            await Http3Server(hello, port=taken.getsockname()[1], certificate=CERTIFICATE).start()
+        async with served() as server:
+            for host, port in (("127.0.0.1", server.port), ("localhost", taken.getsockname()[1])):
+                with pytest.raises(OSError, match="in use"):
+                    async with Http3Server(hello, host=host, port=port, certificate=CERTIFICATE):
+                        pass
 
 
 # -- certificates ------------------------------------------------------------------------------------------------------

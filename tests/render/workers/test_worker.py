@@ -144,7 +144,7 @@ async def test_a_spare_edge_is_kept_after_one_could_not_be_forked(monkeypatch: p
     monkeypatch.setattr(WorkerProcess, "start", start)
     standby = Standby(())
     keeping = asyncio.create_task(standby.keep())
-    await eventually(lambda: standby._waiting)
+    await eventually(lambda: not standby._loaded.empty())
     assert starts == 2
     keeping.cancel()
     await standby.end()

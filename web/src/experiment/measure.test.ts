@@ -1,5 +1,5 @@
 // @vitest-environment happy-dom
-import { signal } from "@preact/signals";
+import { type Signal, signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { EnhancementStatus } from "../enhance/enhancement";
 import type { TimedPose } from "../movement/playback";
@@ -84,17 +84,18 @@ function fakeShaper() {
 function fakeSession() {
   return {
     phase: signal<{ kind: string; message?: string }>({ kind: "playing" }),
-    local: signal<{
-      phase: { value: { kind: string; message?: string }; peek: () => { kind: string; message?: string } };
-    } | null>(null),
-    stream: signal<{ phase: { value: { kind: string; message?: string } } } | null>(null),
+    source: signal<{
+      phase: Signal<{ kind: string; message?: string }>;
+      enhancement: { status: Signal<EnhancementStatus> };
+    } | null>({ phase: signal({ kind: "playing" }), enhancement: { status: signal({ kind: "off" }) } }),
     scene: signal(COURTYARD),
-    enhancement: { status: signal<EnhancementStatus>({ kind: "off" }) },
     unturned: signal<string | null>(null),
     rig: { viewport: signal({ width: 640, height: 360 }), intrinsics: signal({ fx: 300, fy: 300, cx: 320, cy: 180 }) },
     retry: () => events.push("connect anew"),
   };
 }
+
+type FakeSource = NonNullable<ReturnType<typeof fakeSession>["source"]["value"]>;
 
 const discarded = vi.fn(async () => undefined);
 const runner = {
@@ -235,7 +236,7 @@ test.each<[string, Partial<PlannedRun>, () => void]>([
     "The DASH stream was lost during the run.",
     { mode: "dash-tuned" },
     () => {
-      session.stream.value = null;
+      session.source.value = null;
     },
   ],
   ["Settings or the window's size were changed during the run.", {}, () => changeSettings({ controller: "l2a" })],
@@ -262,7 +263,6 @@ test.each<[string, Partial<PlannedRun>, () => void]>([
     },
   ],
 ])("a run is given up: %s", async (sentence, run, happens) => {
-  session.stream.value = { phase: { value: { kind: "playing" } } };
   meanwhile = happens;
   const { outcome } = await measured(run);
   expect(outcome).toMatchObject({ message: sentence });
@@ -361,7 +361,10 @@ test("models that cannot be used fail the run before it plays, with the reason",
 
 test("models that are given up meanwhile fail the run", async () => {
   meanwhile = () => {
-    session.enhancement.status.value = { kind: "failed", message: "It took 40 ms a frame." };
+    (session.source.value as FakeSource).enhancement.status.value = {
+      kind: "failed",
+      message: "It took 40 ms a frame.",
+    };
   };
   const { outcome } = await measured({ upscale: "bicubic" });
   expect(outcome).toEqual(new RunFailed("Enhancement was given up during the run. It took 40 ms a frame."));
@@ -390,8 +393,8 @@ test("a download begins when the movement does, and none of it that comes in tim
 
 test("a scene that this browser cannot draw fails the run, in the viewer's words", async () => {
   meanwhile = () => {
-    const phase = signal({ kind: "failed", message: "The scene is too large for this browser." });
-    session.local.value = { phase };
+    const phase = { kind: "failed", message: "The scene is too large for this browser." };
+    (session.source.value as FakeSource).phase.value = phase;
   };
   const { outcome } = await measured({ mode: "local-compressed" });
   expect(outcome).toMatchObject({ message: "The scene is too large for this browser." });

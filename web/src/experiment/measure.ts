@@ -4,15 +4,15 @@ import { sleep } from "../async/sleep";
 import { poseAt, type TimedPose } from "../movement/playback";
 import type { Shaper } from "../network/shaper";
 import type { About } from "../samples/layout";
+import { titleOf } from "../sources/sides";
 import { settings } from "../state/app";
-import type { Settings } from "../state/settings";
-import { STREAM_NAMES } from "../stream/stream";
+import { recorded } from "../state/settings";
 import type { ViewerSession } from "../viewer/session";
 import type { ShaperStatus } from "../wire/shaper";
 import type { RunUpload } from "../wire/store";
 import { RunFailed } from "./errors";
 import { linkFor, linkProblem, linkSamples, watchLink } from "./link";
-import { isDash, isLocal, isStreamed, type PlannedRun, settingsFor } from "./plan";
+import { isLocal, type PlannedRun, settingsFor } from "./plan";
 import type { Runner } from "./runner";
 
 export interface MeasurementContext {
@@ -56,7 +56,7 @@ export async function measure(
     runner.seed(run.seed);
     const download = isLocal(run.mode);
     const asked = [settings.peek(), ...(download ? [{ ...settings.peek(), mode: "local" } as const] : [])].map(
-      decisive,
+      recorded,
     );
     await waitUntil(
       () => runner.state().ready,
@@ -143,20 +143,19 @@ function watchForTrouble(
   const lens = () => JSON.stringify([session.rig.viewport.value, session.rig.intrinsics.value]);
   const before = lens();
   const trouble = (): string | null => {
-    const stream = session.stream.value?.phase.value;
+    const { value: source } = session.source;
+    const shown = source?.phase.value;
     const { value: phase } = session.phase;
     if (phase.kind === "failed") return phase.message;
     if (phase.kind !== "playing") return "The connection was lost during the run.";
-    const enhanced = session.enhancement.status.value;
-    if (enhanced.kind === "failed") return `Enhancement was given up during the run. ${enhanced.message}`;
+    const enhanced = source?.enhancement?.status.value;
+    if (enhanced?.kind === "failed") return `Enhancement was given up during the run. ${enhanced.message}`;
     const turned = session.unturned.value;
     if (turned !== null) return `Reprojection ended during the run. ${turned}`;
-    if (isStreamed(run.mode) && stream?.kind !== "playing")
-      return `The ${STREAM_NAMES[isDash(run.mode) ? "dash" : "webrtc"]} stream was lost during the run.`;
-    const download = session.local.value?.phase.value;
-    if (isLocal(run.mode) && download?.kind === "failed") return download.message;
-    if (run.mode === "video" && session.video.problem.value !== null) return session.video.problem.value;
-    if (!asked.includes(decisive(settings.value)) || lens() !== before)
+    if (shown?.kind === "failed") return shown.message;
+    if (!isLocal(run.mode) && shown?.kind !== "playing")
+      return `The ${titleOf(settings.value.mode)} stream was lost during the run.`;
+    if (!asked.includes(recorded(settings.value)) || lens() !== before)
       return "Settings or the window's size were changed during the run.";
     const status = shaper?.status.value ?? null;
     if (known === null) return null; // without a shaper
@@ -178,16 +177,6 @@ function from(points: readonly TimedPose[], begin: number): readonly TimedPose[]
   return points.map((point) => ({ ...point, t_ms: point.t_ms - begin }));
 }
 
-/** The settings that affect the measurement, as text. */
-function decisive(chosen: Settings): string {
-  const { transport, mode, controller, profile, refine, restore, upscale, webp } = chosen;
-  const { reprojection, prediction, overscan, depth, surround } = chosen;
-  const { dashPreset, dashFrameRate, dashRepresentation, dashCustom, webrtcStream } = chosen;
-  const opened = [dashPreset, dashFrameRate, dashRepresentation, dashCustom, webrtcStream];
-  const motion = [reprojection, prediction, overscan, depth, surround];
-  return JSON.stringify([transport, mode, controller, profile, refine, restore, upscale, webp, ...opened, ...motion]);
-}
-
 function visible(): boolean {
   return document.visibilityState === "visible";
 }
@@ -195,11 +184,11 @@ function visible(): boolean {
 /** Why no frame comes, as far as the viewer knows. */
 function whyNoFrame(session: ViewerSession): string {
   if (!visible()) return HIDDEN;
-  const { phase, stream, local } = session;
-  const phases = [phase, stream.peek()?.phase, local.peek()?.phase].map((one) => one?.peek());
-  const said = phases.flatMap((phase) => (phase && "message" in phase ? phase.message : []));
-  const video = settings.peek().mode === "video" ? session.video.problem.peek() : null;
-  return said[0] ?? video ?? `No frame came within ${READY_WITHIN / 1000} s.`;
+  const phases = [session.phase.peek(), session.source.peek()?.phase.peek()];
+  const said = phases.flatMap((phase) =>
+    phase && phase.kind !== "connecting" && "message" in phase ? phase.message : [],
+  );
+  return said[0] ?? `No frame came within ${READY_WITHIN / 1000} s.`;
 }
 
 async function waitUntil(

@@ -22,11 +22,7 @@ let page: EventTarget & { visibilityState: string };
 let rig: Rig;
 let enhancement: Signal<EnhancementStatus>;
 let unturned: Signal<string | null>;
-let local: Signal<{
-  played: () => null;
-  picture: () => null;
-  phase: Signal<{ kind: string; message?: string }>;
-} | null>;
+let phase: Signal<{ kind: string; message?: string }>;
 let runner: Runner;
 let present: (frame: PresentedFrame) => void;
 
@@ -34,7 +30,7 @@ beforeEach(() => {
   now = 0;
   enhancement = signal({ kind: "off" });
   unturned = signal(null);
-  local = signal(null);
+  phase = signal({ kind: "playing" });
   waiting = [];
   page = Object.assign(new EventTarget(), { visibilityState: "visible" });
   vi.stubGlobal("document", page);
@@ -48,9 +44,8 @@ beforeEach(() => {
     receivedBytes: 0,
     seed: signal(1),
     connected: signal(null),
-    stream: signal(null),
-    local,
-    enhancement: { status: enhancement },
+    source: signal({ phase, enhancement: { status: enhancement }, played: () => ({}) }),
+    left: { picture: () => null },
     unturned,
     phase: signal({ kind: "playing" }),
     onPresented: (listener: typeof present) => {
@@ -225,7 +220,6 @@ test("a page that stands while it draws a download has played its movement, unle
 });
 
 test("a download that fails is a problem of the run, in its own words", () => {
-  const phase = signal({ kind: "failed", message: "The scene is too large for this browser." });
-  local.value = { played: () => null, picture: () => null, phase };
+  phase.value = { kind: "failed", message: "The scene is too large for this browser." };
   expect(runner.state().problem).toBe("The scene is too large for this browser.");
 });

@@ -11,9 +11,9 @@ import { turning } from "../reproject/acceleration";
 import type { About } from "../samples/layout";
 import { removeSampledRun } from "../samples/sampled-runs";
 import { type Sampled, Sampler } from "../samples/sampler";
+import { kindsShown, reopens } from "../sources/sides";
 import { changeSettings, settings } from "../state/app";
 import { type Mode, type Settings, validSettings } from "../state/settings";
-import { anyStreamed } from "../state/sides";
 import type { ScenePose } from "../view/camera";
 import type { PresentedFrame } from "../view/presented";
 import type { ViewerSession } from "../viewer/session";
@@ -102,19 +102,8 @@ export class Runner {
     if (forces) turning.value = "forced"; // requested settings are measured even without graphics acceleration
     this.#lapse = null;
     const now = settings.peek();
-    const streamed = [
-      "mode",
-      "left",
-      "right",
-      "dashPreset",
-      "dashFrameRate",
-      "dashRepresentation",
-      "webrtcStream",
-    ] as const;
-    // A stream is opened anew for these; a mode without one may have no reason to ask for another frame.
-    const turned = !anyStreamed(now) ? [] : (["reprojection", "overscan"] as const);
-    const reopened = forces && anyStreamed(now);
-    if (reopened || [...streamed, ...turned].some((name) => now[name] !== before[name])) this.#shown = 0; // wait for other frames
+    const forced = forces && kindsShown(now).some((kind) => kind.reopens.includes("reprojection"));
+    if (forced || reopens(before, now)) this.#shown = 0; // wait for other frames
   }
 
   /** Stand at a pose of the scene's own frame until a run begins, or the camera is released. */
@@ -132,9 +121,9 @@ export class Runner {
   }
 
   state(): RunnerState {
-    const { phase, rig, enhancement, local } = this.#session;
-    const enhanced = enhancement.status.peek();
-    const drawn = local.peek()?.phase.peek();
+    const { phase, rig, source } = this.#session;
+    const enhanced = source.peek()?.enhancement?.status.peek() ?? { kind: "off" };
+    const drawn = source.peek()?.phase.peek();
     const failed = enhanced.kind === "failed" ? enhanced : drawn?.kind === "failed" ? drawn : null;
     const shown = this.#shown > 0 && this.#newest >= rig.pose.seq;
     return {
@@ -233,13 +222,7 @@ export class Runner {
         for (let ticks = recorder.due(now); ticks > 0; ticks--) void this.#keep(recorder, now);
         return movement(now - startedAt);
       });
-      const targets: number[] = [];
-      const noteTarget = effect(() => {
-        const target = this.#session.stream.value?.stats.value.targetLatency;
-        if (target != null && target !== targets.at(-1)) targets.push(target);
-      });
-      const endedAt = await this.#ended(recorder, movedUntil, signal).finally(noteTarget);
-      const played = this.#session.stream.peek()?.playing ?? null;
+      const endedAt = await this.#ended(recorder, movedUntil, signal);
       // Drawing a scene may take all of the page's time: that is the mode's own doing, and its poses are counted as missed.
       const animated = (recorder.animationInterval ?? Number.POSITIVE_INFINITY) < SLOWEST_DISPLAY;
       const unbroken = longestPause < PAUSE || (download && !hidden && animated);
@@ -247,9 +230,7 @@ export class Runner {
         scene: rig.scene?.id ?? "",
         mode: settings.peek().mode,
         transport: this.#session.connected.peek()?.transport.kind ?? null,
-        dash: played && "dash" in played ? { ...played.dash, targets_ms: targets } : null,
-        webrtc: played && "webrtc" in played ? played.webrtc : null,
-        local: this.#session.local.peek()?.played(startedAt) ?? null,
+        ...{ dash: null, webrtc: null, local: null, ...this.#session.source.peek()?.played(startedAt) },
         user_agent: navigator.userAgent,
         lens,
         started_unix_ms: performance.timeOrigin + startedAt,
@@ -287,16 +268,15 @@ export class Runner {
   /** A copy on the GPU, or in memory without one: encoding waits until the run has ended. */
   async #keep(recorder: Recorder, at: number): Promise<void> {
     const frame = this.#frame;
-    const { stateless, stream, local, rig } = this.#session;
+    const { left, rig } = this.#session;
     if (frame === undefined) {
       const picture = await createImageBitmap(new ImageData(rig.viewport.peek().width, rig.viewport.peek().height));
       recorder.capturedNothing(at, picture);
       this.#pictures.push(picture);
       return;
     }
-    const sides = { stateless, dash: stream.peek(), webrtc: stream.peek(), local: local.peek() };
     try {
-      const picture = await sides[frame.side]?.picture();
+      const picture = await left.picture();
       if (!picture) return;
       recorder.captured(frame, at, picture);
       this.#pictures.push(picture);

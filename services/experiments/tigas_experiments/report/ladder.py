@@ -17,7 +17,7 @@ from tigas_experiments.quality.picture import Picture, Quality, compare, decode,
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.report.plot import style
-from tigas_experiments.report.results import LADDER, run_folders
+from tigas_experiments.report.run_table import LADDER, run_folders
 from tigas_experiments.samples.renderer import Renderer
 from tigas_experiments.wire.recording import Lens
 

@@ -18,9 +18,8 @@ from tigas_experiments.quality.ground_truth import TIMEOUT_S, GroundTruth, pose_
 from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, encode
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import RunRecord, RunWriter, Snapshot
-from tigas_experiments.records.load import Load
+from tigas_experiments.records.load import Load, watching_load
 from tigas_experiments.records.machine import Server
-from tigas_experiments.records.readings import watching_load
 from tigas_experiments.run.browser import Viewer, viewer
 from tigas_experiments.run.environment import Environment, Setup
 from tigas_experiments.run.inputs import points_sha256

@@ -11,8 +11,7 @@ from tigas_experiments.quality.ground_truth import pose_at
 from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, compare, decode, decode_shown
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import StoredRun, capture_path
-from tigas_experiments.records.rerendered import TRUTH
-from tigas_experiments.records.samples import MAX_PICTURE_BYTES
+from tigas_experiments.records.samples import MAX_PICTURE_BYTES, TRUTH
 from tigas_experiments.samples.renderer import NotRendered, Renderer, concurrently
 from tigas_experiments.samples.rerender import OnProgress, changed_scene
 from tigas_experiments.wire.recording import Capture, Input, RecordingHead

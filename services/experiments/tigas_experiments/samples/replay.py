@@ -15,8 +15,7 @@ from tigas_common.parsing import sentence
 from tigas_common.pose import Intrinsics
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.quality.picture import BrokenPicture, compare, decode, opened
-from tigas_experiments.records.rerendered import REPLAYED, TRUTH, Rerendered
-from tigas_experiments.records.samples import JPEG, MAX_PICTURE_BYTES, sample_path
+from tigas_experiments.records.samples import JPEG, MAX_PICTURE_BYTES, REPLAYED, TRUTH, Rerendered, sample_path
 from tigas_experiments.samples.renderer import NotRendered, Renderer
 from tigas_experiments.wire.recording import Sample
 

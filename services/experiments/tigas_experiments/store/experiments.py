@@ -22,8 +22,8 @@ from tigas_common.parsing import parse
 from tigas_experiments.lock import EXPERIMENT, exclusive
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import ExperimentRecord, RunRecord, StoredRun, read_experiment, write_experiment
-from tigas_experiments.records.rerendered import INDEX as RERENDERED
 from tigas_experiments.records.samples import INDEX as SAMPLES
+from tigas_experiments.records.samples import RERENDERED
 from tigas_experiments.records.scores import SCORES
 from tigas_experiments.records.summary import Summary, summarise
 from tigas_experiments.store.errors import ExperimentInUse, UnknownExperiment, UnknownRun, storage_explained

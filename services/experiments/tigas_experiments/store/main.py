@@ -12,8 +12,8 @@ from tigas_common.offload import offload_to_process
 from tigas_common.origins import OriginPolicy
 from tigas_common.resources import keep_together
 from tigas_common.runner import explained, serve_listener, until_stopped
+from tigas_experiments.records.load import EVERY_S, watching_load
 from tigas_experiments.records.machine import this_machine
-from tigas_experiments.records.readings import EVERY_S, watching_load
 from tigas_experiments.store.app import Store, create_app
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.movements import Movements

@@ -10,14 +10,16 @@ from pathlib import Path
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest, StorageFailed
 from tigas_common.files import names_to_disk, read_regular, to_disk
-from tigas_experiments.records.rerendered import REPLAYED, TRUTH, sampled_run
 from tigas_experiments.records.samples import (
     ENHANCED,
     FOLDER,
     INDEX,
     JPEG,
     MAX_PICTURE_BYTES,
+    REPLAYED,
+    TRUTH,
     sample_path,
+    sampled_run,
     write_samples,
 )
 from tigas_experiments.store.errors import SamplesComplete, UnknownSample

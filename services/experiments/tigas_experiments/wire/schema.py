@@ -41,7 +41,11 @@ def constants() -> dict[str, dict[str, Any]]:
     """The constants that the page shares, by the name of their module here."""
     terms = [term._asdict() for term in run.LINK_TERMS]
     return {
-        "run": {**_constants(run, "PER_VIEW", "DASH", "LOCAL", "MODE_NAMES", "MODES", "UNSHAPED"), "LINK_TERMS": terms},
+        "run": {
+            **_constants(run, "PER_VIEW", "DASH", "LOCAL", "MODE_NAMES", "MODES", "UNSHAPED"),
+            **_constants(run, "SOURCES", "SIDE_MODES", "USUAL_SIDES"),
+            "LINK_TERMS": terms,
+        },
         "figures": _constants(figures, "INTERACTIVE_MS", "USUAL_INTERVAL_MS", "AGE_EVERY_MS"),
         "movement": _constants(
             movement, "ANCHORS", "UNITS", "COLUMNS", "MAX_DURATION_MS", "MAX_COORDINATE", "QUATERNION_LENGTHS", "VIEW_M"

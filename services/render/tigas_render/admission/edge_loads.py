@@ -24,7 +24,6 @@ class EdgeLoads(Collector):
         self._heard: dict[int, tuple[float, LoadState]] = {}
 
     def heard(self, edge: int, state: LoadState) -> None:
-        """Take an edge's report."""
         self._heard[edge] = (self._clock(), state)
 
     def heard_json(self, edge: int, stats: bytes) -> None:
@@ -63,7 +62,6 @@ class EdgeLoads(Collector):
         return max((age for state in self.states.values() for age in state.ages.values()), default=0.0)
 
     def collect(self) -> Iterator[Metric]:
-        """For Prometheus."""
         age = "The longest that something waited in the last second"
         ages = Gauge("tigas_render_queue_age_seconds", age, labels=["queue", "edge"])
         shares = Gauge("tigas_render_utilisation_ratio", "Share of the time at work, 0 to 1", labels=["of", "edge"])

@@ -127,8 +127,6 @@ class Load:
         """Present viewers."""
         self._refused = self._stale = self._refused_batches = 0
 
-    # -- measurements ------------------------------------------------------------------------------------------------
-
     async def keep(self, ticked: Callable[[], None] = lambda: None) -> None:
         """Measure until cancelled, and call `ticked` after each measurement."""
         while True:
@@ -151,12 +149,10 @@ class Load:
         self._engine_age, self._engine_utilisation = queue_age_s, utilisation
 
     def entered(self) -> None:
-        """Count a new viewer."""
         self.viewers += 1
         self._entered.append(self._clock())
 
     def batch_refused(self) -> None:
-        """Count a batch of datagrams that the kernel refused."""
         self._refused_batches += 1
 
     def tick(self) -> None:
@@ -196,8 +192,6 @@ class Load:
         elif self._cools >= LASTING and self._rate is not None:
             self._cools = 0
             self._rate = GROWTH * self._rate if GROWTH * self._rate < MOST_RATE else None
-
-    # -- decisions ---------------------------------------------------------------------------------------------------
 
     def full(self) -> float | None:
         """Return the seconds after which a new viewer may try again, or None to admit it."""

@@ -51,7 +51,6 @@ class PipeClient(FrameSource):
         self._edge = edge
         self._on_state = on_state
         self._link: EngineLink | None = None
-        self._connected = asyncio.Event()
         self.connections = 0
         """Number of connections made: a new engine has no loaded scenes."""
         self.connected_at = 0.0
@@ -64,10 +63,6 @@ class PipeClient(FrameSource):
     async def __aexit__(self, *_: object) -> None:
         self._keeping.cancel()
         await asyncio.gather(self._keeping, return_exceptions=True)
-
-    async def connected(self) -> None:
-        """Wait until there is an engine."""
-        await self._connected.wait()
 
     @property
     def is_connected(self) -> bool:
@@ -100,7 +95,6 @@ class PipeClient(FrameSource):
             self._link.send(framed(Kind.STATS, stats))
 
     async def _keep(self) -> None:
-        """Stay connected, for ever."""
         while True:
             try:
                 link = await self._connect()
@@ -109,13 +103,11 @@ class PipeClient(FrameSource):
             else:
                 self._link = link
                 self.connections, self.connected_at = self.connections + 1, time.monotonic()
-                self._connected.set()
                 try:
                     await link.lost
                     logger.warning("The pipe to the engine was closed: %s", link.reason or "the engine is down.")
                 finally:
                     self._link = None
-                    self._connected.clear()
                     link.abort("The edge is stopping.")
             await asyncio.sleep(CONNECT_AGAIN_S)
 
@@ -165,7 +157,6 @@ class EngineLink(Link):
             _call(answered, EngineGone())
 
     def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
-        """As `FrameSource.request`."""
         id = self._next
         self._next = (id + 1) % 2**32
         self.send(messages.pack_request(id, self._session(client), arrived, time.monotonic(), request))
@@ -173,7 +164,6 @@ class EngineLink(Link):
         return partial(self._withdraw, id)
 
     def forget(self, client: Client) -> None:
-        """As `FrameSource.forget`."""
         number = self._sessions.pop(client, None)
         if number is not None:
             self.send(messages.pack_number(Kind.BYE, number))

@@ -101,7 +101,6 @@ class Engines(FrameSource):
         return tuple(self._engines.values())
 
     def up(self) -> list[RemoteEngine]:
-        """Connected engines."""
         return [engine for engine in self._engines.values() if engine.pipe.is_connected]
 
     def serving(self, scene: str) -> list[RemoteEngine]:
@@ -132,8 +131,6 @@ class Engines(FrameSource):
         if self._videos.get(client) is not engine:
             self.forget(client)
             self._videos[client] = engine
-
-    # -- routing -----------------------------------------------------------------------------------------------------
 
     def _choose(self, client: Client, request: RenderRequest, up: Sequence[RemoteEngine]) -> RemoteEngine | None:
         """A session's engine for a scene; another one that has it loaded, if the session's own must load it first."""

@@ -45,7 +45,6 @@ class BadMessage(Exception):
 
 
 def framed(kind: Kind, content: bytes) -> bytes:
-    """A whole message."""
     return PREFIX.pack(len(content), kind) + content
 
 
@@ -133,7 +132,6 @@ class Link(asyncio.Protocol, ABC):
             self.abort(str(error))
 
     def abort(self, reason: str) -> None:
-        """End the pipe at once."""
         self.reason = self.reason or reason
         if self._transport is not None:
             self._transport.abort()

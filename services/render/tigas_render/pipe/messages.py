@@ -35,8 +35,6 @@ _STATE: Final = struct.Struct("<dd")
 _HELLO: Final = struct.Struct("<IBB")
 """A session's number, its transport's, and the length of its address, which follows; the rest is its name."""
 
-# -- a request ---------------------------------------------------------------------------------------------------------
-
 _REQUEST: Final = struct.Struct("<IIdd")
 """id, session, arrived, sent. The RenderRequest follows."""
 _RENDER_REQUEST: Final = Packing(RenderRequest)
@@ -66,8 +64,6 @@ def unpack_request(content: bytes) -> Asked:
         raise BadMessage("A request has a time that does not exist.")
     return Asked(id, session, arrived, sent, _RENDER_REQUEST.unpack(content, _REQUEST.size))
 
-
-# -- an answer ---------------------------------------------------------------------------------------------------------
 
 _FRAME: Final = struct.Struct("<IQI IHHHHhB ddd IB16s")
 """id, offset, length; seq, width, height, margins, profile, format; timing; the frame that a video's refers to, flags,
@@ -101,7 +97,6 @@ def pack_frame(id: int, frame: Frame, offset: int | None) -> bytes:
 
 
 def unpack_frame(content: bytes, *, is_inline: bool) -> FrameMessage:
-    """A frame."""
     (
         id, offset, length, seq, width, height, margin_x, margin_y, profile, format, queue, render, encode,
         after, flags, codec,
@@ -131,8 +126,6 @@ def _of_video(video: VideoInfo | None) -> tuple[int, int, bytes]:
     return video.after or 0, flags, video.codec.encode()
 
 
-# -- an error ----------------------------------------------------------------------------------------------------------
-
 _FAILURE: Final = struct.Struct("<IdB")
 """id, seconds after which to try again, or NaN, and the error's type. The sentence follows."""
 _ERRORS: Final[tuple[type[TigasError], ...]] = (
@@ -151,7 +144,6 @@ def pack_failure(id: int, error: Exception) -> bytes:
 
 
 def unpack_failure(content: bytes) -> tuple[int, TigasError]:
-    """A request's number, and the error to raise."""
     id, retry_after_s, number = _unpacked(_FAILURE, content, at_least=True)
     if number >= len(_ERRORS):
         raise BadMessage("An error has a type that does not exist.")
@@ -159,9 +151,6 @@ def unpack_failure(content: bytes) -> tuple[int, TigasError]:
     if issubclass(kind, Overloaded):
         return id, kind(detail, None if math.isnan(retry_after_s) else retry_after_s)
     return id, kind(detail)
-
-
-# -- other messages ----------------------------------------------------------------------------------------------------
 
 
 def pack_hello(session: int, client: Client) -> bytes:
@@ -172,7 +161,6 @@ def pack_hello(session: int, client: Client) -> bytes:
 
 
 def unpack_hello(content: bytes) -> tuple[int, Client]:
-    """A session's number, and its client."""
     number, transport, length = _unpacked(_HELLO, content, at_least=True)
     end = _HELLO.size + length
     if len(content) < end:
@@ -191,7 +179,6 @@ def pack_number(kind: Kind, number: int) -> bytes:
 
 
 def unpack_number(content: bytes) -> int:
-    """Parse the content of `pack_number`."""
     (number,) = _unpacked(_NUMBER, content)
     return int(number)
 

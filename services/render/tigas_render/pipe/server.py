@@ -84,7 +84,6 @@ class PipeServer:
         """Whether any request was in flight since the last report: the loop may read late."""
 
     async def accept(self, listener: socket.socket) -> None:
-        """Connect edges until cancelled."""
         loop = asyncio.get_running_loop()
         while True:
             try:
@@ -121,7 +120,6 @@ class PipeServer:
                 edge.send(message)
 
     def close(self) -> None:
-        """Disconnect all edges."""
         for edge in list(self.edges):
             edge.abort("The engine is stopping.")
 

@@ -10,9 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tigas_common.wire.render import FrameFormat
-from tigas_render.encode.jpeg import encode_jpeg
-from tigas_render.encode.png import encode_png
-from tigas_render.encode.yuv420p import encode_yuv420p
+from tigas_render.encode.images import encode_jpeg, encode_png, encode_yuv420p
 from tigas_render.raster.base import Depth, Image
 
 Pixels = NDArray[np.uint8]

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tigas_common.wire.render import FrameFormat
-from tigas_render.encode.jpeg import encode_jpeg
-from tigas_render.encode.yuv420p import encode_yuv420p
+from tigas_render.encode.images import encode_jpeg, encode_yuv420p
 from tigas_render.gaussians import Batches
 from tigas_render.raster.base import Camera, PreparedScene
 from tigas_render.raster.calls import Call, Calls

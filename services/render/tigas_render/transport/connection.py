@@ -18,7 +18,7 @@ from aioquic.quic.events import (
 
 from tigas_render.admission.connections import Usage
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
-from tigas_render.transport.routing import Router, Service
+from tigas_render.transport.routing import Router
 from tigas_render.transport.udp import Address, Datagram
 
 logger = logging.getLogger(__name__)
@@ -89,20 +89,17 @@ class Connection:
         self,
         quic: ServerQuicConnection,
         connections: Connections,
-        service: Service,
-        client: tuple[str, int],
-        server: tuple[str, int],
         usage: Usage,
+        make_router: Callable[[Callable[[], None]], Router],
+        handshake_timeout: float,
     ) -> None:
-        """usage: resource usage of the client's address."""
+        """usage: resource usage of the client's address; make_router: called with `transmit_soon`."""
         self.usage = usage
         self.router: Router | None = None
         """The client's open streams and sessions, once the handshake has begun."""
         self._quic = quic
         self._connections = connections
-        self._service = service
-        self._client = client
-        self._server = server
+        self._make_router = make_router
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._timer_at = 0.0
@@ -113,9 +110,9 @@ class Connection:
         """When there is something to do."""
         self._transmit_handle: asyncio.Handle | None = None
         self._abandoned = False
-        self._handshake_timer = self._loop.call_later(service.limits.handshake_timeout, self._handshake_late)
-
-    # -- network -----------------------------------------------------------------------------------------------------
+        self._handshake_timer = self._loop.call_later(
+            handshake_timeout, self.close, ErrorCode.H3_NO_ERROR, "The handshake took too long"
+        )
 
     def receive(self, data: bytes, address: Address, arrived: float) -> None:
         """Take one datagram that arrived some time ago; `transmit` must follow once all that wait are in."""
@@ -182,15 +179,9 @@ class Connection:
 
     def _fail(self) -> None:
         """An error provoked by a client ends only its own connection."""
-        logger.exception("The connection from %s failed", self._client[0])
+        logger.exception("The connection from %s failed", self.usage.address)
         self.abandon()
         self._connections.remove(self)
-
-    def _handshake_late(self) -> None:
-        if not self._quic.is_established:
-            self.close(ErrorCode.H3_NO_ERROR, "The handshake took too long")
-
-    # -- closing -----------------------------------------------------------------------------------------------------
 
     def close(self, error_code: int = ErrorCode.H3_NO_ERROR, reason: str = "") -> None:
         """Close the connection; running requests end as if the client had cancelled them."""
@@ -213,8 +204,6 @@ class Connection:
         if self.router is not None:
             self.router.close()
 
-    # -- events ------------------------------------------------------------------------------------------------------
-
     def _process_events(self, arrived: float) -> None:
         while (event := self._quic.next_event()) is not None:
             match event:
@@ -229,9 +218,7 @@ class Connection:
                     self._handshake_timer.cancel()
                     self._connections.handshaking.discard(self)
                 case ProtocolNegotiated():
-                    self.router = Router(
-                        self._quic, self._service, self._client, self._server, self.usage, self.transmit_soon
-                    )
+                    self.router = self._make_router(self.transmit_soon)
                 case _ if self.router is not None:
                     self.router.received(event, arrived)
         if self.router is not None:

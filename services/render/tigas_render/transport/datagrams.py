@@ -103,7 +103,6 @@ class Datagrams:
         return bool(self._urgent or self._waiting)
 
     def close(self) -> None:
-        """Drop the waiting ones."""
         self._waiting.clear()
         self._urgent.clear()
 

@@ -1,33 +1,33 @@
-"""The render session of docs/protocol.md: a RenderRequest in, a FrameHeader and an image out."""
+"""The WebTransport session of docs/protocol.md: a RenderRequest in, a FrameHeader and an image out."""
 
 from __future__ import annotations
 
+import asyncio
 import json
 import logging
 import math
 import struct
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 
-from tigas_common.errors import InvalidRequest, Overloaded, TigasError, problem
-from tigas_common.parsing import parse
+from tigas_common.errors import BodyTooLarge, InvalidRequest, Overloaded, TigasError, problem
+from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.wire.render import FrameHeader, RenderRequest
 from tigas_render.admission.load import Load
 from tigas_render.admission.viewers import RequestRate
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.transport.datagrams import Datagrams
+from tigas_render.transport.outlet import Outlet
 
 logger = logging.getLogger(__name__)
 
+DRAFT_HEADER = (b"sec-webtransport-http3-draft", b"draft02")
+"""The draft that browsers speak and expect in the answer."""
+CANCELLED = 0x52E4A40FA8DB
+"""WebTransport's application error 0 as an HTTP/3 error code."""
 MAX_DATAGRAM_REQUESTS = 16
 """Requests by datagram that one session may have running."""
-
-
-Parts = Sequence[bytes | memoryview]
-"""Bytes, one part after the other."""
-Answer = Callable[[Parts], None]
-"""Sends bytes and ends the stream. The parts are not needed any more when it returns."""
 
 
 class RenderSession:
@@ -57,67 +57,12 @@ class RenderSession:
             self._has_video = False
             self._source.forget(self._client)
 
-    # -- streams -----------------------------------------------------------------------------------------------------
-
     def check(self) -> None:
-        """Raises a TigasError if the client asks more often than it may."""
+        """Count a request. Raises a TigasError if the client asks more often than it may."""
         self._rate.check(self._client)
 
-    def request(self, body: bytes, arrived: float, answer: Answer) -> Withdraw:
-        """Answer a request received on a stream at a time of the monotonic clock.
-
-        `answer` is called once, unless the request is cancelled before, with the function returned here.
-        """
-
-        def answered(result: Frame | Exception) -> None:
-            if isinstance(result, Frame):
-                answer((_header(result, self._rate.told), result.body))
-                result.release()
-            else:
-                answer(self.failure(result, body))
-
-        return self._ask(body, arrived, answered, is_ordered=True)
-
-    def failure(self, error: Exception, body: bytes) -> Parts:
-        """The answer to a failed request; `body` is the error."""
-        return (_failure(error, body, self._rate.told),)
-
-    # -- datagrams ---------------------------------------------------------------------------------------------------
-
-    def datagram(self, body: bytes, arrived: float) -> None:
-        """Answer a request in a datagram that arrived at a time of the monotonic clock."""
-        if not self._datagrams.can_send:
-            return
-        number = self._datagrams.next_request()
-        try:
-            if len(self._running) >= MAX_DATAGRAM_REQUESTS:
-                raise Overloaded(f"This session has {MAX_DATAGRAM_REQUESTS} requests running.")
-            self._rate.check(self._client)
-        except TigasError as error:
-            self._send_problem(error, body)
-            return
-        self._running[number] = _nothing
-        withdraw = self._ask(body, arrived, partial(self._answered_datagram, number, body))
-        if number in self._running:
-            self._running[number] = withdraw
-
-    def _answered_datagram(self, number: int, body: bytes, result: Frame | Exception) -> None:
-        del self._running[number]
-        if isinstance(result, Frame):
-            answer = b"".join((_header(result, self._rate.told), result.body))
-            result.release()
-            try:
-                self._datagrams.send_frame(number, result.seq, answer)
-            except InvalidRequest as error:
-                self._send_problem(error, body)
-        else:
-            self._send_problem(result, body)
-
-    def _send_problem(self, error: Exception, body: bytes) -> None:
-        self._datagrams.send_problem(_seq(body), _failure(error, body, self._rate.told))
-
-    def _ask(self, body: bytes, arrived: float, answered: Answered, *, is_ordered: bool = False) -> Withdraw:
-        """is_ordered: whether no part of the answer gets lost."""
+    def request(self, body: bytes, arrived: float, answered: Answered, *, is_ordered: bool = True) -> Withdraw:
+        """As `FrameSource.request`, for a client's message. is_ordered: whether no part of the answer gets lost."""
         try:
             request = parse(RenderRequest, body)
             if not is_ordered:
@@ -128,6 +73,69 @@ class RenderSession:
         except Exception as error:
             answered(error)
             return _nothing
+
+    def datagram(self, body: bytes, arrived: float) -> None:
+        """Answer a request in a datagram that arrived at a time of the monotonic clock."""
+        if not self._datagrams.can_send:
+            return
+        number = self._datagrams.next_request()
+        try:
+            if len(self._running) >= MAX_DATAGRAM_REQUESTS:
+                raise Overloaded(f"This session has {MAX_DATAGRAM_REQUESTS} requests running.")
+            self.check()
+        except TigasError as error:
+            self._send_problem(error, body)
+            return
+        self._running[number] = _nothing
+        withdraw = self.request(body, arrived, partial(self._answered_datagram, number, body), is_ordered=False)
+        if number in self._running:
+            self._running[number] = withdraw
+
+    def _answered_datagram(self, number: int, body: bytes, result: Frame | Exception) -> None:
+        del self._running[number]
+        if isinstance(result, Frame):
+            answer = b"".join((self.header(result), result.body))
+            result.release()
+            try:
+                self._datagrams.send_frame(number, result.seq, answer)
+            except InvalidRequest as error:
+                self._send_problem(error, body)
+        else:
+            self._send_problem(result, body)
+
+    def _send_problem(self, error: Exception, body: bytes) -> None:
+        self._datagrams.send_problem(_seq(body), self.failure(error, body))
+
+    def header(self, frame: Frame) -> bytes:
+        """The header that precedes a frame's body."""
+        return _encode(
+            FrameHeader(
+                status=200,
+                seq=frame.seq,
+                content_type=frame.content_type,
+                width=frame.width,
+                height=frame.height,
+                margin_x=frame.margin_x or None,
+                margin_y=frame.margin_y or None,
+                profile=frame.profile,
+                video=frame.video,
+                timing=frame.timing,
+                requests_per_s=self._rate.told,
+            )
+        )
+
+    def failure(self, error: Exception, body: bytes) -> bytes:
+        """The answer to a failed request, which was this message."""
+        if not isinstance(error, TigasError):
+            logger.error("A render request failed", exc_info=error)
+        about = problem(error)
+        header = FrameHeader(
+            status=about.status,
+            seq=_seq(body),
+            content_type="application/problem+json",
+            requests_per_s=self._rate.told,
+        )
+        return _encode(header) + about.model_dump_json().encode()
 
 
 SessionFactory = Callable[[Client, Datagrams], RenderSession]
@@ -140,40 +148,85 @@ def render_session(source: FrameSource, rate: RequestRate | None = None) -> Sess
     return lambda client, datagrams: RenderSession(source, rates, client, datagrams)
 
 
+class WebTransportStream:
+    """A bidirectional stream that the client opened: one request, and its answer."""
+
+    abort_code: int = CANCELLED
+    task = None
+
+    def __init__(self, outlet: Outlet, session: RenderSession, overload: str | None = None) -> None:
+        """overload: why the request is not taken, if it is not."""
+        self.outlet = outlet
+        self.session = session
+        self._overload = overload
+        self._body = b""
+        self._is_read = False
+        self._is_answered = False
+        self._withdraw: Withdraw | None = None
+        self._timeout: asyncio.TimerHandle | None = None
+        self._ended: Callable[[], None] | None = None
+        """None before it is started, and once it is over."""
+
+    def start(self, ended: Callable[[], None]) -> None:
+        """Handle incoming data from now on; `ended` is called at the end."""
+        self._ended = ended
+        try:
+            if self._overload is not None:
+                raise Overloaded(self._overload)
+            self.session.check()  # without a look at the request
+        except TigasError as error:
+            self._answer(error)
+
+    def data_received(self, data: bytes, ended: bool, arrived: float) -> None:
+        """Handle a part of the client's data; `ended` with the last."""
+        if self._is_read:
+            return
+        self._body += data
+        if len(self._body) > MAX_BODY:
+            self._answer(BodyTooLarge(f"The body has more than {MAX_BODY} bytes."))
+        elif ended:
+            self._stop_reading()
+            withdraw = self.session.request(self._body, arrived, self._answer)
+            if self._ended is not None:
+                self._withdraw = withdraw
+        elif self._timeout is None:
+            loop = asyncio.get_running_loop()
+            late = InvalidRequest("The request was not finished in time.")
+            self._timeout = loop.call_later(self.outlet.limits.request_timeout, self._answer, late)
+
+    def cancelled(self) -> None:
+        """The client has cancelled or disconnected."""
+        self._stop_reading()
+        if self._withdraw is not None:
+            self._withdraw()
+        elif self._is_answered:
+            self.session.stopped()
+        self._end()
+
+    def _stop_reading(self) -> None:
+        self._is_read = True
+        if self._timeout is not None:
+            self._timeout.cancel()
+
+    def _answer(self, result: Frame | Exception) -> None:
+        self._stop_reading()
+        self._withdraw, self._is_answered = None, True
+        if isinstance(result, Frame):
+            self.outlet.finish((self.session.header(result), result.body), self._end)
+            result.release()
+        else:
+            self.outlet.finish((self.session.failure(result, self._body),), self._end)
+
+    def _end(self) -> None:
+        ended, self._ended = self._ended, None
+        if ended is not None:
+            if self._is_answered and self.outlet.is_open:  # not all of it was handed over
+                self.session.stopped()
+            ended()
+
+
 def _nothing() -> None:
     """Withdraws a request that was answered already."""
-
-
-def _header(frame: Frame, requests_per_s: float | None) -> bytes:
-    """Header that precedes a frame's body."""
-    return _encode(
-        FrameHeader(
-            status=200,
-            seq=frame.seq,
-            content_type=frame.content_type,
-            width=frame.width,
-            height=frame.height,
-            margin_x=frame.margin_x or None,
-            margin_y=frame.margin_y or None,
-            profile=frame.profile,
-            video=frame.video,
-            timing=frame.timing,
-            requests_per_s=requests_per_s,
-        )
-    )
-
-
-def _failure(error: Exception, body: bytes, requests_per_s: float | None) -> bytes:
-    if not isinstance(error, TigasError):
-        logger.error("A render request failed", exc_info=error)
-    about = problem(error)
-    header = FrameHeader(
-        status=about.status,
-        seq=_seq(body),
-        content_type="application/problem+json",
-        requests_per_s=requests_per_s,
-    )
-    return _encode(header) + about.model_dump_json().encode()
 
 
 def _encode(header: FrameHeader) -> bytes:

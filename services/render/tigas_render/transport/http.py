@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 from http import HTTPStatus
 from urllib.parse import unquote_to_bytes
@@ -14,20 +13,18 @@ from aioquic.h3.connection import ErrorCode
 from aioquic.h3.events import Headers
 from starlette.types import ASGIApp, Message, Scope
 
+from tigas_common.proxy import HOP_BY_HOP
 from tigas_common.web import ARRIVED, error_response, problem_response
 from tigas_common.wire.render import Problem
 from tigas_render.transport.outlet import Outlet, StreamClosed
 
 logger = logging.getLogger(__name__)
 
-HOP_BY_HOP = frozenset((b"connection", b"keep-alive", b"proxy-connection", b"te", b"transfer-encoding", b"upgrade"))
-"""Fields that HTTP/3 forbids (RFC 9114, 4.2)."""
 FAILED = error_response(Exception())
 """The answer if the application fails."""
 
 
 def http_scope(headers: Headers, client: tuple[str, int], server: tuple[str, int]) -> Scope:
-    """The ASGI scope of a request."""
     pseudo = {name: value for name, value in headers if name.startswith(b":")}
     raw_path, _, query = pseudo.get(b":path", b"/").partition(b"?")
     fields = [(name, value) for name, value in headers if not name.startswith(b":") and name != b"host"]
@@ -64,26 +61,22 @@ class HttpRequest:
         self.task: asyncio.Task[None] | None = None
         self._scope = scope
         self._app = app
-        self._body: deque[bytes] = deque()
-        self._unread = 0
+        self._body = bytearray()
+        """Not read by the application yet."""
         self._ended = False
         self._end_delivered = False
         self._disconnected = False
         self._news = asyncio.Event()
         self._started = False
-        self._last_sent = False
         self._complete = False
-
-    # -- from the client ---------------------------------------------------------------------------------------------
 
     def data_received(self, data: bytes, ended: bool, arrived: float) -> None:
         """The next part of the body; `ended` with the last."""
         self._ended |= ended
         self._scope["state"][ARRIVED] = arrived
         if data and not self._disconnected and not self._complete:
-            self._body.append(data)
-            self._unread += len(data)
-            if self._unread > self.outlet.limits.unread:
+            self._body += data
+            if len(self._body) > self.outlet.limits.unread:
                 self.outlet.abort(ErrorCode.H3_EXCESSIVE_LOAD)
                 self.cancelled()
         self._news.set()
@@ -99,8 +92,6 @@ class HttpRequest:
         self.task = asyncio.create_task(self._run())
         # A callback, because a task that is cancelled before it starts never enters its own `finally`.
         self.task.add_done_callback(partial(_done, ended))
-
-    # -- the application's side --------------------------------------------------------------------------------------
 
     async def _run(self) -> None:
         try:
@@ -119,9 +110,8 @@ class HttpRequest:
         while not (self._disconnected or self._complete):
             self._news.clear()
             if self._body or (self._ended and not self._end_delivered):
-                body = b"".join(self._body)
+                body = bytes(self._body)
                 self._body.clear()
-                self._unread = 0
                 self._end_delivered = self._ended
                 return {"type": "http.request", "body": body, "more_body": not self._ended}
             timeout = None if self._ended else self.outlet.limits.request_timeout
@@ -143,19 +133,15 @@ class HttpRequest:
         match message["type"]:
             case "http.response.start" if not self._started:
                 self._started = True
-                self._send_headers(message["status"], message.get("headers", ()))
-            case "http.response.body" if self._started and not self._last_sent:
+                fields = [(name.lower(), value) for name, value in message.get("headers", ())]
+                kept = [field for field in fields if field[0] not in HOP_BY_HOP]  # HTTP/3 forbids them (RFC 9114, 4.2)
+                self.outlet.send_headers([(b":status", str(message["status"]).encode()), *kept])
+            case "http.response.body" if self._started and not self._complete:
                 await self._send_body(message.get("body", b""), message.get("more_body", False))
             case other:
                 raise RuntimeError(f"The application sent {other!r} out of turn.")
 
-    def _send_headers(self, status: int, headers: Iterable[tuple[bytes, bytes]]) -> None:
-        fields = [(name.lower(), value) for name, value in headers]
-        fields = [field for field in fields if field[0] not in HOP_BY_HOP]
-        self.outlet.send_headers([(b":status", str(status).encode()), *fields])
-
     async def _send_body(self, body: bytes | memoryview, more: bool) -> None:
-        self._last_sent = not more
         try:
             if self._scope["method"] != "HEAD":
                 await self.outlet.send_data(memoryview(body))

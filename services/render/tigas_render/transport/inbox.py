@@ -58,7 +58,6 @@ class Inbox:
         return network, datagram
 
     def waiting(self, network: str) -> int:
-        """How many datagrams of a network wait."""
         return len(self._waiting.get(network, ()))
 
     def settle(self, network: str, seconds: float) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
-from functools import partial
+from dataclasses import dataclass
 
 from aioquic.buffer import encode_uint_var
 from aioquic.h3.connection import FrameType
@@ -26,11 +26,7 @@ class Writer:
     """State shared by all outlets of one connection."""
 
     def __init__(
-        self,
-        quic: ServerQuicConnection,
-        h3: ServerH3Connection,
-        limits: Limits,
-        transmit_soon: Callable[[], None],
+        self, quic: ServerQuicConnection, h3: ServerH3Connection, limits: Limits, transmit_soon: Callable[[], None]
     ) -> None:
         self.quic = quic
         self.h3 = h3
@@ -73,18 +69,17 @@ class Outlet:
     def __init__(self, writer: Writer, stream_id: int) -> None:
         self.stream_id = stream_id
         self.limits = writer.limits
-        self._writer = writer
+        self.writer = writer
 
     @property
     def is_open(self) -> bool:
         """Whether the server's side is neither finished nor reset."""
-        return self._writer.quic.can_write(self.stream_id)
+        return self.writer.quic.can_write(self.stream_id)
 
     def send_headers(self, headers: Headers) -> None:
-        """Send an HTTP header section."""
         if self.is_open:
-            self._writer.h3.send_headers(self.stream_id, headers)
-            self._writer.transmit_soon()
+            self.writer.h3.send_headers(self.stream_id, headers)
+            self.writer.transmit_soon()
 
     async def send_data(self, data: memoryview) -> None:
         """Send a part of an HTTP body; waits while the network or the client cannot keep up.
@@ -94,12 +89,12 @@ class Outlet:
         """
         if not data:
             return
-        sent = asyncio.get_running_loop().create_future()
+        sent = asyncio.Event()
         header = encode_uint_var(FrameType.DATA) + encode_uint_var(len(data))
-        sending = _Sending(self._writer, self, (header, data), partial(_resolve, sent))
+        sending = _Sending(self, [header, data], sent.set)
         sending.go_on()
         try:
-            await sent
+            await sent.wait()
         finally:
             sending.stop_waiting()
         if sending.parts:
@@ -110,97 +105,74 @@ class Outlet:
 
         The parts need not be kept: data that the network or the client cannot take yet is copied.
         """
-        _Sending(self._writer, self, parts, ended, ends_stream=True).go_on()
+        _Sending(self, list(parts), ended, ends_stream=True).go_on()
 
     def end(self) -> None:
-        """End the server's side."""
         if self.is_open:
-            self._writer.quic.send_stream_data(self.stream_id, b"", end_stream=True)
-            self._writer.h3.finished(self.stream_id)
-            self._writer.transmit_soon()
+            self.writer.quic.send_stream_data(self.stream_id, b"", end_stream=True)
+            self.writer.h3.finished(self.stream_id)
+            self.writer.transmit_soon()
 
     def stop_reading(self, error_code: int) -> None:
         """Ask the client to send no more."""
-        if self._writer.quic.is_receiving(self.stream_id):
-            self._writer.quic.stop_stream(self.stream_id, error_code)
-            self._writer.transmit_soon()
+        if self.writer.quic.is_receiving(self.stream_id):
+            self.writer.quic.stop_stream(self.stream_id, error_code)
+            self.writer.transmit_soon()
 
     def abort(self, error_code: int) -> None:
         """End both directions, unless ended already."""
         self.stop_reading(error_code)
         if self.is_open:
-            self._writer.quic.reset_stream(self.stream_id, error_code)
-            self._writer.transmit_soon()
-        self._writer.h3.finished(self.stream_id)
+            self.writer.quic.reset_stream(self.stream_id, error_code)
+            self.writer.transmit_soon()
+        self.writer.h3.finished(self.stream_id)
 
 
+@dataclass(slots=True, eq=False)
 class _Sending:
     """Bytes on their way to QUIC."""
 
-    def __init__(
-        self,
-        writer: Writer,
-        outlet: Outlet,
-        parts: Sequence[bytes | memoryview],
-        ended: Callable[[], None],
-        *,
-        ends_stream: bool = False,
-    ) -> None:
-        """ended: called at the end of all work. ends_stream: whether nothing follows; then the caller does not keep the
-        parts.
-        """
-        self.parts = list(parts)
-        """Not handed over yet."""
-        self._writer = writer
-        self._outlet = outlet
-        self._ended = ended
-        self._ends_stream = ends_stream
-        self._stalled: asyncio.TimerHandle | None = None
+    outlet: Outlet
+    parts: list[bytes | memoryview]
+    """Not handed over yet."""
+    ended: Callable[[], None]
+    """Called at the end of all work."""
+    ends_stream: bool = False
+    """Whether nothing follows; then the caller does not keep the parts."""
+    stalled: asyncio.TimerHandle | None = None
 
     def go_on(self) -> None:
         """Hand over as much as fits, and wait for room for the rest."""
         self.stop_waiting()
-        writer, outlet = self._writer, self._outlet
-        while self.parts and not writer.closed and outlet.is_open:
-            room = writer.room(outlet.stream_id)
+        writer, stream_id = self.outlet.writer, self.outlet.stream_id
+        while self.parts and not writer.closed and self.outlet.is_open:
+            room = writer.room(stream_id)
             if not room:
-                self._wait()
+                if self.ends_stream:
+                    self.parts = [bytes(part) for part in self.parts]
+                writer.waiting[stream_id] = self.go_on
+                self.stalled = asyncio.get_running_loop().call_later(writer.limits.stall_timeout, self.give_up)
                 return
             while self.parts and room:
-                room -= self._write(room)
-        if self._ends_stream and not self.parts and not writer.closed:
-            outlet.end()
-        self._ended()
+                part = self.parts.pop(0)
+                if len(part) > room:
+                    self.parts.insert(0, part[room:])
+                    part = part[:room]
+                writer.quic.send_stream_data(stream_id, part)  # type: ignore[arg-type]  # any buffer
+                room -= len(part)
+            writer.transmit_soon()
+        if self.ends_stream and not self.parts and not writer.closed:
+            self.outlet.end()
+        self.ended()
 
     def stop_waiting(self) -> None:
         """Do not go on by itself any more."""
-        if self._stalled is not None:
-            self._stalled.cancel()
-            self._stalled = None
-            del self._writer.waiting[self._outlet.stream_id]
+        if self.stalled is not None:
+            self.stalled.cancel()
+            self.stalled = None
+            del self.outlet.writer.waiting[self.outlet.stream_id]
 
-    def _write(self, room: int) -> int:
-        part = self.parts[0]
-        if len(part) <= room:
-            del self.parts[0]
-        else:
-            self.parts[0], part = part[room:], part[:room]
-        self._writer.quic.send_stream_data(self._outlet.stream_id, part)  # type: ignore[arg-type]  # any buffer
-        self._writer.transmit_soon()
-        return len(part)
-
-    def _wait(self) -> None:
-        if self._ends_stream:
-            self.parts = [bytes(part) for part in self.parts]
-        self._writer.waiting[self._outlet.stream_id] = self.go_on
-        self._stalled = asyncio.get_running_loop().call_later(self._outlet.limits.stall_timeout, self._give_up)
-
-    def _give_up(self) -> None:
+    def give_up(self) -> None:
         """The client does not read."""
         self.stop_waiting()
-        self._ended()
-
-
-def _resolve(waiter: asyncio.Future[None]) -> None:
-    if not waiter.done():
-        waiter.set_result(None)
+        self.ended()

@@ -30,13 +30,14 @@ from tigas_render.frame import Client
 from tigas_render.transport.aioquic_ext.h3 import ServerH3Connection
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 from tigas_render.transport.datagrams import Datagrams
-from tigas_render.transport.frames import RenderSession, SessionFactory
+from tigas_render.transport.frames import DRAFT_HEADER, RenderSession, SessionFactory, WebTransportStream
 from tigas_render.transport.http import HttpRequest, http_scope, refusal
 from tigas_render.transport.outlet import Outlet, Writer
-from tigas_render.transport.webtransport import DRAFT_HEADER, WebTransportStream
 
 BUFFERED_STREAM_REJECTED = 0x3994BD84
 """WebTransport's error for a stream of a session that does not exist."""
+EARLY_POST = (b"POST", "/render")
+"""The one that is idempotent, and therefore allowed as early data."""
 TOO_EARLY = "This request may not be sent before the connection is established; send it again."
 
 
@@ -58,8 +59,6 @@ class Service:
     load: Load = field(default_factory=Load)
     origins: OriginPolicy = field(default_factory=OriginPolicy)
     """Which pages may open sessions."""
-    early_posts: frozenset[str] = frozenset({"/render"})
-    """Paths with an idempotent POST, allowed as early data."""
 
 
 class Router:
@@ -92,8 +91,6 @@ class Router:
         self._goaway: int | None = None
         self._idle: asyncio.Future[None] | None = None
         self._is_away = False
-
-    # -- ending ------------------------------------------------------------------------------------------------------
 
     def go_away(self) -> None:
         """Tell the client to send no further requests here; open ones are still answered."""
@@ -132,8 +129,6 @@ class Router:
         if is_away != self._is_away:
             self._is_away = is_away
             self._service.load.viewers += -len(self._sessions) if is_away else len(self._sessions)
-
-    # -- from the client ---------------------------------------------------------------------------------------------
 
     def received(self, event: QuicEvent, arrived: float) -> None:
         """Dispatch an event to its request or session.
@@ -178,8 +173,6 @@ class Router:
             for session in self._sessions.values():
                 session.stopped()
 
-    # -- unfinished requests -----------------------------------------------------------------------------------------
-
     @property
     def deadline(self) -> float | None:
         """When `end_late` is to be called next."""
@@ -218,8 +211,6 @@ class Router:
             self._unfinished.setdefault(stream_id, arrived)
         self._count()
 
-    # -- requests ----------------------------------------------------------------------------------------------------
-
     def _request_received(self, event: HeadersReceived, arrived: float) -> None:
         self._unfinished.pop(event.stream_id, None)
         outlet = Outlet(self.writer, event.stream_id)
@@ -245,11 +236,9 @@ class Router:
         """Responder for requests that do not reach the application."""
         if (overload := self._overload()) is not None:
             return refusal(503, overload)
-        if not self._quic.is_established and pseudo[b":method"] not in (b"GET", b"HEAD"):
-            path = _path(pseudo)
-            if pseudo[b":method"] != b"POST" or path not in self._service.early_posts:
-                return refusal(425, TOO_EARLY)  # RFC 8470
-        return None
+        method = pseudo[b":method"]
+        is_idempotent = method in (b"GET", b"HEAD") or (method, _path(pseudo)) == EARLY_POST
+        return None if is_idempotent or self._quic.is_established else refusal(425, TOO_EARLY)  # RFC 8470
 
     def _overload(self) -> str | None:
         """Return the reason to refuse a further request now, if any."""
@@ -261,8 +250,6 @@ class Router:
         now = len(self._streams) + len(self._unfinished)
         self._usage.requests += now - self._counted
         self._counted = now
-
-    # -- WebTransport ------------------------------------------------------------------------------------------------
 
     def _connect_received(self, outlet: Outlet, pseudo: Mapping[bytes, bytes], origin: bytes | None) -> ASGIApp | None:
         """Open a session, or return the application that refuses it."""
@@ -317,8 +304,6 @@ class Router:
         if (stream := self._streams.get(event.stream_id)) is not None:
             stream.data_received(event.data, event.stream_ended, arrived)
 
-    # -- streams -----------------------------------------------------------------------------------------------------
-
     def _start(self, stream: Stream) -> None:
         self._streams[stream.outlet.stream_id] = stream
         self._count()
@@ -333,5 +318,4 @@ class Router:
 
 
 def _path(pseudo: Mapping[bytes, bytes]) -> str:
-    """The path of a request, without its query."""
     return pseudo.get(b":path", b"").partition(b"?")[0].decode("latin-1")

@@ -13,12 +13,7 @@ from typing import Self
 from aioquic._buffer import Buffer
 from aioquic.h3.connection import H3_ALPN
 from aioquic.quic.configuration import SMALLEST_MAX_DATAGRAM_SIZE, QuicConfiguration
-from aioquic.quic.packet import (
-    QuicHeader,
-    QuicPacketType,
-    encode_quic_version_negotiation,
-    pull_quic_header,
-)
+from aioquic.quic.packet import QuicHeader, QuicPacketType, encode_quic_version_negotiation, pull_quic_header
 from starlette.types import ASGIApp
 
 from tigas_common.address import client_network
@@ -34,8 +29,8 @@ from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.connection import Connection, Connections
 from tigas_render.transport.frames import SessionFactory
 from tigas_render.transport.inbox import Inbox, Received
-from tigas_render.transport.routing import Service
-from tigas_render.transport.shared_port import Share
+from tigas_render.transport.routing import Router, Service
+from tigas_render.transport.shared_port import LONG_HEADER, Share
 from tigas_render.transport.stateless import Retries, StatelessResets, refusal
 from tigas_render.transport.udp import Address, Datagram, UdpEndpoint, bind_all
 
@@ -74,8 +69,6 @@ class Http3Server:
         the pages that may open sessions; HTTP requests are checked by `app`. One of several edges has a `share` of a
         bound port. `load` is measured by its owner.
         """
-        self._host = host
-        self._port = port
         self._share = share or Share()
         self._limits = limits or Limits()
         self._load = load or Load()
@@ -94,11 +87,9 @@ class Http3Server:
         self._address: tuple[str, int] = (host, port)
         self._closing = False
 
-    # -- start and stop ----------------------------------------------------------------------------------------------
-
-    async def start(self) -> None:
+    async def __aenter__(self) -> Self:
         """Bind and serve. Raises OSError if the address cannot be bound."""
-        for sock in self._share.sockets or bind_all(self._host, self._port):
+        for sock in self._share.sockets or bind_all(*self._address):
             self._address = sock.getsockname()[:2]
             self._endpoints[len(sock.getsockname())] = UdpEndpoint(
                 sock, self._received, self._drained, self._load.batch_refused
@@ -106,6 +97,10 @@ class Http3Server:
         self._resets = StatelessResets(self._reset_key, self.port)
         if self._relay is not None:
             self._relay.start(self._inbox.add, self._drained)
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.close()
 
     async def close(self) -> None:
         """Stop taking requests, give running ones a moment to finish (`Limits.grace`), and close every connection."""
@@ -135,13 +130,6 @@ class Http3Server:
         if self._next_turns is not None:
             self._next_turns.cancel()
 
-    async def __aenter__(self) -> Self:
-        await self.start()
-        return self
-
-    async def __aexit__(self, *_: object) -> None:
-        await self.close()
-
     @property
     def port(self) -> int:
         """The UDP port that it listens on."""
@@ -149,7 +137,6 @@ class Http3Server:
 
     @property
     def connections(self) -> int:
-        """How many connections there are now."""
         return len(self._connections)
 
     def replace_certificate(self, certificate: Certificate) -> None:
@@ -169,8 +156,6 @@ class Http3Server:
             max_datagram_frame_size=65_536,
             max_stream_data=self._limits.stream_window,
         )
-
-    # -- the network -------------------------------------------------------------------------------------------------
 
     def _send(self, datagrams: list[Datagram]) -> None:
         if datagrams and (endpoint := self._endpoints.get(len(datagrams[0][1]))) is not None:
@@ -206,20 +191,21 @@ class Http3Server:
             self._next_turns = asyncio.get_running_loop().call_soon(self._take_turns)
 
     def _handle(self, datagram: Received) -> None:
-        connection = self._connection_for(datagram.data, datagram.address)
-        if connection is not None:
-            self._connections.dirty.add(connection)
-            connection.receive(*datagram)
+        found = self._connection_for(datagram.data, datagram.address)
+        if isinstance(found, Connection):
+            self._connections.dirty.add(found)
+            found.receive(*datagram)
+        elif found is not None:
+            self._send([(found, datagram.address)])
 
-    def _connection_for(self, data: bytes, address: Address) -> Connection | None:
-        """The connection of a datagram, a new one if it opens one, or None if it is dropped."""
+    def _connection_for(self, data: bytes, address: Address) -> Connection | bytes | None:
+        """The connection of a datagram, a new one if it opens one; or the answer without one, or None to drop it."""
         if len(data) <= CID_LENGTH:
             return None
-        if not data[0] & 0x80:  # a short header: no new connection begins with one
+        if not data[0] & LONG_HEADER:  # no new connection begins with a short one
             cid = data[1 : 1 + CID_LENGTH]
-            if (known := self._connections.by_cid.get(cid)) is None:
-                self._reset(len(data), cid, address)
-            return known
+            known = self._connections.by_cid.get(cid)
+            return known or self._resets.packet(len(data), cid, asyncio.get_running_loop().time())
         try:
             header = pull_quic_header(Buffer(data=data), host_cid_length=CID_LENGTH)
         except ValueError:
@@ -229,27 +215,17 @@ class Http3Server:
         if header.packet_type == QuicPacketType.VERSION_NEGOTIATION or len(data) < SMALLEST_MAX_DATAGRAM_SIZE:
             return None
         if header.version not in self._configuration.supported_versions:
-            self._negotiate_version(header, address)
-            return None
+            return encode_quic_version_negotiation(
+                source_cid=header.destination_cid,
+                destination_cid=header.source_cid,
+                supported_versions=self._configuration.supported_versions,
+            )
         if header.packet_type != QuicPacketType.INITIAL or self._closing:
             return None
         return self._open(header, address)
 
-    def _reset(self, size: int, cid: bytes, address: Address) -> None:
-        reset = self._resets.packet(size, cid, asyncio.get_running_loop().time())
-        if reset is not None:
-            self._send([(reset, address)])
-
-    def _negotiate_version(self, header: QuicHeader, address: Address) -> None:
-        answer = encode_quic_version_negotiation(
-            source_cid=header.destination_cid,
-            destination_cid=header.source_cid,
-            supported_versions=self._configuration.supported_versions,
-        )
-        self._send([(answer, address)])
-
-    def _open(self, header: QuicHeader, address: Address) -> Connection | None:
-        """The connection for a first packet, or None if it is answered otherwise, or dropped."""
+    def _open(self, header: QuicHeader, address: Address) -> Connection | bytes | None:
+        """As `_connection_for`, for a first packet."""
         original, retry_source = header.destination_cid, None
         now = asyncio.get_running_loop().time()
         network = client_network(str(address[0]))
@@ -260,13 +236,11 @@ class Http3Server:
                 return None
             original, retry_source = validated, header.destination_cid
         elif self._must_prove_address(usage):
-            self._send([(self._retries.packet(header, address, now), address)])
-            return None
+            return self._retries.packet(header, address, now)
         if not self._admission.may_begin(network, now):
             return None
         if (reason := self._admission.refusal(usage, len(self._connections), now)) is not None:
-            self._send([(refusal(header, reason), address)])
-            return None
+            return refusal(header, reason)
         quic = ServerQuicConnection(
             edge=self._share.edge,
             reset_token=self._resets.token,
@@ -278,7 +252,8 @@ class Http3Server:
             session_ticket_handler=self._share.tickets.add,
         )
         client = (str(address[0]).removeprefix("::ffff:"), int(address[1]))
-        connection = Connection(quic, self._connections, self._service, client, self._address, usage)
+        make_router = partial(Router, quic, self._service, client, self._address, usage)
+        connection = Connection(quic, self._connections, usage, make_router, self._limits.handshake_timeout)
         self._connections.add(connection, header.destination_cid, quic.host_cid)
         return connection
 

@@ -239,9 +239,6 @@ class UdpEndpoint:
         return True
 
 
-# -- batches -----------------------------------------------------------------------------------------------------------
-
-
 def batches(datagrams: Sequence[Datagram]) -> Iterator[tuple[list[bytes], Address]]:
     """Group consecutive datagrams that may leave in one call: one address, one size, only the last may be shorter."""
     start = 0
@@ -264,9 +261,6 @@ def batches(datagrams: Sequence[Datagram]) -> Iterator[tuple[list[bytes], Addres
 def segment_size(batch: Sequence[bytes]) -> list[tuple[int, int, bytes]]:
     """The control message with the segment size of a batch."""
     return [(SOL_UDP, UDP_SEGMENT, struct.pack("=H", len(batch[0])))]
-
-
-# -- arrival -----------------------------------------------------------------------------------------------------------
 
 
 def ask_for_stamps(sock: socket.socket) -> None:

@@ -71,7 +71,6 @@ class EngineProxy(_EnginesApp):
         )
 
     async def close(self) -> None:
-        """Close the connections."""
         await self._transport.aclose()
 
     async def ask(self, scope: Scope, body: bytes) -> httpx.Response:
@@ -157,14 +156,14 @@ class Aggregate(_EnginesApp):
 
     async def _merged(self, scope: Scope, body: bytes, merge: Merge, *, by_all: bool = False) -> httpx.Response:
         """Return the merged answer, or a refusal: if all refuse, or if one does and `by_all`."""
-        is_head = scope["method"] == "HEAD"  # a HEAD answer has the length of the merged body, and no body
+        is_head = scope["method"] == "HEAD"  # answered with the headers of GET; the server leaves the body out
         answers = await self._all({**scope, "method": "GET"} if is_head else scope, body)
         done = {name: answer for name, answer in answers.items() if answer.status_code == 200}
         refusals = [answer for answer in answers.values() if answer.status_code != 200]
         if refusals and (by_all or not done):
-            return _with_body(refusals[0], refusals[0].content, is_head=is_head)
+            return _with_body(refusals[0], refusals[0].content)
         content = merge({name: answer.content for name, answer in done.items()})
-        return _with_body(next(iter(done.values())), content, is_head=is_head)
+        return _with_body(next(iter(done.values())), content)
 
     async def _change(self, scope: Scope, body: bytes) -> httpx.Response:
         """Let one engine change the models directory, and the others scan it after that."""
@@ -176,10 +175,9 @@ class Aggregate(_EnginesApp):
     async def _trainers(self, scope: Scope, scene: str) -> Sequence[RemoteEngine]:
         """Return the engine that trains a scene's networks already, else the scene's own engines."""
         engines = self._own(scene)
-        states = {name: is_running(answer.content) for name, answer in (await self._all(
-            {**scope, "method": "GET"}, b""
-        )).items() if answer.status_code == 200}  # fmt: skip
-        return [engine for engine in engines if states.get(engine.name)] or engines
+        states = await self._all({**scope, "method": "GET"}, b"")
+        training = {name for name, each in states.items() if each.status_code == 200 and is_running(each.content)}
+        return [engine for engine in engines if engine.name in training] or engines
 
     async def _ask(
         self, engine: RemoteEngine, scope: Scope, body: bytes, *, whole: bool = False
@@ -199,34 +197,26 @@ class Aggregate(_EnginesApp):
             return None
 
 
-def _with_body(answer: httpx.Response, content: bytes, *, is_head: bool = False) -> httpx.Response:
-    """Return an answer with another body, or with only its length."""
+def _with_body(answer: httpx.Response, content: bytes) -> httpx.Response:
     headers = [each for each in answer.headers.raw if each[0].lower() not in (b"content-length", b"transfer-encoding")]
     headers.append((b"content-length", str(len(content)).encode()))
-    return httpx.Response(answer.status_code, headers=headers, stream=httpx.ByteStream(b"" if is_head else content))
-
-
-# -- merging -----------------------------------------------------------------------------------------------------------
+    return httpx.Response(answer.status_code, headers=headers, stream=httpx.ByteStream(content))
 
 
 def merge_scenes(bodies: Bodies) -> bytes:
-    """Merge lists of scenes."""
     return _SCENES.dump_json(merged_scenes(_SCENES.validate_json(body) for body in bodies.values()))
 
 
 def merge_scene(bodies: Bodies) -> bytes:
-    """Merge descriptions of one scene."""
     return merged_scene([SceneInfo.model_validate_json(body) for body in bodies.values()]).model_dump_json().encode()
 
 
 def merge_training(bodies: Bodies) -> bytes:
-    """Merge states of a scene's training."""
     states = [Training.model_validate_json(body) for body in bodies.values()]
     return min(states, key=lambda each: TRAININGS.index(each.state)).model_dump_json().encode()
 
 
 def is_running(body: bytes) -> bool:
-    """Whether a training runs."""
     return Training.model_validate_json(body).state == "running"
 
 
@@ -264,12 +254,13 @@ class _Metrics(Collector):
         yield from self._devices()
 
     def _devices(self) -> Iterator[Metric]:
-        up = GaugeMetricFamily("tigas_render_device_up", "Whether its engine runs", labels=["device"])
-        shares = GaugeMetricFamily(
-            "tigas_render_device_utilisation_ratio", "Share of the time at work, 0 to 1", labels=["device"]
-        )
-        ages = GaugeMetricFamily(
-            "tigas_render_device_queue_age_seconds", "How long a client waits for its turn", labels=["device"]
+        up, shares, ages = (
+            GaugeMetricFamily(f"tigas_render_device_{name}", documentation, labels=["device"])
+            for name, documentation in (
+                ("up", "Whether its engine runs"),
+                ("utilisation_ratio", "Share of the time at work, 0 to 1"),
+                ("queue_age_seconds", "How long a client waits for its turn"),
+            )
         )
         for engine in self._engines:
             up.add_metric([engine.name], engine.pipe.is_connected)

@@ -24,12 +24,10 @@ MAX_UNSENT = 1 << 20
 
 
 def http_socket(directory: Path, engine: int) -> Path:
-    """Return the path of an engine's socket for HTTP, by its number."""
     return directory / f"http-{engine}.sock"
 
 
 def frames_socket(directory: Path, engine: int) -> Path:
-    """Return the path of an engine's socket for frames, by its number."""
     return directory / f"frames-{engine}.sock"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import shutil
 import socket
@@ -14,6 +13,7 @@ import uvloop
 
 from tigas_common.cli import log_to_stdout
 from tigas_common.errors import StartError
+from tigas_common.proxy import unless
 from tigas_common.runner import until_stopped
 from tigas_render.workers.control import Channel, EdgeStart, EngineStart, Failed, Loaded, Message, Start
 
@@ -62,11 +62,4 @@ async def until_stopped_or_alone(news: AsyncIterator[Message], on_message: Calla
         async for message in news:
             on_message(message)
 
-    listening, stopped = asyncio.create_task(listen()), asyncio.create_task(until_stopped())
-    try:
-        await asyncio.wait((listening, stopped), return_when=asyncio.FIRST_COMPLETED)
-        if listening.done():
-            listening.result()
-    finally:
-        listening.cancel()
-        stopped.cancel()
+    await unless(until_stopped(), listen())

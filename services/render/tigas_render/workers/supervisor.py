@@ -11,8 +11,7 @@ from pathlib import Path
 
 from tigas_common.resources import keep_together
 from tigas_common.runner import until_stopped
-from tigas_render.cache import kept_key
-from tigas_render.locked_directory import locked_directory
+from tigas_render.local_files import kept_key, locked_directory
 from tigas_render.server.certificates import CertificateKeeper
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.settings import RenderSettings
@@ -125,8 +124,6 @@ class Supervisor:
         print("\n".join(self._announcement), flush=True)
         await self._standby.keep()
 
-    # -- messages to workers -----------------------------------------------------------------------------------------
-
     def _show(self, certificate: Certificate) -> None:
         """Distribute a certificate: to edges first, as engines announce it to clients."""
         self._certificate = NewCertificate(pem=certificate.with_key)
@@ -182,8 +179,6 @@ class Supervisor:
             return (start, *(TicketIssued(ticket=ticket) for ticket in self._tickets))
 
         return Worker(name, self._standby.take, begin, self._on_message)
-
-    # -- messages from workers ---------------------------------------------------------------------------------------
 
     def _on_message(self, sender: Worker, message: Message) -> None:
         match message:

@@ -181,16 +181,15 @@ class Standby:
         self._inherited = inherited
         self._own: asyncio.Task[WorkerProcess] | None = None
         """The process until it is used."""
-        self._waiting: WorkerProcess | None = None
-        """The same once it is loaded, and waits for its first message."""
-        self._used = asyncio.Event()
+        self._loaded: asyncio.Queue[WorkerProcess] = asyncio.Queue()
+        """The same once it waits for its first message."""
 
     async def take(self) -> WorkerProcess:
         """Return a process for an edge: the waiting one, or a new one."""
-        waiting, self._waiting = self._waiting, None
-        if waiting is not None:
+        if not self._loaded.empty():
+            waiting = self._loaded.get_nowait()
+            self._loaded.task_done()
             self._own = None
-            self._used.set()
             if waiting.process.returncode is None:
                 return waiting
             await waiting.channel.close()
@@ -205,14 +204,12 @@ class Standby:
             except OSError as error:  # such as a fork for which there was no memory
                 self._own = None
                 logger.warning("No spare edge could be started: %s", error)
-                await asyncio.sleep(STANDBY_PAUSE_S)
-                continue
-            if await anext(aiter(launched.channel), None) is not None:  # its `Loaded`
-                self._used.clear()
-                self._waiting = launched
-                await self._used.wait()
             else:
-                await launched.channel.close()
+                if await anext(aiter(launched.channel), None) is not None:  # its `Loaded`
+                    self._loaded.put_nowait(launched)
+                    await self._loaded.join()
+                else:
+                    await launched.channel.close()
             await asyncio.sleep(STANDBY_PAUSE_S)
 
     async def end(self) -> None:

@@ -11,10 +11,9 @@ from reference.rasterizer import ReferenceRasterizer
 from tests.render.raster.views import camera, cloud, pixels, psnr
 from tigas_common.pose import Intrinsics, Pose, Vector3
 from tigas_render.gaussians import Gaussians
-from tigas_render.raster.base import Camera
+from tigas_render.raster.base import Camera, depth_size
 from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.raster.cpu import rasterizer as cpu_rasterizer
-from tigas_render.raster.depth import depth_size
 
 FAST, SLOW = CpuRasterizer(), ReferenceRasterizer()
 SIZES = [(64, 48), (37, 41), (1, 1), (400, 20), (20, 400), (333, 7), (129, 65)]

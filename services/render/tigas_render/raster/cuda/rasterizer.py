@@ -18,10 +18,10 @@ from tigas_common.wire.render import FrameFormat
 from tigas_render.gaussians import Batches, Gaussians
 from tigas_render.raster.base import Camera, PreparedScene, one_gaussian
 from tigas_render.raster.calls import Calls
-from tigas_render.raster.cuda.compiler import load_kernels
-from tigas_render.raster.cuda.nvjpeg import ALLOCATOR_FAILURE, NvJpeg, NvJpegError
+from tigas_render.raster.cuda.compiler import load_kernels, make_stages
+from tigas_render.raster.cuda.nvidia import ALLOCATOR_FAILURE, NvJpeg, NvJpegError
 from tigas_render.raster.cuda.scene import CudaScene, pack
-from tigas_render.raster.cuda.workspace import Workspace, make_stages
+from tigas_render.raster.cuda.workspace import Workspace
 from tigas_render.raster.lanes import FetchedImage, Job, LaneRasterizer
 
 SIDES = (8, 16)

@@ -48,7 +48,6 @@ class Preamble:
 
     @property
     def remaining_buffer_space(self) -> int:
-        """Bytes."""
         return PREAMBLE - self._buffer.tell()
 
     def start_frame(
@@ -67,7 +66,6 @@ class Preamble:
 
     @property
     def data(self) -> bytes:
-        """The frames."""
         return self._buffer.data
 
 
@@ -75,7 +73,6 @@ class BulkQuicConnection(ReceivingQuicConnection):
     """A connection that writes stream data in bulk, the oldest stream first, so that frames arrive one by one."""
 
     def __init__(self, **arguments: Any) -> None:
-        """Takes aioquic's arguments."""
         super().__init__(**arguments)
         self._loss = BatchRecovery(
             congestion_control_algorithm=self._configuration.congestion_control_algorithm,
@@ -88,7 +85,6 @@ class BulkQuicConnection(ReceivingQuicConnection):
         self._pacer = self._loss._pacer = TickPacer(max_datagram_size=self._max_datagram_size)
 
     def datagrams_to_send(self, now: float) -> list[Datagram]:
-        """As aioquic's."""
         self._renew_keys(now)
         self._discard_finished_streams(now)
         datagrams: list[Datagram] = []
@@ -108,8 +104,6 @@ class BulkQuicConnection(ReceivingQuicConnection):
             and not self._close_pending
             and self._state not in END_STATES
         )
-
-    # -- written by aioquic only -------------------------------------------------------------------------------------
 
     def _has_rare_frames(self) -> bool:
         """Whether there may be frames other than stream data, acknowledgements and connection limits to write."""
@@ -161,8 +155,6 @@ class BulkQuicConnection(ReceivingQuicConnection):
     def _finished(self, stream_id: int, stream: QuicStream) -> None:
         """Allow the client another stream in place of a finished one."""
         self._stream_limit(stream_id).value += 1
-
-    # -- written in bulk ---------------------------------------------------------------------------------------------
 
     def _write_in_bulk(self, now: float) -> list[Datagram]:
         """As many packets as may leave now, the first with pending acknowledgements."""

@@ -52,11 +52,9 @@ class LimitedReno(RenoCongestionControl):
         return fresh
 
     def on_packet_sent(self, *, packet: QuicSentPacket) -> None:
-        """As `on_packets_sent`."""
         self.on_packets_sent((packet,))
 
     def on_packet_acked(self, *, now: float, packet: QuicSentPacket) -> None:
-        """As `on_packets_acked`."""
         self.on_packets_acked((packet,), now)
 
     def on_packets_sent(self, packets: Sequence[QuicSentPacket]) -> None:

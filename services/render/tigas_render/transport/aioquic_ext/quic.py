@@ -106,8 +106,6 @@ class ServerQuicConnection(BulkQuicConnection):
             connection_id.cid = self._edge.named(connection_id.cid)
             connection_id.stateless_reset_token = self._reset_token(connection_id.cid)
 
-    # -- streams that end --------------------------------------------------------------------------------------------
-
     def _finished(self, stream_id: int, stream: QuicStream) -> None:
         """Streams without a whole answer, which cost more than they are worth, are replaced at a limited rate."""
         if stream.sender._reset_error_code is None and stream_id % 4 == 0:
@@ -128,8 +126,6 @@ class ServerQuicConnection(BulkQuicConnection):
         """As aioquic's, and when the client may open another stream; None once the connection has ended."""
         due = super().get_timer()
         return due if due is None or self._credit_at is None else min(due, self._credit_at)
-
-    # -- receiving ---------------------------------------------------------------------------------------------------
 
     def _get_or_create_stream(self, frame_type: int, stream_id: int) -> QuicStream:
         stream = super()._get_or_create_stream(frame_type, stream_id)
@@ -185,8 +181,6 @@ class ServerQuicConnection(BulkQuicConnection):
             buffer.push_uint_var(stream.max_stream_data_local)
             stream.max_stream_data_local_sent = stream.max_stream_data_local
 
-    # -- sending -----------------------------------------------------------------------------------------------------
-
     def unsent(self, stream_id: int) -> int:
         """Bytes of a stream that wait to be sent for the first time."""
         stream = self._streams.get(stream_id)
@@ -219,8 +213,6 @@ class ServerQuicConnection(BulkQuicConnection):
         stream = self._streams.get(stream_id)
         return stream is not None and not stream.receiver.is_finished
 
-    # -- datagrams ---------------------------------------------------------------------------------------------------
-
     @property
     def max_datagram_payload(self) -> int:
         """The longest data that fits in a DATAGRAM frame of one packet, in bytes; 0 if the client takes none.
@@ -236,8 +228,6 @@ class ServerQuicConnection(BulkQuicConnection):
         """Number of full datagrams that can be handed over now without waiting in an irrevocable queue."""
         room = (self._loss.congestion_window - self._loss.bytes_in_flight) // self._max_datagram_size
         return max(0, room - len(self._datagrams_pending))
-
-    # -- path MTU ----------------------------------------------------------------------------------------------------
 
     def handle_timer(self, now: float) -> None:
         """Like aioquic's, falling back to the datagram size of every QUIC path when all packets are lost."""
@@ -285,8 +275,6 @@ class ServerQuicConnection(BulkQuicConnection):
     def _set_datagram_size(self, size: int) -> None:
         self._max_datagram_size = size
         self._loss.set_datagram_size(size)
-
-    # -- state -------------------------------------------------------------------------------------------------------
 
     def is_away(self, now: float) -> bool:
         """Whether packets are unacknowledged and nothing else has arrived for AWAY_S."""

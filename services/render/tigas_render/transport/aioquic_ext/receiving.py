@@ -38,7 +38,6 @@ class ReceivingQuicConnection(QuicConnection):
     _loss: BatchRecovery
 
     def __init__(self, **arguments: Any) -> None:
-        """Takes aioquic's arguments."""
         super().__init__(**arguments)
         self._moved_from: QuicNetworkPath | None = None
         """The active path until a client moved to one that is not validated yet."""
@@ -49,7 +48,6 @@ class ReceivingQuicConnection(QuicConnection):
         self._old_keys_until = 0.0
 
     def receive_datagram(self, data: bytes, addr: Any, now: float) -> None:
-        """As aioquic's."""
         if not self._is_usual(data, addr):
             self._receive_unusual(data, addr, now)
             return
