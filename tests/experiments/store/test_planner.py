@@ -16,7 +16,7 @@ from tigas_common.errors import StartError
 from tigas_common.wire.render import SceneInfo, ServerConfig
 from tigas_experiments.quality.ground_truth import GroundTruth
 from tigas_experiments.quality.picture import decode
-from tigas_experiments.records.folder import StoredRun
+from tigas_experiments.records.folder import StoredRun, read_snapshot
 from tigas_experiments.run.experiment import GIVE_UP_AFTER
 from tigas_experiments.store.planner import LEASE_S
 from tigas_experiments.wire.run import Configuration
@@ -296,7 +296,7 @@ async def test_captures_are_compared_with_ground_truth(store: Running, monkeypat
     row = (await store.http.post(f"{run}/complete")).json()
     assert (row["status"], row["figures"]["quality"]["pictures"]) == ("complete", 1)
     assert row["figures"]["quality"]["seen_psnr_db"] == 100
-    assert StoredRun(folder).snapshot() is not None
+    assert read_snapshot(folder) is not None
     late = await store.http.put(f"{run}/captures/0000.png", content=png())
     assert (late.status_code, late.json()["type"]) == (409, "tigas:run-complete")
 

@@ -128,10 +128,13 @@ COMMENTS: dict[tuple[str, ...], bool] = {
     ("antialiased 1", "antialiased 0"): False,
     ("antialiased as if",): False,
 }
-SAID = (
-    *(({}, False), ({"antialias": True}, True), ({"model": "antialiased"}, True)),
-    *(({"model": "2dgs"}, False), ({"model": [1]}, False)),
-)
+SAID: list[tuple[dict[str, Any], bool]] = [
+    ({}, False),
+    ({"antialias": True}, True),
+    ({"model": "antialiased"}, True),
+    ({"model": "2dgs"}, False),
+    ({"model": [1]}, False),
+]
 FEW = plys.gaussians(3)
 TRAINED: list[tuple[Callable[[Path], object], bool]] = [
     *((partial(write_ply, gaussians=FEW, comments=comments), said) for comments, said in COMMENTS.items()),

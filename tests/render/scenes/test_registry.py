@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from reference.ply import write_ply
-from tests.fuzz.sentences import assert_sentence
+from tests.fuzz.fuzzers import assert_sentence
 from tests.render.scenes import plys
 from tests.render.scenes.registry_bench import Bench, Packed, states
 from tigas_common.errors import BrokenScene, OutOfDeviceMemory, Overloaded, SceneInUse, UnknownScene

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.fuzz.sentences import assert_sentence
+from tests.fuzz.fuzzers import assert_sentence
 from tests.render.raster.views import psnr
 from tests.render.scenes import made_up, plys
 from tests.render.scenes.test_directory import assert_part_of
