@@ -14,9 +14,8 @@ from tests.render.transport.serving import assemble, in_datagrams, in_session
 from tigas.http3 import split_frame
 from tigas_common.errors import InvalidRequest
 from tigas_render.admission.limits import Limits
-from tigas_render.transport import datagrams
-from tigas_render.transport.datagrams import FRAGMENT_HEADER, Datagrams, fragments
-from tigas_render.transport.outlet import Writer
+from tigas_render.transport import outlet
+from tigas_render.transport.outlet import FRAGMENT_HEADER, Datagrams, Writer, fragments
 
 pytestmark = pytest.mark.anyio
 
@@ -57,7 +56,7 @@ async def test_a_client_whose_datagrams_are_too_small_for_frames_is_referred_to_
 
 
 async def test_a_frame_that_takes_too_many_datagrams_is_a_problem(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(datagrams, "MAX_FRAGMENTS", 10)
+    monkeypatch.setattr(outlet, "MAX_FRAGMENTS", 10)
     async with in_session(FakeFrames(bytes(70_000))) as (_, client, session):
         client.send_datagram(session, request_body(seq=7))
         header, body = split_frame(await in_datagrams(client, 7))
