@@ -43,12 +43,13 @@ help:
 # The Python side, including the rasteriser's kernels, is prepared while the page is built.
 demo:
 	@$(MAKE) --no-print-directory -j2 kernels $(STATIC)
-	@if $(VENV)/tigas lab check $(ARGS); then \
+	@export TIGAS_SHAPER_TRACES=traces/network $(if $(SCENES),TIGAS_RENDER_SCENES=$(SCENES)); \
+	if $(VENV)/tigas lab check $(ARGS); then \
 		echo "== behind a shaped link: replay traces from the page's network panel"; \
-		exec $(VENV)/tigas lab up --traces traces/network $(if $(SCENES),--scenes $(SCENES)) $(ARGS); \
+		exec $(VENV)/tigas lab up $(ARGS); \
 	else \
 		echo "== without the shaped link; everything else works"; \
-		exec $(VENV)/tigas demo -- $(if $(SCENES),--scenes $(SCENES)) $(ARGS); \
+		exec $(VENV)/tigas demo -- $(ARGS); \
 	fi
 
 PYTEST = $(VENV)/python -m pytest
@@ -126,7 +127,6 @@ compare: .venv/.lab $(STATIC)
 bench: .venv/.ready
 	@$(VENV)/python -m benchmarks.raster
 	@$(VENV)/python -m benchmarks.transport
-	@$(VENV)/python -m benchmarks.quic_cost
 	@$(VENV)/python -m benchmarks.memory
 	@$(VENV)/python -m benchmarks.dash
 
@@ -171,12 +171,14 @@ TORCH = torch==$(shell sed -n '/^name = "torch"$$/{n;s/version = "\(.*\)"/\1/p}'
 	@$(UV_SYNC) --extra cluster --group dev
 	@touch $@
 
-# Only what builds the page, without source maps and debug builds, which are half of it.
+# Only what builds the page: without types, source maps, debug builds and other module formats, which are most of it.
+UNUSED := typescript @typescript dashjs/dist/legacy dashjs/dist/modern/umd lucide/dist/cjs lucide/dist/umd \
+	playcanvas/build/playcanvas.*
 web/node_modules/.build: web/package.json web/package-lock.json
 	@node -e 'const [major, minor] = process.versions.node.split("."); process.exit(major > 22 || (major == 22 && minor >= 12) || (major == 20 && minor >= 19) ? 0 : 1)' 2>/dev/null || { echo "The web client needs Node.js 20.19, or 22.12 or newer: https://nodejs.org"; exit 1; }
 	@echo "== web client: dependencies of the page"
 	@cd web && npm ci --omit=dev --omit=peer --no-audit --no-fund --loglevel=error
-	@find web/node_modules -name '*.map' -delete -o -path '*/playcanvas/build/*.dbg*' -delete -o -path '*/playcanvas/build/*.prf*' -delete
+	@cd web/node_modules && rm -rf $(UNUSED) && find . -name '*.map' -delete -o -name '*.debug.js' -delete
 	@touch $@
 
 web/node_modules/.ready: web/node_modules/.build

@@ -29,14 +29,14 @@ from aioquic.h3.events import DataReceived, HeadersReceived, WebTransportStreamD
 from aioquic.quic.configuration import QuicConfiguration
 from aioquic.quic.events import ProtocolNegotiated, QuicEvent
 
-from tigas_common.certificate import Certificate
-from tigas_common.memory import give_back_regularly
+from tigas_common.resources import give_back_regularly
 from tigas_common.wire.render import FrameHeader, RenderRequest, ServerTiming
 from tigas_render.admission.limits import Limits
 from tigas_render.admission.load import Load
 from tigas_render.admission.viewers import HttpViewers, RequestRate
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.server.frame_route import HttpFrames, frames_app
+from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
 

@@ -138,4 +138,6 @@ NODE_MODULES = Prerequisite(
 )
 METRIC_WEIGHTS = Prerequisite("weights of LPIPS and DISTS", "tigas quality fetch", _metric_weights)
 CAPTURED_SCENES = Prerequisite("captured scenes", "put them into ../shared, or set TIGAS_SHARED", SHARED.exists)
-WHOLE_HISTORY = Prerequisite("all commits", "git fetch --unshallow", functools.cache(_whole_history))
+WHOLE_HISTORY = Prerequisite(
+    "a clone with all commits", "git clone, or git fetch --unshallow", functools.cache(_whole_history)
+)

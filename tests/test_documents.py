@@ -15,14 +15,19 @@ from tests.prerequisites import WHOLE_HISTORY
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), ROOT / "web/README.md"])
-EVIDENCE = [*DOCUMENTS, *sorted([*ROOT.glob("benchmarks/**/*.py"), *ROOT.glob("experiments/*.toml")])]
+EVIDENCE = [
+    *DOCUMENTS,
+    ROOT / "CITATION.cff",
+    *sorted([*ROOT.glob("benchmarks/**/*.py"), *ROOT.glob("experiments/*.toml")]),
+]
 """Texts that name the commits of measurements."""
 
 
 def commits_in(text: str) -> set[str]:
-    """Find commits: separate words of 7 to 12 or 40 hexadecimal digits, except round numbers."""
-    found = re.findall(r"(?<![\w./-])(?:[0-9a-f]{40}|[0-9a-f]{7,12})(?!\w)", text)
-    return {each for each in found if re.search(r"\d", each) and not re.fullmatch(r"\d+0000", each)}
+    """Find commits: 7 to 40 hexadecimal digits; unless after "commit" or in back-quotes, no words or round numbers."""
+    named = re.findall(r"(?:\bcommit |`)([0-9a-f]{7,40})(?![\w.])", text, re.IGNORECASE)
+    words = re.findall(r"(?<![\w./-])[0-9a-f]{7,40}(?!\w)", text)
+    return {*named, *(each for each in words if re.search(r"\d", each) and not re.fullmatch(r"\d+0000", each))}
 
 
 def history() -> list[str]:
@@ -44,6 +49,7 @@ def anchors(document: Path) -> set[str]:
 def test_a_commit_is_told_from_other_numbers() -> None:
     text = "at 99f8e04 | 4801556, 6 | (99f8e0479908) --count 13000000, 0.28209479, 542,104, title-7e99442b62a2, effaced"
     assert commits_in(text) == {"99f8e04", "4801556", "99f8e0479908"}
+    assert commits_in("Commit decaffe; `effaced`, `1000000`") == {"decaffe", "effaced", "1000000"}
 
 
 def test_figures_were_measured_at_commits_of_this_history() -> None:

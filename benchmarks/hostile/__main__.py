@@ -24,7 +24,7 @@ from rich.table import Table
 from benchmarks.hostile.attacks import ATTACKS
 from benchmarks.hostile.measure import Cores, Outcome, Times, measure
 from benchmarks.hostile.services import isolate, plug_in
-from tigas_common.commit import this_commit
+from tigas_common.installation import this_commit
 
 ISOLATED = "--isolated"
 

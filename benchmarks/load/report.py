@@ -136,7 +136,7 @@ def draw(capacity: Capacity, frames_per_s: float, title: str, path: Path) -> Non
         return
     viewers = [step.viewers for step in steps]
     with style():
-        figure, (latency, frames) = panel_grid(2, width=1.4)
+        figure, (latency, frames) = panel_grid(2, width=4.9)
         for name, values, intervals, colour in (
             ("p95", [step.p95_ms for step in steps], [step.p95_interval for step in steps], "#b3452c"),
             ("p50", [step.p50_ms for step in steps], [step.p50_interval for step in steps], "#2c6fb3"),

@@ -14,13 +14,13 @@ import pytest
 from reference.ply import write_ply
 from tests.render.arrays import gaussians_of
 from tigas_common.address import Address
-from tigas_common.certificate import Certificate
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.runner import serve_http
 from tigas_render.raster.devices import create_rasterizer
 from tigas_render.server.app import create_app
 from tigas_render.server.service import RenderService
 from tigas_render.settings import RenderSettings
+from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.server import Http3Server
 
 CERTIFICATE = Certificate.create([], datetime.now(UTC))

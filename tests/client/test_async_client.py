@@ -17,12 +17,12 @@ import tigas
 from tests.client.conftest import CERTIFICATE, Served
 from tigas import http3
 from tigas_common.address import Address
-from tigas_common.certificate import Certificate
 from tigas_common.errors import Overloaded, problem
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.pose import Pose
 from tigas_common.runner import serve_http
 from tigas_common.web import problem_response
+from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.server import Http3Server
 
 pytestmark = pytest.mark.anyio

@@ -10,10 +10,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from tigas_cluster.director import create_director
-from tigas_cluster.fleet import HostAddress
-from tigas_cluster.polled_fleet import PolledFleet
+from tigas_cluster.fleet import Fleet, HostAddress
 from tigas_common.address import Address
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.origins import OriginPolicy
 from tigas_common.runner import serve_http
 
@@ -25,7 +24,7 @@ class RunningDirector:
     """A director served over HTTP by a context manager."""
 
     url: str
-    _fleet: PolledFleet
+    _fleet: Fleet
     _loop: asyncio.AbstractEventLoop
 
     def follow(self, addresses: Iterable[HostAddress]) -> None:
@@ -55,7 +54,7 @@ def running_director(addresses: Iterable[HostAddress]) -> Iterator[RunningDirect
     async def serve() -> None:
         address = Address("127.0.0.1", 0)
         async with (
-            PolledFleet(addresses, time.monotonic) as fleet,
+            Fleet(addresses, time.monotonic) as fleet,
             create_director(fleet, origins=OriginPolicy.of([address]), clock=time.monotonic) as app,
             serve_http(app, address, HttpLimits()) as port,
         ):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from typing import Any
@@ -11,8 +12,7 @@ import httpx
 from tigas_cluster.director import create_director
 from tigas_cluster.fleet import Fleet, HostAddress, HostState
 from tigas_common.origins import OriginPolicy
-from tigas_common.wire.cluster import HostLoad
-from tigas_common.wire.render import DEFAULT_LADDER, ServerConfig
+from tigas_common.wire.render import DEFAULT_LADDER, HostLoad, ServerConfig
 
 
 def load(
@@ -32,18 +32,16 @@ def load(
     return HostLoad(config=config, viewers=viewers, utilisation=0.1, queue_age_s=queue_age_s, scenes=scenes)
 
 
-def host(
-    name: str, viewers: int = 0, *, full: float | None = None, queue_age_s: float = 0.0, draining: bool = False
-) -> HostState:
-    """A host at http://NAME.test:8080."""
-    address = HostAddress(name, f"http://{name}.test:8080", draining=draining)
-    return HostState(address, load(viewers, full=full, queue_age_s=queue_age_s))
+def host(name: str, viewers: int = 0, *, draining: bool = False, **report: Any) -> HostState:
+    """A host at http://NAME.test:8080, with a report as of `load`."""
+    return HostState(HostAddress(name, f"http://{name}.test:8080", draining=draining), load(viewers, **report))
 
 
 class FakeFleet(Fleet):
     """A fleet controlled by the test."""
 
     def __init__(self, *states: HostState) -> None:
+        super().__init__((), lambda: 0.0)
         self.states: list[HostState] = list(states)
         self.dead: set[str] = set()
         """Of these it is only noticed when they are suspected."""
@@ -56,6 +54,31 @@ class FakeFleet(Fleet):
         self.suspected.append(name)
         if name in self.dead:
             self.states = [state for state in self.states if state.name != name]
+
+
+class FakeHosts(httpx.AsyncBaseTransport):
+    """Hosts at http://NAME.test, which answer by `answer`; dead ones refuse, and silent ones never answer."""
+
+    def __init__(self) -> None:
+        self.dead: set[str] = set()
+        self.silent: set[str] = set()
+        self.asked: list[httpx.Request] = []
+
+    async def handle_async_request(self, request: httpx.Request) -> httpx.Response:
+        self.asked.append(request)
+        name = request.url.host.partition(".")[0]
+        if name in self.dead:
+            raise httpx.ConnectError("refused")
+        if name in self.silent:
+            await asyncio.Event().wait()
+        return self.answer(name, request)
+
+    def answer(self, name: str, request: httpx.Request) -> httpx.Response:
+        raise NotImplementedError
+
+    def count(self, name: str) -> int:
+        """How often a host was asked."""
+        return sum(request.url.host == f"{name}.test" for request in self.asked)
 
 
 @asynccontextmanager

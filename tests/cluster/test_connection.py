@@ -9,10 +9,9 @@ from pathlib import Path
 import pytest
 
 from tests.command import tigas
-from tigas_cluster.connection import named_cluster
-from tigas_cluster.own_ray import OwnRay
+from tigas_cluster.connection import OwnRay, named_cluster
 from tigas_common.errors import StartError
-from tigas_common.extras import install_command
+from tigas_common.installation import install_command
 
 
 def test_without_an_address_there_is_none_to_join(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import AsyncIterator
-from dataclasses import replace
 
 import httpx
 import pytest
 
 from tests.cluster.hosts import FakeFleet, asking_director, host
+from tests.prometheus import figures
 from tests.render.fakes import render_request
 from tigas_common.placement import ranked
 
@@ -18,9 +18,14 @@ FIRST, SECOND = ranked("garden", ("a", "b"))
 
 
 @pytest.fixture
+def fleet() -> FakeFleet:
+    return FakeFleet(host("a"), host("b"))
+
+
+@pytest.fixture
 async def client(fleet: FakeFleet) -> AsyncIterator[httpx.AsyncClient]:
     services = {"dash": ":8081", "store": "http://store.test:8091"}
-    async with asking_director(fleet, services=services, https_port=8443) as client:
+    async with asking_director(fleet, services=services) as client:
         yield client
 
 
@@ -30,17 +35,13 @@ async def served_by(client: httpx.AsyncClient, **viewer: str) -> str:
     return str(answer.json()["host"])
 
 
-async def test_a_page_hears_where_its_scene_is(client: httpx.AsyncClient) -> None:
+async def test_a_page_hears_where_its_scene_is_and_what_is_the_directors_own(client: httpx.AsyncClient) -> None:
     config = (await client.get("/config.json?scene=garden")).json()
     assert config["host"] == FIRST
     assert config["render_url"] == f"http://{FIRST}.test:8080"
     assert (config["webtransport_url"], config["certificate_sha256"]) == ("https://192.0.2.1:4433/render", "AQID")
     assert config["retry_after_s"] is None
-
-
-async def test_what_is_the_directors_own_is_at_its_own_address(client: httpx.AsyncClient) -> None:
-    config = (await client.get("/config.json")).json()
-    assert config["https_url"] == "https://localhost:8443/"
+    assert config["https_url"] is None
     assert config["services"] == {"dash": "http://localhost:8081", "store": "http://store.test:8091"}
     assert config["max_upload_bytes"] is None, "what one host keeps, the others lack"
 
@@ -48,25 +49,16 @@ async def test_what_is_the_directors_own_is_at_its_own_address(client: httpx.Asy
 async def test_a_viewer_stays_where_it_is_while_that_is_well(client: httpx.AsyncClient, fleet: FakeFleet) -> None:
     assert await served_by(client, at=SECOND) == SECOND
     assert fleet.suspected == []
-    fleet.states = [replace(state, address=replace(state.address, draining=True)) for state in fleet.states[:1]] + [
-        fleet.states[1]
-    ]
+    fleet.states = [host("a", draining=True), host("b")]
     assert await served_by(client, at="a") == "b"
 
 
-async def test_a_viewer_that_hears_nothing_stays_with_a_host_that_answers(
-    client: httpx.AsyncClient, fleet: FakeFleet
-) -> None:
+async def test_a_viewer_leaves_a_silent_host(client: httpx.AsyncClient, fleet: FakeFleet) -> None:
     assert await served_by(client, silent=SECOND) == SECOND
     assert fleet.suspected == [SECOND]
     fleet.dead = {SECOND}
     assert await served_by(client, silent=SECOND) == FIRST
-
-
-async def test_a_viewer_that_hears_nothing_of_a_full_host_is_sent_to_one_with_room(
-    client: httpx.AsyncClient, fleet: FakeFleet
-) -> None:
-    fleet.states = [host(FIRST, full=5.0), host(SECOND)]
+    fleet.dead, fleet.states = set(), [host(FIRST, full=5.0), host(SECOND)]
     assert await served_by(client, silent=FIRST) == SECOND
     assert await served_by(client, at=FIRST) == FIRST
 
@@ -100,29 +92,23 @@ async def test_frames_are_asked_for_at_the_host(client: httpx.AsyncClient) -> No
 
 
 async def test_names_of_any_length_and_other_hosts_names_are_refused(client: httpx.AsyncClient) -> None:
-    assert (await client.get("/config.json", params={"scene": "x" * 257})).status_code == 400
-    assert (await client.get("/config.json", params={"lost": "x" * 257})).status_code == 400
-    assert (await client.get("/config.json", headers={"Host": "evil.example"})).status_code == 421
-    assert (await client.get("/config.json", headers={"Origin": "https://evil.example"})).status_code == 403
-
-
-async def test_metrics_tell_of_hosts_and_of_where_viewers_were_sent(
-    client: httpx.AsyncClient, fleet: FakeFleet
-) -> None:
-    fleet.states = [host("a", viewers=3, queue_age_s=0.02), host("b", full=5.0)]
-    await served_by(client)
-    await served_by(client, at="a")
-    await served_by(client, lost="b")
-    await served_by(client, silent="b")
-    text = (await client.get("/metrics")).text
-    for line in (
-        "tigas_director_hosts 2.0",
-        'tigas_director_viewers{host="a"} 3.0',
-        'tigas_director_host_full{host="a"} 0.0',
-        'tigas_director_host_full{host="b"} 1.0',
-        'tigas_director_host_queue_age_seconds{host="a"} 0.02',
-        'tigas_director_placements_total{host="a"} 3.0',
-        'tigas_director_redirects_total{why="lost"} 1.0',
-        'tigas_director_redirects_total{why="silent"} 1.0',
+    for status, asked in (
+        (400, {"params": {"scene": "x" * 257}}),
+        (400, {"params": {"lost": "x" * 257}}),
+        (421, {"headers": {"Host": "evil.example"}}),
+        (403, {"headers": {"Origin": "https://evil.example"}}),
     ):
-        assert line in text
+        assert (await client.get("/config.json", **asked)).status_code == status  # type: ignore[arg-type]
+
+
+async def test_metrics_of_hosts_and_viewers(client: httpx.AsyncClient, fleet: FakeFleet) -> None:
+    fleet.states = [host("a", viewers=3, queue_age_s=0.02), host("b", full=5.0)]
+    for viewer in ({}, {"at": "a"}, {"lost": "b"}, {"silent": "b"}):
+        await served_by(client, **viewer)
+    told = await figures(client)
+    assert told("tigas_director_hosts") == 2
+    assert told("tigas_director_viewers", host="a") == 3
+    assert [told("tigas_director_host_full", host=name) for name in "ab"] == [0, 1]
+    assert told("tigas_director_host_queue_age_seconds", host="a") == 0.02
+    assert told("tigas_director_placements_total", host="a") == 3
+    assert [told("tigas_director_redirects_total", why=why) for why in ("lost", "silent", "moved")] == [1, 1, 0]

@@ -41,8 +41,8 @@ def service() -> psutil.Process:
 
 
 def url_of(host: Host) -> str:
-    wait_until(lambda: host.facts["url"] is not None, 30)
-    url = host.facts["url"]
+    wait_until(lambda: host.facts()["url"] is not None, 30)
+    url = host.facts()["url"]
     assert url
     return url
 
@@ -54,13 +54,13 @@ def test_says_where_it_is_and_starts_its_service_again(tmp_path: Path, monkeypat
         url = url_of(host)
         assert httpx.get(f"{url}/api/load", headers={"Host": "host.example.org"}).status_code == 200
         assert httpx.delete(f"{url}/scenes/courtyard").json()["type"] == "tigas:scenes-fixed"
-        assert host.facts["viewer_address"] == "host.example.org"
-        ready, empty = host.facts["said"]
+        assert host.facts()["viewer_address"] == "host.example.org"
+        ready, empty = host.facts()["said"]
         assert ready == "1 scene ready on instant."
         assert empty.startswith("models has no scenes yet")
         killed = service()
         killed.kill()
-        wait_until(lambda: host.facts["url"] not in (None, url), 30)
+        wait_until(lambda: host.facts()["url"] not in (None, url), 30)
         again = service()
         assert httpx.get(f"{url_of(host)}/healthz").status_code == 200
     assert not again.is_running()
@@ -69,9 +69,9 @@ def test_says_where_it_is_and_starts_its_service_again(tmp_path: Path, monkeypat
 def test_says_why_it_cannot_serve_and_tries_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "RETRY_S", 0.05)
     with running("--scenes", "/nowhere") as host:
-        wait_until(lambda: host.facts["failure"] is not None, 30)
-        assert str(host.facts["failure"]).startswith("The models directory /nowhere does not exist")
-        assert host.facts["url"] is None
+        wait_until(lambda: host.facts()["failure"] is not None, 30)
+        assert str(host.facts()["failure"]).startswith("The models directory /nowhere does not exist")
+        assert host.facts()["url"] is None
         wait_until(lambda: psutil.Process().children() != [], 30)
 
 

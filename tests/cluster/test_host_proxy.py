@@ -1,15 +1,19 @@
-"""Requests proxied by the director to hosts."""
+"""Requests proxied by the director to hosts, and scenes of all hosts as one list."""
 
 from __future__ import annotations
 
 import asyncio
+from collections.abc import AsyncIterator
 
 import httpx
 import pytest
 
-from tests.cluster.hosts import FakeFleet, host
+from tests.cluster.hosts import FakeFleet, FakeHosts, asking_director, host
+from tests.eventually import eventually
 from tests.render.fakes import render_request
+from tests.scenes import scene
 from tigas_cluster import host_proxy
+from tigas_common.errors import SceneInUse, problem
 from tigas_common.placement import ranked
 
 pytestmark = pytest.mark.anyio
@@ -18,30 +22,39 @@ FIRST, SECOND = ranked("garden", ("a", "b"))
 PAGE = "<!doctype html>"
 
 
-class Hosts(httpx.AsyncBaseTransport):
-    """Each answers with its name; dead ones refuse, and silent ones never answer."""
+class Hosts(FakeHosts):
+    """Have a page and scenes, and answer anything else with their names."""
 
     def __init__(self) -> None:
-        self.dead: set[str] = set()
-        self.silent: set[str] = set()
-        self.asked: list[httpx.Request] = []
+        super().__init__()
+        self.scenes = {
+            "a": {"garden": "loaded", "pond": "unloaded", "wood": "loading"},
+            "b": {"garden": "unloaded", "pond": "broken", "wood": "loaded", "new": "unloaded"},
+        }
+        self.used: set[str] = set()
+        """Hosts with viewers of the scene to unload."""
 
-    async def handle_async_request(self, request: httpx.Request) -> httpx.Response:
-        self.asked.append(request)
-        name = request.url.host.partition(".")[0]
-        if name in self.dead:
-            raise httpx.ConnectError("refused")
-        if name in self.silent:
-            await asyncio.Event().wait()
-        target = request.extensions["target"]
-        page = target == b"/"
+    @property
+    def targets(self) -> list[tuple[str, str]]:
+        return [(request.url.host.partition(".")[0], request.url.raw_path.decode()) for request in self.asked]
+
+    def answer(self, name: str, request: httpx.Request) -> httpx.Response:
+        target = request.extensions.get("target", request.url.raw_path).decode()
+        if target.startswith("/scenes?") or target == "/scenes":
+            return httpx.Response(
+                200, json=[scene(id=id, state=self.scenes[name][id]).model_dump() for id in self.scenes[name]]
+            )
+        if target.endswith("/unload"):
+            if name in self.used:
+                return httpx.Response(409, json=problem(SceneInUse("Somebody views it.")).model_dump())
+            return httpx.Response(200, json=scene(state="unloaded").model_dump())
         headers = {
             "Content-Security-Policy": "default-src 'none'; connect-src 'self' https://a.test:*",
-            "Content-Type": "text/html; charset=utf-8" if page else "text/plain",
+            "Content-Type": "text/html; charset=utf-8" if target == "/" else "text/plain",
             "ETag": '"1"',
         }
-        body = httpx.ByteStream((PAGE if page else name).encode())
-        return httpx.Response(404 if b"nowhere" in target else 200, headers=headers, stream=body)
+        body = httpx.ByteStream((PAGE if target == "/" else name).encode())
+        return httpx.Response(404 if "nowhere" in target else 200, headers=headers, stream=body)
 
 
 @pytest.fixture
@@ -49,10 +62,23 @@ def hosts() -> Hosts:
     return Hosts()
 
 
-async def test_a_scene_is_asked_for_where_its_viewers_are_sent(client: httpx.AsyncClient) -> None:
+@pytest.fixture
+def fleet() -> FakeFleet:
+    return FakeFleet(host("a"), host("b"))
+
+
+@pytest.fixture
+async def client(fleet: FakeFleet, hosts: Hosts) -> AsyncIterator[httpx.AsyncClient]:
+    async with asking_director(fleet, transport=hosts) as client:
+        yield client
+
+
+async def test_a_scene_is_asked_for_where_its_viewers_are_sent(client: httpx.AsyncClient, fleet: FakeFleet) -> None:
     assert (await client.get("/scenes/garden/preview")).text == FIRST
     assert (await client.post(f"/scenes/garden/load?host={SECOND}")).text == SECOND
     assert (await client.post("/scenes/garden/load?host=gone")).text == FIRST
+    fleet.states = [host(name, draining=name == FIRST) for name in (FIRST, SECOND)]
+    assert (await client.get("/scenes/garden/preview")).text == SECOND, "a draining host is asked last"
 
 
 async def test_a_download_is_resumed_at_the_host_that_began_it(client: httpx.AsyncClient, hosts: Hosts) -> None:
@@ -62,6 +88,7 @@ async def test_a_download_is_resumed_at_the_host_that_began_it(client: httpx.Asy
     assert {name: hosts.asked[-1].headers[name] for name in resumed} == resumed
     await client.head("/scenes/garden/download/compressed")
     assert hosts.asked[-1].method == "HEAD"
+    assert (await client.get("/scenes/nowhere/preview")).status_code == 404, "the host's own answer"
 
 
 async def test_frames_are_handed_on_only_for_those_who_ask_for_it(client: httpx.AsyncClient) -> None:
@@ -69,11 +96,6 @@ async def test_frames_are_handed_on_only_for_those_who_ask_for_it(client: httpx.
     assert (await client.post(f"/render?host={SECOND}", json=body)).text == SECOND
     assert (await client.post("/render", json=body)).status_code == 307
     assert (await client.get("/render?host=a")).status_code == 405
-
-
-async def test_answers_are_the_hosts_own(client: httpx.AsyncClient) -> None:
-    answer = await client.get("/scenes/nowhere/preview")
-    assert (answer.status_code, answer.headers["etag"]) == (404, '"1"')
 
 
 async def test_the_page_may_speak_with_hosts_that_come_later(client: httpx.AsyncClient) -> None:
@@ -102,19 +124,51 @@ async def test_what_a_dead_host_does_not_answer_another_one_does(client: httpx.A
     assert (await client.get("/scenes/garden/preview")).status_code == 503
 
 
-async def test_nobody_waits_for_a_host_that_is_gone(
+async def test_a_lost_host_is_not_waited_for(
     client: httpx.AsyncClient, hosts: Hosts, fleet: FakeFleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(host_proxy, "LOOK_S", 0.01)
     hosts.silent = {FIRST}
     asking = asyncio.create_task(client.get("/scenes/garden/preview"))
-    async with asyncio.timeout(20):
-        while not hosts.asked:  # noqa: ASYNC110 - a request has no event
-            await asyncio.sleep(0.005)
-        fleet.states = [state for state in fleet.states if state.name != FIRST]
-        assert (await asking).text == SECOND
+    await eventually(lambda: hosts.asked)
+    fleet.states = [state for state in fleet.states if state.name != FIRST]
+    assert (await asyncio.wait_for(asking, 20)).text == SECOND
 
 
-async def test_a_draining_host_is_asked_last(client: httpx.AsyncClient, fleet: FakeFleet) -> None:
-    fleet.states = [host(name, draining=name == FIRST) for name in (FIRST, SECOND)]
-    assert (await client.get("/scenes/garden/preview")).text == SECOND
+async def listed(client: httpx.AsyncClient, query: str = "") -> dict[str, str]:
+    return {info["id"]: info["state"] for info in (await client.get(f"/scenes{query}")).json()}
+
+
+async def test_a_scene_is_loaded_if_it_is_anywhere(client: httpx.AsyncClient, hosts: Hosts) -> None:
+    loaded = {"garden": "loaded", "pond": "unloaded", "wood": "loaded", "new": "unloaded"}
+    assert await listed(client) == loaded
+    assert (await client.get("/scenes")).json()[0]["memory_bytes"] == 2, "of both hosts"
+    hosts.asked.clear()
+    assert await listed(client, "?scan=1") == loaded
+    assert hosts.targets == [("a", "/scenes?scan=1"), ("b", "/scenes?scan=1")]
+
+
+async def test_a_host_that_does_not_answer_is_left_out(
+    client: httpx.AsyncClient, hosts: Hosts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(host_proxy, "ANSWER_S", 0.05)
+    hosts.silent = {"b"}
+    assert await listed(client) == {"garden": "loaded", "pond": "unloaded", "wood": "loading"}
+    hosts.silent = {"a", "b"}
+    assert (await client.get("/scenes")).status_code == 503
+
+
+async def test_a_scene_is_unloaded_everywhere(client: httpx.AsyncClient, hosts: Hosts, fleet: FakeFleet) -> None:
+    fleet.states = [host("a", scenes=("gar den", "wood")), host("b", scenes=("gar den",))]
+    assert (await client.post("/scenes/gar%20den/unload")).json()["state"] == "unloaded"
+    assert (await client.post("/scenes/wood/unload")).status_code == 200
+    assert hosts.targets == [
+        ("a", "/scenes/gar%20den/unload"),
+        ("b", "/scenes/gar%20den/unload"),
+        ("a", "/scenes/wood/unload"),
+    ]
+    hosts.used = {"a"}
+    answer = await client.post("/scenes/wood/unload")
+    assert (answer.status_code, answer.json()["detail"]) == (409, "Somebody views it.")
+    fleet.states = []
+    assert (await client.post("/scenes/wood/unload")).status_code == 503

@@ -5,16 +5,19 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from contextlib import asynccontextmanager
 
 import httpx
 import pytest
 
 from tests.cluster.hosts import load
-from tigas_cluster import polled_fleet, ray_fleet
+from tests.eventually import eventually
+from tigas_cluster import fleet, ray_fleet
+from tigas_cluster.fleet import Fleet
 from tigas_cluster.host import Facts
-from tigas_cluster.polled_fleet import PolledFleet
+from tigas_cluster.policy import Scaler
 from tigas_cluster.ray_fleet import VERSION, Cluster, Node, RayFleet
-from tigas_cluster.scaling import HostRange, Scaler
+from tigas_cluster.settings import HostRange
 from tigas_common.errors import StartError
 
 pytestmark = pytest.mark.anyio
@@ -33,8 +36,22 @@ class FakeCluster(Cluster, httpx.AsyncBaseTransport):
         self.refusal: str | None = None
         self.version = VERSION
         self.asked_for: list[int] = []
+        self.said: list[str] = []
+        """Messages for the operator."""
+        self.looks = 0
+        self.ahead = 0.0
+        """Seconds by which the clock is."""
+
+    def clock(self) -> float:
+        return asyncio.get_running_loop().time() + self.ahead
+
+    async def looked_at(self) -> None:
+        """Wait until the present state has been seen."""
+        since = self.looks
+        await eventually(lambda: self.looks >= since + 3)
 
     def nodes(self) -> Sequence[Node]:
+        self.looks += 1
         return [Node("head", "head.test", 0, 0), *(Node(name, f"{name}.test", 1, 1) for name in self.up)]
 
     def hosts(self) -> Mapping[str, str]:
@@ -82,7 +99,7 @@ def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same ten times as fast."""
     monkeypatch.setattr(ray_fleet, "LOOK_S", 0.02)
     for name in ("POLL_S", "GONE_S", "ANSWER_S"):
-        monkeypatch.setattr(polled_fleet, name, getattr(polled_fleet, name) / 10)
+        monkeypatch.setattr(fleet, name, getattr(fleet, name) / 10)
 
 
 @pytest.fixture
@@ -90,74 +107,51 @@ def cluster() -> FakeCluster:
     return FakeCluster("red", "green", "blue")
 
 
-class Clock:
-    """Seconds, of which the test adds some."""
-
-    def __init__(self) -> None:
-        self.ahead = 0.0
-
-    def __call__(self) -> float:
-        return asyncio.get_running_loop().time() + self.ahead
-
-
 @pytest.fixture
-def clock() -> Clock:
-    return Clock()
+async def hosts(cluster: FakeCluster) -> AsyncIterator[RayFleet]:
+    async with kept(cluster) as hosts:
+        yield hosts
 
 
-@pytest.fixture
-def said() -> list[str]:
-    return []
+@asynccontextmanager
+async def kept(cluster: FakeCluster, allowed: str = "2..3") -> AsyncIterator[RayFleet]:
+    scaler = Scaler(HostRange.parse(allowed), 300, 600, cluster.clock)
+    async with (
+        Fleet((), asyncio.get_running_loop().time, cluster) as polled,
+        RayFleet(cluster, scaler, polled, cluster.clock, cluster.said.append) as hosts,
+    ):
+        yield hosts
 
 
-@pytest.fixture
-async def fleet(cluster: FakeCluster, clock: Clock, said: list[str]) -> AsyncIterator[RayFleet]:
-    async with looked_after(cluster, clock, said) as fleet:
-        yield fleet
+def up(hosts: RayFleet, *names: str) -> Callable[[], bool]:
+    """Whether exactly these are up."""
+    return lambda: sorted(host.name for host in hosts.fleet.hosts()) == sorted(names)
 
 
-def looked_after(cluster: FakeCluster, clock: Clock, said: list[str], allowed: str = "2..3") -> RayFleet:
-    scaler = Scaler(HostRange.parse(allowed), 300, 600, clock)
-    polled = PolledFleet((), asyncio.get_running_loop().time, cluster)
-    return RayFleet(cluster, scaler, polled, clock, said.append)
-
-
-async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(20):
-        while not condition():  # noqa: ASYNC110 - Ray is asked, and says nothing by itself
-            await asyncio.sleep(0.005)
-
-
-def names(fleet: RayFleet) -> list[str]:
-    return sorted(host.name for host in fleet.hosts())
-
-
-async def test_as_many_machines_become_hosts_as_are_wanted(fleet: RayFleet, cluster: FakeCluster) -> None:
-    await fleet.began
-    await until(lambda: names(fleet) == ["host-1", "host-2"])
+async def test_as_many_machines_become_hosts_as_are_wanted(hosts: RayFleet, cluster: FakeCluster) -> None:
+    await hosts.began
+    await eventually(up(hosts, "host-1", "host-2"))
     assert set(cluster.running.values()) == {"red", "green"}
-    assert {host.address.public_host for host in fleet.hosts()} == {"red.example", "green.example"}
+    assert {host.address.public_host for host in hosts.fleet.hosts()} == {"red.example", "green.example"}
 
 
-async def test_hosts_that_run_already_are_found_again(cluster: FakeCluster, clock: Clock, said: list[str]) -> None:
+async def test_hosts_that_run_already_are_found_again(cluster: FakeCluster) -> None:
     cluster.running = {"host-7": "blue", "host-1": "red"}
-    async with looked_after(cluster, clock, said) as fleet:
-        await until(lambda: names(fleet) == ["host-1", "host-7"])
+    async with kept(cluster) as hosts:
+        await eventually(up(hosts, "host-1", "host-7"))
     assert cluster.running == {"host-7": "blue", "host-1": "red"}
 
 
-async def test_hosts_outlive_the_fleet_unless_they_are_ended(fleet: RayFleet, cluster: FakeCluster) -> None:
-    await until(lambda: len(names(fleet)) == 2)
-    await fleet.__aexit__()
+async def test_hosts_outlive_the_fleet_unless_they_are_ended(hosts: RayFleet, cluster: FakeCluster) -> None:
+    await eventually(up(hosts, "host-1", "host-2"))
+    await hosts.__aexit__()
     assert len(cluster.running) == 2
-    await fleet.end()
+    await hosts.end()
     assert cluster.running == {}
     assert cluster.asked_for[-1] == 0
 
 
-async def test_a_host_that_is_created_while_the_others_end_is_ended_too(
-    cluster: FakeCluster, clock: Clock, said: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_host_that_still_starts_is_ended_too(cluster: FakeCluster, monkeypatch: pytest.MonkeyPatch) -> None:
     starting, stopping = threading.Event(), threading.Event()
     start, stop = cluster.start, cluster.stop
 
@@ -172,90 +166,83 @@ async def test_a_host_that_is_created_while_the_others_end_is_ended_too(
 
     monkeypatch.setattr(cluster, "start", start_late)
     monkeypatch.setattr(cluster, "stop", stop_early)
-    async with looked_after(cluster, clock, said, "1") as fleet:
-        await until(starting.is_set)
-        await fleet.end()
+    async with kept(cluster, "1") as hosts:
+        await eventually(starting.is_set)
+        await hosts.end()
     await asyncio.get_running_loop().shutdown_default_executor()
     assert cluster.running == {}
     assert cluster.asked_for[-1] == 0
 
 
-async def test_a_host_whose_machine_is_gone_is_replaced_on_another(fleet: RayFleet, cluster: FakeCluster) -> None:
-    await until(lambda: len(names(fleet)) == 2)
+async def test_a_host_whose_machine_is_gone_is_replaced_on_another(hosts: RayFleet, cluster: FakeCluster) -> None:
+    await eventually(up(hosts, "host-1", "host-2"))
     cluster.up.remove("red")
-    await until(lambda: {host.address.public_host for host in fleet.hosts()} == {"green.example", "blue.example"})
-    await until(lambda: set(cluster.running.values()) == {"green", "blue"})
+    await eventually(
+        lambda: {host.address.public_host for host in hosts.fleet.hosts()} == {"green.example", "blue.example"}
+    )
+    await eventually(lambda: set(cluster.running.values()) == {"green", "blue"})
 
 
-async def test_machines_are_asked_for_that_are_not_there(cluster: FakeCluster, clock: Clock, said: list[str]) -> None:
+async def test_machines_are_asked_for_that_are_not_there(cluster: FakeCluster) -> None:
     cluster.up = ["red"]
-    async with looked_after(cluster, clock, said, "3") as fleet:
-        await until(lambda: names(fleet) == ["host-1"])
+    async with kept(cluster, "3") as hosts:
+        await eventually(up(hosts, "host-1"))
         assert cluster.asked_for == [3]
-        await until(lambda: len(said) == 3)
-        assert said[:2] == ["There is no machine for 2 more hosts yet.", "host-1 starts on red.test."]
-        assert said[2] == "host-1: 1 scene ready on instant."
+        await eventually(lambda: len(cluster.said) == 3)
+        assert cluster.said == [
+            "There is no machine for 2 more hosts yet.",
+            "host-1 starts on red.test.",
+            "host-1: 1 scene ready on instant.",
+        ]
         cluster.up += ["green", "blue"]
-        await until(lambda: names(fleet) == ["host-1", "host-2", "host-3"])
+        await eventually(up(hosts, "host-1", "host-2", "host-3"))
 
 
-async def test_another_host_comes_when_all_are_full(fleet: RayFleet, cluster: FakeCluster, clock: Clock) -> None:
+async def test_a_host_comes_and_goes_with_demand(hosts: RayFleet, cluster: FakeCluster) -> None:
     cluster.full, cluster.viewers = {"red", "green"}, {"red": 70, "green": 70}
-    await until(lambda: len(names(fleet)) == 2)
-    clock.ahead += 10
-    await until(lambda: len(names(fleet)) == 3)
+    await eventually(up(hosts, "host-1", "host-2"))
+    await cluster.looked_at()
+    cluster.ahead += 10
+    await eventually(up(hosts, "host-1", "host-2", "host-3"))
     assert cluster.asked_for[-1] == 3
-
-
-async def test_a_host_that_nobody_needs_drains_and_then_ends(
-    fleet: RayFleet, cluster: FakeCluster, clock: Clock, said: list[str]
-) -> None:
-    cluster.full, cluster.viewers = {"red", "green"}, {"red": 70, "green": 70}
-    await until(lambda: len(names(fleet)) == 2)
-    clock.ahead += 10
-    await until(lambda: len(names(fleet)) == 3)
     cluster.full, cluster.viewers = set(), {"red": 10, "green": 2, "blue": 5}
-    await until(lambda: sorted(host.viewers for host in fleet.hosts()) == [2, 5, 10])
-    await asyncio.sleep(0.1)
-    clock.ahead += 301
-    await until(lambda: [host.viewers for host in fleet.hosts() if host.draining] == [2])
+    await eventually(lambda: sorted(host.viewers for host in hosts.fleet.hosts()) == [2, 5, 10])
+    await cluster.looked_at()
+    cluster.ahead += 301
+    await eventually(lambda: [host.viewers for host in hosts.fleet.hosts() if host.draining] == [2])
     assert len(cluster.running) == 3
     cluster.viewers["green"] = 0
-    await until(lambda: any(host.viewers == 0 for host in fleet.hosts()))
-    clock.ahead += 10
-    await until(lambda: len(names(fleet)) == 2)
+    await eventually(lambda: any(host.viewers == 0 for host in hosts.fleet.hosts()))
+    cluster.ahead += 10
+    await eventually(lambda: len(hosts.fleet.hosts()) == 2)
     assert "green" not in cluster.running.values()
-    assert [line.partition(" ")[2] for line in said[-2:]] == ["drains: it gets no new viewers.", "has ended."]
+    assert [line.partition(" ")[2] for line in cluster.said[-2:]] == ["drains: it gets no new viewers.", "has ended."]
 
 
-async def test_a_host_with_another_version_is_named_and_not_used(
-    cluster: FakeCluster, clock: Clock, said: list[str]
-) -> None:
+async def test_a_host_with_another_version_is_named_and_not_used(cluster: FakeCluster) -> None:
     cluster.version = "0.0.1"
-    async with looked_after(cluster, clock, said) as fleet:
+    async with kept(cluster) as hosts:
         with pytest.raises(StartError, match="install the same on every machine"):
-            await fleet.began
-        assert names(fleet) == []
-    assert len([line for line in said if line.startswith("host-1: It has TIGAS 0.0.1")]) == 1
+            await hosts.began
+        assert hosts.fleet.hosts() == []
+    assert len([line for line in cluster.said if line.startswith("host-1: It has TIGAS 0.0.1")]) == 1
 
 
 @pytest.mark.parametrize("how", ["failure", "refusal"])
-async def test_the_cluster_does_not_begin_where_no_host_can(
-    cluster: FakeCluster, clock: Clock, said: list[str], how: str
-) -> None:
+async def test_the_cluster_does_not_begin_where_no_host_can(cluster: FakeCluster, how: str) -> None:
     setattr(cluster, how, "The models directory /nowhere does not exist.")
-    async with looked_after(cluster, clock, said) as fleet:
+    async with kept(cluster) as hosts:
         with pytest.raises(StartError, match="/nowhere does not exist"):
-            await fleet.began
+            await hosts.began
 
 
-async def test_a_host_that_stays_silent_is_replaced(fleet: RayFleet, cluster: FakeCluster, clock: Clock) -> None:
-    await until(lambda: len(names(fleet)) == 2)
+async def test_a_host_that_stays_silent_is_replaced(hosts: RayFleet, cluster: FakeCluster) -> None:
+    await eventually(up(hosts, "host-1", "host-2"))
     cluster.silent = {"red"}
-    await until(lambda: names(fleet) == ["host-2"])
+    await eventually(lambda: "host-1 does not answer." in cluster.said)
+    assert up(hosts, "host-2")()
     assert len(cluster.running) == 2
-    await asyncio.sleep(0.1)
-    clock.ahead += 61
-    await until(lambda: names(fleet) == ["host-2", "host-3"])
+    cluster.ahead += 61
+    await eventually(up(hosts, "host-2", "host-3"))
     cluster.silent = set()
-    await until(lambda: len(names(fleet)) == 3)
+    await eventually(up(hosts, "host-1", "host-2", "host-3"))

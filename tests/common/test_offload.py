@@ -11,10 +11,9 @@ from collections.abc import Callable
 import pytest
 
 from tigas_common.errors import InvalidRequest, Overloaded, TooCostly
-from tigas_common.offload import offload_to_process
+from tigas_common.offload import Limit, offload_to_process
 from tigas_common.parsing import parse
-from tigas_common.wire.store import ExperimentRequest
-from tigas_common.work_limits import Limit
+from tigas_experiments.wire.store import ExperimentRequest
 
 pytestmark = pytest.mark.anyio
 

@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
+import asyncio
+import io
 import json
-from collections.abc import AsyncIterator
+import time
+from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from typing import Any
 
+import av
 import httpx
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
 
 from tests.dash.fakes import FakeRender
 from tigas_common.address import Address
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.origins import OriginPolicy
+from tigas_common.parsing import parse
 from tigas_common.runner import serve_http
+from tigas_common.wire.dash import SessionRequest
 from tigas_dash.app import create_app
 from tigas_dash.clock import Clock
 from tigas_dash.sessions import Sessions
 from tigas_dash.source import RenderClient
 from tigas_dash.webrtc.service import WebRtc
 
-IDLE_S = 600.0
+PATIENCE_S = 20
 
 
 @dataclass
@@ -53,6 +59,46 @@ class Packager:
         status: dict[str, Any] = (await self.http.get(f"/sessions/{session['id']}")).json()
         return status
 
+    async def until(self, session: dict[str, Any], condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """A session's status once it is as wanted."""
+        async with asyncio.timeout(PATIENCE_S):
+            while True:
+                if condition(status := await self.status(session)):
+                    return status
+                await asyncio.sleep(0.01)
+
+    async def until_idle(self) -> None:
+        """Until every stream has ended."""
+        await eventually(lambda: not self.sessions.all())
+
+    async def brightness(self, session: dict[str, Any], number: int, representation: str = "r3-500") -> dict[int, int]:
+        """The grey of each frame of a segment, by the frame's number."""
+        data = b""
+        for name in ("init.mp4", f"{number}.m4s"):
+            data += (await self.http.get(f"/sessions/{session['id']}/{representation}/{name}")).content
+        with av.open(io.BytesIO(data), "r") as container:
+            return {
+                round(float(frame.time or 0) * 30): round(float(frame.to_ndarray()[: frame.height].mean()))
+                for frame in container.decode(video=0)
+            }
+
+
+async def eventually(condition: Callable[[], Any]) -> None:
+    """Wait until it holds."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline
+        await asyncio.sleep(0.01)
+
+
+async def announcement(socket: ClientConnection, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    """The first message of a pose socket that is as wanted."""
+    async with asyncio.timeout(PATIENCE_S):
+        while not wanted(message := json.loads(await socket.recv())):
+            pass
+    found: dict[str, Any] = message
+    return found
+
 
 def session_request(**changes: Any) -> dict[str, Any]:
     """A valid request for a small stream, with changes."""
@@ -67,13 +113,18 @@ def session_request(**changes: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def parsed_request(**changes: Any) -> SessionRequest:
+    """The same as the service reads it."""
+    return parse(SessionRequest, json.dumps(session_request(**changes)).encode())
+
+
 def pose(seq: int, x: float) -> str:
     """A pose update; `x` is the brightness of the frame that it makes."""
     return json.dumps({"seq": seq, "position": [x, 0, 0], "quaternion": [0, 0, 0, 1]})
 
 
 @asynccontextmanager
-async def running_packager(idle_s: float = IDLE_S, limit: int = 3) -> AsyncIterator[Packager]:
+async def running_packager(idle_s: float = 600, limit: int = 3) -> AsyncIterator[Packager]:
     """A packager, as a context manager."""
     anywhere = Address("127.0.0.1", 0)
     render = FakeRender()

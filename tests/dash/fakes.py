@@ -1,8 +1,10 @@
-"""A render service controlled by the test: its frames are grey, with the camera's x as brightness."""
+"""A render service and a clock under the test's control."""
 
 from __future__ import annotations
 
 import asyncio
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
 
 import numpy as np
 from starlette.applications import Starlette
@@ -14,10 +16,14 @@ from tests.scenes import scene
 from tigas_common.errors import Overloaded, TigasError, UnknownScene
 from tigas_common.web import EXCEPTION_HANDLERS, json_response, read_message
 from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest, Rung, ServerConfig
+from tigas_dash.clock import Clock
 
 
 class FakeRender:
-    """Answers at once, unless `gate` is closed; refuses with `error`, if there is one."""
+    """Answers at once, unless `gate` is closed; refuses with `error`, if there is one.
+
+    Its frames are grey, with the camera's x as brightness.
+    """
 
     def __init__(self) -> None:
         self.gate = asyncio.Event()
@@ -38,16 +44,15 @@ class FakeRender:
         )
 
     async def _config(self, request: Request) -> Response:
-        return json_response(
-            ServerConfig(
-                version="0",
-                ladder=DEFAULT_LADDER,
-                certificate_sha256=None,
-                webtransport_url=None,
-                https_url=None,
-                services={},
-            )
+        config = ServerConfig(
+            version="0",
+            ladder=DEFAULT_LADDER,
+            certificate_sha256=None,
+            webtransport_url=None,
+            https_url=None,
+            services={},
         )
+        return json_response(config)
 
     async def _scenes(self, request: Request) -> Response:
         known = scene().model_copy(update={"id": "scene", "ladder": self.ladder})
@@ -63,6 +68,30 @@ class FakeRender:
         await self.gate.wait()
         body = grey(wanted.width, wanted.height, round(wanted.pose.position[0]) % 256)
         return Response(body[: len(body) - self.cut], media_type="video/x-raw; format=I420")
+
+
+@dataclass(frozen=True)
+class FakeClock(Clock):
+    """Starts at 0, and advances only for waiting and work."""
+
+    _wall: datetime = datetime(2026, 1, 31, 12, tzinfo=UTC)
+    _monotonic: float = 0.0
+    _spent: dict[str, float] = field(default_factory=lambda: {"waiting": 0.0, "working": 0.0})
+
+    def now(self) -> float:
+        return sum(self._spent.values())
+
+    async def sleep_until(self, moment: float) -> None:
+        self.wait(max(0.0, moment - self.now()))
+        await asyncio.sleep(0)
+
+    def wait(self, seconds: float) -> None:
+        """As the event loop."""
+        self._spent["waiting"] += seconds
+
+    def work(self, seconds: float) -> None:
+        """As the encoder, in its thread."""
+        self._spent["working"] += seconds
 
 
 def grey(width: int, height: int, luma: int) -> bytes:

@@ -8,8 +8,7 @@ import av
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-from tests.dash.conftest import Packager
-from tests.dash.watching import brightness, told, until
+from tests.dash.conftest import Packager, announcement
 from tigas_dash.encoder import Encoder
 
 pytestmark = pytest.mark.anyio
@@ -19,10 +18,10 @@ async def test_one_render_per_tick_makes_every_representation(packager: Packager
     session = await packager.open(representations=[{"rung": 3}, {"rung": 2}, {"rung": 2, "bitrate_kbps": 900}])
     names = [(one["id"], one["width"], one["height"], one["bitrate_kbps"]) for one in session["representations"]]
     assert names == [("r2-1414", 640, 360, 1414), ("r2-900", 640, 360, 900), ("r3-500", 320, 180, 500)]
-    await until(lambda status: status["frames"] >= 15, packager, session)
+    await packager.until(session, lambda status: status["frames"] >= 15)
     assert {(one.width, one.height) for one in packager.render.requests} == {(640, 360)}
     for name, *_ in names:
-        greys = await brightness(packager, session, 1, name)
+        greys = await packager.brightness(session, 1, name)
         assert list(greys.values()) == pytest.approx([100] * len(greys), abs=4)
         assert greys
 
@@ -46,9 +45,9 @@ async def test_an_encoder_that_fails_is_replaced(packager: Packager, monkeypatch
         return encode(self, frame, number, keyframe=keyframe)
 
     monkeypatch.setattr(Encoder, "encode", fail_once)
-    await until(lambda status: status["encoder_failures"] == 1, packager, session)
+    await packager.until(session, lambda status: status["encoder_failures"] == 1)
     status = await packager.status(session)
-    assert await brightness(packager, session, (status["frames"] + status["dropped"]) // 15 + 1)
+    assert await packager.brightness(session, (status["frames"] + status["dropped"]) // 15 + 1)
 
 
 async def test_an_encoder_that_fails_for_good_ends_the_stream(
@@ -62,7 +61,7 @@ async def test_an_encoder_that_fails_for_good_ends_the_stream(
 
         monkeypatch.setattr(Encoder, "encode", fail)
         with pytest.raises(ConnectionClosed) as closed:
-            await told(socket_, lambda _: False)
+            await announcement(socket_, lambda _: False)
     assert closed.value.rcvd is not None
     assert closed.value.rcvd.code == 4001
     assert (await packager.http.get(session["manifest"])).status_code == 404

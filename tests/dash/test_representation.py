@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 
-from tests.dash.conftest import session_request
-from tigas_common.errors import InvalidRequest
-from tigas_common.parsing import parse
-from tigas_common.wire.dash import SessionRequest
+from tests.dash.conftest import parsed_request
 from tigas_common.wire.render import DEFAULT_LADDER, Rung
 from tigas_dash.representation import representations
 
 
 def offered(**changes: object) -> list[tuple[str, int, int]]:
     """Name and size of each representation, for a viewer of the usual ladder."""
-    request = parse(SessionRequest, json.dumps(session_request(**changes)).encode())
-    return [(one.id, one.width, one.height) for one in representations(request, DEFAULT_LADDER)]
+    return [(one.id, one.width, one.height) for one in representations(parsed_request(**changes), DEFAULT_LADDER)]
 
 
 @pytest.mark.parametrize(
@@ -48,16 +42,5 @@ def test_of_a_ladder_with_many_rungs_a_few_sizes_are_offered(viewport: tuple[int
         Rung(name=f"{i}", width=width, height=width * 9 // 16, quality=50, expected_kb=99 - i)
         for i, width in enumerate(widths)
     ]
-    body = session_request(width=viewport[0], height=viewport[1], representations=None)
-    request = parse(SessionRequest, json.dumps(body).encode())
+    request = parsed_request(width=viewport[0], height=viewport[1], representations=None)
     assert [one.id for one in representations(request, ladder)] == expected
-
-
-def test_a_rung_may_have_several_bitrates() -> None:
-    wanted = [{"rung": 3}, {"rung": 2, "bitrate_kbps": 900}, {"rung": 2}]
-    assert [name for name, *_ in offered(representations=wanted)] == ["r2-1414", "r2-900", "r3-500"]
-
-
-def test_the_same_representation_twice_is_refused() -> None:
-    with pytest.raises(InvalidRequest, match="different bitrates"):
-        offered(representations=[{"rung": 3}, {"rung": 3, "bitrate_kbps": 500}])

@@ -45,8 +45,9 @@ async def test_old_and_far_segments_are_refused() -> None:
     for number in range(1, 7):
         window.append(number, b"x")
     assert await anext(window.read(4)) == b"x"
-    with pytest.raises(ExpiredSegment):
+    with pytest.raises(ExpiredSegment) as expired:
         window.read(3)
+    assert expired.value.status == 410
     for number in (0, -1, 9, 10**9):
         with pytest.raises(UnknownSegment):
             window.read(number)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import io
-import json
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from itertools import pairwise
 from typing import Any
@@ -17,14 +15,12 @@ import av
 import httpx
 import pytest
 
-from tests.dash.conftest import session_request
-from tests.dash.fakes import grey
-from tigas_common.parsing import parse
-from tigas_common.wire.dash import FrameShown, SessionRequest
+from tests.dash.conftest import PATIENCE_S, parsed_request
+from tests.dash.fakes import FakeClock, grey
+from tigas_common.wire.dash import FrameShown
 from tigas_common.wire.render import DEFAULT_LADDER
-from tigas_dash.clock import Clock
-from tigas_dash.cmaf.chunk import Sample
-from tigas_dash.encoding import LadderEncoder, RawFrame
+from tigas_dash.cmaf import Sample
+from tigas_dash.encoder import LadderEncoder, RawFrame
 from tigas_dash.errors import ExpiredSegment
 from tigas_dash.representation import representations
 from tigas_dash.session import MAX_UNREAD, Session
@@ -32,32 +28,7 @@ from tigas_dash.source import RenderClient, ViewSource
 
 pytestmark = pytest.mark.anyio
 RATE, PER_SEGMENT = 30, 15
-PATIENCE_S = 60
 Announcements = asyncio.Queue[FrameShown | None]
-
-
-@dataclass(frozen=True)
-class FakeClock(Clock):
-    """Starts at 0."""
-
-    _wall: datetime = datetime(2026, 1, 31, 12, tzinfo=UTC)
-    _monotonic: float = 0.0
-    _spent: dict[str, float] = field(default_factory=lambda: {"waiting": 0.0, "working": 0.0})
-
-    def now(self) -> float:
-        return sum(self._spent.values())
-
-    async def sleep_until(self, moment: float) -> None:
-        self.wait(max(0.0, moment - self.now()))
-        await asyncio.sleep(0)
-
-    def wait(self, seconds: float) -> None:
-        """As the event loop."""
-        self._spent["waiting"] += seconds
-
-    def work(self, seconds: float) -> None:
-        """As the encoder, in its thread."""
-        self._spent["working"] += seconds
 
 
 class SlowEncoder(LadderEncoder):
@@ -74,7 +45,7 @@ class SlowEncoder(LadderEncoder):
 @asynccontextmanager
 async def streaming(clock: FakeClock, takes_s: float = 0.001, **changes: Any) -> AsyncIterator[Session]:
     """A stream of a still camera, as a context manager; `takes_s` is the encoding time of a frame."""
-    request = parse(SessionRequest, json.dumps(session_request(**changes)).encode())
+    request = parsed_request(**changes)
     ladder = representations(request, DEFAULT_LADDER)
     encoder = SlowEncoder("libx264", ladder, request.frame_rate, request.frames_per_segment)
     encoder.clock, encoder.takes_s = clock, takes_s
@@ -100,7 +71,7 @@ async def told(frames: Announcements, media_time_s: float) -> FrameShown:
 
 async def samples(session: Session, representation: str, segments: Sequence[int]) -> list[tuple[int, int, bool]]:
     """Of each frame in some segments: its tick, for how many it lasts, and whether it is a keyframe."""
-    data, window = session.media.header(representation), session.media.segments(representation)
+    data, window = session.media.track(representation).header, session.media.track(representation).segments
     for number in segments:
         data += b"".join([part async for part in window.read(number)])
     with av.open(io.BytesIO(data), "r") as container:
@@ -151,13 +122,19 @@ async def test_segments_are_kept_for_as_long_as_the_manifest_says_and_no_longer(
             ET.fromstring(session.media.manifest("", FakeClock().wall_now())).attrib["timeShiftBufferDepth"][2:-1]
         )
         now = await told(frames, 12)
-        window = session.media.segments("r3-500")
+        window = session.media.track("r3-500").segments
         segment_s = PER_SEGMENT / RATE
         # After its end, a segment is available for that long and its own duration (ISO/IEC 23009-1, 5.3.9.5.3).
         available = [n for n in range(1, 25) if n * segment_s + depth_s + segment_s > now.media_time_s]
         window.read(available[0])
         with pytest.raises(ExpiredSegment):
             window.read(available[0] - 1)
+
+
+def test_wall_clock_time_follows_the_steady_clock() -> None:
+    clock = FakeClock()
+    clock.wait(61.5)
+    assert clock.wall_now() == datetime(2026, 1, 31, 12, 1, 1, 500_000, tzinfo=UTC)
 
 
 async def test_a_listener_that_was_away_hears_the_newest_frames() -> None:

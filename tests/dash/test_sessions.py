@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import time
 
 import pytest
 from websockets.exceptions import ConnectionClosed
 
 from tests.dash.boxes import contents
-from tests.dash.conftest import Packager, running_packager, session_request
-from tests.dash.watching import PATIENCE_S, told, until, until_idle
+from tests.dash.conftest import PATIENCE_S, Packager, announcement, eventually, running_packager, session_request
 from tests.prometheus import figures
 from tigas_common.wire.render import Rung
 from tigas_dash.session import Session
@@ -42,12 +40,9 @@ async def test_a_stream_that_nobody_watches_ends_and_one_that_is_watched_does_no
     async with running_packager(idle_s=0.5) as packager:
         watched, left = await packager.open(), await packager.open()
         async with packager.poses(watched):
-            deadline = time.monotonic() + PATIENCE_S
-            while {one.name for one in packager.sessions.all()} != {watched["id"]}:
-                assert time.monotonic() < deadline
-                await asyncio.sleep(0.05)
+            await eventually(lambda: {one.name for one in packager.sessions.all()} == {watched["id"]})
             assert (await packager.http.get(left["manifest"])).status_code == 404
-        await until_idle(packager)
+        await packager.until_idle()
 
 
 async def test_metrics_count_what_streams_do_and_forget_nothing_when_they_end(packager: Packager) -> None:
@@ -58,7 +53,7 @@ async def test_metrics_count_what_streams_do_and_forget_nothing_when_they_end(pa
     assert running("tigas_dash_sessions", transport="dash") == 1
     assert 0 <= running("tigas_dash_behind_seconds") < PATIENCE_S
     await packager.http.delete(f"/sessions/{session['id']}")
-    await until_idle(packager)
+    await packager.until_idle()
     ended = await figures(packager.http)
     labels = {"scene": "scene", "rung": "3", "transport": "dash"}
     assert ended("tigas_dash_sent_bytes_total", **labels) == len(segment)
@@ -78,12 +73,12 @@ async def test_the_end_of_a_session_ends_its_readers_and_watchers(packager: Pack
             return (await packager.http.get(f"/sessions/{session['id']}/r3-500/1.m4s")).content
 
         reading = asyncio.ensure_future(read())
-        await until(lambda status: status["frames"] > 10, packager, session)
+        await packager.until(session, lambda status: status["frames"] > 10)
         await packager.http.delete(f"/sessions/{session['id']}")
         async with asyncio.timeout(PATIENCE_S):
             assert contents(await reading, b"moof")
             with pytest.raises(ConnectionClosed):
-                await told(socket_, lambda _: False)
+                await announcement(socket_, lambda _: False)
 
 
 async def test_housekeeping_goes_on_though_a_stream_ended_before_its_turn(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -106,6 +101,6 @@ async def test_housekeeping_goes_on_though_a_stream_ended_before_its_turn(monkey
         await packager.open()
         await packager.open()
         packager.sessions._idle_s = 0
-        await until_idle(packager)
+        await packager.until_idle()
         await packager.open()
-        await until_idle(packager)
+        await packager.until_idle()

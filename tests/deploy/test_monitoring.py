@@ -19,7 +19,7 @@ from tests.prerequisites import PROMTOOL
 from tests.prometheus import Figures, figures
 from tigas_common.origins import OriginPolicy
 from tigas_common.topology import DASH, PAGE, SHAPER, STORE
-from tigas_render.workers import merging
+from tigas_render.workers import aggregate
 
 ROOT = Path(__file__).parents[2]
 PROMETHEUS = ROOT / "deploy/prometheus/prometheus.yml"
@@ -63,7 +63,7 @@ def anyio_backend() -> str:
 @pytest.fixture(scope="module")
 async def told(anyio_backend: str, tmp_path_factory: pytest.TempPathFactory) -> set[str]:
     """Metrics of all services."""
-    found = Figures(merging.metrics([], []).decode()).names | {"up"}  # which Prometheus adds
+    found = Figures(aggregate.merge_metrics({}, []).decode()).names | {"up"}  # which Prometheus adds
     for name, service in SERVICES.items():
         async with (
             service(tmp_path_factory.mktemp(name)) as app,

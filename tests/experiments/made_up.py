@@ -12,7 +12,13 @@ from PIL import Image
 
 from tigas_common.pose import Pose
 from tigas_common.wire.dash import RepresentationInfo
-from tigas_common.wire.recording import (
+from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest, ServerConfig, ServerTiming
+from tigas_common.wire.shaper import LinkSetting
+from tigas_experiments.quality.picture import CaptureQuality, Quality
+from tigas_experiments.records.folder import RunRecord, RunWriter, Snapshot
+from tigas_experiments.records.load import Load, LoadSample
+from tigas_experiments.records.machine import Machine
+from tigas_experiments.wire.recording import (
     Input,
     Lens,
     LinkSample,
@@ -23,13 +29,7 @@ from tigas_common.wire.recording import (
     ShownFrame,
     Traffic,
 )
-from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest, ServerConfig, ServerTiming
-from tigas_common.wire.run import Configuration, Mode, Network
-from tigas_common.wire.shaper import LinkSetting
-from tigas_experiments.quality.picture import CaptureQuality, Quality
-from tigas_experiments.records.folder import RunRecord, RunWriter, Snapshot
-from tigas_experiments.records.load import Load, LoadSample
-from tigas_experiments.records.machine import Machine
+from tigas_experiments.wire.run import Configuration, Mode, Network
 
 MACHINE = Machine(
     system="Linux 6",

@@ -12,15 +12,15 @@ import pytest
 from tests.experiments.made_up import MACHINE, SERVER
 from tests.scenes import scene
 from tigas_common.wire.render import Rung
-from tigas_common.wire.run import Configuration
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.folder import RunRecord, RunWriter
 from tigas_experiments.records.machine import Server
 from tigas_experiments.report.cli import Report
 from tigas_experiments.run import measure as run_module
 from tigas_experiments.run import runner
-from tigas_experiments.run.environment import MadeWith
+from tigas_experiments.run.checks import MadeWith
 from tigas_experiments.run.inputs import Inputs
+from tigas_experiments.wire.run import Configuration
 
 Happening = Callable[[RunWriter], None]
 

@@ -14,8 +14,7 @@ from tigas_experiments.quality.meters import Meter, Meters, distance
 from tigas_experiments.quality.metrics import PICTURE_METRICS
 from tigas_experiments.quality.perceptual import Dists, Lpips
 from tigas_experiments.quality.picture import Picture, encode
-from tigas_experiments.records.rerendered import TRUTH
-from tigas_experiments.records.samples import write_sample_file
+from tigas_experiments.records.samples import TRUTH, write_sample_file
 from tigas_experiments.records.scores import read_scores
 from tigas_experiments.scoring import Scoring
 

@@ -11,11 +11,10 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter
 
 from tigas_common.pose import Intrinsics, Pose
-from tigas_common.wire.recording import Sample
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.quality.picture import Picture, encode, upscaled
-from tigas_experiments.records.rerendered import TRUTH
-from tigas_experiments.records.samples import JPEG, write_sample_file, write_samples
+from tigas_experiments.records.samples import JPEG, TRUTH, write_sample_file, write_samples
+from tigas_experiments.wire.recording import Sample
 
 WIDTH, HEIGHT = 128, 72
 

@@ -10,10 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.fuzz.byte_edits import edited
-from tests.fuzz.effort import effort
-from tests.fuzz.sentences import assert_sentence
+from tests.fuzz.fuzzers import assert_sentence, effort
 from tests.shaper.traces.recordings import GHENT, IRISH, SABRE
-from tigas_shaper.traces.combine import combine
 from tigas_shaper.traces.csv_format import format_csv, parse_csv
 from tigas_shaper.traces.formats import FORMATS, parse_trace, trace_name
 from tigas_shaper.traces.library import points, summary
@@ -63,7 +61,7 @@ def test_any_file_is_a_trace_or_one_sentence(data: bytes, format: str | None) ->
 @given(texts, texts)
 def test_two_directions_of_any_files_are_put_together_or_refused(down: bytes, up: bytes) -> None:
     try:
-        together = combine(parse_trace("t", down), parse_trace("t", up))
+        together = parse_trace("t", down).with_uplink(parse_trace("t", up))
     except TraceError as error:
         assert_sentence(error.detail)
     else:

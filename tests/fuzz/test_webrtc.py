@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from tests.dash.webrtc.viewer import offer_of_nobody
 from tests.fuzz.byte_edits import edited
-from tests.fuzz.effort import effort
-from tests.fuzz.sentences import assert_sentence
+from tests.fuzz.fuzzers import assert_sentence, effort
 from tigas_common.address import Address
 from tigas_common.errors import InvalidRequest
 from tigas_dash.clock import Clock
+from tigas_dash.stream import Progress
 from tigas_dash.webrtc.offer import answered, taken
 from tigas_dash.webrtc.track import ViewTrack
 from tigas_dash.webrtc.udp_port import UdpPort
@@ -31,8 +31,8 @@ class NoViews:
 async def negotiate(offer: str) -> None:
     async with UdpPort().running(Address("127.0.0.1", 0)) as port, taken(offer) as connection:
         assert connection.sctp is not None
-        lane = port.carry(connection.sctp.transport.transport.iceGatherer._connection, lambda: None)
-        track = ViewTrack(NoViews(), 30, Clock(), lambda *_: None)  # type: ignore[arg-type]
+        lane = port.carry(connection.sctp.transport.transport.iceGatherer._connection, lambda: None, lambda size: None)
+        track = ViewTrack(NoViews(), 30, Clock(), Progress(), lambda *_: None)  # type: ignore[arg-type]
         try:
             sdp, codec = await answered(connection, track, port.candidate("localhost").to_sdp())
             assert codec in ("VP8", "H264")
@@ -61,7 +61,7 @@ def test_any_datagram_is_dropped_or_answered() -> None:
     async def all_of(datagrams: list[bytes], name: str) -> None:
         async with UdpPort().running(Address("127.0.0.1", 0)) as port:
             connection = Connection(ice_controlling=False, local_username=name)
-            port.carry(connection, lambda: None)
+            port.carry(connection, lambda: None, lambda size: None)
             await connection.gather_candidates()
             for datagram in datagrams:
                 port.datagram_received(datagram, ("127.0.0.1", 9))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from prometheus_client import CollectorRegistry
 
+from tests.eventually import eventually
 from tests.render.fakes import FakeRasterizer, FakeScenes, render_request
 from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_render.engine.engine import Engine
@@ -22,12 +23,9 @@ class Bench:
     scenes: FakeScenes = field(default_factory=FakeScenes)
     metrics: EngineMetrics = field(default_factory=EngineMetrics)
     now: float = 1000.0
-    waiting_per_address: int = 128
 
     def __post_init__(self) -> None:
-        self.engine = Engine(
-            self.rasterizer, self.scenes, DEFAULT_LADDER, self.metrics, lambda: self.now, self.waiting_per_address
-        )
+        self.engine = Engine(self.rasterizer, self.scenes, DEFAULT_LADDER, self.metrics, lambda: self.now)
 
     async def rendering(self) -> None:
         """Wait until the rasteriser has begun one more frame."""
@@ -42,9 +40,11 @@ class Bench:
 
     async def waiting(self, count: int) -> None:
         """Wait until this many requests are queued."""
-        async with asyncio.timeout(10):
-            while len(self.engine._queue) != count:  # noqa: ASYNC110 - nothing announces it
-                await asyncio.sleep(0)
+        await eventually(lambda: len(self.engine._queue) == count)
+
+    async def idle(self) -> None:
+        """Wait until the renderer has nothing to do."""
+        await eventually(lambda: self.engine._queue._utilisation._idle_since is not None)
 
     def outcome(self, name: str) -> float:
         registry = CollectorRegistry()

@@ -51,7 +51,7 @@ class FakeScene(PreparedScene):
 
 @dataclass
 class FakeImage(Image):
-    """Encodes as the request's text."""
+    """Encodes as text, or as grey planes."""
 
     width: int
     height: int
@@ -61,6 +61,8 @@ class FakeImage(Image):
 
     def encode(self, format: FrameFormat, quality: int) -> bytes:
         self.encoded += 1
+        if format == "yuv420p":
+            return bytes((128,)) * (self.width * self.height * 3 // 2)
         return f"{self.text} {format} {quality}".encode()
 
     def to_host(self) -> NDArray[np.uint8]:
@@ -170,9 +172,6 @@ class FakeJob(Job):
             yield
         except CallError as error:
             raise self.rasterizer.error or error from None
-
-    def close(self, *, failed: bool) -> None:
-        """Do nothing: the job holds no resources."""
 
 
 @dataclass(frozen=True)

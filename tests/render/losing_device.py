@@ -39,12 +39,9 @@ def create_stuck(device: str, cache: Path) -> Rasterizer:
 
 
 if __name__ == "__main__":
-    create = create_lost
-    if sys.argv[1] == "stuck":
-        del sys.argv[1]
-        create = create_stuck
+    create = {"lost": create_lost, "stuck": create_stuck}
     with (
-        patch("tigas_render.server.main.create_rasterizer", create),
+        patch("tigas_render.server.main.create_rasterizer", create[sys.argv.pop(1)]),
         patch("tigas_render.engine.engine.STUCK_S", 0.1),
         patch("tigas_render.server.service.HOUSEKEEPING_S", 0.1),
         patch("tigas_render.server.main.LOST_GRACE_S", 0.5),

@@ -7,9 +7,11 @@ import heapq
 import itertools
 
 from tigas_common.wire.shaper import LinkSetting
-from tigas_shaper.errors import LinkClosed
-from tigas_shaper.link.direction import Counters
+from tigas_shaper.link.link import Counters, LinkClosed
+from tigas_shaper.player import Player
 from tigas_shaper.traces.trace import NetworkTrace
+
+IDLE = LinkSetting(100_000, 50_000)
 
 
 class FakeTime:
@@ -84,6 +86,11 @@ class FakeGateway:
 
     async def check(self) -> None:
         pass
+
+
+def make_player(time: FakeTime, link: FakeLink) -> Player:
+    """A player on that clock."""
+    return Player(link, IDLE, clock=time.clock, sleep=time.sleep)
 
 
 def trace(*down: float, step_ms: int = 100, name: str = "made") -> NetworkTrace:

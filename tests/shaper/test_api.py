@@ -13,11 +13,10 @@ from starlette.types import Message
 
 from tests.not_files import NOT_FILES
 from tests.prometheus import figures
-from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, trace
+from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, make_player, trace
 from tigas_common.origins import OriginPolicy
-from tigas_common.wire.shaper import MAX_UPLOAD_BYTES, LinkSetting
+from tigas_common.wire.shaper import MAX_UPLOAD_BYTES
 from tigas_shaper.api import MAX_UPLOADING, MAX_WATCHERS, create_app
-from tigas_shaper.player import Player
 from tigas_shaper.service import Shaper
 from tigas_shaper.traces.csv_format import format_csv
 from tigas_shaper.traces.library import MAX_UPLOADS, TraceLibrary
@@ -46,8 +45,7 @@ def directory(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def shaper(time: FakeTime, link: FakeLink, directory: Path) -> Shaper:
-    player = Player(link, LinkSetting(100_000, 50_000), clock=time.clock, sleep=time.sleep)
-    return Shaper(link, FakeGateway(), player, TraceLibrary(directory))  # type: ignore[arg-type]
+    return Shaper(link, FakeGateway(), make_player(time, link), TraceLibrary(directory))  # type: ignore[arg-type]
 
 
 @pytest.fixture
@@ -274,6 +272,21 @@ async def test_watchers_are_counted_from_the_first_byte_that_waits(shaper: Shape
     again = watch()
     assert await answers.get() == 200
     again.cancel()
+
+
+async def test_watchers_see_the_newest_status_until_the_shaper_stops(shaper: Shaper) -> None:
+    watching = asyncio.create_task(shaper._watch())
+    seen = []
+    async for status in shaper.watch():
+        seen.append(status)
+        if len(seen) == 3:
+            shaper.stop_watching()
+    watching.cancel()
+    assert len(seen) == 3
+    assert seen[-1].down.drops == 3
+    assert seen[-1].down.delivered_kbps > 0
+    assert seen[-1].down.queue_ms == pytest.approx(1.0)  # 12,500 bytes at 100 Mbit/s
+    assert seen[-1].down.queue_bytes == 12_500
 
 
 async def test_a_closed_link_says_why(client: httpx.AsyncClient, link: FakeLink) -> None:

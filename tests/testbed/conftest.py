@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests.prerequisites import NAMESPACES
-from tests.testbed.labs import new_lab, remove_abandoned
-from tests.testbed.shaper_process import ShaperProcess, shaper
+from tests.testbed.labs import ShaperProcess, new_lab, remove_abandoned, shaper
 from tigas_testbed.namespaces import Lab
 from tigas_testbed.services import PORTS
 

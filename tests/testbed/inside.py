@@ -143,60 +143,22 @@ class Receiver:
 
 
 def retried_on_a_busy_machine(test: Callable[..., None]) -> Callable[..., None]:
-    """Gives a measurement four attempts: on a busy machine one can be wrong, but a wrong link is wrong every
-    time.
+    """Gives a measurement four attempts: on a busy machine one can be wrong, but a wrong link is wrong every time.
 
-    All but the first wait for the machine to be quiet. A failure names other load on the processors.
+    All but the first wait for the machine to be quiet.
     """
 
     @functools.wraps(test)
     def attempts(*arguments: object, **named: object) -> None:
-        for again in range(ATTEMPTS):
-            if again:
-                _wait_for_quiet()
-            before = _Load()
-            try:
+        for _ in range(ATTEMPTS - 1):
+            with suppress(AssertionError):
                 return test(*arguments, **named)
-            except AssertionError as error:
-                if again == ATTEMPTS - 1:
-                    error.add_note(f"{ATTEMPTS} attempts failed. During the last one {before.since()}")
-                    raise
-        return None
+            end = time.monotonic() + QUIET_WAIT_S
+            while time.monotonic() < end and psutil.cpu_times_percent(0.25).idle < 50:
+                pass
+        return test(*arguments, **named)
 
     return attempts
-
-
-def _wait_for_quiet() -> None:
-    end = time.monotonic() + QUIET_WAIT_S
-    while time.monotonic() < end and psutil.cpu_times_percent(0.25).idle < 50:
-        pass
-
-
-class _Load:
-    """The machine's counters so far."""
-
-    def __init__(self) -> None:
-        self._all = psutil.cpu_times()
-        self._by_process = self._seconds()
-
-    def since(self) -> str:
-        """Idle share of the processors since then, and the largest consumers."""
-        now = psutil.cpu_times()
-        idle = (now.idle - self._all.idle) / max(1e-9, sum(now) - sum(self._all))
-        taken = sorted(
-            ((seconds - self._by_process.get(process, 0.0), *process) for process, seconds in self._seconds().items()),
-            reverse=True,
-        )
-        busiest = ", ".join(f"{name} ({pid}) took {seconds:.1f} s" for seconds, pid, name in taken[:5])
-        return f"{idle:.0%} of the processors were idle; {busiest}."
-
-    @staticmethod
-    def _seconds() -> dict[tuple[int, str], float]:
-        return {
-            (process.pid, process.info["name"]): process.info["cpu_times"].user + process.info["cpu_times"].system
-            for process in psutil.process_iter(["name", "cpu_times"])
-            if process.info["cpu_times"]
-        }
 
 
 def wait_until(condition: Callable[[], bool], timeout_s: float = 10.0) -> None:

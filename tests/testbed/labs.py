@@ -1,17 +1,28 @@
-"""Labs of tests: each has a unique name, and leftovers of killed test runs are removed."""
+"""Labs of tests, and the real `tigas shaper` in the gateway of one, with its API as the client reaches it."""
 
 from __future__ import annotations
 
+import http.client
 import itertools
+import json
 import os
 import re
 import subprocess
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
 
+from tests.testbed.inside import inside, wait_until
 from tigas_common.errors import StartError
-from tigas_testbed.namespaces import Lab
+from tigas_common.topology import PAGE_ORIGINS, SHAPER
+from tigas_common.wire.shaper import ShaperStatus
+from tigas_shaper.traces.csv_format import format_csv
+from tigas_shaper.traces.trace import NetworkTrace
+from tigas_testbed.namespaces import GATEWAY_ADDRESS, Lab
+from tigas_testbed.services import Runner
 from tigas_testbed.user import User
 
+ORIGIN = PAGE_ORIGINS[0]
 NOBODY = User(65534, 65534)
 """User of the tests' services, whoever runs the tests."""
 _numbers = itertools.count()
@@ -29,3 +40,87 @@ def remove_abandoned() -> None:
     for name in _TESTS_CLIENT.findall(namespaces):
         with suppress(StartError), Lab(name).up():  # removes leftovers, unless they are in use
             pass
+
+
+class ShaperProcess:
+    """A running shaper."""
+
+    def __init__(self, lab: Lab, process: subprocess.Popen[str]) -> None:
+        self.lab = lab
+        self.process = process
+
+    def request(
+        self, method: str, path: str, body: bytes | None = None, origin: str | None = ORIGIN
+    ) -> tuple[int, Any]:
+        """Status and JSON of one request, from the client's namespace."""
+        with inside(self.lab, "client"):
+            connection = http.client.HTTPConnection(GATEWAY_ADDRESS, SHAPER.number, timeout=5)
+            connection.connect()
+        try:
+            connection.request(method, path, body, {"Origin": origin} if origin else {})
+            response = connection.getresponse()
+            return response.status, json.loads(response.read())
+        finally:
+            connection.close()
+
+    def post(self, path: str, **body: Any) -> ShaperStatus:
+        """Change something, and return the new status."""
+        status, answer = self.request("POST", path, json.dumps(body).encode())
+        assert status == 200, answer
+        return ShaperStatus.model_validate(answer)
+
+    def play(self, trace: NetworkTrace, *, loop: bool = False) -> float:
+        """Play a trace, and return when it started (s, of time.monotonic)."""
+        status, answer = self.request("POST", f"/traces?name={trace.name}", format_csv(trace).encode())
+        assert status == 200, answer
+        playing = self.post("/start", trace=trace.name, loop=loop)
+        assert playing.position_ms is not None
+        return (playing.time_ms - playing.position_ms) / 1e3
+
+    def status(self) -> ShaperStatus:
+        """From the API."""
+        status, answer = self.request("GET", "/status")
+        assert status == 200
+        return ShaperStatus.model_validate(answer)
+
+    def is_up(self) -> bool:
+        """Whether it answers."""
+        assert self.process.poll() is None, f"the shaper ended:\n{self.output()}"
+        with suppress(OSError):
+            return self.request("GET", "/healthz")[0] in (200, 503)
+        return False
+
+    def output(self) -> str:
+        """Its output before it ended."""
+        assert self.process.stdout
+        return self.process.stdout.read()
+
+
+@contextmanager
+def shaper(lab: Lab, *more: str) -> Iterator[ShaperProcess]:
+    """A running shaper, as a context manager."""
+    with subprocess.Popen(
+        Runner(lab, NOBODY).shaper(*more), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as process:
+        running = ShaperProcess(lab, process)
+        try:
+            wait_until(running.is_up, 20)
+            yield running
+        finally:
+            process.terminate()
+
+
+def left_behind(lab: Lab) -> list[str]:
+    """Leftovers of shaping in the gateway's namespace."""
+    found = []
+    for argv, sign in ((("tc", "qdisc"), "htb"), (("tc", "qdisc"), "clsact"), (("nft", "list", "tables"), "tigas"),
+                       (("ip", "-br", "link"), "tigas-")):  # fmt: skip
+        output = subprocess.run(lab.command("gateway", argv), check=True, capture_output=True, text=True).stdout
+        found += [line for line in output.splitlines() if sign in line]
+    return found
+
+
+def ip_forward(lab: Lab) -> str:
+    """Whether the gateway's kernel forwards."""
+    argv = lab.command("gateway", ["cat", "/proc/sys/net/ipv4/ip_forward"])
+    return subprocess.run(argv, check=True, capture_output=True, text=True).stdout.strip()

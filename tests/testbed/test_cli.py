@@ -21,8 +21,8 @@ from tests.prerequisites import FREE_LAB
 from tests.render.scenes import made_up
 from tests.render.uploads.client import begin, part
 from tests.testbed.inside import wait_until
-from tigas_common.capabilities import CAP_NET_ADMIN, CAP_SYS_NICE
 from tigas_common.processes import tigas
+from tigas_common.resources import CAP_NET_ADMIN
 from tigas_common.topology import DASH, PAGE, PAGE_HTTPS, PAGE_ORIGINS, SHAPER, STORE
 from tigas_testbed.namespaces import ROLES, Lab, Role
 from tigas_testbed.services import NAME
@@ -124,7 +124,7 @@ def test_services_are_nobody_in_particular_and_have_no_rights(up: subprocess.Pop
     for service in ("render", "dash", "store"):
         assert any(f"tigas_common {service} " in status["Command"] for status in services.values())
     assert any("tigas_common shaper " in status["Command"] for status in gateway.values())
-    shaping = 1 << CAP_NET_ADMIN | 1 << CAP_SYS_NICE
+    shaping = 1 << CAP_NET_ADMIN | 1 << 23  # CAP_SYS_NICE
     for status, rights in (*((each, 0) for each in services.values()), *((each, shaping) for each in gateway.values())):
         assert set(status["Uid"].split()) == {str(NOBODY)}, status["Command"]
         assert status["Groups"].split() == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,9 @@ import pytest
 
 from tests.testbed.inside import wait_until
 from tigas_common.processes import tigas
+from tigas_testbed.cli import _told_to_stop
 
+ENDS = (signal.SIGINT, signal.SIGTERM)
 ANYWHERE = {"TIGAS_DASH_HTTP": "127.0.0.1:0", "TIGAS_STORE_HTTP": "127.0.0.1:0"}
 
 
@@ -55,3 +58,17 @@ def test_wrong_options_end_it_with_the_service_s_own_sentence() -> None:
     assert run.returncode == 1
     assert "/nowhere" in run.stderr
     assert run.stderr.splitlines()[-1] == "The render service did not start (exit status 1), so the others end as well."
+
+
+@pytest.mark.timeout(10)
+def test_signals_while_the_event_is_locked_end_the_wait() -> None:
+    before = [signal.getsignal(number) for number in ENDS]
+    try:
+        stop = _told_to_stop()
+        with stop._cond:  # type: ignore[attr-defined]  # as in the midst of a wait
+            for number in ENDS:
+                signal.raise_signal(number)
+        assert stop.wait(5)
+    finally:
+        for number, handler in zip(ENDS, before, strict=True):
+            signal.signal(number, handler)

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from tests.render.transport.client import CERTIFICATE, Client, FakeFrames, connect, request_body
 from tests.testbed.inside import inside, retried_on_a_busy_machine
-from tests.testbed.shaper_process import ShaperProcess
+from tests.testbed.labs import ShaperProcess
 from tigas_common.topology import WEBTRANSPORT
 from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_render.transport.frames import render_session

@@ -23,7 +23,7 @@ from tests.testbed.inside import (
     udp,
     wait_until,
 )
-from tests.testbed.shaper_process import ShaperProcess
+from tests.testbed.labs import ShaperProcess
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.trace import NetworkTrace
 

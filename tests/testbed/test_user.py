@@ -1,14 +1,17 @@
-"""The user of the services, and the ownership of its files."""
+"""The user of the services, the ownership of its files, and root's private directories from its point of view."""
 
 from __future__ import annotations
 
 import os
+import stat
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from tigas_testbed.user import NOBODY, User
+from tigas_common.errors import StartError
+from tigas_testbed.user import NOBODY, User, own_code, reaching
 
 ALICE = User(1234, 1234)
 
@@ -68,3 +71,48 @@ def test_a_command_has_neither_root_s_rights_nor_its_groups() -> None:
     status = dict(line.split(":\t", 1) for line in run.stdout.splitlines())
     assert (set(status["Uid"].split()), status["Groups"].split()) == ({"1234"}, [])
     assert {int(status[kind], 16) for kind in ("CapEff", "CapPrm", "CapBnd", "CapInh", "CapAmb")} == {0}
+
+
+def seen_by_alice(argv: list[str], needed: list[Path], devices: list[Path] = []) -> str:  # noqa: B006
+    """A command's output as another user, with separate mounts."""
+    command = reaching(ALICE, [*own_code(), *needed], devices, ALICE.command(argv))
+    return subprocess.run(["unshare", "--mount", *command], check=True, capture_output=True, text=True).stdout
+
+
+@pytest.fixture
+def private(tmp_path: Path) -> Path:
+    """A directory of root's alone, with a scene and a secret."""
+    place = tmp_path / "private"
+    for name in ("models/garden", "secrets"):
+        (place / name).mkdir(parents=True)
+    (place / "models/garden/points").write_text("points")
+    (place / "secrets/key").write_text("key")
+    place.chmod(0o700)
+    return place
+
+
+def test_of_a_closed_directory_there_is_what_is_needed_and_nothing_else(private: Path) -> None:
+    assert seen_by_alice(["cat", str(private / "models/garden/points")], [private / "models"]) == "points"
+    assert seen_by_alice(["ls", str(private)], [private / "models"]) == "models\n"
+    assert sorted(path.name for path in private.iterdir()) == ["models", "secrets"], "only she sees it so"
+
+
+def test_this_python_runs_wherever_it_is_installed() -> None:
+    assert seen_by_alice([sys.executable, "-c", "import os, tigas_testbed; print(os.getuid(), os.getcwd())"], []) == (
+        f"{ALICE.uid} {Path.cwd()}\n"
+    )
+
+
+def test_only_closed_directories_need_mounts_and_one_that_is_closed_itself_is_named(private: Path) -> None:
+    assert reaching(ALICE, [Path("/usr/bin")], [], ["true"]) == ["true"]
+    with pytest.raises(StartError, match=f"may not enter {private}"):
+        reaching(ALICE, [private], [], ["true"])
+
+
+def test_a_device_of_root_s_can_be_used(tmp_path: Path) -> None:
+    device = tmp_path / "null"
+    os.mknod(device, 0o600 | stat.S_IFCHR, os.makedev(1, 3))
+    tmp_path.chmod(0o755)
+    write = ["sh", "-c", f"echo > {device} && stat -c %u {device}"]
+    assert seen_by_alice(write, [tmp_path], [device]) == f"{ALICE.uid}\n"
+    assert device.stat().st_uid == 0

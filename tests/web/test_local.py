@@ -22,7 +22,7 @@ from tests.web.modes import with_settings
 from tests.web.scenes import write_antialiased_scene
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, wait_for_frames, wait_until_settled
-from tigas_common.wire.recording import Recording
+from tigas_experiments.wire.recording import Recording
 
 SMALL: ViewportSize = {"width": 320, "height": 240}
 ALONE = {"sidebar": False, "hud": False, "refine": False, "reprojection": False, "prediction": "off"}
@@ -113,7 +113,7 @@ def recorded(page: Page, **changes: object) -> Recording:
 
 def wait_until_complete(page: Page) -> None:
     """Until all of the scene is on the screen."""
-    page.wait_for_function("() => document.querySelector('.stage')?.dataset.localComplete === 'true'")
+    wait_until_settled(page)
 
 
 def shown(page: Page) -> NDArray[np.float64]:

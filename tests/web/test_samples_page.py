@@ -19,8 +19,7 @@ from tests.prerequisites import BUILT_PAGE
 from tests.web.conftest import OpenPage
 from tests.web.server import RenderServer, Store
 from tigas_experiments.quality.picture import Picture
-from tigas_experiments.records.rerendered import TRUTH
-from tigas_experiments.records.samples import JPEG, sample_path, write_sample_file
+from tigas_experiments.records.samples import JPEG, TRUTH, sample_path, write_sample_file
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ def lab(server: RenderServer, models: Path, tmp_path: Path) -> Iterator[Lab]:
     sample_run(server, runs / "second", repeat=2)
     write_sample_file(runs / "second", 3, JPEG, sample_path(runs / "second", 40, JPEG).read_bytes())
     render = server.url.rstrip("/")
-    with Store("--results", str(tmp_path / "results"), "--render", render) as store:
+    with Store("--results", str(tmp_path / "results"), render=render) as store:
         services = {"TIGAS_RENDER_SERVICES": json.dumps({"store": store.url})}
         with RenderServer("--scenes", str(models), environment=services) as viewer:
             yield Lab(viewer.url, runs)

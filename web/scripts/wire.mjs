@@ -5,24 +5,24 @@ import { existsSync, readFileSync, writeFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
 import { compile } from "json-schema-to-typescript";
 
-/** `src/wire/NAME.ts` is generated from `wire/NAME.py`, whose schema or constants `tigas_common.wire.schema` prints. */
-const NAMES = ["render", "dash", "shaper", "store"];
+/** `src/wire/NAME.ts` is generated from `wire/NAME.py` of a package, whose `wire.schema` prints schemas and constants. */
+const NAMES = { render: "common", dash: "common", shaper: "common", store: "experiments" };
 
 const venv = fileURLToPath(new URL("../../.venv/bin/python", import.meta.url));
 const python = process.env.PYTHON ?? (existsSync(venv) ? venv : "python3");
 
-for (const name of NAMES) {
-  const generated = await compile(schemaOf(name), name, {
+for (const [name, owner] of Object.entries(NAMES)) {
+  const generated = await compile(schemaOf(name, owner), name, {
     additionalProperties: false,
-    bannerComment: banner(`services/common/tigas_common/wire/${name}.py`),
+    bannerComment: banner(name, owner),
   });
   keep(`web/src/wire/${name}.ts`, generated.replace(/export interface Messages {.*?\n}\n/s, ""));
 }
-for (const [name, constants] of Object.entries(JSON.parse(print("constants")))) {
+for (const [name, constants] of Object.entries(JSON.parse(print("constants", "experiments")))) {
   const lines = Object.entries(constants).map(([constant, value]) => `export const ${constant} = ${literal(value)};\n`);
-  keep(`web/src/wire/${name}.ts`, `${banner(`services/common/tigas_common/wire/${name}.py`)}\n\n${lines.join("")}`);
+  keep(`web/src/wire/${name}.ts`, `${banner(name, "experiments")}\n\n${lines.join("")}`);
 }
-const tables = JSON.parse(print("tables"));
+const tables = JSON.parse(print("tables", "common"));
 const protocol = "docs/protocol.md";
 keep(
   protocol,
@@ -61,21 +61,21 @@ function formatted(value, indent = "") {
   return `${open.trim()}\n${entries.map((entry) => `${inner}${entry},\n`).join("")}${indent}${close.trim()}`;
 }
 
-function banner(source) {
-  return `// Generated from ${source} by \`npm run wire\`. Do not edit.`;
+function banner(name, owner) {
+  return `// Generated from services/${owner}/tigas_${owner}/wire/${name}.py by \`npm run wire\`. Do not edit.`;
 }
 
 function pathOf(file) {
   return fileURLToPath(new URL(`../../${file}`, import.meta.url));
 }
 
-function print(name) {
-  return execFileSync(python, ["-m", "tigas_common.wire.schema", name], { encoding: "utf8" });
+function print(name, owner) {
+  return execFileSync(python, ["-m", `tigas_${owner}.wire.schema`, name], { encoding: "utf8" });
 }
 
 // Pydantic writes draft 2020-12, the generator reads draft 4: a tuple's members are called `items` there.
-function schemaOf(name) {
-  return JSON.parse(print(name), (_, value) =>
+function schemaOf(name, owner) {
+  return JSON.parse(print(name, owner), (_, value) =>
     value?.prefixItems ? { ...value, items: value.prefixItems, prefixItems: undefined } : value,
   );
 }

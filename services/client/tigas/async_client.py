@@ -16,11 +16,10 @@ from pydantic import TypeAdapter, ValidationError
 from tigas.errors import ClientError, Refused, Unreachable
 from tigas.frame import Frame, View, read_timing
 from tigas.http3_hosts import Http3Hosts
-from tigas_common.asking_again import asked_again
 from tigas_common.parsing import sentence
 from tigas_common.pose import Pose
+from tigas_common.render_requests import SceneHosts, retried
 from tigas_common.sample_cameras import intrinsics as lens
-from tigas_common.scene_hosts import SceneHosts
 from tigas_common.wire.render import Problem, RenderRequest, SceneInfo, ServerConfig
 
 AT_ONCE = 4
@@ -147,7 +146,7 @@ class AsyncClient:
     async def _ask(self, ask: Callable[[], Awaitable[httpx.Response]]) -> httpx.Response:
         """The service's answer, with retries while it is busy."""
         try:
-            answer = await asked_again(ask)
+            answer = await retried(ask)
         except (httpx.HTTPError, httpx.InvalidURL) as error:
             reason = str(error) or type(error).__name__
             raise Unreachable(f"The render service at {self._http.base_url} does not answer ({reason}).") from None

@@ -10,8 +10,8 @@ from tigas_cluster.settings import ClusterSettings
 from tigas_common.cli import in_a_sentence, log_to_stdout
 from tigas_common.command import REST, Command, Group, Metavar
 from tigas_common.errors import StartError
+from tigas_common.installation import check_versions
 from tigas_common.terminal import make_console
-from tigas_common.versions import check_versions
 
 
 class Up(ClusterSettings, Command):
@@ -24,7 +24,6 @@ class Up(ClusterSettings, Command):
     """Options of each host's render service, such as -- --memory-gb 40"""
 
     def run(self) -> None:
-        """Serve until stopped."""
         with in_a_sentence(StartError):
             from tigas_cluster.connection import check_ray
 
@@ -44,7 +43,6 @@ class Status(Command):
     """Print JSON."""
 
     def run(self) -> None:
-        """Ask the hosts, and print a table or JSON."""
         with in_a_sentence(StartError):
             from tigas_cluster.connection import check_ray
 

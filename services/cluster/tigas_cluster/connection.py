@@ -5,17 +5,25 @@ Nothing here imports ray before its environment is set.
 
 from __future__ import annotations
 
+import fcntl
 import importlib.util
+import json
 import os
+import secrets
+import shutil
+import signal
 import socket
+import subprocess
+import sys
+import tempfile
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 
-from tigas_cluster.own_ray import OwnRay
-from tigas_common.address import Address
+from tigas_common.address import Address, host_of
 from tigas_common.errors import StartError
-from tigas_common.extras import install_command
-from tigas_common.hosts import host_of
+from tigas_common.installation import install_command
 
 ADDRESS = "RAY_ADDRESS"
 AUTO = "auto"
@@ -24,10 +32,123 @@ REACH_S = 5.0
 """For the head to be reached, in seconds."""
 NAMESPACE = "tigas"
 """Ray namespace of our actors."""
+RESOURCE = "tigas_host"
+"""Custom resource of its node, which may have no GPU."""
+OBJECT_STORE = 80 * 1024 * 1024
+"""In bytes, hardly more than Ray's least: nothing large goes through Ray."""
+START_S = 30.0
+STOP_S = 2.0
+"""Until it is killed, in seconds."""
+_SETTINGS = {
+    "RAY_USAGE_STATS_ENABLED": "0",
+    "RAY_GRACEFUL_SHUTDOWN_DRAIN_TIMEOUT_S": "0",  # nothing but our hosts is there, and they have ended
+    "RAY_memory_monitor_refresh_ms": "0",  # it would end hosts, which have their own memory limit
+}
+
+
+class AnotherUp(StartError):
+    """Another process looks after the cluster."""
+
+    def __init__(self) -> None:
+        super().__init__("Another `tigas cluster up` looks after this cluster; end that one first.")
+
+
+class OwnRay:
+    """A private Ray, at most one for each user, whose token only the user can read. It outlives its starter."""
+
+    def __init__(self, folder: Path | None = None) -> None:
+        """folder: its files; short, since the paths of Unix sockets below it are."""
+        self._folder = folder or Path(tempfile.gettempdir()) / f"tigas-ray-{os.getuid()}"
+        self._process = self._folder / "process"
+        self._token = self._folder / "token"
+        self._address = self._folder / "ray_current_cluster"  # Ray's own name for it
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """Environment that processes need before they import ray."""
+        return {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN_PATH": str(self._token)}
+
+    def running(self) -> str | None:
+        """Its address, if it runs."""
+        return self._address.read_text().strip() if self._pid() is not None and self._address.exists() else None
+
+    def start(self) -> str:
+        """Start it unless it runs, and give its address. Raises StartError; AnotherUp if that is starting it."""
+        if self._pid() is None:
+            self._launch()
+        deadline = time.monotonic() + START_S
+        while (address := self.running()) is None:
+            if self._pid() is None or time.monotonic() > deadline:
+                raise StartError(f"Ray did not start; {self._folder / 'log'} says why.")
+            time.sleep(0.05)
+        return address
+
+    def stop(self) -> None:
+        """End it and remove its files."""
+        if (pid := self._pid()) is not None:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGTERM)
+            deadline = time.monotonic() + STOP_S
+            while self._pid() is not None and time.monotonic() < deadline:
+                time.sleep(0.05)
+            if self._pid() is not None:
+                os.killpg(pid, signal.SIGKILL)
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _launch(self) -> None:
+        self._make_folder()
+        with self._process.open("w") as process:
+            try:
+                fcntl.flock(process, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                raise AnotherUp from None
+            with (self._folder / "log").open("wb") as log:
+                started = subprocess.Popen(
+                    self._command(),
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=log,
+                    start_new_session=True,
+                    pass_fds=[process.fileno()],  # it keeps the file locked
+                    env=os.environ | self.environment | _SETTINGS,
+                )
+            process.write(str(started.pid))
+
+    def _make_folder(self) -> None:
+        try:
+            shutil.rmtree(self._folder, ignore_errors=True)  # left by a killed one
+            self._folder.mkdir(mode=0o700)
+            self._token.write_text(secrets.token_hex(32))
+        except OSError as error:
+            raise StartError(f"Ray's folder {self._folder} cannot be made ({error.strerror}).") from None
+
+    def _pid(self) -> int | None:
+        """Its process, while it lives."""
+        with suppress(OSError, ValueError), self._process.open() as process:
+            if self._folder.stat().st_uid != os.getuid():
+                return None
+            try:
+                fcntl.flock(process, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return int(process.read())
+        return None
+
+    def _command(self) -> list[str]:
+        return [
+            *(sys.executable, "-m", "ray.scripts.scripts", "start", "--head", "--block"),
+            "--node-ip-address=127.0.0.1",
+            "--port=0",
+            f"--temp-dir={self._folder}",
+            f"--resources={json.dumps({RESOURCE: 1})}",
+            f"--object-store-memory={OBJECT_STORE}",
+            "--include-dashboard=false",
+            "--include-log-monitor=false",
+            "--no-monitor",
+            "--disable-usage-stats",
+        ]
 
 
 def check_ray() -> None:
-    """Raises StartError where Ray is not installed."""
     if importlib.util.find_spec("ray") is None:
         raise StartError(f"A cluster needs Ray, which is not installed: {install_command('cluster')}")
 
@@ -49,9 +170,7 @@ def named_cluster() -> str | None:
 
 @contextmanager
 def connected(own: OwnRay | None, address: str) -> Iterator[None]:
-    """Connect to this cluster as a driver, as a context manager; own: the private one, if it is that. Raises
-    StartError.
-    """
+    """Connect to this cluster, which may be the private one, as a context manager. Raises StartError."""
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
     if own is not None:
         os.environ.update(own.environment)

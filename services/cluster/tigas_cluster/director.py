@@ -2,33 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from contextlib import asynccontextmanager
 
 import httpx
+from prometheus_client import CollectorRegistry, Counter
+from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from tigas_cluster.choice import Choice
 from tigas_cluster.fleet import Fleet, HostState
-from tigas_cluster.host_proxy import AWAY, RETRY_S, HostProxy
-from tigas_cluster.metrics import DirectorMetrics
-from tigas_cluster.scenes import list_scenes
-from tigas_cluster.scenes import unload as unload_everywhere
-from tigas_common.address import bracketed
-from tigas_common.described import JSON, PICTURES, described
-from tigas_common.errors import InvalidRequest, Overloaded
-from tigas_common.metrics import CountedRequests, metrics_route, new_registry
+from tigas_cluster.host_proxy import HostProxy, NoHost
+from tigas_cluster.policy import Choice
+from tigas_common.errors import InvalidRequest
+from tigas_common.metrics import CountedRequests, labelled_gauge, metrics_route, new_registry
 from tigas_common.openapi import openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.topology import fitted
 from tigas_common.web import (
     EXCEPTION_HANDLERS,
+    JSON,
     NO_STORE,
+    PICTURES,
     ModelResponse,
+    described,
     healthy,
     json_response,
     list_response,
@@ -38,6 +39,14 @@ from tigas_common.wire.render import RenderRequest, SceneInfo, ServerConfig
 
 MAX_NAME = 256
 """Maximum length of a scene's or host's name in a query."""
+HOST_GAUGES: Mapping[str, tuple[str, Callable[[HostState], float]]] = {
+    "viewers": ("Viewers that a host has taken", lambda host: host.viewers),
+    "host_full": ("Whether it refuses new viewers", lambda host: host.full is not None),
+    "host_draining": ("Whether it is to end", lambda host: host.draining),
+    "host_utilisation_ratio": ("Share of the time at work, 0 to 1", lambda host: host.load.utilisation),
+    "host_queue_age_seconds": ("Longest wait of the last second", lambda host: host.load.queue_age_s),
+}
+"""Prometheus' gauges of each host: their meaning, and their value."""
 
 
 @asynccontextmanager
@@ -47,17 +56,15 @@ async def create_director(
     origins: OriginPolicy,
     clock: Callable[[], float],
     services: Mapping[str, str] | None = None,
-    https_port: int | None = None,
     transport: httpx.AsyncBaseTransport | None = None,
 ) -> AsyncIterator[ASGIApp]:
     """The application over a fleet, which the caller opens and closes.
 
-    clock: in seconds. services: base URLs for the page, by name; a bare `:PORT` means the page's own host. https_port:
-    where the director is served over HTTPS as well. transport: replaces HTTP to the hosts, for tests.
+    clock: in seconds. services: base URLs for the page, by name; a bare `:PORT` means the page's own host. transport:
+    replaces HTTP to the hosts, for tests.
     """
     proxy = HostProxy(fleet, transport)
-    director = Director(fleet, clock, services or {}, https_port)
-    registry = new_registry("director", director.metrics)
+    registry = new_registry("director", _HostGauges(fleet))
     app = Starlette(
         routes=[
             openapi("Cluster director"),
@@ -70,8 +77,8 @@ async def create_director(
         ],
         exception_handlers=EXCEPTION_HANDLERS,
     )
-    app.state.director = director
-    app.state.client = proxy.client
+    app.state.director = Director(fleet, clock, services or {}, registry)
+    app.state.proxy = proxy
     app.router.default = proxy
     try:
         yield CountedRequests(OriginCheck(app, origins), app.routes, registry)
@@ -80,47 +87,70 @@ async def create_director(
 
 
 class Director:
-    """State shared by the routes."""
+    """Assigns viewers to hosts."""
 
     def __init__(
-        self, fleet: Fleet, clock: Callable[[], float], services: Mapping[str, str], https_port: int | None
+        self, fleet: Fleet, clock: Callable[[], float], services: Mapping[str, str], registry: CollectorRegistry
     ) -> None:
         self.fleet = fleet
-        self.choice = Choice(clock)
-        self.metrics = DirectorMetrics(fleet)
-        self.services = services
-        self.https_port = https_port
+        self._choice = Choice(clock)
+        self._services = services
+        self._placements = Counter(
+            "tigas_director_placements", "Viewers that were sent to a host", ["host"], registry=registry
+        )
+        self._redirects = Counter(
+            "tigas_director_redirects",
+            "Viewers sent to another host: refused ones are `lost`, unanswered ones `silent`, others `moved`",
+            ["why"],
+            registry=registry,
+        )
+        for why in ("lost", "silent", "moved"):
+            self._redirects.labels(why)
 
     async def place(
         self, scene: str, *, at: str | None = None, silent: str | None = None, lost: str | None = None
     ) -> HostState:
-        """The host for a viewer of this scene: the reported one, unless it must leave.
+        """The host for a viewer of this scene: the reported one, unless it must leave. Raises NoHost.
 
-        at: its present host. silent: its present host, which does not answer. lost: a host that refused it. Raises
-        Overloaded if no host is up.
+        at: its present host. silent: its present host, which does not answer. lost: a host that refused it.
         """
         if doubted := silent or lost:
             await self.fleet.suspect(doubted)
         hosts = self.fleet.hosts()
         if silent is not None and any(host.name == silent and host.full is None for host in hosts):
             at = silent
-        chosen = self.choice.host(scene, hosts, at=at, avoid=doubted)
+        chosen = self._choice.host(scene, hosts, at=at, avoid=doubted)
         if chosen is None:
-            raise Overloaded(AWAY, RETRY_S)
+            raise NoHost
         left = at or doubted
         if chosen.name != left:
-            self.metrics.placements[chosen.name] += 1
+            self._placements.labels(chosen.name).inc()
             if left:
-                self.metrics.redirects["lost" if lost else "silent" if silent else "moved"] += 1
+                self._redirects.labels("lost" if lost else "silent" if silent else "moved").inc()
         return chosen
 
     def config(self, host: HostState, page_host: str) -> ServerConfig:
         """The configuration of this host for a page opened under `page_host`."""
-        https_url = f"https://{bracketed(page_host)}:{self.https_port}/" if self.https_port else None
-        services = {name: fitted(url, page_host) for name, url in self.services.items()}
-        changes = {"host": host.name, "render_url": host.render_url, "https_url": https_url, "services": services}
-        changes["max_upload_bytes"] = None  # data stored by one host is missing on the others
-        return host.load.config.model_copy(update=changes)
+        return host.load.config.model_copy(
+            update={
+                "host": host.name,
+                "render_url": host.render_url,
+                "https_url": None,
+                "services": {name: fitted(url, page_host) for name, url in self._services.items()},
+                "max_upload_bytes": None,  # data stored by one host is missing on the others
+            }
+        )
+
+
+class _HostGauges(Collector):
+    def __init__(self, fleet: Fleet) -> None:
+        self._fleet = fleet
+
+    def collect(self) -> Iterator[Metric]:
+        hosts = self._fleet.hosts()
+        yield GaugeMetricFamily("tigas_director_hosts", "Hosts that are up", len(hosts))
+        for name, (meaning, value) in HOST_GAUGES.items():
+            yield labelled_gauge(f"tigas_director_{name}", meaning, "host", {host.name: value(host) for host in hosts})
 
 
 @described(
@@ -167,16 +197,13 @@ class _Render:
 @described(query={"scan": "`1`: each host looks at its models directory again first."})
 async def scenes(request: Request) -> ModelResponse[list[SceneInfo]]:
     """The scenes of all hosts."""
-    hosts = _director(request).fleet.hosts()
-    found = await list_scenes(request.app.state.client, hosts, scan=bool(request.query_params.get("scan")))
-    return list_response(found)
+    return list_response(await _proxy(request).scenes(scan=bool(request.query_params.get("scan"))))
 
 
 @described(gives=SceneInfo)
 async def unload(request: Request) -> Response:
     """Unload a scene without viewers, on every host."""
-    hosts = _director(request).fleet.hosts()
-    answer = await unload_everywhere(request.app.state.client, hosts, request.path_params["id"])
+    answer = await _proxy(request).unload(request.path_params["id"])
     return Response(answer.content, answer.status_code, NO_STORE, answer.headers.get("content-type"))
 
 
@@ -184,7 +211,7 @@ async def unload(request: Request) -> Response:
 async def healthz(request: Request) -> Response:
     """Whether there is a host."""
     if not _director(request).fleet.hosts():
-        raise Overloaded(AWAY, RETRY_S)
+        raise NoHost
     return healthy()
 
 
@@ -198,3 +225,8 @@ def _named(request: Request, parameter: str) -> str | None:
 def _director(request: Request) -> Director:
     director: Director = request.app.state.director
     return director
+
+
+def _proxy(request: Request) -> HostProxy:
+    proxy: HostProxy = request.app.state.proxy
+    return proxy

@@ -1,17 +1,33 @@
-"""The hosts and their state, as known to the director."""
+"""The hosts, as known to the director: their addresses, and their reports, which are polled several times a second."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+import asyncio
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Self
 from urllib.parse import urlsplit
 
+import httpx
+
 from tigas_common.address import bracketed
-from tigas_common.wire.cluster import HostLoad
+from tigas_common.errors import TigasError
+from tigas_common.parsing import parse
+from tigas_common.wire.render import HostLoad
 
 PRESSED_UTILISATION, PRESSED_AGE_S = 0.8, 0.06
 """A host that is busier than this, or in which something waits for longer (in seconds), has no room to speak of."""
+POLL_S = 0.25
+"""Polling interval of each host, in seconds."""
+GONE_S = 1.0
+"""A host without an answer for this many seconds is down until it answers."""
+ANSWER_S = GONE_S - POLL_S
+"""How long it has to answer, in seconds."""
+SUSPECT_S = 0.3
+"""Time for a host reported as silent to answer, in seconds."""
+MAX_LOAD = 1_000_000
+"""Maximum length of a report, in bytes: it lists scenes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,22 +64,8 @@ class HostState:
         return self.address.name
 
     @property
-    def api_url(self) -> str:
-        return self.address.api_url
-
-    @property
     def draining(self) -> bool:
         return self.address.draining
-
-    @property
-    def webtransport_url(self) -> str | None:
-        """Where a page opens its session."""
-        return self.load.config.webtransport_url
-
-    @property
-    def certificate_sha256(self) -> str | None:
-        """Digest of the certificate for the page to trust."""
-        return self.load.config.certificate_sha256
 
     @property
     def render_url(self) -> str:
@@ -80,23 +82,131 @@ class HostState:
         return self.load.config.retry_after_s
 
     @property
-    def queue_age_s(self) -> float:
-        return self.load.queue_age_s
-
-    @property
     def pressed(self) -> bool:
         """Whether its scenes could do with another host."""
-        busy = self.load.utilisation > PRESSED_UTILISATION or self.queue_age_s > PRESSED_AGE_S
+        busy = self.load.utilisation > PRESSED_UTILISATION or self.load.queue_age_s > PRESSED_AGE_S
         return busy or self.full is not None
 
 
-class Fleet(ABC):
-    """A changing set of hosts: this machine alone, a list, or a Ray cluster."""
+class Fleet:
+    """An async context manager that polls the hosts. Their list may change any time."""
 
-    @abstractmethod
+    def __init__(
+        self,
+        addresses: Iterable[HostAddress],
+        clock: Callable[[], float],
+        transport: httpx.AsyncBaseTransport | None = None,
+    ) -> None:
+        """clock: in seconds; transport: another than HTTP, for tests."""
+        self._clock = clock
+        self._client = httpx.AsyncClient(
+            transport=transport or httpx.AsyncHTTPTransport(limits=httpx.Limits(max_connections=None))
+        )
+        self._polled: dict[str, _Polled] = {}
+        self._running = False
+        self.follow(addresses)
+
+    async def __aenter__(self) -> Self:
+        """Poll each host once, then begin to do so regularly."""
+        self._running = True
+        await asyncio.gather(*(polled.ask() for polled in self._polled.values()))
+        for polled in self._polled.values():
+            polled.start()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self._running = False
+        for polled in self._polled.values():
+            polled.stop()
+        await self._client.aclose()
+
+    def follow(self, addresses: Iterable[HostAddress]) -> None:
+        """Set the hosts. The state of hosts already known is kept."""
+        wanted = {address.name: address for address in addresses}
+        for name, polled in list(self._polled.items()):
+            address = wanted.get(name)
+            if address is None or address.api_url != polled.address.api_url:
+                self._polled.pop(name).stop()
+        for name, address in wanted.items():
+            if name in self._polled:
+                self._polled[name].address = address
+                continue
+            self._polled[name] = made = _Polled(address, self._client, self._clock)
+            if self._running:
+                made.start()
+
     def hosts(self) -> Sequence[HostState]:
         """Hosts that are up, with their last reports."""
+        return [state for polled in self._polled.values() if (state := polled.state) is not None]
 
-    @abstractmethod
     async def suspect(self, name: str) -> None:
         """Check this host now, because a viewer reports it as silent. `hosts` reflects the outcome on return."""
+        if (polled := self._polled.get(name)) is not None:
+            await polled.check()
+
+
+class _Polled:
+    """One host."""
+
+    def __init__(self, address: HostAddress, client: httpx.AsyncClient, clock: Callable[[], float]) -> None:
+        self.address = address
+        self._client = client
+        self._clock = clock
+        self._load: HostLoad | None = None
+        self._answered_at = -math.inf
+        self._failing = False
+        """Whether the last poll failed. A pause of this process alone does not make a host look down."""
+        self._asked_at: float | None = None
+        """Start of the pending poll, if any."""
+        self._polling: asyncio.Task[None] | None = None
+        self._checking: asyncio.Task[None] | None = None
+
+    @property
+    def state(self) -> HostState | None:
+        """None if it is down, or has never been up."""
+        if self._load is None or (self._failing and self._clock() - self._answered_at >= GONE_S):
+            return None
+        return HostState(self.address, self._load)
+
+    def start(self) -> None:
+        self._polling = asyncio.create_task(self._poll())
+
+    def stop(self) -> None:
+        for task in (self._polling, self._checking):
+            if task is not None:
+                task.cancel()
+
+    async def check(self) -> None:
+        """Poll at once, shared by concurrent callers; without an answer, the host is down."""
+        if self._checking is None or self._checking.done():
+            self._checking = asyncio.create_task(self._check())
+        await asyncio.wait([self._checking])
+
+    async def ask(self, limit_s: float | None = None) -> bool:
+        """Poll once; whether an answer came within the limit."""
+        began = self._clock()
+        try:
+            async with asyncio.timeout(limit_s or ANSWER_S):
+                answer = await self._client.get(
+                    f"{self.address.api_url}/api/load", headers={"Host": self.address.public}
+                )
+            answer.raise_for_status()
+            self._load = parse(HostLoad, answer.content, MAX_LOAD)
+        except (TimeoutError, httpx.HTTPError, TigasError):
+            self._failing = True
+            return False
+        self._answered_at, self._failing = began, False
+        return True
+
+    async def _check(self) -> None:
+        asked_at = self._clock() if self._asked_at is None else self._asked_at
+        known = self._failing or self._clock() - asked_at >= SUSPECT_S  # it had its time to answer already
+        if known or not await self.ask(SUSPECT_S):
+            self._answered_at, self._failing = -math.inf, True
+
+    async def _poll(self) -> None:
+        while True:
+            self._asked_at = self._clock()
+            await self.ask()
+            self._asked_at = None
+            await asyncio.sleep(POLL_S)

@@ -1,20 +1,18 @@
-"""One host of the cluster: a `tigas render` on this machine, a child of this process, kept running and listened to."""
+"""One host of the cluster: a `tigas render` on this machine, a child of this process, which is kept running."""
 
 from __future__ import annotations
 
 import os
 import re
 import subprocess
-import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from importlib.metadata import version
 from typing import IO, TypedDict
 
-from tigas_common.address import Address
+from tigas_common.address import Address, is_address, is_loopback
 from tigas_common.errors import StartError
-from tigas_common.hosts import is_address, is_loopback
 from tigas_common.processes import Service, keep_running, tigas, with_parent
 
 VIEWER_ADDRESS = "TIGAS_CLUSTER_VIEWER_ADDRESS"
@@ -47,10 +45,16 @@ class Facts(TypedDict):
 
 
 class Host:
-    """Runs `tigas render` until `stop`."""
+    """Runs `tigas render` until `stop`. Ray runs it as an actor, and other processes call its methods through Ray."""
 
-    def __init__(self, address: str, http_port: int, quic_port: int, options: Sequence[str]) -> None:
-        """address: of this machine, within the cluster; ports: 0 for any free one; options: more, of `tigas render`."""
+    def __init__(self, address: str | None, http_port: int, quic_port: int, options: Sequence[str]) -> None:
+        """address: of this machine, within the cluster; None: the one that Ray knows. ports: 0 for any free one.
+        options: more, of `tigas render`.
+        """
+        if address is None:
+            import ray.util
+
+            address = ray.util.get_node_ip_address()
         self._address = address
         self._viewer_address = os.environ.get(VIEWER_ADDRESS) or address
         everywhere = address if is_loopback(address) else "::" if ":" in address else "0.0.0.0"
@@ -66,9 +70,7 @@ class Host:
         self._keeping = threading.Thread(target=self._keep, name="keep the render service", daemon=True)
         self._keeping.start()
 
-    @property
     def facts(self) -> Facts:
-        """The present facts."""
         render = self._render
         return Facts(
             version=version("tigas"),
@@ -90,7 +92,7 @@ class Host:
             try:
                 keep_running((Service("render service", self._start),), self._stop)
             except StartError as error:
-                self._failure = self._render.last_error or str(error)
+                self._failure = self._render.last or str(error)
                 self._stop.wait(RETRY_S)
 
     def _start(self) -> subprocess.Popen[bytes]:
@@ -98,12 +100,12 @@ class Host:
             self._command,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
             start_new_session=True,
             env={name: value for name, value in os.environ.items() if name != "OMP_NUM_THREADS"},  # Ray sets it to 1
         )
         self._render = _Render()
-        self._render.listen(process)
+        threading.Thread(target=self._render.listen, args=(process.stdout,), daemon=True).start()
         return process
 
 
@@ -115,30 +117,17 @@ class _Render:
         """Of its API, while it serves."""
         self.said: list[str] = []
         """Until it began to serve."""
-        self.last_error = ""
+        self.last = ""
 
-    def listen(self, process: subprocess.Popen[bytes]) -> None:
-        """Read all of it, on separate threads."""
-        for listener, output in ((self._hear, process.stdout), (self._hear_error, process.stderr)):
-            threading.Thread(target=listener, args=(output,), daemon=True).start()
-
-    def _hear(self, output: IO[bytes]) -> None:
-        for line in _lines(output, sys.stdout):
-            if opened := OPEN.match(line):
-                self.port = int(opened[1])
-            elif self.port is None and not line.startswith(FOR_THE_MACHINE):
-                self.said.append(line)
+    def listen(self, output: IO[bytes]) -> None:
+        """Read all of it, and write it to the log."""
+        with output:
+            for line in output:
+                text = line.decode(errors="replace").rstrip("\n")
+                print(text, flush=True)
+                self.last = text or self.last
+                if opened := OPEN.match(text):
+                    self.port = int(opened[1])
+                elif self.port is None and not text.startswith(FOR_THE_MACHINE):
+                    self.said.append(text)
         self.port = None
-
-    def _hear_error(self, output: IO[bytes]) -> None:
-        for line in _lines(output, sys.stderr):
-            self.last_error = line or self.last_error
-
-
-def _lines(output: IO[bytes], log: IO[str]) -> Iterator[str]:
-    """Its lines as they come, which are also written to the log."""
-    with output:
-        for line in output:
-            text = line.decode(errors="replace").rstrip("\n")
-            print(text, file=log, flush=True)
-            yield text

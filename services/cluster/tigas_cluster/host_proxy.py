@@ -1,9 +1,11 @@
-"""A proxy for everything except frames, by any host: the page, scenes, previews, networks."""
+"""The hosts' HTTP interface behind the director's address: everything except frames, which pages fetch themselves."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
+from contextlib import suppress
+from urllib.parse import quote
 
 import httpx
 from starlette.datastructures import Headers
@@ -11,40 +13,48 @@ from starlette.requests import Request
 from starlette.types import Receive, Scope, Send
 
 from tigas_cluster.fleet import Fleet, HostState
-from tigas_common.errors import Overloaded
-from tigas_common.parsing import MAX_BODY
-from tigas_common.placement import ranked
+from tigas_common.errors import Overloaded, TigasError
+from tigas_common.parsing import MAX_BODY, parse
+from tigas_common.placement import merged_scenes, ranked
 from tigas_common.proxy import ask, hand_back, headers_of, unless
 from tigas_common.web import page_policy, read_body
+from tigas_common.wire.render import SceneInfo
 
 MAX_CONNECTIONS = 128
 """To all hosts together."""
 LOOK_S = 0.25
 """Seconds between two looks whether a host that has not answered yet is still up."""
-AWAY = "No host of the cluster is up; try again in a few seconds."
-RETRY_S = 2.0
+ANSWER_S = 4.0
+"""Seconds for a host to list its scenes, or be left out; the page waits for 5 s."""
+MAX_LIST = 10_000_000
+"""The longest list of scenes that is read, in bytes."""
 FROM_THE_PAGE = frozenset((b"host", b"origin", b"sec-fetch-site", b"sec-fetch-mode", b"sec-fetch-dest"))
 """Fields about the origin of a request: checked by the director, with names unknown to a host."""
 PAGES_HOSTS = ("http:", "https:")
 """The sources that a page may connect to: hosts come and go while it is open."""
 
 
+class NoHost(Overloaded):
+    """No host of the cluster answers."""
+
+    def __init__(self) -> None:
+        super().__init__("No host of the cluster is up; try again in a few seconds.", retry_after_s=2.0)
+
+
 class HostProxy:
-    """An ASGI application in front of any host's. `?host=NAME` chooses one of them."""
+    """An ASGI application that hands requests on to a host: the one in `?host=NAME`, or the likeliest for the scene."""
 
     def __init__(self, fleet: Fleet, transport: httpx.AsyncBaseTransport | None = None) -> None:
         """transport: another than HTTP, for tests."""
         self._fleet = fleet
         self._transport = transport or httpx.AsyncHTTPTransport(limits=httpx.Limits(max_connections=MAX_CONNECTIONS))
-        self.client = httpx.AsyncClient(transport=self._transport)
-        """For the director's own requests over the same connections."""
+        self._client = httpx.AsyncClient(transport=self._transport)
 
     async def close(self) -> None:
-        """Close the connections."""
-        await self.client.aclose()
+        await self._client.aclose()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Raises Overloaded if no host answers."""
+        """Raises NoHost."""
         body = await read_body(Request(scope, receive), MAX_BODY)
         for host in self._in_order(scope["path"], Request(scope).query_params.get("host")):
             answer = await self._answer(host, scope, body)
@@ -53,10 +63,41 @@ class HostProxy:
                 if Headers(raw=headers).get("content-type", "").startswith("text/html"):
                     headers.append((b"content-security-policy", page_policy(PAGES_HOSTS).encode()))
                 return await hand_back(answer, headers, receive, send)
-        raise Overloaded(AWAY, RETRY_S)
+        raise NoHost
+
+    async def scenes(self, *, scan: bool) -> list[SceneInfo]:
+        """The scenes of all hosts, by id: loaded if any host has loaded them. Raises NoHost."""
+        target = "/scenes?scan=1" if scan else "/scenes"
+        lists = await asyncio.gather(*(self._scenes_of(host.address.api_url + target) for host in self._fleet.hosts()))
+        answered = [each for each in lists if each is not None]
+        if not answered:
+            raise NoHost
+        return merged_scenes(answered)
+
+    async def unload(self, scene: str) -> httpx.Response:
+        """Unload a scene wherever it is loaded; the answer of a host that refused, or the last one. Raises NoHost."""
+        hosts, answer = self._fleet.hosts(), None
+        for host in [each for each in hosts if scene in each.load.scenes] or hosts[:1]:
+            url = f"{host.address.api_url}/scenes/{quote(scene, safe='')}/unload"
+            try:
+                answer = await self._client.post(url, timeout=ANSWER_S)
+            except httpx.TransportError as error:
+                raise NoHost from error
+            if answer.is_error:
+                break
+        if answer is None:
+            raise NoHost
+        return answer
+
+    async def _scenes_of(self, url: str) -> list[SceneInfo] | None:
+        with suppress(TimeoutError, httpx.HTTPError, TigasError):
+            async with asyncio.timeout(ANSWER_S):
+                answer = await self._client.get(url)
+            return parse(list[SceneInfo], answer.raise_for_status().content, MAX_LIST)
+        return None
 
     def _in_order(self, path: str, wanted: str | None) -> Sequence[HostState]:
-        """Return the hosts in the order to try: the wanted one, then the likeliest one for the scene in the path."""
+        """The hosts in the order to try: the wanted one, then the likeliest one for the scene in the path."""
         hosts = {host.name: host for host in self._fleet.hosts()}
         parts = path.split("/")
         scene = parts[2] if len(parts) > 2 and parts[1] == "scenes" else ""
@@ -66,7 +107,8 @@ class HostProxy:
     async def _answer(self, host: HostState, scope: Scope, body: bytes) -> httpx.Response | None:
         """Return None if the host is lost before it answers."""
         try:
-            return await unless(self._lost(host), ask(self._transport, host.api_url, scope, body, FROM_THE_PAGE))
+            asking = ask(self._transport, host.address.api_url, scope, body, FROM_THE_PAGE)
+            return await unless(self._lost(host), asking)
         except httpx.TransportError:
             return None
 

@@ -1,10 +1,11 @@
-"""Interface to Ray: its machines, and detached actors as hosts on them."""
+"""Interface to Ray: its machines, detached actors as hosts on them, and the lease of the process that keeps them."""
 
 from __future__ import annotations
 
-import contextlib
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import ray
@@ -13,9 +14,8 @@ import ray.util
 from ray.autoscaler.sdk import request_resources
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
-from tigas_cluster.connection import NAMESPACE
-from tigas_cluster.host import Facts
-from tigas_cluster.host_actor import HostActor
+from tigas_cluster.connection import NAMESPACE, AnotherUp
+from tigas_cluster.host import Facts, Host
 from tigas_cluster.ray_fleet import Cluster, Node
 from tigas_common.errors import StartError
 
@@ -28,20 +28,20 @@ START_S = 60.0
 """For an actor's process to start, in seconds."""
 STOP_S = 3.5
 """For hosts to end, in seconds."""
+LEASE = "director"
+FREED_S, AGAIN_S = 3.0, 0.2
+"""Within which Ray notices that an earlier holder was killed, and how often it is tried until then, in seconds."""
 
 
 class RayCluster(Cluster):
     """The cluster that this process is connected to."""
 
     def __init__(self, resource: str, *arguments: Any) -> None:
-        """resource: the Ray resource of machines that may be hosts; each host takes all of it. arguments: of
-        `HostActor`.
-        """
+        """resource: the Ray resource of machines that may be hosts; each host takes all of it. arguments: of `Host`."""
         self._resource = resource
         self._arguments = arguments
 
     def nodes(self) -> Sequence[Node]:
-        """The machines that are up."""
         alive = ((each, each["Resources"]) for each in ray.nodes() if each["Alive"])
         nodes = (
             Node(each["NodeID"], each["NodeManagerAddress"], has.get(self._resource, 0), has.get(GPU, 0))
@@ -50,31 +50,17 @@ class RayCluster(Cluster):
         return sorted(nodes, key=lambda node: node.id)
 
     def hosts(self) -> Mapping[str, str]:
-        """Every host by name, with the id of its machine, whether it serves or not."""
         found = map(ACTOR.fullmatch, ray.util.list_named_actors())
         return {each["host"]: each["node"] for each in found if each}
 
     def start(self, name: str, node: Node) -> None:
-        """Make a machine a host. It stays one if this process ends, and Ray starts its process again if that dies.
-
-        Raises StartError if its process does not start there.
-        """
+        """Make a machine a host, which stays one if this process ends; Ray restarts it. Raises StartError."""
         own = {} if self._resource == GPU else {self._resource: node.amount}
         try:
-            actor = (
-                ray.remote(HostActor)
-                .options(
-                    name=f"{name} {node.id}",
-                    namespace=NAMESPACE,
-                    lifetime="detached",
-                    num_cpus=0,
-                    num_gpus=node.gpus,
-                    resources=own,
-                    max_restarts=-1,
-                    scheduling_strategy=NodeAffinitySchedulingStrategy(node.id, soft=False),
-                )
-                .remote(*self._arguments)
-            )
+            actor = _actor(
+                Host, f"{name} {node.id}", node.id, *self._arguments,
+                lifetime="detached", num_gpus=node.gpus, resources=own,
+            )  # fmt: skip
             ray.get(actor.facts.remote(), timeout=START_S)
         except ray.exceptions.GetTimeoutError:
             raise StartError(
@@ -85,19 +71,17 @@ class RayCluster(Cluster):
             raise StartError(f"No host could be started on {node.address}: {reason}") from None
 
     def facts(self, hosts: Mapping[str, str]) -> Mapping[str, Facts]:
-        """The facts reported by these hosts; silent ones are left out."""
         asked = {}
         for name, actor in self._actors(hosts.items()):
             asked[actor.facts.remote()] = name
         answered, _ = ray.wait(list(asked), num_returns=len(asked), timeout=ANSWER_S) if asked else ([], [])
         facts: dict[str, Facts] = {}
         for answer in answered:
-            with contextlib.suppress(ray.exceptions.RayError):
+            with suppress(ray.exceptions.RayError):
                 facts[asked[answer]] = ray.get(answer)
         return facts
 
     def stop(self, hosts: Mapping[str, str]) -> None:
-        """End these hosts."""
         actors = [actor for _, actor in self._actors(hosts.items())]
         if actors:
             ray.wait([actor.stop.remote() for actor in actors], num_returns=len(actors), timeout=STOP_S)
@@ -105,11 +89,40 @@ class RayCluster(Cluster):
             ray.kill(actor)
 
     def ask_for(self, number: int) -> None:
-        """Request this number of possible hosts from Ray's autoscaler, if there is one."""
         amount = max((node.amount for node in self.nodes()), default=0) or 1
         request_resources(bundles=[{self._resource: amount}] * number)
 
     def _actors(self, hosts: Iterable[tuple[str, str]]) -> Iterator[tuple[str, Any]]:
         for name, node in hosts:
-            with contextlib.suppress(ValueError):  # it has ended meanwhile
+            with suppress(ValueError):  # it has ended meanwhile
                 yield name, ray.get_actor(f"{name} {node}", namespace=NAMESPACE)
+
+
+class Holder:
+    """An idle actor. Ray allows a name only once, and ends the actor with its owning process."""
+
+
+@contextmanager
+def leased(clock: Callable[[], float] = time.monotonic) -> Iterator[None]:
+    """Keep hosts alone, as a context manager: two would start and end each other's. Raises AnotherUp."""
+    deadline = clock() + FREED_S
+    here = ray.get_runtime_context().get_node_id()
+    while True:
+        try:
+            holder = _actor(Holder, LEASE, here)  # possibly before its process has started
+            break
+        except ValueError:  # the name is taken
+            if clock() > deadline:
+                raise AnotherUp from None
+            time.sleep(AGAIN_S)
+    try:
+        yield
+    finally:
+        ray.kill(holder)
+
+
+def _actor(kind: type, name: str, node: str, *arguments: Any, **options: Any) -> Any:
+    """A new actor on a machine, started again if it dies. Raises ValueError if there is one of this name."""
+    here = NodeAffinitySchedulingStrategy(node, soft=False)
+    fixed = {"namespace": NAMESPACE, "num_cpus": 0, "max_restarts": -1, "scheduling_strategy": here}
+    return ray.remote(kind).options(name=name, **fixed, **options).remote(*arguments)

@@ -1,6 +1,4 @@
-"""The hosts of a Ray cluster: as many as are wanted, on the machines that may be hosts. Ray starts and supervises them;
-their state is polled over HTTP as in any other fleet.
-"""
+"""The hosts of a Ray cluster: as many as are wanted, on the machines that may be hosts."""
 
 from __future__ import annotations
 
@@ -13,10 +11,9 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any, Protocol, Self
 
-from tigas_cluster.fleet import Fleet, HostAddress, HostState
+from tigas_cluster.fleet import Fleet, HostAddress
 from tigas_cluster.host import Facts
-from tigas_cluster.polled_fleet import PolledFleet
-from tigas_cluster.scaling import Scaler
+from tigas_cluster.policy import Scaler
 from tigas_common.errors import StartError
 
 LOOK_S, PAUSE_S = 0.5, 5.0
@@ -63,23 +60,23 @@ class Cluster(Protocol):
         """Request this number of possible hosts, for an autoscaler."""
 
 
-class RayFleet(Fleet):
+class RayFleet:
     """An async context manager that maintains the hosts, which outlive it."""
 
     def __init__(
         self,
         cluster: Cluster,
         scaler: Scaler,
-        polled: PolledFleet,
+        fleet: Fleet,
         clock: Callable[[], float],
         say: Callable[[str], None],
     ) -> None:
-        """polled: polls the hosts; clock: in seconds; say: prints a message for the operator."""
+        """fleet: gets the hosts' addresses; clock: in seconds; say: prints a message for the operator."""
         self._cluster = cluster
         self._scaler = scaler
         self._clock = clock
         self._say = say
-        self._polled = polled
+        self.fleet = fleet
         self._facts: dict[str, Facts] = {}
         self._draining: frozenset[str] = frozenset()
         self._up: frozenset[str] = frozenset()
@@ -98,24 +95,16 @@ class RayFleet(Fleet):
         """How many more hosts there would be if there were machines for them."""
         self._tasks: set[asyncio.Task[None]] = set()
         self._starts: set[asyncio.Task[None]] = set()
-        """Calls that start hosts, which cannot be cancelled, as they run in threads."""
+        """Starts of hosts, which cannot be cancelled, as they run in threads."""
         self.began: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         """Done once a host serves; has a StartError if none can."""
 
     async def __aenter__(self) -> Self:
-        await self._polled.__aenter__()
-        self._do(self._keep_looking())
+        self._do(self._keep_looking(), self._tasks)
         return self
 
     async def __aexit__(self, *_: object) -> None:
         self._stop_looking()
-        await self._polled.__aexit__()
-
-    def hosts(self) -> Sequence[HostState]:
-        return self._polled.hosts()
-
-    async def suspect(self, name: str) -> None:
-        await self._polled.suspect(name)
 
     async def end(self) -> None:
         """End all hosts, including those still starting."""
@@ -129,8 +118,6 @@ class RayFleet(Fleet):
 
     def _stop_all(self) -> None:
         self._cluster.stop(self._cluster.hosts())
-
-    # -- looking -----------------------------------------------------------------------------------------------------
 
     async def _keep_looking(self) -> None:
         while True:
@@ -152,14 +139,14 @@ class RayFleet(Fleet):
         self._follow()
         self._tell()
         serving = self._note_silence(present)
-        plan = self._scaler.plan(self.hosts(), len(serving - self._up))
+        plan = self._scaler.plan(self.fleet.hosts(), len(serving - self._up))
         if plan.draining != self._draining:
             for name in sorted(plan.draining - self._draining):
                 self._say(f"{name} drains: it gets no new viewers.")
             self._draining = plan.draining
             self._follow()
         for name in (hosts.keys() - present.keys() | plan.ending) - self._ending:
-            self._do(self._end(name, hosts[name]))
+            self._do(self._end(name, hosts[name]), self._tasks)
         free = [node for node in nodes if node.amount and node.id not in hosts.values()]
         self._start(plan.wanted - len(serving - self._draining), free, hosts)
         if (machines := plan.wanted + len(self._draining)) != self._asked_for:
@@ -170,7 +157,7 @@ class RayFleet(Fleet):
 
     def _follow(self) -> None:
         """Poll the hosts with known addresses."""
-        self._polled.follow(
+        self.fleet.follow(
             HostAddress(name, facts["url"], facts["viewer_address"], name in self._draining)
             for name, facts in self._facts.items()
             if facts["url"] is not None and facts["version"] == VERSION
@@ -178,7 +165,7 @@ class RayFleet(Fleet):
 
     def _tell(self) -> None:
         """Report changes to the operator."""
-        up = frozenset(host.name for host in self.hosts())
+        up = frozenset(host.name for host in self.fleet.hosts())
         for name in sorted(up - self._up):
             self._say("\n".join(f"{name}: {line}" for line in self._facts[name]["said"]) or f"{name} serves again.")
         for name in sorted(self._up - up):
@@ -215,8 +202,6 @@ class RayFleet(Fleet):
         elif self._failures and not self._beginning and present.keys() <= self._failures.keys():
             self.began.set_exception(StartError(next(iter(self._failures.values()))))
 
-    # -- changing ----------------------------------------------------------------------------------------------------
-
     def _start(self, number: int, free: Sequence[Node], hosts: Mapping[str, str]) -> None:
         """Start this number of hosts on free machines, as far as available."""
         self._tell_missing(number - len(free))
@@ -225,15 +210,13 @@ class RayFleet(Fleet):
         ready = (node for node in free if now >= self._tried.get(node.id, -math.inf) + AGAIN_S)
         for node in itertools.islice(ready, max(0, number)):
             self._tried[node.id] = now
-            self._do(self._begin(next(names), node))
+            self._do(self._begin(next(names), node), self._starts)
 
     async def _begin(self, name: str, node: Node) -> None:
         self._beginning[name] = node.id
         self._say(f"{name} starts on {node.address}.")
-        self._starts.add(start := asyncio.create_task(asyncio.to_thread(self._cluster.start, name, node)))
-        start.add_done_callback(self._starts.discard)
         try:
-            await asyncio.shield(start)
+            await asyncio.to_thread(self._cluster.start, name, node)
         except StartError as error:
             self._fails(name, str(error))
         else:
@@ -252,9 +235,9 @@ class RayFleet(Fleet):
         finally:
             self._ending.remove(name)
 
-    def _do(self, what: Coroutine[Any, Any, None]) -> None:
-        self._tasks.add(task := asyncio.create_task(what))
-        task.add_done_callback(self._tasks.discard)
+    def _do(self, what: Coroutine[Any, Any, None], tasks: set[asyncio.Task[None]]) -> None:
+        tasks.add(task := asyncio.create_task(what))
+        task.add_done_callback(tasks.discard)
 
     def _stop_looking(self) -> None:
         for task in self._tasks:

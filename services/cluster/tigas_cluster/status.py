@@ -1,4 +1,4 @@
-"""How the hosts of a cluster are, for `tigas cluster status`."""
+"""The state of a cluster's hosts, for `tigas cluster status`."""
 
 from __future__ import annotations
 
@@ -10,31 +10,29 @@ from typing import TYPE_CHECKING
 import httpx
 from pydantic import BaseModel
 
-from tigas_cluster.connection import connected, named_cluster
+from tigas_cluster.connection import OwnRay, connected, named_cluster
+from tigas_cluster.fleet import MAX_LOAD
 from tigas_cluster.host import Facts
-from tigas_cluster.own_ray import OwnRay
 from tigas_common.errors import StartError, TigasError
 from tigas_common.parsing import parse
-from tigas_common.wire.cluster import HostLoad
+from tigas_common.wire.render import HostLoad
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 ANSWER_S = 2.0
-MAX_LOAD = 1_000_000
-"""The longest answer that is read, in bytes."""
 
 
 class HostStatus(BaseModel):
     """Status of one host; fields are None if it does not serve."""
 
     host: str
-    address: str | None
+    address: str | None = None
     """Of its machine."""
-    url: str | None
+    url: str | None = None
     """Of its API, within the cluster."""
-    since: datetime | None
-    failure: str | None
+    since: datetime | None = None
+    failure: str | None = None
     """Reported reason for not serving."""
     device: str | None = None
     viewers: int | None = None
@@ -49,8 +47,7 @@ class HostStatus(BaseModel):
 
 def status() -> Sequence[HostStatus]:
     """Of every host. Raises StartError."""
-    address = named_cluster()
-    own = None
+    address, own = named_cluster(), None
     if address is None:
         own = OwnRay()
         address = own.running()
@@ -70,7 +67,6 @@ def status() -> Sequence[HostStatus]:
 
 
 def table(hosts: Sequence[HostStatus]) -> Table:
-    """The same for people."""
     from rich.table import Table
 
     made = Table("host", "address", "device", "viewers", "busy", "queue, ms", "scenes", "since", box=None)
@@ -94,30 +90,24 @@ def table(hosts: Sequence[HostStatus]) -> Table:
 
 def _status(name: str, facts: Facts | None) -> HostStatus:
     if facts is None:
-        return HostStatus(host=name, address=None, url=None, since=None, failure=None)
-    known = HostStatus(
+        return HostStatus(host=name)
+    found = HostStatus(
         host=name,
         address=facts["address"],
         url=facts["url"],
         since=datetime.fromtimestamp(facts["since"], UTC),
         failure=facts["failure"],
     )
-    load = _load(facts["url"]) if facts["url"] else None
-    if load is None:
-        return known
-    return known.model_copy(
-        update={
-            "device": load.config.device,
-            "viewers": load.viewers,
-            "utilisation": load.utilisation,
-            "queue_age_s": load.queue_age_s,
-            "full": load.config.retry_after_s is not None,
-            "scenes": load.scenes,
-        }
-    )
+    if (load := _load(found.url)) is not None:
+        found.device = load.config.device
+        found.viewers, found.utilisation, found.queue_age_s = load.viewers, load.utilisation, load.queue_age_s
+        found.full, found.scenes = load.config.retry_after_s is not None, load.scenes
+    return found
 
 
-def _load(url: str) -> HostLoad | None:
+def _load(url: str | None) -> HostLoad | None:
+    if url is None:
+        return None
     try:
         answer = httpx.get(f"{url}/api/load", timeout=ANSWER_S, trust_env=False)
         return parse(HostLoad, answer.content, MAX_LOAD) if answer.status_code == 200 else None

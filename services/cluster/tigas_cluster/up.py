@@ -11,16 +11,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, NoReturn
 
-from tigas_cluster.connection import connected, named_cluster
+from tigas_cluster.connection import RESOURCE, AnotherUp, OwnRay, connected, named_cluster
 from tigas_cluster.director import create_director
-from tigas_cluster.errors import AnotherUp
-from tigas_cluster.own_ray import RESOURCE, OwnRay
-from tigas_cluster.polled_fleet import PolledFleet
+from tigas_cluster.fleet import Fleet
+from tigas_cluster.policy import Scaler
 from tigas_cluster.ray_fleet import RayFleet
-from tigas_cluster.scaling import Scaler
 from tigas_cluster.settings import ClusterSettings
 from tigas_common.address import Address, bracketed, say_if_open
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.loop_share import LoopShare
 from tigas_common.origins import OriginPolicy
 from tigas_common.processes import terminated_as_interrupted
@@ -62,8 +60,7 @@ def _run(
     with connected(own, address):
         import ray.util
 
-        from tigas_cluster.lease import held
-        from tigas_cluster.ray_cluster import GPU, RayCluster
+        from tigas_cluster.ray_cluster import GPU, RayCluster, leased
 
         names = (ray.util.get_node_ip_address(), *settings.allow_hosts)
         pages = (*settings.allow_origins, *_pages(settings, listener.getsockname()[1], names))
@@ -77,7 +74,7 @@ def _run(
             settings.host_quic_port,
             options,
         )
-        with held():
+        with leased():
             asyncio.run(_serve(settings, cluster, listener, own))
 
 
@@ -85,8 +82,10 @@ async def _serve(settings: ClusterSettings, cluster: RayCluster, listener: socke
     stopped = asyncio.create_task(until_stopped())
     scaler = Scaler(settings.hosts, 60 * settings.calm_minutes, 60 * settings.grace_minutes, time.monotonic)
     origins = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins)
-    polled = PolledFleet((), time.monotonic)
-    async with RayFleet(cluster, scaler, polled, time.monotonic, _say) as fleet:
+    async with (
+        Fleet((), time.monotonic) as fleet,
+        RayFleet(cluster, scaler, fleet, time.monotonic, _say) as hosts,
+    ):
         try:
             async with (
                 create_director(fleet, origins=origins, clock=time.monotonic, services=settings.services) as app,
@@ -96,16 +95,16 @@ async def _serve(settings: ClusterSettings, cluster: RayCluster, listener: socke
                     HttpLimits.of(settings.http_limits),
                 ) as port,
             ):
-                await asyncio.wait((stopped, fleet.began), return_when=asyncio.FIRST_COMPLETED)
-                if fleet.began.done():
-                    fleet.began.result()
+                await asyncio.wait((stopped, hosts.began), return_when=asyncio.FIRST_COMPLETED)
+                if hosts.began.done():
+                    hosts.began.result()
                     say_if_open([settings.http])
                     _say(f"Open http://{Address(settings.http.reachable_host, port)}/")
                 await stopped
         finally:
             stopped.cancel()
             try:
-                await asyncio.wait_for(fleet.end(), END_S)
+                await asyncio.wait_for(hosts.end(), END_S)
             except TimeoutError:
                 _abandon(own)
 

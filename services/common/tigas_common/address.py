@@ -1,19 +1,25 @@
-"""Where a server listens: HOST:PORT."""
+"""Addresses and host names: where a server listens, and what `Host`, `Origin` and a peer's address mean."""
 
 from __future__ import annotations
 
+import ipaddress
 import os
 import re
 import socket
 from collections.abc import Iterable
 from dataclasses import dataclass
-
-from tigas_common.hosts import is_loopback
+from functools import lru_cache
 
 ISOLATED = "TIGAS_ISOLATED"
 """Environment variable set for services in a private network namespace, where every address is local to this
 machine.
 """
+
+_NAME = r"(?P<name>\[[0-9a-f:.]+\]|[0-9a-z._-]+)(:[0-9]{1,5})?"
+_HOST = re.compile(_NAME, re.IGNORECASE | re.ASCII)
+_ORIGIN = re.compile(f"https?://{_NAME}", re.IGNORECASE | re.ASCII)
+NETWORK_SUFFIXES = (".local", ".internal", ".home.arpa")
+"""Names that no public server gives (RFC 6762, RFC 8375, ICANN's .internal)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,3 +101,55 @@ def reached_by_others(addresses: Iterable[Address]) -> list[Address]:
 def bracketed(host: str) -> str:
     """A host in the form used in URLs."""
     return f"[{host}]" if ":" in host else host
+
+
+def host_of(text: str) -> str | None:
+    """The name or address in `HOST` or `HOST:PORT`, in small letters and without brackets; None if it is neither."""
+    return _name(_HOST, text)
+
+
+def host_of_origin(text: str) -> str | None:
+    """The same for an origin, `http://HOST:PORT`; None for `null` and other non-origins."""
+    return _name(_ORIGIN, text)
+
+
+def is_address(host: str) -> bool:
+    """Whether a host is an address, which no name server can make lead elsewhere."""
+    return _address(host) is not None
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host is this machine to itself."""
+    address = _address(host)
+    return host == "localhost" or host.endswith(".localhost") if address is None else address.is_loopback
+
+
+def is_network_name(host: str) -> bool:
+    """Whether only the own network can give this name."""
+    return "." not in host or host.endswith(NETWORK_SUFFIXES)
+
+
+@lru_cache(maxsize=4096)
+def client_network(host: str) -> str:
+    """Key for counting a client's address: an IPv4 address itself, the /64 of an IPv6 address.
+
+    Other text, such as a test's placeholder, is its own key.
+    """
+    address = _address(host.partition("%")[0])
+    if isinstance(address, ipaddress.IPv6Address):
+        if address.ipv4_mapped is None:
+            return str(ipaddress.IPv6Network((address, 64), strict=False))
+        address = address.ipv4_mapped
+    return host if address is None else str(address)
+
+
+def _name(pattern: re.Pattern[str], text: str) -> str | None:
+    found = pattern.fullmatch(text)
+    return found["name"].lower().strip("[]").removesuffix(".") if found else None
+
+
+def _address(host: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    try:
+        return ipaddress.ip_address(host)
+    except ValueError:
+        return None

@@ -12,7 +12,7 @@ from typing import Any
 
 from tigas_common.command import Command, Group, list_commands, load, parse, summary
 from tigas_common.errors import StartError, UsageError
-from tigas_common.extras import PROJECT, explained
+from tigas_common.installation import PROJECT, explained
 from tigas_common.terminal import LogFormatter, printable
 
 COMMANDS = "tigas.commands"

@@ -1,22 +1,21 @@
-"""`/openapi.json`: a service's API (OpenAPI 3.1), from its routes, their docstrings and their types."""
+"""Description of a service's API from its routes, docstrings and types: OpenAPI 3.1, and an index of paths."""
 
 from __future__ import annotations
 
 import asyncio
 import inspect
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from importlib.metadata import version
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeAlias, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 from starlette.requests import Request
-from starlette.responses import Response
+from starlette.responses import PlainTextResponse, Response
 from starlette.routing import BaseRoute, Route
 
-from tigas_common.described import HAS_IT_ALREADY, JSON, described, description
-from tigas_common.web import ModelResponse, Tagged
+from tigas_common.web import HAS_IT_ALREADY, JSON, NO_STORE, TEXT, ModelResponse, Tagged, described
 from tigas_common.wire.render import Problem
 
 PATH = "/openapi.json"
@@ -25,6 +24,9 @@ REFERENCE = "#/components/schemas/{model}"
 Schema = tuple[type[BaseModel], Literal["validation", "serialization"]]
 """A model, as input or as output."""
 PROBLEM: Schema = (Problem, "serialization")
+References: TypeAlias = "dict[Any, dict[str, Any]]"
+Content: TypeAlias = "type[BaseModel] | type[list[BaseModel]] | tuple[str, ...]"
+"""A body: a model, a list of a model's, or media types."""
 
 
 def openapi(name: str) -> Route:
@@ -43,14 +45,28 @@ def openapi(name: str) -> Route:
     return Route(PATH, openapi)
 
 
-def _encoded(name: str, routes: Iterable[BaseRoute]) -> Tagged:
-    return Tagged(json.dumps(describe(name, routes), separators=(",", ":")).encode(), JSON)
+def index(name: str) -> Route:
+    """The index at `/` of a service without a page: its routes, each with the first line of its docstring."""
+
+    @described(gives=(TEXT,))
+    async def listing(request: Request) -> Response:
+        """List of this service's routes."""
+        lines = [f"{name}, TIGAS {version('tigas')}", ""]
+        for route in request.app.routes:
+            if isinstance(route, Route) and route.path != "/":
+                lines.append(f"{'/'.join(_methods(route)):7}{route.path_format}\n       {_docstring(route)[0]}")
+        return PlainTextResponse("\n".join(lines) + "\n", headers=NO_STORE)
+
+    return Route("/", listing)
 
 
 def describe(name: str, routes: Iterable[BaseRoute]) -> dict[str, Any]:
     """The document."""
     described = [(route, method) for route in routes if isinstance(route, Route) for method in _methods(route)]
-    models = {model for route, _ in described for model in _models(route)} | {PROBLEM}
+    models = {PROBLEM}
+    for route, _ in described:
+        models |= {(_model(taken), "validation") for taken in (_taken(route),) if not isinstance(taken, tuple)}
+        models |= {(_model(given), "serialization") for given in (_given(route),) if not isinstance(given, tuple)}
     ordered = sorted(models, key=lambda schema: (schema[0].__name__, schema[1]))
     references, schemas = models_json_schema(ordered, ref_template=REFERENCE)
     paths: dict[str, dict[str, Any]] = {}
@@ -64,66 +80,73 @@ def describe(name: str, routes: Iterable[BaseRoute]) -> dict[str, Any]:
     }
 
 
-def _operation(route: Route, method: str, references: dict[Any, dict[str, Any]]) -> dict[str, Any]:
-    summary, _, rest = (inspect.getdoc(route.endpoint) or "").partition("\n")
-    said = description(route.endpoint)
-    text = {"type": "string"}
+def _encoded(name: str, routes: Iterable[BaseRoute]) -> Tagged:
+    return Tagged(json.dumps(describe(name, routes), separators=(",", ":")).encode(), JSON)
+
+
+def _operation(route: Route, method: str, references: References) -> dict[str, Any]:
+    summary, rest = _docstring(route)
+    documentation = _documentation(route)
+    parameters: list[tuple[str, str, dict[str, str]]] = [("path", name, {}) for name in route.param_convertors]
+    parameters += [("query", name, {"description": text}) for name, text in documentation.query.items()]
     operation: dict[str, Any] = {
         "operationId": f"{method.lower()}_{route.name}",
         "summary": summary,
         "parameters": [
-            *({"name": name, "in": "path", "required": True, "schema": text} for name in route.param_convertors),
-            *({"name": name, "in": "query", "description": what, "schema": text} for name, what in said.query.items()),
+            {"name": name, "in": place, "required": place == "path", "schema": {"type": "string"}, **more}
+            for place, name, more in parameters
         ],
         "responses": {
             "2XX": {"description": "It is done."},
-            **{str(status): {"description": what} for status, what in said.also.items()},
+            **{str(status): {"description": text} for status, text in documentation.also.items()},
             "default": {
                 "description": "Why it is not.",
                 "content": {"application/problem+json": {"schema": references[PROBLEM]}},
             },
         },
     }
-    if rest.strip():
-        operation["description"] = rest.strip()
+    if rest:
+        operation["description"] = rest
     if taken := _taken(route):
-        operation["requestBody"] = {"required": True, "content": {JSON: {"schema": references[taken, "validation"]}}}
-    elif isinstance(said.takes, tuple) and said.takes:
-        operation["requestBody"] = {"required": True, "content": {media: {} for media in said.takes}}
+        operation["requestBody"] = {"required": True, "content": _content(taken, "validation", references)}
     if given := _given(route):
-        model, is_list = given
-        schema = references[model, "serialization"]
-        schema = {"type": "array", "items": schema} if is_list else schema
-        operation["responses"]["2XX"]["content"] = {JSON: {"schema": schema}}
-    elif isinstance(said.gives, tuple) and said.gives:
-        operation["responses"]["2XX"]["content"] = {media: {} for media in said.gives}
+        operation["responses"]["2XX"]["content"] = _content(given, "serialization", references)
     return operation
+
+
+def _content(content: Content, use: str, references: References) -> dict[str, Any]:
+    if isinstance(content, tuple):
+        return {media: {} for media in content}
+    schema = references[_model(content), use]
+    return {JSON: {"schema": {"type": "array", "items": schema} if get_origin(content) is list else schema}}
 
 
 def _methods(route: Route) -> list[str]:
     return sorted((route.methods or set()) - {"HEAD"})
 
 
-def _models(route: Route) -> Iterator[Schema]:
-    if taken := _taken(route):
-        yield taken, "validation"
-    if given := _given(route):
-        yield given[0], "serialization"
+def _docstring(route: Route) -> tuple[str, str]:
+    """The first line, and the rest."""
+    summary, _, rest = (inspect.getdoc(route.endpoint) or "").partition("\n")
+    return summary, rest.strip()
 
 
-def _taken(route: Route) -> type[BaseModel] | None:
-    """The model of its body, if any."""
-    said = description(route.endpoint).takes
-    return said if isinstance(said, type) else getattr(route.endpoint, "taken", None)
+def _documentation(route: Route) -> described:
+    return getattr(route.endpoint, "described", None) or described()
 
 
-def _given(route: Route) -> tuple[type[BaseModel], bool] | None:
-    """The model of its answer, or of the items of a list, if any."""
-    said = description(route.endpoint).gives
-    if isinstance(said, type):
-        return said, False
+def _taken(route: Route) -> Content:
+    """The body of its requests, if any."""
+    return getattr(route.endpoint, "taken", None) or _documentation(route).takes
+
+
+def _given(route: Route) -> Content:
+    """The body of its answers, if any."""
     answer = get_type_hints(route.endpoint).get("return") if inspect.isroutine(route.endpoint) else None
-    if get_origin(answer) is not ModelResponse:
-        return None
-    (given,) = get_args(answer)
-    return (get_args(given)[0], True) if get_origin(given) is list else (given, False)
+    return get_args(answer)[0] if get_origin(answer) is ModelResponse else _documentation(route).gives
+
+
+def _model(content: Any) -> type[BaseModel]:
+    """A model itself, or that of a list."""
+    model: type[BaseModel] = get_args(content)[0] if get_origin(content) is list else content
+    return model

@@ -1,12 +1,14 @@
-"""Assigns scenes to places: a few at first, more under high load."""
+"""Scenes on several servers, engines of a host or hosts of a cluster: which serve a scene, and their lists as one."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import blake2b
+
+from tigas_common.wire.render import SceneInfo
 
 WIDEN_S = 1.0
 """Seconds of pressure on all places of a scene before it gets another one."""
@@ -16,6 +18,9 @@ MOST_NARROW_S = 480.0
 """The same after a premature reduction: it doubles each time."""
 MOST_SCENES = 1024
 """Maximum number of scenes remembered; the least recently requested one is dropped."""
+
+STATES = ("loaded", "loading", "unloaded", "broken")
+"""The states of a scene, the best first. The best one on any server counts."""
 
 
 @dataclass(frozen=True)
@@ -122,3 +127,25 @@ def _widen(width: _Width, count: int, now: float) -> None:
 def _narrow(width: _Width, now: float) -> None:
     width.places = max(1, width.places - 1)
     width.calm_since = width.narrowed = now
+
+
+def merged_scenes(lists: Iterable[Sequence[SceneInfo]]) -> list[SceneInfo]:
+    """Merge several servers' lists into one, sorted by id."""
+    found: dict[str, list[SceneInfo]] = {}
+    for infos in lists:
+        for info in infos:
+            found.setdefault(info.id, []).append(info)
+    return [merged_scene(found[id]) for id in sorted(found)]
+
+
+def merged_scene(infos: Sequence[SceneInfo]) -> SceneInfo:
+    """Merge several servers' descriptions of a scene. Facts that are known after loading may come from any of them."""
+    best = min(infos, key=lambda info: STATES.index(info.state))
+    known = {
+        name: next((value for info in infos if (value := getattr(info, name)) is not None), None)
+        for name in ("gaussians", "sh_degree", "camera", "file_sha256")
+        if getattr(best, name) is None
+    }
+    if best.state == "loading":
+        known["progress"] = max(info.progress or 0 for info in infos)
+    return best.model_copy(update={**known, "memory_bytes": sum(info.memory_bytes for info in infos)})

@@ -13,17 +13,20 @@ from pathlib import Path
 from typing import Any
 
 import uvicorn
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from tigas_common.address import Address
-from tigas_common.errors import StartError
-from tigas_common.http_limits import HttpLimits
+from tigas_common.errors import Overloaded, StartError, problem
 from tigas_common.http_server import LimitedServer
-from tigas_common.memory import give_back_regularly
+from tigas_common.limits import HttpLimits
 from tigas_common.parsing import MAX_BODY
-from tigas_common.stopping import told_when_stopping
+from tigas_common.resources import give_back_regularly
+from tigas_common.web import problem_response
 
 UNIX_IDLE_S = 60
 """How long a connection over a Unix socket may be idle: longer than our own processes keep one for another request."""
+
+STOPPING = "The service is stopping."
 
 
 @asynccontextmanager
@@ -50,7 +53,7 @@ async def serve_listener(
 ) -> AsyncIterator[int]:
     """The same on a socket that listens already, perhaps in other processes as well; it is closed here at the end."""
     config = uvicorn.Config(
-        told_when_stopping(app),
+        answer_cancelled(app),
         lifespan="off",
         log_level="critical",  # applications log their own failures; the rest are disconnects
         access_log=False,
@@ -69,7 +72,7 @@ async def serve_unix(app: Any, path: Path) -> AsyncIterator[None]:
     `X-Forwarded-For`.
     """
     config = uvicorn.Config(
-        told_when_stopping(app),
+        answer_cancelled(app),
         uds=str(path),
         lifespan="off",
         log_level="critical",
@@ -112,6 +115,27 @@ async def _running(server: LimitedServer | _UnixServer, sockets: list[socket.soc
         server.should_exit = True
         with suppress(asyncio.CancelledError):
             await running
+
+
+def answer_cancelled(app: ASGIApp) -> ASGIApp:
+    """An application that answers requests that a shutdown cancels with 503, in place of uvicorn's 500."""
+
+    async def answering(scope: Scope, receive: Receive, send: Send) -> None:
+        started = False
+
+        async def noting(message: Message) -> None:
+            nonlocal started
+            started = True
+            await send(message)
+
+        try:
+            await app(scope, receive, noting)
+        except asyncio.CancelledError:
+            if started or scope["type"] != "http":
+                raise
+            await problem_response(problem(Overloaded(STOPPING)))(scope, receive, send)
+
+    return answering
 
 
 @contextmanager

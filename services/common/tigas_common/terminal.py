@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 import unicodedata
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -33,6 +35,19 @@ def make_console(*, stderr: bool = False, soft_wrap: bool = False) -> Console:
             return super().render_str(printable(text, lines=True), **arguments)
 
     return _Console(stderr=stderr, soft_wrap=soft_wrap, markup=False, emoji=False, highlight=False)
+
+
+@contextmanager
+def progress_bar(text: str = "") -> Iterator[Callable[[float, str], None]]:
+    """A progress bar in a terminal; takes the share that is done, from 0 to 1, and the text to show from now on."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    text_column = TextColumn("{task.description}", markup=False)
+    columns = (BarColumn(), TextColumn("{task.percentage:.0f} %"), TimeElapsedColumn(), text_column)
+    console = make_console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(text, total=1.0)
+        yield lambda done, text: bar.update(task, completed=done, description=text)
 
 
 class LogFormatter(logging.Formatter):

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 from urllib.parse import urlsplit
 
-from tigas_common.address import Address, bracketed
-from tigas_common.hosts import is_loopback
+from tigas_common.address import Address, bracketed, is_loopback
 
 ServiceName = Literal["dash", "shaper", "store"]
 """The page's names of the services other than the render service."""

@@ -1,4 +1,4 @@
-"""Shared basis of the Starlette applications: bodies in, models and problem+json (RFC 9457) out, and health."""
+"""Shared basis of the Starlette applications: bodies in, models and problem+json (RFC 9457) out, and documentation."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import hashlib
 import logging
 import math
 from collections.abc import Awaitable, Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import wraps
 from typing import Any, Generic, TypeAlias, TypeVar
 
@@ -15,10 +16,9 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 
-from tigas_common.described import JSON, described
 from tigas_common.errors import BodyTooLarge, InvalidRequest, RequestTimeout, TigasError, problem
+from tigas_common.limits import IdleTimeout
 from tigas_common.parsing import MAX_BODY, Message, legible, parse
-from tigas_common.patience import Patience
 from tigas_common.wire.render import Problem
 
 logger = logging.getLogger(__name__)
@@ -28,14 +28,40 @@ BODY_S = 10.0
 BODY_BYTES_PER_S = 500.0
 """or if it comes more slowly than this for long."""
 
+ARRIVED = "arrived"
+"""Key of the request's arrival time in an ASGI scope's `state`, in seconds of the monotonic clock."""
 NO_STORE = {"Cache-Control": "no-store"}
 """Header of an answer that must not be cached."""
+JSON = "application/json"
+TEXT = "text/plain"
+BYTES = "application/octet-stream"
+PICTURES = ("image/jpeg", "image/png", "image/webp")
+HAS_IT_ALREADY = {304: "The client has it already, as its `If-None-Match` says."}
 
 Model = TypeVar("Model", bound=BaseModel)
 Given = TypeVar("Given")
 Answer = TypeVar("Answer", bound=Response)
 Endpoint: TypeAlias = "Callable[[Request], Awaitable[Answer]]"
 BodyEndpoint: TypeAlias = "Callable[[Request, Body[Message]], Awaitable[Answer]]"
+AnyEndpoint = TypeVar("AnyEndpoint", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class described:
+    """Decorator that documents an endpoint, beyond its types, in the service's API description."""
+
+    query: Mapping[str, str] = field(default_factory=dict)
+    """Its parameters, all optional, with their meanings."""
+    takes: type[BaseModel] | tuple[str, ...] = ()
+    """Its body, where it reads that itself: a message, or something of one of these media types."""
+    gives: type[BaseModel] | tuple[str, ...] = ()
+    """The same of its answer, where that is no ModelResponse."""
+    also: Mapping[int, str] = field(default_factory=dict)
+    """Additional statuses, with their meanings."""
+
+    def __call__(self, endpoint: AnyEndpoint) -> AnyEndpoint:
+        endpoint.described = self  # type: ignore[attr-defined]
+        return endpoint
 
 
 class ModelResponse(Response, Generic[Given]):
@@ -98,15 +124,15 @@ async def read_body(request: Request, limit: int) -> bytes:
     """
     body = bytearray()
     loop = asyncio.get_running_loop()
-    patience = Patience(BODY_S, BODY_BYTES_PER_S, loop.time())
+    idle = IdleTimeout(BODY_S, BODY_BYTES_PER_S, loop.time())
     try:
-        async with asyncio.timeout_at(patience.until) as timeout:
+        async with asyncio.timeout_at(idle.until) as timeout:
             async for part in request.stream():
                 body += part
                 if len(body) > limit:
                     raise BodyTooLarge(f"The body is larger than {limit} bytes.")
-                patience.progress(len(part), loop.time())
-                timeout.reschedule(patience.until)
+                idle.progress(len(part), loop.time())
+                timeout.reschedule(idle.until)
     except TimeoutError:
         raise RequestTimeout("The request's body did not come in time.") from None
     except ClientDisconnect:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections import Counter
 from collections.abc import AsyncIterator
 
 from starlette.applications import Starlette
@@ -13,31 +12,40 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from tigas_common.described import TEXT, described
+from tigas_common.address import host_of
 from tigas_common.errors import TigasError, problem
-from tigas_common.front_door import front_door
-from tigas_common.hosts import host_of
 from tigas_common.metrics import CountedRequests, metrics_route, new_registry
-from tigas_common.openapi import openapi
+from tigas_common.openapi import index, openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.parsing import parse
 from tigas_common.web import (
     EXCEPTION_HANDLERS,
     NO_STORE,
+    TEXT,
     Body,
     ModelResponse,
     created_response,
+    described,
     healthz,
     json_response,
     list_response,
     takes,
 )
-from tigas_common.wire.dash import FrameShown, PoseUpdate, SessionInfo, SessionRequest, SessionStatus
-from tigas_common.wire.webrtc import MAX_SDP, WebRtcRequest, WebRtcSession
+from tigas_common.wire.dash import (
+    MAX_SDP,
+    FrameShown,
+    PoseUpdate,
+    SessionInfo,
+    SessionRequest,
+    SessionStatus,
+    WebRtcRequest,
+    WebRtcSession,
+)
 from tigas_dash.clock import iso
 from tigas_dash.errors import UnknownSegment, UnknownSession
 from tigas_dash.session import Session
-from tigas_dash.sessions import Sessions, Stream
+from tigas_dash.sessions import Sessions
+from tigas_dash.stream import Stream
 from tigas_dash.webrtc.service import WebRtc
 
 MAX_OFFER = 2 * MAX_SDP
@@ -51,11 +59,11 @@ UNKNOWN_SESSION = 4004
 
 
 def create_app(sessions: Sessions, policy: OriginPolicy, webrtc: WebRtc) -> ASGIApp:
-    """The application over running sessions, which are its caller's to open and close; None: without WebRTC."""
+    """The application over running sessions, which are its caller's to open and close."""
     registry = new_registry("dash", sessions.metrics)
     app = Starlette(
         routes=[
-            front_door("DASH packager"),
+            index("DASH packager"),
             openapi("DASH packager"),
             Route("/sessions", open_session, methods=["POST"]),
             Route("/sessions", list_sessions),
@@ -129,37 +137,26 @@ async def manifest(request: Request) -> Response:
 @described(gives=("video/mp4",))
 async def init_segment(request: Request) -> Response:
     """A representation's CMAF header."""
-    header = _session(request).media.header(request.path_params["representation"])
-    return Response(header, media_type="video/mp4", headers=NO_STORE)
+    track = _session(request).media.track(request.path_params["representation"])
+    return Response(track.header, media_type="video/mp4", headers=NO_STORE)
 
 
 @described(gives=("video/iso.segment",))
 async def media_segment(request: Request) -> Response:
     """A segment, sent while it grows; the response waits for one that is about to begin."""
-    session, representation = _session(request), request.path_params["representation"]
-    media = session.media
-    window, rung = media.segments(representation), media.rung(representation)
-    text = request.path_params["segment"]
-    if not (text.isascii() and text.isdecimal() and len(text) <= 12):
+    session = _session(request)
+    track, number = session.media.track(request.path_params["representation"]), request.path_params["segment"]
+    if not (number.isascii() and number.isdecimal() and len(number) <= 12):
         raise UnknownSegment("Segments are numbered from 1.")
-    return StreamingResponse(
-        _counted(_in_time(window.read(int(text)), media.readable_s), session.sent_bytes, rung),
-        media_type="video/iso.segment",
-        headers=NO_STORE,
-    )
+    chunks = track.segments.read(int(number))
 
+    async def counted() -> AsyncIterator[bytes]:
+        async with asyncio.timeout(session.media.readable_s):  # a stalled reader does not keep it in memory for ever
+            async for chunk in chunks:
+                session.sent_bytes[track.representation.rung] += len(chunk)
+                yield chunk
 
-async def _in_time(chunks: AsyncIterator[bytes], seconds: float) -> AsyncIterator[bytes]:
-    """The chunks, for readers that keep up: a stalled reader does not keep its segment in memory forever."""
-    async with asyncio.timeout(seconds):
-        async for chunk in chunks:
-            yield chunk
-
-
-async def _counted(chunks: AsyncIterator[bytes], sent_bytes: Counter[int], rung: int) -> AsyncIterator[bytes]:
-    async for chunk in chunks:
-        sent_bytes[rung] += len(chunk)
-        yield chunk
+    return StreamingResponse(counted(), media_type="video/iso.segment", headers=NO_STORE)
 
 
 @described(gives=(TEXT,))

@@ -1,18 +1,25 @@
-"""H.264 with no delay: every frame that goes in comes out at once."""
+"""H.264 with no delay: one rendered frame in, one encoded frame of every representation out."""
 
 from __future__ import annotations
 
+import logging
+import re
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
 
 import av
+import numpy as np
 from av.video.frame import PictureType
+from av.video.reformatter import Interpolation, VideoReformatter
 
-from tigas_dash.cmaf.chunk import Sample
-from tigas_dash.cmaf.header import BT709, ParameterSets
+from tigas_dash.cmaf import BT709, ParameterSets, Sample
 from tigas_dash.errors import EncoderUnavailable
-from tigas_dash.h264 import parameter_sets, to_sample
 from tigas_dash.representation import Representation
+
+logger = logging.getLogger(__name__)
 
 EncoderName = Literal["libx264", "h264_nvenc"]
 _OPTIONS: dict[EncoderName, dict[str, str]] = {
@@ -26,6 +33,26 @@ _OPTIONS: dict[EncoderName, dict[str, str]] = {
 }
 BUFFER_S = 0.25
 """The rate is held over this long (the VBV buffer): a keyframe is no longer a burst than that, in seconds."""
+_START_CODE = re.compile(rb"\x00\x00\x00?\x01")
+_SEI, _SPS, _PPS, _DELIMITER = 6, 7, 8, 9
+"""Types of NAL units (ITU-T H.264, 7.4.1)."""
+
+
+@dataclass(frozen=True, slots=True)
+class RawFrame:
+    """A rendered view."""
+
+    data: bytes
+    """I420: planar yuv420p in BT.709, limited range, without padding."""
+    width: int
+    height: int
+    pose: int
+    """The number of the pose that it shows."""
+
+    def video_frame(self) -> av.VideoFrame:
+        """A copy for FFmpeg."""
+        planes = np.frombuffer(self.data, np.uint8).reshape(self.height * 3 // 2, self.width)
+        return av.VideoFrame.from_ndarray(planes, format="yuv420p")
 
 
 class Encoder:
@@ -49,7 +76,7 @@ class Encoder:
         self._codec = codec
         try:
             codec.open()
-            self.parameters: ParameterSets = parameter_sets(codec.extradata or b"")
+            self.parameters: ParameterSets = _parameter_sets(codec.extradata or b"")
         except (av.FFmpegError, ValueError) as error:
             raise EncoderUnavailable(
                 f"{name} cannot encode {representation.width}×{representation.height}: {error}."
@@ -63,7 +90,70 @@ class Encoder:
         packets = self._codec.encode(frame)
         if len(packets) != 1:
             raise ValueError(f"the encoder gave {len(packets)} frames for one")
-        return Sample(to_sample(bytes(packets[0])), packets[0].is_keyframe)
+        return Sample(_to_sample(bytes(packets[0])), packets[0].is_keyframe)
+
+
+class LadderEncoder:
+    """The encoders of all representations: the largest has the rendered size, the others are scaled from it.
+
+    Not thread-safe.
+    """
+
+    def __init__(
+        self, name: EncoderName, ladder: Sequence[Representation], frame_rate: int, keyframe_every: int
+    ) -> None:
+        """Raises EncoderUnavailable."""
+        self._name = name
+        self._ladder = ladder
+        self._frame_rate = frame_rate
+        self._keyframe_every = keyframe_every
+        self._encoders = self._open()
+        self._scale = VideoReformatter()
+        self._scaled: tuple[RawFrame, list[av.VideoFrame]] | None = None
+        self.failures = 0
+        self.parameters = [encoder.parameters for encoder in self._encoders]
+        """One for each representation."""
+
+    def encode(self, frame: RawFrame, number: int) -> list[Sample]:
+        """The frame with this `number` in the stream, once for each representation.
+
+        A failing encoder is replaced, and the stream continues with a keyframe. Raises EncoderUnavailable if that
+        fails.
+        """
+        images = self._images(frame)
+        keyframe = number % self._keyframe_every == 0
+        try:
+            return self._encode(images, number, keyframe)
+        except (av.FFmpegError, ValueError) as error:
+            self.failures += 1
+            logger.warning("The encoder failed at frame %d and is replaced: %s", number, error)
+        self._encoders = self._open()
+        if [encoder.parameters for encoder in self._encoders] != self.parameters:
+            raise EncoderUnavailable("The encoder failed, and its replacement does not fit the stream.")
+        try:
+            return self._encode(images, number, True)
+        except (av.FFmpegError, ValueError) as error:
+            raise EncoderUnavailable(f"The encoder failed twice at one frame: {error}.") from None
+
+    def _encode(self, images: Sequence[av.VideoFrame], number: int, keyframe: bool) -> list[Sample]:
+        pairs = zip(self._encoders, images, strict=True)
+        return [encoder.encode(image, number, keyframe=keyframe) for encoder, image in pairs]
+
+    def _open(self) -> list[Encoder]:
+        return [Encoder(self._name, representation, self._frame_rate) for representation in self._ladder]
+
+    def _images(self, frame: RawFrame) -> list[av.VideoFrame]:
+        """The frame at every resolution; a frame that is repeated is not scaled again."""
+        if self._scaled is None or self._scaled[0] is not frame:
+            whole = frame.video_frame()
+            images = [
+                whole
+                if (one.width, one.height) == (frame.width, frame.height)
+                else self._scale.reformat(whole, one.width, one.height, interpolation=Interpolation.AREA)
+                for one in self._ladder
+            ]
+            self._scaled = frame, images
+        return self._scaled[1]
 
 
 def choose_encoder() -> EncoderName:
@@ -75,3 +165,24 @@ def choose_encoder() -> EncoderName:
     except (av.FFmpegError, EncoderUnavailable, ValueError):
         return "libx264"
     return "h264_nvenc"
+
+
+def _nal_units(stream: bytes) -> Iterator[tuple[int, bytes]]:
+    """Type and bytes of each NAL unit of a byte stream (ITU-T H.264, annex B)."""
+    for unit in _START_CODE.split(stream)[1:]:
+        if unit:
+            yield unit[0] & 0x1F, unit
+
+
+def _parameter_sets(stream: bytes) -> ParameterSets:
+    """The first parameter sets in a byte stream. Raises ValueError if it has none."""
+    found = dict(reversed(list(_nal_units(stream))))
+    if _SPS not in found or _PPS not in found:
+        raise ValueError("the encoder gave no parameter sets")
+    return ParameterSets(found[_SPS], found[_PPS])
+
+
+def _to_sample(stream: bytes) -> bytes:
+    """A frame in an `mdat`: lengths for start codes, without the parameter sets of the init segment."""
+    units = (unit for kind, unit in _nal_units(stream) if kind not in (_SEI, _SPS, _PPS, _DELIMITER))
+    return b"".join(struct.pack(">I", len(unit)) + unit for unit in units)

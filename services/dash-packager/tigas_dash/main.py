@@ -8,10 +8,10 @@ import av.logging
 import httpx
 
 from tigas_common.address import say_if_open
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.loop_share import LoopShare
-from tigas_common.memory import keep_together
 from tigas_common.origins import OriginPolicy
+from tigas_common.resources import keep_together
 from tigas_common.runner import explained, serve_listener, until_stopped
 from tigas_dash.app import create_app
 from tigas_dash.clock import Clock

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
 from datetime import datetime, timedelta
 
 from tigas_common.wire.dash import RepresentationInfo, SessionRequest
-from tigas_dash.cmaf.chunk import Sample, chunk
-from tigas_dash.cmaf.header import ParameterSets, init_segment
+from tigas_dash.cmaf import ParameterSets, Sample, chunk, init_segment
 from tigas_dash.errors import UnknownSegment
-from tigas_dash.mpd import Stream, manifest
+from tigas_dash.mpd import manifest
 from tigas_dash.representation import Representation
 from tigas_dash.segments import SegmentWindow
 
@@ -17,6 +17,24 @@ WINDOW_S = 10.0
 """How far back segments are kept, in seconds; at least three of them."""
 UNITS_PER_FRAME = 1000
 """Units of the timescale in one frame's duration."""
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """One representation's media."""
+
+    representation: Representation
+    codecs: str
+    header: bytes
+    """The init segment."""
+    segments: SegmentWindow
+    pending: list[Sample] = field(default_factory=list)
+    """Frames of the next chunk."""
+
+    @property
+    def info(self) -> RepresentationInfo:
+        """Properties for viewers."""
+        return RepresentationInfo(id=self.representation.id, codecs=self.codecs, **asdict(self.representation))
 
 
 class Media:
@@ -31,32 +49,32 @@ class Media:
     ) -> None:
         """`parameters` are each representation's; frame 0 was captured at `start`."""
         self._request = request
-        self._ladder = ladder
-        self._parameters = parameters
         self._start = start
         self._segment_s = request.frames_per_segment / request.frame_rate
         self._keep = max(3, round(WINDOW_S / self._segment_s))
-        self._windows = {one.id: SegmentWindow(self._keep) for one in ladder}
         self._timescale = request.frame_rate * UNITS_PER_FRAME
-        self._headers = {
-            one.id: init_segment(sets, one.width, one.height, self._timescale)
+        self._tracks = {
+            one.id: Track(
+                one,
+                sets.codecs,
+                init_segment(sets, one.width, one.height, self._timescale),
+                SegmentWindow(self._keep),
+            )
             for one, sets in zip(ladder, parameters, strict=True)
         }
-        self._rungs = {one.id: one.rung for one in ladder}
-        self._pending: list[list[Sample]] = [[] for _ in ladder]
         self._pending_ticks: list[int] = []
         self._chunks = 0
 
     @property
-    def representations(self) -> tuple[RepresentationInfo, ...]:
-        """Properties of each representation for viewers."""
-        return tuple(
-            RepresentationInfo(
-                id=one.id, rung=one.rung, width=one.width, height=one.height, bitrate_kbps=one.bitrate_kbps,
-                codecs=sets.codecs,
-            )
-            for one, sets in zip(self._ladder, self._parameters, strict=True)
-        )  # fmt: skip
+    def tracks(self) -> list[Track]:
+        """Those of all representations, the best first."""
+        return list(self._tracks.values())
+
+    def track(self, representation: str) -> Track:
+        """A representation's track. Raises UnknownSegment."""
+        if representation not in self._tracks:
+            raise UnknownSegment(f"The session has no representation {representation[:64]!r}.")
+        return self._tracks[representation]
 
     @property
     def readable_s(self) -> float:
@@ -65,37 +83,21 @@ class Media:
 
     def manifest(self, time_url: str, published: datetime) -> bytes:
         """The MPD."""
-        request = self._request
-        stream = Stream(
-            start=self._start,
-            ladder=self._ladder,
-            codecs=[sets.codecs for sets in self._parameters],
-            frame_rate=request.frame_rate,
+        return manifest(
+            self._request,
+            [track.representation for track in self.tracks],
+            [track.codecs for track in self.tracks],
             timescale=self._timescale,
-            frames_per_segment=request.frames_per_segment,
-            frames_per_chunk=request.frames_per_chunk,
             window_segments=self._keep,
-            target_latency_ms=request.target_latency_ms,
+            start=self._start,
+            published=published,
             time_url=time_url,
         )
-        return manifest(stream, published)
-
-    def header(self, representation: str) -> bytes:
-        """The init segment. Raises UnknownSegment if there is no such representation."""
-        return self._headers[self._known(representation)]
-
-    def segments(self, representation: str) -> SegmentWindow:
-        """The media segments, likewise."""
-        return self._windows[self._known(representation)]
-
-    def rung(self, representation: str) -> int:
-        """Which rung it shows, likewise."""
-        return self._rungs[self._known(representation)]
 
     def append(self, number: int, ticks: int, samples: Sequence[Sample]) -> None:
         """Add frame `number` of each representation, shown for this many ticks."""
-        for pending, sample in zip(self._pending, samples, strict=True):
-            pending.append(sample)
+        for track, sample in zip(self.tracks, samples, strict=True):
+            track.pending.append(sample)
         self._pending_ticks.append(ticks)
         per_segment, per_chunk = self._request.frames_per_segment, self._request.frames_per_chunk
         begin = number % per_segment
@@ -105,8 +107,8 @@ class Media:
 
     def close(self) -> None:
         """There are no more frames: readers end."""
-        for window in self._windows.values():
-            window.close()
+        for track in self.tracks:
+            track.segments.close()
 
     def _publish_chunk(self, first: int) -> None:
         """Flush pending frames; the first one is number `first`."""
@@ -114,19 +116,14 @@ class Media:
         segment, place = divmod(first, self._request.frames_per_segment)
         durations = [ticks * UNITS_PER_FRAME for ticks in self._pending_ticks]
         self._pending_ticks.clear()
-        for one, pending in zip(self._ladder, self._pending, strict=True):
+        for track in self.tracks:
             data = chunk(
-                pending,
+                track.pending,
                 durations,
                 sequence=self._chunks,
                 decode_time=first * UNITS_PER_FRAME,
                 captured=self._start + timedelta(seconds=first / self._request.frame_rate),
                 first=place == 0,
             )
-            self._windows[one.id].append(segment + 1, data)
-            pending.clear()
-
-    def _known(self, representation: str) -> str:
-        if representation not in self._windows:
-            raise UnknownSegment(f"The session has no representation {representation[:64]!r}.")
-        return representation
+            track.segments.append(segment + 1, data)
+            track.pending.clear()

@@ -33,7 +33,7 @@ class Representation:
 
     @property
     def pixels(self) -> int:
-        """How many."""
+        """Number of pixels."""
         return self.width * self.height
 
 

@@ -1,24 +1,22 @@
-"""One viewer's stream: at each tick the view from the newest pose, encoded; media time is locked to the clock."""
+"""One viewer's DASH stream: at each tick the view from the newest pose, encoded; media time is locked to the clock."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
 import math
-from collections import Counter
 from collections.abc import AsyncIterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 
 from tigas_common.errors import TigasError
-from tigas_common.wire.dash import FrameShown, PoseUpdate, SessionInfo, SessionRequest, SessionStatus
+from tigas_common.wire.dash import FrameShown, PoseUpdate, SessionInfo, SessionRequest
 from tigas_dash.clock import Clock
-from tigas_dash.encoding import LadderEncoder, RawFrame
+from tigas_dash.encoder import LadderEncoder, RawFrame
 from tigas_dash.media import Media
-from tigas_dash.metrics import Transport
 from tigas_dash.representation import Representation
 from tigas_dash.source import ViewSource
-from tigas_dash.views import NewestView, first_pose
+from tigas_dash.stream import Stream
 
 logger = logging.getLogger(__name__)
 
@@ -28,33 +26,24 @@ MAX_UNREAD = 300
 """Announcements that wait for a slow reader; it misses older ones."""
 
 
-class Session:
-    """A running stream, made and run by `Sessions.open`."""
+class Session(Stream):
+    """A DASH stream, made and run by `Sessions.open`."""
 
-    transport: Transport = "dash"
+    transport = "dash"
+    _request: SessionRequest
 
     def __init__(
         self, name: str, request: SessionRequest, ladder: Sequence[Representation], source: ViewSource,
         encoder: LadderEncoder, first: RawFrame, clock: Clock,
     ) -> None:  # fmt: skip
-        self.name = name
-        self.used_at = clock.now()
-        """Time of the last request for it, on the monotonic clock."""
-        self.rungs = tuple(one.rung for one in ladder)
-        self.sent_bytes: Counter[int] = Counter()
-        """Of segments, by rung."""
+        super().__init__(name, request, tuple(one.rung for one in ladder), source, first, clock)
+        self.media = Media(request, ladder, encoder.parameters, clock.wall(self._started_at))
         self._next = 0
         """The number of the frame to encode next."""
-        self._request = request
         self._encoder = encoder
-        self._clock = clock
-        self._started_at = clock.now()
-        self.media = Media(request, ladder, encoder.parameters, clock.wall(self._started_at))
-        self._views = NewestView(name, source, first_pose(request), first, clock)
         # One frame waits while another is encoded; a longer queue would only make a slow stream late.
         self._to_encode: asyncio.Queue[tuple[int, int, RawFrame]] = asyncio.Queue(1)
         self._watchers: set[asyncio.Queue[FrameShown | None]] = set()
-        self._frames = self._repeated = self._dropped = self._poses = 0
 
     @property
     def info(self) -> SessionInfo:
@@ -64,7 +53,7 @@ class Session:
             id=self.name,
             manifest=f"/sessions/{self.name}/manifest.mpd",
             poses=f"/sessions/{self.name}/poses",
-            representations=self.media.representations,
+            representations=tuple(track.info for track in self.media.tracks),
             frame_rate=request.frame_rate,
             segment_s=request.frames_per_segment / request.frame_rate,
             frames_per_chunk=request.frames_per_chunk,
@@ -72,26 +61,20 @@ class Session:
         )
 
     @property
-    def status(self) -> SessionStatus:
-        """How it does."""
-        return SessionStatus(
-            id=self.name,
-            scene=self._request.scene,
-            age_s=self._clock.now() - self._started_at,
-            frames=self._frames,
-            repeated=self._repeated,
-            dropped=self._dropped,
-            poses=self._poses,
-            render_failures=self._views.failures,
-            render_problem=self._views.problem,
-            encoder_failures=self._encoder.failures,
-            watchers=len(self._watchers),
-        )
+    def behind_s(self) -> float:
+        return max(0.0, self._clock.now() - self._due(self._next))
 
     @property
-    def behind_s(self) -> float:
-        """For how long the frame to encode next has been due, in seconds."""
-        return max(0.0, self._clock.now() - self._due(self._next))
+    def watchers(self) -> int:
+        return len(self._watchers)
+
+    @property
+    def watched(self) -> bool:
+        return bool(self._watchers)
+
+    @property
+    def encoder_failures(self) -> int:
+        return self._encoder.failures
 
     def move(self, pose: PoseUpdate) -> None:
         """The viewer's newest pose."""
@@ -109,13 +92,7 @@ class Session:
             self._watchers.discard(queue)
             self.used_at = self._clock.now()
 
-    @property
-    def watched(self) -> bool:
-        """Whether a viewer's pose socket is open."""
-        return bool(self._watchers)
-
     async def run(self) -> None:
-        """Stream until cancelled, or until the encoder fails for good."""
         executor = ThreadPoolExecutor(1, f"encoder-{self.name}")
         try:
             async with asyncio.TaskGroup() as tasks:
@@ -141,7 +118,7 @@ class Session:
             ticks = self._duration(number)
             frame = await self._views.after(shown, self._due(number + ticks))
             if frame is shown and self._views.outdated:
-                self._repeated += 1
+                self.progress.repeated += 1
             shown = frame
             await self._to_encode.put((number, ticks, frame))
             number += ticks
@@ -164,8 +141,8 @@ class Session:
             samples = await loop.run_in_executor(executor, self._encoder.encode, frame, number)
             self.media.append(number, ticks, samples)
             self._next = number + ticks
-            self._frames += 1
-            self._dropped += ticks - 1
+            self.progress.frames += 1
+            self.progress.dropped += ticks - 1
             self._announce(FrameShown(frame=number, media_time_s=number / self._request.frame_rate, pose=frame.pose))
 
     def _announce(self, message: FrameShown | None) -> None:

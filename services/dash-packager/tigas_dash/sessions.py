@@ -8,40 +8,21 @@ import logging
 import secrets
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from tigas_common.wire.dash import SessionRequest
 from tigas_dash.clock import Clock
-from tigas_dash.encoder import EncoderName
-from tigas_dash.encoding import LadderEncoder
+from tigas_dash.encoder import EncoderName, LadderEncoder
 from tigas_dash.errors import TooManySessions, UnknownSession
-from tigas_dash.metrics import CountedStream, DashMetrics
+from tigas_dash.metrics import DashMetrics
 from tigas_dash.representation import representations
 from tigas_dash.session import Session
-from tigas_dash.source import FIRST_FRAME_S, RenderClient, ViewSource
-from tigas_dash.views import first_pose
+from tigas_dash.source import RenderClient, ViewSource
+from tigas_dash.stream import Stream
 
 logger = logging.getLogger(__name__)
 
 HOUSEKEEPING_S = 1.0
-
-
-class Stream(CountedStream, Protocol):
-    """Interface of all kinds of streams."""
-
-    name: str
-    used_at: float
-    """Time of the last request for it, on the monotonic clock."""
-
-    @property
-    def watched(self) -> bool:
-        """Whether it is certainly being watched."""
-        raise NotImplementedError
-
-    async def run(self) -> None:
-        """Until it is cancelled, or cannot go on."""
-        raise NotImplementedError
-
 
 AnyStream = TypeVar("AnyStream", bound=Stream)
 
@@ -123,8 +104,7 @@ class Sessions:
         encoder = await asyncio.to_thread(
             LadderEncoder, self.encoder, ladder, request.frame_rate, request.frames_per_segment
         )
-        first = await source.frame(first_pose(request), FIRST_FRAME_S)
-        return Session(secrets.token_hex(8), request, ladder, source, encoder, first, self.clock)
+        return Session(secrets.token_hex(8), request, ladder, source, encoder, await source.first(), self.clock)
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         ended = self._running.pop(task.get_name(), None)

@@ -11,10 +11,10 @@ from pydantic import TypeAdapter, ValidationError
 
 from tigas_common.errors import InvalidRequest
 from tigas_common.parsing import sentence
-from tigas_common.scene_hosts import SceneHosts
+from tigas_common.render_requests import SceneHosts
 from tigas_common.wire.dash import PoseUpdate, StreamRequest
 from tigas_common.wire.render import Problem, RenderRequest, Rung, SceneInfo, ServerConfig
-from tigas_dash.encoding import RawFrame
+from tigas_dash.encoder import RawFrame
 from tigas_dash.errors import RenderProblem, RenderUnavailable
 from tigas_dash.representation import Representation
 
@@ -73,11 +73,16 @@ class ViewSource:
     """One session's views at the size that it is encoded from."""
 
     def __init__(self, client: RenderClient, request: StreamRequest, size: Representation) -> None:
+        self.first_pose = PoseUpdate(seq=0, position=request.position, quaternion=request.quaternion)
         self._client = client
         self._scene = request.scene
         self._lens = request.intrinsics
         self._width, self._height = size.width, size.height
         self._display_scale = max(1.0, math.sqrt(request.width * request.height / size.pixels))
+
+    async def first(self) -> RawFrame:
+        """The view from the first pose, once the scene is loaded. Raises as `frame`."""
+        return await self.frame(self.first_pose, FIRST_FRAME_S)
 
     async def frame(self, pose: PoseUpdate, within_s: float = FRAME_S) -> RawFrame:
         """The view from a pose. Raises InvalidRequest, RenderUnavailable and RenderProblem."""

@@ -7,9 +7,9 @@ import logging
 from contextlib import suppress
 
 from tigas_common.errors import TigasError
-from tigas_common.wire.dash import PoseUpdate, StreamRequest
+from tigas_common.wire.dash import PoseUpdate
 from tigas_dash.clock import Clock
-from tigas_dash.encoding import RawFrame
+from tigas_dash.encoder import RawFrame
 from tigas_dash.source import ViewSource
 
 logger = logging.getLogger(__name__)
@@ -21,7 +21,7 @@ IN_FLIGHT = 2
 class NewestView:
     """Requests the view from the newest pose, and keeps the newest answer. Starts with a given one."""
 
-    def __init__(self, session: str, source: ViewSource, pose: PoseUpdate, first: RawFrame, clock: Clock) -> None:
+    def __init__(self, session: str, source: ViewSource, first: RawFrame, clock: Clock) -> None:
         self.failures = 0
         """Requests that the render service did not answer with a frame."""
         self.problem: str | None = None
@@ -29,8 +29,8 @@ class NewestView:
         self._session = session
         self._source = source
         self._clock = clock
-        self._pose = pose
-        self._requested: PoseUpdate | None = pose
+        self._pose = source.first_pose
+        self._requested: PoseUpdate | None = source.first_pose
         self.newest = first
         self._newest_number = self._request_number = 0
         self._arrived = asyncio.Event()
@@ -78,8 +78,3 @@ class NewestView:
         if number > self._newest_number:  # else a newer one has overtaken it
             self.newest, self._newest_number = frame, number
             self._arrived.set()
-
-
-def first_pose(request: StreamRequest) -> PoseUpdate:
-    """The pose that a stream begins with, number 0."""
-    return PoseUpdate(seq=0, position=request.position, quaternion=request.quaternion)

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import json
-import signal
-import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
-from tigas_common.cli import in_a_sentence
+from tigas_common.cli import in_a_sentence, settings_of
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import StartError, TigasError
-from tigas_common.terminal import make_console
+from tigas_common.processes import terminated_as_interrupted
+from tigas_common.terminal import make_console, progress_bar
 
 if TYPE_CHECKING:
     import torch
 
-    from tigas_enhance.pairs import Renderer
+    from tigas_enhance.renderer import Renderer
     from tigas_enhance.tuning import Listener
 
 SECONDS = {"cpu": 180.0, "cuda": 60.0}
@@ -30,12 +29,44 @@ EVALUATED_VIEWS = 12
 class _EnhanceCommand(Command):
     """A command that compares renderings of scenes."""
 
-    scenes: Path | None = None
-    """Models directory."""
     render: Annotated[str | None, Metavar("URL")] = None
     """Running render service; without it, one is started."""
     device: Annotated[str, Metavar("auto|cpu|cuda[:N]")] = "auto"
     """Device to train on, and to render on if a service is started."""
+
+    def _file(self, name: str | None) -> Path:
+        """Path of a scene's weights: next to its file, in the render service's models directory."""
+        from tigas_common.weights import FILE
+
+        if name is None:
+            raise StartError("Networks for any scene need the path of a file: --out.")
+        scenes: Path = settings_of("render").scenes
+        folder = scenes / name
+        if Path(name).name != name or not folder.is_dir():
+            raise StartError(f"{scenes} has no folder {name!r}.")
+        return folder / FILE
+
+    def _device(self) -> torch.device:
+        import torch
+
+        if self.device == "auto":
+            return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+        try:
+            device = torch.device(self.device)
+        except RuntimeError:
+            raise StartError(f"There is no device {self.device!r}: choose auto, cpu, cuda or cuda:N.") from None
+        if (device.type == "cuda" and (device.index or 0) >= torch.cuda.device_count()) or device.type not in SECONDS:
+            raise StartError(f"There is no device {self.device!r} on this machine.")
+        return device
+
+    @contextmanager
+    def _renderer(self, *, own_ladders: bool = True) -> Iterator[Renderer]:
+        """The running service, or one that runs as long as the context."""
+        from tigas_enhance.renderer import Renderer, render_service
+
+        with ExitStack() as stack:
+            started = render_service(self.device, own_ladders=own_ladders)
+            yield stack.enter_context(closing(Renderer(self.render or stack.enter_context(started))))
 
 
 class Train(_EnhanceCommand):
@@ -53,18 +84,16 @@ class Train(_EnhanceCommand):
     """Report progress as lines of JSON."""
 
     def run(self) -> None:
-        """Train and write each set."""
-        signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # ends a service that was started as well
         from tigas_common.weights import write_weights
         from tigas_enhance.tuning import tune
 
-        with in_a_sentence(StartError, TigasError, OSError):
+        with in_a_sentence(StartError, TigasError, OSError), terminated_as_interrupted():
             sets = [self.names] if self.general else [[name] for name in self.names]
             if self.out is not None and len(sets) > 1:
                 raise StartError("--out is for one set: give one scene, or --general.")
-            files = [self.out or _file(self.scenes, None if self.general else each[0]) for each in sets]
-            where = _device(self.device)
-            with _renderer(self.render, self.scenes, self.device, own_ladders=not self.general) as renderer:
+            files = [self.out or self._file(None if self.general else each[0]) for each in sets]
+            where = self._device()
+            with self._renderer(own_ladders=not self.general) as renderer:
                 for each, file in zip(sets, files, strict=True):
                     with _listening(self.json_) as listener:
                         weights = tune(
@@ -84,29 +113,27 @@ class Evaluate(_EnhanceCommand):
     """Networks' file; enhance.safetensors next to the scene unless named."""
 
     def run(self) -> None:
-        """Render the views and print a table."""
+        from rich.table import Table
+
         from tigas_common.weights import read_weights
-        from tigas_enhance.tuning import held_out_pairs
+        from tigas_enhance.evaluate import interval, scores
+        from tigas_enhance.network import to_network
+        from tigas_enhance.pairs import ScenePairs
 
         with in_a_sentence(StartError, TigasError, OSError):
-            read = read_weights(self.weights or _file(self.scenes, self.name))
-            where = _device(self.device)
-            with _renderer(self.render, self.scenes, self.device) as renderer:
+            read = read_weights(self.weights or self._file(self.name))
+            where = self._device()
+            with self._renderer() as renderer:
                 scene = renderer.load(self.name)
                 ladder = renderer.ladder(scene)
                 if problem := read.misfit(scene.file_sha256, ladder):
                     raise StartError(problem)
                 networks = {rung: network for rung, each in enumerate(ladder) if (network := read.network_for(each))}
-                pairs = held_out_pairs(renderer, scene, ladder, tuple(networks), EVALUATED_VIEWS)
-            from rich.table import Table
-
-            from tigas_enhance.evaluate import bicubic_scores, enhanced_scores, interval
-            from tigas_enhance.tuning import to_network
-
+                pairs = ScenePairs(renderer, scene, ladder, tuple(networks)).held_out(EVALUATED_VIEWS)
             table = Table("rung", "bicubic", "enhanced", "gain, dB", "95 %", "SSIM", box=None)
             for rung, network in networks.items():
-                plain = bicubic_scores(pairs, rung, where)
-                better = enhanced_scores(pairs, rung, to_network(network, read), where)
+                plain = scores(pairs, rung, None, where)
+                better = scores(pairs, rung, to_network(network, read), where)
                 gains = better.psnr - plain.psnr
                 low, high = interval(gains)
                 table.add_row(
@@ -125,43 +152,6 @@ enhance = Group(
 )
 
 
-def _file(scenes: Path | None, name: str | None) -> Path:
-    """Path of a scene's weights: next to its file, in the models directory."""
-    from tigas_common.weights import FILE
-
-    if scenes is None or name is None:
-        raise StartError("Say where the networks' file is: --out (or --weights), or a scene's folder by --scenes.")
-    folder = scenes / name
-    if Path(name).name != name or not folder.is_dir():
-        raise StartError(f"{scenes} has no folder {name!r}.")
-    return folder / FILE
-
-
-def _device(name: str) -> torch.device:
-    import torch
-
-    if name == "auto":
-        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    try:
-        device = torch.device(name)
-    except RuntimeError:
-        raise StartError(f"There is no device {name!r}: choose auto, cpu, cuda or cuda:N.") from None
-    if (device.type == "cuda" and (device.index or 0) >= torch.cuda.device_count()) or device.type not in SECONDS:
-        raise StartError(f"There is no device {name!r} on this machine.")
-    return device
-
-
-@contextmanager
-def _renderer(url: str | None, scenes: Path | None, device: str, *, own_ladders: bool = True) -> Iterator[Renderer]:
-    """The service at a URL, or one that runs as long as the context."""
-    from tigas_enhance.pairs import Renderer
-    from tigas_enhance.renderer_process import render_service
-
-    with ExitStack() as stack:
-        started = render_service(scenes, device, own_ladders=own_ladders)
-        yield stack.enter_context(Renderer(url or stack.enter_context(started)))
-
-
 @contextmanager
 def _listening(as_json: bool) -> Iterator[Listener]:
     """A progress bar, or a line of JSON for each hundredth."""
@@ -176,14 +166,5 @@ def _listening(as_json: bool) -> Iterator[Listener]:
 
         yield say
         return
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (
-        BarColumn(),
-        TextColumn("{task.percentage:.0f} %"),
-        TimeElapsedColumn(),
-        TextColumn("{task.description}"),
-    )
-    with Progress(*columns, console=make_console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=1.0)
-        yield lambda what, done: bar.update(task, description=what, completed=done)
+    with progress_bar() as bar:
+        yield lambda what, done: bar(done, what)

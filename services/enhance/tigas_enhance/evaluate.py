@@ -12,7 +12,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from tigas_enhance.network import Network, resampled, shown
-from tigas_enhance.pairs import Pair, Pixels
+from tigas_enhance.pairs import Pair
+from tigas_enhance.renderer import Pixels
 
 RESAMPLES = 2000
 """Bootstrap resamples."""
@@ -26,26 +27,10 @@ class Scores:
     ssim: NDArray[np.float64]  # [N]
 
 
-def bicubic_scores(pairs: Sequence[Pair], rung: int, device: torch.device) -> Scores:
-    """PSNR of a rung's frames, enlarged bicubically to display size."""
-    return _scores(pairs, rung, None, device)
-
-
-def enhanced_scores(pairs: Sequence[Pair], rung: int, network: Network, device: torch.device) -> Scores:
-    """PSNR of a rung's enhanced frames."""
-    return _scores(pairs, rung, network.to(device), device)
-
-
-def interval(gains: NDArray[np.float64], seed: int = 0) -> tuple[float, float]:
-    """The 95 % interval of the mean of gains [N], bootstrapped over views."""
-    random = np.random.default_rng(seed)
-    means = gains[random.integers(len(gains), size=(RESAMPLES, len(gains)))].mean(axis=1)
-    low, high = np.quantile(means, (0.025, 0.975))
-    return float(low), float(high)
-
-
 @torch.no_grad()
-def _scores(pairs: Sequence[Pair], rung: int, network: Network | None, device: torch.device) -> Scores:
+def scores(pairs: Sequence[Pair], rung: int, network: Network | None, device: torch.device) -> Scores:
+    """Scores of a rung's frames at display size: enhanced, or, without a network, enlarged bicubically."""
+    network = network and network.to(device)
     psnr, ssim = [], []
     for pair in pairs:
         height, width = pair.content.shape
@@ -57,6 +42,19 @@ def _scores(pairs: Sequence[Pair], rung: int, network: Network | None, device: t
         psnr.append(-10 * float(error.log10()))
         ssim.append(float(_similarity(outcome, truth)[0, 0][content].mean()))
     return Scores(np.array(psnr), np.array(ssim))
+
+
+def gains(pairs: Sequence[Pair], rung: int, network: Network, device: torch.device) -> NDArray[np.float64]:
+    """PSNR over bicubic enlargement, in dB, of each view [N]."""
+    return scores(pairs, rung, network, device).psnr - scores(pairs, rung, None, device).psnr
+
+
+def interval(gains: NDArray[np.float64]) -> tuple[float, float]:
+    """The 95 % interval of the mean of gains [N], bootstrapped over views."""
+    random = np.random.default_rng(0)
+    means = gains[random.integers(len(gains), size=(RESAMPLES, len(gains)))].mean(axis=1)
+    low, high = np.quantile(means, (0.025, 0.975))
+    return float(low), float(high)
 
 
 def _picture(pixels: Pixels, device: torch.device) -> Tensor:

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
+
+from tigas_common.weights import NetworkInfo, Weights
+from tigas_common.wire.render import Rung
 
 NEGATIVE_SLOPE = 0.1
 """Slope of the leaky ReLU after every convolution but the last."""
@@ -78,3 +83,45 @@ def shown(network: Network, pictures: Tensor, width: int, height: int) -> Tensor
     enhanced = network(pictures)
     result: Tensor = torch.clamp(resampled(enhanced, width, height), 0, 1)
     return result
+
+
+def rounded(network: Network) -> Network:
+    """The network with weights that 16-bit floats can hold, as a file has them."""
+    return network.half().float()
+
+
+def to_tensors(rung: int, network: Network) -> dict[str, NDArray[np.float16]]:
+    """A network's weights by the names that a file gives them."""
+    return {
+        _name_in_file(rung, name): value.detach().cpu().contiguous().half().numpy()
+        for name, value in network.state_dict().items()
+    }
+
+
+def described(network: Network, number: int, rung: Rung, gain_db: float) -> NetworkInfo:
+    """The description of a rung's network in a file; gain_db: on held-out views."""
+    return NetworkInfo(
+        rung=number,
+        width=rung.width,
+        height=rung.height,
+        quality=rung.quality,
+        scale=2 if network.scale == 2 else 1,
+        layers=network.layers,
+        channels=network.channels,
+        gain_db=round(gain_db, 3),
+    )
+
+
+def to_network(info: NetworkInfo, weights: Weights) -> Network:
+    """A network from a file's weights."""
+    network = Network(info.scale, info.layers, info.channels)
+    state = {
+        name: torch.from_numpy(weights.tensors[_name_in_file(info.rung, name)].astype(np.float32))
+        for name in network.state_dict()
+    }
+    network.load_state_dict(state)
+    return network
+
+
+def _name_in_file(rung: int, name: str) -> str:
+    return f"rung{rung}.{name.replace('convolutions.', 'conv')}"

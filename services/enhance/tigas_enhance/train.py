@@ -11,9 +11,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tigas_enhance.errors import NothingToLearn
 from tigas_enhance.network import Network, resampled
-from tigas_enhance.pairs import Pair
+from tigas_enhance.pairs import NothingToLearn, Pair
 
 LEARNING_RATE = 4e-3
 BETAS = (0.9, 0.99)
@@ -93,7 +92,6 @@ class Variation:
 
     @classmethod
     def random(cls, pictures: int, device: torch.device) -> Variation:
-        """One for a batch."""
         contrast = 0.5 + 0.5 * torch.rand(pictures, 1, 1, 1, device=device)
         brightness = (1 - contrast) * torch.rand(pictures, 1, 1, 1, device=device)
         flips = tuple(dimension for dimension in (-1, -2) if torch.rand(()) < 0.5)
@@ -187,20 +185,16 @@ class _Axis:
 
     @property
     def places(self) -> int:
-        """How many places there are for a crop."""
         return self.size - self.crop + 1
 
     @property
     def shown(self) -> int:
-        """Display pixels of a crop."""
         return math.floor((self.crop - 2 * self.margin) * self.ratio) - 1
 
     def middle(self, place: Tensor) -> Tensor:
-        """The display pixels in the middle of crops."""
         return ((place + self.crop / 2) * self.ratio).long()
 
     def shown_from(self, place: Tensor) -> Tensor:
-        """The first display pixels of crops."""
         return ((place + self.margin) * self.ratio).ceil().long()
 
     def weights(self, place: Tensor) -> Tensor:

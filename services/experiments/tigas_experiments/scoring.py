@@ -7,14 +7,23 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
 
-from tigas_common.wire.recording import Sample
 from tigas_experiments.quality.meters import VIDEO, Meters
 from tigas_experiments.quality.picture import BrokenPicture, Picture
 from tigas_experiments.quality.vmaf import vmaf_and_vif
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.samples import read_samples
-from tigas_experiments.records.scores import Score, Values, read_scores, write_scores
-from tigas_experiments.records.triplets import KINDS, Contents, Kind, Triplet, seen, triplets
+from tigas_experiments.records.scores import (
+    KINDS,
+    Contents,
+    Kind,
+    Score,
+    Triplet,
+    Values,
+    read_scores,
+    triplets,
+    write_scores,
+)
+from tigas_experiments.wire.recording import Sample
 
 FRAMES = 240
 """Maximum frames of a VMAF video, which bounds the loss after an interruption."""
@@ -30,7 +39,7 @@ class Scoring:
         self, run: Path, meters: Meters, on_progress: OnProgress = lambda steps: None, *, again: bool = False
     ) -> None:
         """`again` ignores earlier scores. Raises BrokenRecording and OSError."""
-        self.triplets = [*triplets(run), *seen(run)]
+        self.triplets = triplets(run)
         self.problems: dict[str, str] = {}
         """Why something has no scores, by its name."""
         self._run = run
@@ -118,7 +127,7 @@ class Scoring:
             self._scores[seq, kind] = Score(seq=seq, picture=kind, digest=digest, model=model)
 
     def _add(self, seq: int, kind: Kind, values: Values) -> None:
-        self._scores[seq, kind] = self._scores[seq, kind].with_values(values)
+        self._scores[seq, kind] = self._scores[seq, kind].model_copy(update=dict(values.items()))
 
 
 def _model(sample: Sample) -> str | None:

@@ -53,7 +53,6 @@ class Turns:
         self._ends[name] = self._starts[name] + cost
 
     def leave(self, name: str) -> None:
-        """Remove a waiting client."""
         del self._costs[name], self._ends[name]
 
     def next(self, besides: Collection[str] = (), at_most: float = math.inf) -> str | None:
@@ -100,7 +99,6 @@ class FairSchedule(Generic[Work]):
         return self._length
 
     def waiting(self, address: str) -> int:
-        """How much work of one address waits."""
         return sum(map(len, self._waiting.get(address, {}).values()))
 
     def newest(self) -> Iterator[Work]:
@@ -108,7 +106,6 @@ class FairSchedule(Generic[Work]):
         return (waiting[-1][0] for sessions in self._waiting.values() for waiting in sessions.values())
 
     def others_wait(self, client: Client) -> bool:
-        """Whether any work waits that is not this client's."""
         own = len(self._waiting.get(client.address, {}).get(client.session, []))
         return self._length > own
 

@@ -11,11 +11,11 @@ from pydantic_settings import NoDecode, SettingsConfigDict
 
 from tigas_common.address import Address, reached_by_others
 from tigas_common.command import NO_FLAG, Metavar
-from tigas_common.settings import MODELS, Listen, ListenOrOff, ServiceSettings
+from tigas_common.settings import MODELS, HostNames, Listen, ListenOrOff, Origins, ServiceSettings
 from tigas_common.topology import PAGE, PAGE_HTTPS, WEBTRANSPORT, ServiceName
-from tigas_common.wire.render import LadderName
+from tigas_common.wire.render import CongestionControl, LadderName
 from tigas_render.admission.limits import QuicLimits
-from tigas_render.cache import cache_directory
+from tigas_render.local_files import cache_directory
 
 MAX_EDGES = 64
 
@@ -49,6 +49,10 @@ class RenderSettings(ServiceSettings):
     model_config = SettingsConfigDict(env_prefix="TIGAS_RENDER_")
     table: ClassVar[str] = "render"
 
+    allow_hosts: HostNames = ()
+    """Host name that the service answers to, in addition to addresses and names of the local network."""
+    allow_origins: Origins = ()
+    """Origin of another host's pages that may use the service and embed it."""
     scenes: Path = MODELS
     """Models directory: a folder or a file for each scene."""
     lan: bool = False
@@ -67,6 +71,8 @@ class RenderSettings(ServiceSettings):
     """Devices to render on, separated by commas; `cuda` is all GPUs, `auto` the fastest devices."""
     quic_limits: QuicLimits = QuicLimits()
     """Limits on HTTP/3 and WebTransport, in total and per address."""
+    congestion_control: Annotated[CongestionControl, NO_FLAG] = "westwood"
+    """Congestion control of HTTP/3: `westwood` tolerates random loss, `reno` is the paper's."""
     memory_gb: float = Field(default=8.0, gt=0, le=100_000)
     """Memory limit for loaded scenes on each device, in gigabytes (10⁹ bytes); frames need more."""
     idle_minutes: Annotated[float, NO_FLAG] = Field(default=15.0, gt=0, le=525_600)
@@ -81,8 +87,8 @@ class RenderSettings(ServiceSettings):
     """Let pages add, rename and delete scenes; by default only if the service is limited to this machine."""
     services: Annotated[dict[str, str], NO_FLAG] = Field(default_factory=dict)
     """Base URLs of other services for the page, by name; a bare `:PORT` means the page's own host."""
-    upstreams: Annotated[dict[ServiceName, Upstream], Metavar("NAME=URL")] = Field(default_factory=dict)
-    """Service (dash, store or shaper) to proxy under `/services/NAME/`, for pages that cannot reach it directly."""
+    upstreams: Annotated[dict[ServiceName, Upstream], NO_FLAG] = Field(default_factory=dict)
+    """URLs of services (dash, store, shaper) to proxy under `/services/NAME/`, for pages that cannot reach them."""
 
     @property
     def addresses(self) -> list[Address]:

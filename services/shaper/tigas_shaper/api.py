@@ -15,13 +15,23 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from tigas_common.described import BYTES, JSON, described
 from tigas_common.errors import Overloaded
-from tigas_common.front_door import front_door
 from tigas_common.metrics import CountedRequests, metrics_route, new_registry
-from tigas_common.openapi import openapi
+from tigas_common.openapi import index, openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
-from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, Body, ModelResponse, healthy, json_response, read_body, takes
+from tigas_common.web import (
+    BYTES,
+    EXCEPTION_HANDLERS,
+    JSON,
+    NO_STORE,
+    Body,
+    ModelResponse,
+    described,
+    healthy,
+    json_response,
+    read_body,
+    takes,
+)
 from tigas_common.wire.shaper import (
     MAX_UPLOAD_BYTES,
     LinkSetting,
@@ -33,7 +43,7 @@ from tigas_common.wire.shaper import (
     TracePoints,
     TraceSummary,
 )
-from tigas_shaper.errors import LinkClosed
+from tigas_shaper.link.link import LinkClosed
 from tigas_shaper.metrics import ShaperMetrics
 from tigas_shaper.service import Shaper
 from tigas_shaper.traces.library import points, summary
@@ -48,7 +58,7 @@ def create_app(shaper: Shaper, policy: OriginPolicy) -> ASGIApp:
     registry = new_registry("shaper", ShaperMetrics(shaper))
     app = Starlette(
         routes=[
-            front_door("Network shaper"),
+            index("Network shaper"),
             openapi("Network shaper"),
             Route("/traces", traces),
             Route("/traces", upload, methods=["POST"]),

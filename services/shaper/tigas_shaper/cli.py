@@ -7,7 +7,7 @@ import asyncio
 from tigas_common.cli import in_a_sentence, log_to_stdout
 from tigas_common.command import Command
 from tigas_common.errors import StartError
-from tigas_common.versions import check_versions
+from tigas_common.installation import check_versions
 from tigas_shaper.settings import ShaperSettings
 
 

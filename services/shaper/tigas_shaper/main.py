@@ -12,16 +12,15 @@ import sys
 from contextlib import AsyncExitStack, suppress
 
 from tigas_common.address import say_if_open
-from tigas_common.capabilities import CAP_NET_ADMIN, holds
 from tigas_common.errors import StartError, TigasError
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.loop_share import LoopShare
-from tigas_common.memory import keep_together
 from tigas_common.origins import OriginPolicy
+from tigas_common.resources import CAP_NET_ADMIN, has_capabilities, keep_together
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_shaper.api import create_app
+from tigas_shaper.link.commands import Interface
 from tigas_shaper.link.gateway import Forward
-from tigas_shaper.link.interfaces import Interface
 from tigas_shaper.service import Shaper
 from tigas_shaper.settings import ShaperSettings
 
@@ -65,7 +64,7 @@ def check_rights() -> None:
     """Raises StartError if this process cannot shape a network."""
     if platform.system() != "Linux":
         raise StartError("The shaper runs on Linux only; on other systems run it in its container.")
-    if not holds(CAP_NET_ADMIN):
+    if not has_capabilities(CAP_NET_ADMIN):
         raise StartError(
             "The shaper needs permission to configure the network (CAP_NET_ADMIN): "
             "run it as root, or in a container with cap_add: NET_ADMIN."

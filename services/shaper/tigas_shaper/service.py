@@ -9,13 +9,10 @@ from contextlib import AsyncExitStack, asynccontextmanager
 
 from tigas_common.errors import StartError
 from tigas_common.wire.shaper import DirectionStatus, LinkSetting, ShaperStatus
-from tigas_shaper.errors import LinkClosed
-from tigas_shaper.link.channel import CommandError
+from tigas_shaper.link.commands import CommandError, Interface
 from tigas_shaper.link.delay import detect
-from tigas_shaper.link.direction import Counters
 from tigas_shaper.link.gateway import Forward, Gateway, remove_leftovers, shaper_lock
-from tigas_shaper.link.interfaces import Interface
-from tigas_shaper.link.link import ShapedLink
+from tigas_shaper.link.link import Counters, LinkClosed, ShapedLink
 from tigas_shaper.player import Player
 from tigas_shaper.settings import ShaperSettings
 from tigas_shaper.traces.library import TraceLibrary

@@ -7,15 +7,16 @@ import signal
 import subprocess
 import sys
 import threading
-from pathlib import Path
 from queue import SimpleQueue
 from typing import Annotated
 
 from tigas_common.cli import in_a_sentence
 from tigas_common.command import POSITIONAL, REST, Command, Group, Metavar
 from tigas_common.errors import StartError
-from tigas_common.extras import install_command, missing_packages, require
+from tigas_common.installation import install_command, missing_packages, require
 from tigas_common.settings import Listen
+from tigas_testbed.namespaces import Lab, Role, check_rights
+from tigas_testbed.services import NAME, https_port, run_demo, run_lab
 
 
 class Check(Command):
@@ -26,30 +27,23 @@ class Check(Command):
 
     def run(self) -> None:
         """Check the address and this process's rights."""
-        from tigas_testbed.namespaces import check_rights
-        from tigas_testbed.services import https_port
-
         with in_a_sentence(StartError, subprocess.CalledProcessError):
             https_port(self.https)
             check_rights()
 
 
 class Up(Check):
-    """Start the services behind the shaped link until Ctrl+C. The page is at http://localhost:8080."""
+    """Start the services behind the shaped link until Ctrl+C. The page is at http://localhost:8080.
 
-    scenes: Path | None = None
-    """Models directory; the render service's setting unless given."""
-    traces: Path | None = None
-    """Directory of network traces; the shaper's setting unless given."""
+    The services have their own settings, such as TIGAS_RENDER_SCENES and TIGAS_SHAPER_TRACES.
+    """
 
     def run(self) -> None:
         """Run the services until the process is told to stop."""
-        from tigas_testbed.services import run_lab
-
         stop = _told_to_stop()
         with in_a_sentence(StartError, subprocess.CalledProcessError):
             require("dash", "render", "shaper")
-            run_lab(scenes=self.scenes, traces=self.traces, https=self.https, store=_has_store(), stop=stop)
+            run_lab(https=self.https, store=_has_store(), stop=stop)
 
 
 class Down(Command):
@@ -57,9 +51,6 @@ class Down(Command):
 
     def run(self) -> None:
         """Remove the lab."""
-        from tigas_testbed.namespaces import Lab, check_rights
-        from tigas_testbed.services import NAME
-
         with in_a_sentence(StartError, subprocess.CalledProcessError):
             check_rights()
             Lab(NAME).remove()
@@ -68,24 +59,18 @@ class Down(Command):
 class Exec(Command):
     """Run a command inside the lab, such as a browser on the client."""
 
-    role: Annotated[str, POSITIONAL]
+    role: Annotated[Role, POSITIONAL]
     """client, gateway or service."""
     command: Annotated[tuple[str, ...], REST, Metavar("COMMAND")]
     """Command to run there, such as: chromium http://localhost:8080"""
 
     def run(self) -> None:
         """Become the command."""
-        from tigas_testbed.namespaces import ROLES, Lab, check_rights
-        from tigas_testbed.services import NAME
-
         with in_a_sentence(StartError, subprocess.CalledProcessError):
             check_rights()
-            found = next((known for known in ROLES if known == self.role), None)
-            if found is None:
-                raise StartError(f"Unknown role {self.role!r}: choose one of {', '.join(ROLES)}.")
             if not Lab(NAME).exists():
                 raise StartError("The lab is not running: start it with `tigas lab up`.")
-            argv = Lab(NAME).command(found, self.command)
+            argv = Lab(NAME).command(self.role, self.command)
             sys.stdout.flush()
             os.execvp(argv[0], argv)
 
@@ -104,8 +89,6 @@ class Demo(Command):
 
     def run(self) -> None:
         """Run the services until the process is told to stop."""
-        from tigas_testbed.services import run_demo
-
         stop = _told_to_stop()
         with in_a_sentence(StartError):
             require("dash", "render")

@@ -24,8 +24,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Literal
 
-from tigas_common.capabilities import CAP_NET_ADMIN, CAP_SYS_ADMIN, holds
 from tigas_common.errors import StartError
+from tigas_common.resources import CAP_NET_ADMIN, CAP_SYS_ADMIN, has_capabilities
 from tigas_common.topology import Port
 
 PREFIX = "tigas-"
@@ -129,7 +129,7 @@ class Lab:
 
 def check_rights() -> None:
     """Raises StartError if this process cannot make network namespaces, or lacks a tool for it."""
-    if os.geteuid() != 0 or not holds(CAP_NET_ADMIN, CAP_SYS_ADMIN):
+    if os.geteuid() != 0 or not has_capabilities(CAP_NET_ADMIN, CAP_SYS_ADMIN):
         raise StartError("The lab makes network namespaces, which needs root: run it with sudo.")
     if missing := {package for tool, package in TOOLS.items() if shutil.which(tool) is None}:
         raise StartError(f"The lab needs more tools: sudo apt-get install {' '.join(sorted(missing))}")

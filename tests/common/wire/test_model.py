@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
-from tigas_common.wire import dash, figures, recording, render, run, shaper, store
+from tigas_common.wire import dash, render, shaper
 from tigas_common.wire.model import WireModel
+from tigas_experiments.wire import figures, recording, run, store
 
 MODELS = [
     model

@@ -2,36 +2,18 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
-import time
-from collections.abc import AsyncIterator, Callable
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from tests.dash.conftest import Packager, pose, running_packager
-from tests.dash.watching import until_idle
-from tests.dash.webrtc.viewer import PATIENCE_S, Viewer, offer_of_nobody, watching, webrtc_request
+from tests.dash.conftest import Packager, eventually, pose, running_packager
+from tests.dash.webrtc.viewer import Viewer, offer_of_nobody, watching, webrtc_request
 from tests.prometheus import figures
 from tigas_dash.webrtc.stream import WebRtcStream
 
 pytestmark = pytest.mark.anyio
-
-
-@pytest.fixture
-async def packager() -> AsyncIterator[Packager]:
-    async with running_packager() as running:
-        yield running
-
-
-async def eventually(condition: Callable[[], Any]) -> None:
-    """Until it holds."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline
-        await asyncio.sleep(0.01)
 
 
 async def test_a_pose_shows_in_the_video_and_the_channel_says_in_which_frame(packager: Packager) -> None:
@@ -47,7 +29,7 @@ async def test_a_pose_shows_in_the_video_and_the_channel_says_in_which_frame(pac
         assert first in [one["rtp_timestamp"] for one in viewer.told]
         status = (await packager.http.get(f"/sessions/{session['id']}")).json()
         assert (status["poses"], status["watchers"]) == (1, 1)
-    await until_idle(packager)
+    await packager.until_idle()
     ended = await figures(packager.http)
     labels = {"scene": "scene", "rung": "3", "transport": "webrtc"}
     assert ended("tigas_dash_frames_total", **labels) >= len(viewer.pictures)
@@ -80,7 +62,7 @@ async def test_viewers_share_one_port_and_one_that_leaves_frees_its_place(packag
         await eventually(lambda: first.connection.connectionState == "closed")
         count = len(second.told)
         await eventually(lambda: len(second.told) > count)
-    await until_idle(packager)
+    await packager.until_idle()
 
 
 async def test_all_kinds_of_streams_share_the_limit(packager: Packager) -> None:
@@ -96,13 +78,13 @@ async def test_a_viewer_who_never_comes_or_falls_silent_is_given_up() -> None:
     async with running_packager(idle_s=1) as packager:
         answer = await packager.http.post("/webrtc", json=webrtc_request(await offer_of_nobody()))
         assert answer.status_code == 201
-        await until_idle(packager)
+        await packager.until_idle()
         async with watching(packager.http) as (viewer, _):
             await eventually(lambda: viewer.told)
             (stream,) = packager.sessions.all()
             assert isinstance(stream, WebRtcStream)
             vars(stream._port)["datagram_received"] = lambda *_: None  # as if its link were cut
-            await until_idle(packager)
+            await packager.until_idle()
 
 
 @pytest.mark.parametrize(

@@ -4,30 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from tests.dash.fakes import grey
-from tigas_dash.clock import Clock
-from tigas_dash.encoding import RawFrame
+from tests.dash.fakes import FakeClock, grey
+from tigas_dash.encoder import RawFrame
+from tigas_dash.stream import Progress
 from tigas_dash.webrtc.track import ViewTrack
 
 pytestmark = pytest.mark.anyio
 
 
-class FakeClock(Clock):
-    """A clock that advances only for waiters."""
-
-    time = 100.0
-
-    def now(self) -> float:
-        return FakeClock.time
-
-    async def sleep_until(self, moment: float) -> None:
-        FakeClock.time = max(moment, FakeClock.time)
-
-
 class FakeViews:
     """A view that arrives after `delay_s`, for each request; it stands still once it is None."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: FakeClock) -> None:
+        self.clock = clock
         self.delay_s: float | None = 0.01
         self.newest = self._view(0)
         self.outdated = False
@@ -36,8 +25,9 @@ class FakeViews:
         if self.delay_s is None:
             self.outdated = False
             return shown
-        self.outdated = FakeClock.time + self.delay_s > until
-        FakeClock.time = min(until, FakeClock.time + self.delay_s)
+        arrives = self.clock.now() + self.delay_s
+        self.outdated = arrives > until
+        self.clock.wait(min(until, arrives) - self.clock.now())
         if not self.outdated:
             self.newest = self._view(self.newest.pose + 1)
         return self.newest
@@ -55,21 +45,22 @@ async def timestamp(track: ViewTrack) -> int:
 
 
 async def test_frames_are_the_newest_views_at_the_ticks_and_slow_ones_leave_ticks_out() -> None:
-    views, sent = FakeViews(), list[tuple[int, int]]()
-    track = ViewTrack(views, 30, FakeClock(), lambda *frame: sent.append(frame))  # type: ignore[arg-type]
+    clock, progress, sent = FakeClock(), Progress(), list[tuple[int, int]]()
+    views = FakeViews(clock)
+    track = ViewTrack(views, 30, clock, progress, lambda *frame: sent.append(frame))  # type: ignore[arg-type]
     pictures = [await track.recv() for _ in range(3)]
     assert [picture.pts for picture in pictures] == [0, 3000, 6000]
     assert [round(picture.to_ndarray()[:16].mean()) for picture in pictures] == [10, 20, 30]
     assert sent == [(0, 1), (3000, 2)], "told before it was sent"
-    assert (track.frames, track.repeated, track.dropped) == (3, 0, 0)
+    assert progress == Progress(3, 0, 0)
     views.delay_s = 0.11  # a renderer that is too slow: ticks are left out, and nothing is sent again meanwhile
     pictures = [await track.recv() for _ in range(2)]
     assert [picture.pts for picture in pictures] == [18_000, 30_000]
-    assert (track.repeated, track.dropped) == (0, 6)
+    assert (progress.repeated, progress.dropped) == (0, 6)
     views.delay_s = 9
     assert await timestamp(track) > 30_000 + 0.25 * 90_000
-    assert track.repeated == 1
-    views.delay_s, dropped = None, track.dropped  # the camera stands still
+    assert progress.repeated == 1
+    views.delay_s, dropped = None, progress.dropped  # the camera stands still
     before = await timestamp(track)
     assert [await timestamp(track) for _ in range(2)] == [before + 3000, before + 6000]
-    assert (track.repeated, track.dropped) == (1, dropped)
+    assert (progress.repeated, progress.dropped) == (1, dropped)

@@ -15,7 +15,6 @@ from aiortc.mediastreams import MediaStreamTrack
 
 from tests.dash.conftest import session_request
 
-PATIENCE_S = 20
 CONNECTING_S = 5
 
 

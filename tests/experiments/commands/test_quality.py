@@ -13,21 +13,27 @@ from filelock import FileLock
 from PIL import Image
 
 from tests.command import Result, tigas
+from tests.experiments.report.synthetic_results import rows as csv_rows
 from tests.experiments.report.synthetic_results import write_run
-from tests.experiments.report.test_cli import rows as csv_rows
 from tests.experiments.triplets_made_up import view, write_triplets
 from tests.web.scenes import SMALL, write_scenes
 from tests.web.server import RenderServer
 from tigas_common.pose import Intrinsics, Pose
-from tigas_common.wire.recording import Capture, Lens
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.quality.picture import CaptureQuality, compare, decode, encode
 from tigas_experiments.records.files import write_lines
 from tigas_experiments.records.folder import StoredRun, capture_path
-from tigas_experiments.records.rerendered import TRUTH, Rerendered, append_rerendered, rerender_log
-from tigas_experiments.records.samples import JPEG, write_sample_file
+from tigas_experiments.records.samples import (
+    JPEG,
+    TRUTH,
+    Rerendered,
+    append_rerendered,
+    rerender_log,
+    write_sample_file,
+)
 from tigas_experiments.records.scores import SCORES, read_scores
 from tigas_experiments.report.report import write_report
+from tigas_experiments.wire.recording import Capture, Lens
 
 
 def quality(*arguments: str) -> Result:

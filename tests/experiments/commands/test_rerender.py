@@ -14,8 +14,7 @@ from tests.web.scenes import SMALL, write_scenes
 from tests.web.server import RenderServer
 from tigas_experiments.quality.picture import decode
 from tigas_experiments.records.folder import StoredRun
-from tigas_experiments.records.rerendered import INDEX, REPLAYED, TRUTH
-from tigas_experiments.records.samples import JPEG, sample_path, write_sample_file
+from tigas_experiments.records.samples import JPEG, REPLAYED, RERENDERED, TRUTH, sample_path, write_sample_file
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +42,7 @@ def test_the_same_service_sends_every_frame_again_and_another_is_flagged(server:
         assert decode(sample_path(run, seq, TRUTH).read_bytes()).shape == (36, 64, 3)
 
     write_sample_file(run, 3, JPEG, sample_path(run, 8, JPEG).read_bytes())
-    (run / INDEX).unlink()
+    (run / RERENDERED).unlink()
     status, output, errors = finished(started(*command))
     assert status == 0, errors
     assert output.split("\n")[3].replace("│", " ").split() == ["one", "3", "2", "1", "0"]
@@ -55,7 +54,7 @@ def test_a_kill_in_the_middle_loses_nothing_that_is_there(server: RenderServer, 
     run = sample_run(server, tmp_path / "one", range(60))
     command = ("experiment", "rerender", str(run), "--render", server.url)
     process = started(*command)
-    index = run / INDEX
+    index = run / RERENDERED
     until(process, lambda: index.exists() and index.read_text().count("\n") >= 4, "no sample was rendered")
     process.kill()
     finished(process)

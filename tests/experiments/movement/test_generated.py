@@ -10,10 +10,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.command import tigas
-from tigas_common.wire.movement import VIEW_M
 from tigas_experiments.movement.generated import DESCRIPTIONS, KINDS, generate
 from tigas_experiments.movement.summary import Pace, Summary
 from tigas_experiments.movement.trace import MovementTrace
+from tigas_experiments.wire.movement import VIEW_M
 
 KEPT = Path(__file__).parents[3] / "traces" / "movement"
 

@@ -10,7 +10,8 @@ from tests.scenes import scene
 from tigas_common.pose import Pose
 from tigas_common.wire.render import SceneInfo, StartCamera
 from tigas_experiments.movement.placement import metre, placed
-from tigas_experiments.movement.trace import MovementTrace, TimedPose
+from tigas_experiments.movement.trace import MovementTrace
+from tigas_experiments.wire.movement import TimedPose
 
 ONE_AHEAD = "t_ms,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n20,0,-0.5,1,0,0,0,1\n"
 EAST = scene(camera=StartCamera(position=(1, -2, 3), look_at=(9, -2, 3)))

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from tests.experiments.made_up import LENS, inputs, png
-from tigas_common.wire.recording import Capture
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.quality.ground_truth import GroundTruth
 from tigas_experiments.quality.picture import compare, decode, encode
+from tigas_experiments.wire.recording import Capture
 
 pytestmark = pytest.mark.anyio
 SAMPLED = inputs(10)  # poses 1 to 10, at 0, 20, … ms, at x = 0, 1, …

@@ -14,7 +14,7 @@ from scipy.ndimage import correlate1d
 
 from tests.experiments.triplets_made_up import jpeg, view
 from tigas_common.errors import StartError
-from tigas_common.extras import install_command
+from tigas_common.installation import install_command
 from tigas_experiments.quality.picture import Picture, decode
 from tigas_experiments.quality.vmaf import LosslessVideo, NoVmaf, ffmpeg, vmaf_and_vif
 

@@ -13,7 +13,14 @@ from tests.experiments.made_up import recording, reply, write_run
 from tests.not_files import NOT_FILES
 from tigas_experiments.quality.picture import Quality
 from tigas_experiments.records.files import BrokenRecording, parse_recording
-from tigas_experiments.records.folder import ExperimentRecord, RunWriter, StoredRun, read_experiment, write_experiment
+from tigas_experiments.records.folder import (
+    ExperimentRecord,
+    RunWriter,
+    StoredRun,
+    read_experiment,
+    read_snapshot,
+    write_experiment,
+)
 from tigas_experiments.records.summary import summarise
 
 
@@ -63,7 +70,7 @@ def _read_all(folder: Path) -> None:
     stored = StoredRun(folder)
     stored.frames()
     stored.traffic()
-    stored.snapshot()
+    read_snapshot(folder)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from pydantic import ValidationError
 
 from tests.experiments.made_up import sampled, write_run
 from tests.not_files import NOT_FILES
-from tigas_common.wire.recording import Sample
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.samples import (
@@ -21,6 +20,7 @@ from tigas_experiments.records.samples import (
     write_sample_file,
     write_samples,
 )
+from tigas_experiments.wire.recording import Sample
 
 
 def test_what_is_written_comes_back(tmp_path: Path) -> None:

@@ -1,16 +1,21 @@
-"""Figures against records worked by hand."""
+"""Figures against records worked by hand; the page's figures are tested with the same golden records."""
 
 from __future__ import annotations
 
+import json
 import math
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tests.experiments.made_up import frame, inputs, late, reply
-from tigas_common.wire.figures import ContentAges, FrameAges, Freezes, RenderTimes, Requests, ResponseTimes, Rungs
-from tigas_common.wire.recording import Fate, Reply, Request, Traffic
 from tigas_common.wire.render import ServerTiming
 from tigas_experiments.records import statistics
+from tigas_experiments.wire.figures import ContentAges, FrameAges, Freezes, RenderTimes, Requests, ResponseTimes, Rungs
+from tigas_experiments.wire.recording import Fate, Input, Reply, Request, Traffic
+
+GOLDEN: dict[str, Any] = json.loads(Path(__file__).with_name("figures.golden.json").read_text())
 
 
 @pytest.mark.parametrize(
@@ -196,3 +201,52 @@ def test_received_rate() -> None:
 def test_mean_over_time_weights_by_how_long_a_sample_covers() -> None:
     assert statistics.mean_over_time([(0, 99), (100, 10), (400, 20)]) == (100 * 10 + 300 * 20) / 400
     assert statistics.mean_over_time([(0, 5)]) is None
+
+
+def test_the_parts_of_a_frames_age_add_up_to_it() -> None:
+    (sampled,) = inputs(1, start=100.0)
+    answer = reply(asked_at=104.0, took_ms=40.0, pose=sampled.pose)
+    shown = frame(160.0, sampled.pose)
+    parts = statistics.age_parts([sampled], [shown, frame(176.0, sampled.pose)], [answer])
+    assert parts == {"wait": 4, "queue": 0, "render": 11, "encode": 1, "network": 28, "enhance": 0, "page": 16}
+    assert sum(parts.values()) == 160 - 100
+    for took, expected in ((6.5, (6.5, 9.5)), (99.0, (16.0, 0.0))):
+        enhanced = shown.model_copy(update={"enhance_ms": took})
+        parts = statistics.age_parts([sampled], [enhanced], [answer])
+        assert (parts["enhance"], parts["page"]) == expected
+
+
+def test_frames_whose_reply_is_unknown_have_no_parts() -> None:
+    sampled = inputs(3)
+    answers = [reply(sampled[0].at, 30.0, sampled[0].pose), reply(sampled[2].at, 30.0, sampled[2].pose)]
+    shown = [frame(50.0, sampled[0].pose), frame(70.0, sampled[1].pose), frame(72.0, sampled[0].pose)]
+    assert statistics.age_parts(sampled, shown, answers)["page"] == 20
+    assert statistics.age_parts(sampled, shown[1:2], answers) == {}
+    silent = [answer.model_copy(update={"server": None}) for answer in answers]
+    assert statistics.age_parts(sampled, shown, silent) == {}
+
+
+@pytest.mark.parametrize("name", GOLDEN)
+def test_the_figures_of_records_worked_by_hand(name: str) -> None:
+    case = GOLDEN[name]
+    duration = case["duration_ms"]
+    inputs = [Input(at=at, pose=pose, position=(0, 0, 0), quaternion=(0, 0, 0, 1)) for at, pose in case["inputs"]]
+    frames = [frame(*of) for of in case["frames"]]
+    latencies = statistics.latencies(inputs, frames)
+    views = statistics.view_latencies(inputs, frames)
+    assert case["figures"] == {
+        "p50": latencies.p50,
+        "p90": latencies.p90,
+        "p95": latencies.p95,
+        "p99": latencies.p99,
+        "view_p50": views.p50,
+        "view_p95": views.p95,
+        "share_interactive": latencies.share_interactive,
+        "share_frame_less": latencies.share_frame_less,
+        "share_frame_more": latencies.share_frame_more,
+        "content_age_mean": pytest.approx(statistics.content_ages(inputs, frames, duration).mean),
+        "new_views_per_s": statistics.rates(frames, duration).new_views_per_s,
+        "mean_height": statistics.mean_height(frames, duration),
+        "switches": statistics.rungs(frames, duration).switches,
+        "received_kbps": statistics.received_kbps([Traffic(at=at, bytes=n) for at, n in case["traffic"]], duration),
+    }

@@ -5,7 +5,10 @@ python -m tests.experiments.report.synthetic_results DIR      # a large one, to 
 
 from __future__ import annotations
 
+import csv
+import html.parser
 import itertools
+import json
 import random
 import sys
 from collections.abc import Sequence
@@ -13,11 +16,13 @@ from pathlib import Path
 from typing import Any
 
 from tests.experiments.made_up import LENS, MACHINE, inputs, reply
-from tigas_common.wire.recording import LinkSample, PlayedDownload, Recording, ShownFrame, Traffic
-from tigas_common.wire.run import Configuration, Mode, Network
 from tigas_experiments.quality.picture import CaptureQuality, Quality
 from tigas_experiments.records.folder import RunRecord, RunWriter
 from tigas_experiments.records.load import Load, LoadSample
+from tigas_experiments.report.groups import Groups
+from tigas_experiments.report.run_table import load
+from tigas_experiments.wire.recording import LinkSample, PlayedDownload, Recording, ShownFrame, Traffic
+from tigas_experiments.wire.run import Configuration, Mode, Network
 
 STEP_MS = 20.0
 """Between inputs: 50 a second."""
@@ -87,39 +92,54 @@ def write_run(
         frames=tuple(shown),
         replies=() if reply_ms is None else tuple(reply(entry.at, reply_ms, entry.pose) for entry in sampled),
         captures=(),
-        traffic=tuple(Traffic(at=at, bytes=int(at * kbps / 8)) for at in ticks(duration, 100)),
+        traffic=tuple(Traffic(at=at, bytes=int(at * kbps / 8)) for at in _ticks(duration, 100)),
     )
     configuration: dict[str, Any] = {"scene": "courtyard", "movement": "stroll", "mode": mode, "profile": controller}
+    configuration |= {"network": Network(trace=network, rtt_ms=rtt_ms), "duration_s": seconds}
     record = RunRecord(
         status="running",
         problem=None,
-        configuration=Configuration.model_validate(
-            {
-                **configuration,
-                "network": Network(trace=network, rtt_ms=rtt_ms),
-                "duration_s": seconds,
-                "width": 640,
-                "height": 360,
-                **changes,
-            }
-        ),
+        configuration=Configuration.model_validate({**configuration, "width": 640, "height": 360, **changes}),
         machine=MACHINE,
         started="2026-01-01T00:00:00+00:00",
         scene_bytes=SCENE_BYTES,
     )
     writer = RunWriter(folder, record)
     writer.recording(made)
-    load = [LoadSample(unix_ms=1e12, cpu=busy, load_average=1.0)]
-    writer.link_and_load([_link(at, link_kbps, kbps) for at in ticks(duration, 200)], load)
-    quality = Quality(psnr_db=30.0, ssim=0.9)
-    view = Quality(psnr_db=20.0, ssim=view_ssim)
+    machine = [LoadSample(unix_ms=1e12, cpu=busy, load_average=1.0)]
+    link: dict[str, Any] = {
+        "target_kbps": link_kbps,
+        "delivered_kbps": kbps,
+        "queue_ms": 1,
+        "drops": 0,
+        "up_delivered_kbps": 100,
+    }
+    writer.link_and_load([LinkSample(at=at, position_ms=at, **link) for at in _ticks(duration, 200)], machine)
+    quality, view = Quality(psnr_db=30.0, ssim=0.9), Quality(psnr_db=20.0, ssim=view_ssim)
     writer.quality([CaptureQuality(at=500.0, pose=20, rung=2, picture=quality, view=view, seen=view)])
-    writer.close(status="complete", browser="156", backend="netem", load=Load.of(load), recording=made.head)
+    writer.close(status="complete", browser="156", backend="netem", load=Load.of(machine), recording=made.head)
     return folder
 
 
+def groups(folder: Path, *runs: dict[str, Any]) -> Groups:
+    """Write runs, named 00, 01, …, and group them."""
+    for number, run in enumerate(runs):
+        write_run(folder / "runs" / f"{number:02}", **run)
+    return Groups.of(load(folder).runs)
+
+
+def change(run: Path, **fields: Any) -> Path:
+    """Change a run's record; fields of `load` are changed one by one."""
+    path = run / "run.json"
+    record = json.loads(path.read_text())
+    if isinstance(changed := fields.get("load"), dict):
+        fields["load"] = record["load"] | changed
+    path.write_text(json.dumps(record | fields))
+    return run
+
+
 def download(first_s: float | None, complete_s: float | None, size: int = 2_000_000) -> PlayedDownload:
-    """Of a scene, that began with the run."""
+    """A download of a scene that began with the run."""
     return PlayedDownload(
         form="compressed",
         renderer="WebGL 2",
@@ -132,25 +152,31 @@ def download(first_s: float | None, complete_s: float | None, size: int = 2_000_
     )
 
 
-def ticks(duration_ms: float, every_ms: float) -> list[float]:
+def rows(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def text_of(page: str) -> str:
+    """The visible text, without styles and drawings."""
+    parts: list[str] = []
+
+    class Reader(html.parser.HTMLParser):
+        def handle_data(self, data: str) -> None:
+            parts.append(data)
+
+    Reader().feed(page)
+    return " ".join(" ".join(parts).split())
+
+
+def _ticks(duration_ms: float, every_ms: float) -> list[float]:
     """From 0 to the duration."""
     return [index * every_ms for index in range(int(duration_ms / every_ms) + 1)]
 
 
-def _link(at: float, rate: float, delivered: float) -> LinkSample:
-    return LinkSample(
-        at=at,
-        position_ms=at,
-        target_kbps=rate,
-        delivered_kbps=delivered,
-        queue_ms=1,
-        drops=0,
-        up_delivered_kbps=100,
-    )
-
-
 def write_large(folder: Path, networks: Sequence[str], rtts: Sequence[float], repeats: int, seconds: float) -> int:
-    """Six controllers and modes over networks and round trips; how many runs that are."""
+    """Write runs of six controllers and modes over networks and round trips; returns their number."""
     contenders: dict[str | int, dict[str, Any]] = {
         "latency": {"delay_ms": 90.0, "jitter_ms": 60.0, "rungs": (0, 1), "hold": 400, "every": 3, "kbps": 18_000.0},
         "budget": {"delay_ms": 35.0, "jitter_ms": 9.0, "rungs": (1, 2), "hold": 300, "kbps": 11_000.0},

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.experiments.report.synthetic_results import write_run
-from tests.experiments.report.test_cli import run_report
+from tests.experiments.report.test_report import run_report
 from tigas_common.errors import StartError
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.report.archive import Options, pack, unpack

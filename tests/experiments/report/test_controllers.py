@@ -12,7 +12,6 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.experiments.made_up import configuration
-from tigas_common.wire.run import Configuration, Mode
 from tigas_experiments.report.controllers import (
     FIXED_COLOUR,
     FIXED_DASHES,
@@ -23,6 +22,7 @@ from tigas_experiments.report.controllers import (
     looks,
     run_names,
 )
+from tigas_experiments.wire.run import Configuration, Mode
 
 LINES = {"-": "solid", "--": "dashed", ":": "dotted", "-.": "double"}
 """How the page calls them: as the style of a border."""

@@ -1,85 +1,102 @@
-"""Groups of runs with known figures."""
+"""Groups of runs with known figures, and their differences from a baseline."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.experiments.report.synthetic_results import download, write_run
-from tigas_experiments.report.groups import Groups, Spread, overall
+from tests.experiments.made_up import configuration
+from tests.experiments.report.synthetic_results import download, groups, write_run
+from tigas_common.errors import StartError
+from tigas_experiments.records.folder import ExperimentRecord
+from tigas_experiments.report.estimates import Estimate
+from tigas_experiments.report.groups import Group, Groups, choose_baseline
 from tigas_experiments.report.metrics import IN_TIME, METRICS
-from tigas_experiments.report.results import load
+from tigas_experiments.report.run_table import Block, load
 from tigas_experiments.report.tables import overall_markdown
 from tigas_experiments.report.warnings import warnings
+from tigas_experiments.wire.run import Network
+
+AGE = METRICS["frame_age_mean_ms"]
+
+
+def run(controller: str | int, network: str, movement: str, delay_ms: float, **more: Any) -> dict[str, Any]:
+    """The arguments of a run."""
+    return {"controller": controller, "network": network, "movement": movement, "delay_ms": delay_ms, **more}
+
+
+def known(estimate: Estimate | None) -> Estimate:
+    """An estimate that is there."""
+    assert estimate is not None
+    return estimate
+
+
+def block(**changes: Any) -> Block:
+    """The block of a run over a bus."""
+    return Block.of(configuration(**{"network": Network(trace="bus", rtt_ms=20, offset_s=60), **changes}))
+
+
+def test_repeats_controllers_and_round_trips_share_a_block_and_other_inputs_do_not() -> None:
+    same = [block(repeat=3), block(profile="lol+"), block(network=Network(trace="bus", rtt_ms=300, offset_s=60))]
+    assert set(same) == {block()}
+    other = [
+        block(scene="guitar"),
+        block(movement="a/orbit.csv"),
+        block(movement_offset_s=8.0),
+        block(network=Network(trace="bus", rtt_ms=20, offset_s=61)),
+        block(network=Network(trace="train", rtt_ms=20, offset_s=60)),
+    ]
+    assert len({block(), *other}) == 6
 
 
 def test_a_time_that_never_came_is_no_time(tmp_path: Path) -> None:
     path = write_run(tmp_path / "runs" / "a", delay_ms=40)
     frames = (path / "frames.ndjson").read_text().splitlines(keepends=True)
     (path / "frames.ndjson").write_text("".join(frames[:60]))
-    write_run(tmp_path / "runs" / "b", delay_ms=40, repeat=1)
-    (group,) = Groups.of(load(tmp_path).runs)
-    p95, in_time = group.spread(METRICS["motion_to_photon_p95_ms"]), group.spread(METRICS[IN_TIME])
-    assert p95 is not None
+    (group,) = groups(tmp_path, {"repeat": 1})
+    p95 = known(group.estimate(METRICS["motion_to_photon_p95_ms"]))
     assert (p95.low, p95.mean) == (40, math.inf)
-    assert in_time is not None
-    assert in_time.mean == pytest.approx((60 + 100) / 2)
-
-
-def test_nobody_moved_and_nothing_came(tmp_path: Path) -> None:
-    path = write_run(tmp_path / "runs" / "a")
-    for name in ("inputs", "frames", "traffic", "link", "quality"):
-        (path / f"{name}.ndjson").write_text("")
-    (group,) = Groups.of(load(tmp_path).runs)
-    assert group.spread(METRICS["motion_to_photon_p50_ms"]) is None
-    assert group.spread(METRICS["mean_height_px"]) is None
-
-
-def test_a_spread_leaves_out_runs_that_lack_the_figure() -> None:
-    assert Spread.over([None, 3.0, None]) == Spread(3.0, 3.0, 3.0, 1)
-    assert Spread.over([None]) is None
+    assert known(group.estimate(METRICS[IN_TIME])).mean == pytest.approx((60 + 100) / 2)
 
 
 def test_a_repeat_counts_within_its_block_alone(tmp_path: Path) -> None:
-    for name, (movement, delay) in enumerate((("a", 40), ("a", 60), ("b", 110))):
-        write_run(tmp_path / "runs" / f"{name}", movement=movement, delay_ms=delay)
-    (group,) = Groups.of(load(tmp_path).runs)
-    spread, estimate = group.spread(METRICS["frame_age_mean_ms"]), group.estimate(METRICS["frame_age_mean_ms"])
-    assert spread is not None
-    assert estimate is not None
-    assert (spread.mean, spread.low, spread.high, spread.runs) == (80, 40, 110, 3)
-    assert (estimate.mean, estimate.blocks) == (80, 2)
+    (group,) = groups(tmp_path, *(run("latency", "bus", name, ms) for name, ms in (("a", 40), ("a", 60), ("b", 110))))
+    found = known(group.estimate(AGE))
+    assert (found.mean, found.low, found.high, found.blocks) == (80, 40, 110, 2)
 
 
-def test_the_mean_of_equal_values_is_one_of_them() -> None:
-    assert sum([0.1] * 6) / 6 < 0.1, "else there is nothing to test"
-    spread = Spread.over([0.1] * 6)
-    assert spread is not None
-    assert spread.low == spread.mean == spread.high
+def test_runs_without_a_figure_do_not_count_for_it(tmp_path: Path) -> None:
+    first, whole = METRICS["first_picture_s"], METRICS["whole_scene_s"]
+    local = {"mode": "local-compressed", "local": download(0.5, None)}
+    of_pictures, of_download = groups(tmp_path, {"controller": "budget"}, local)
+    assert of_pictures.estimate(first) is None
+    assert [of_download.blocks(metric).popitem()[1] for metric in (first, whole)] == [0.5, math.inf]
 
 
-def write_runs(folder: Path, *delays: tuple[str, str, float, float]) -> None:
-    """Runs by controller, network, round trip and delay, all in milliseconds."""
-    for number, (controller, network, rtt, delay) in enumerate(delays):
-        write_run(folder / "runs" / f"{number:02}", controller, network, rtt, delay_ms=delay)
+def test_an_earlier_download_of_a_plain_ply_is_still_read(tmp_path: Path) -> None:
+    local = download(0.5, 1.5).model_copy(update={"form": "ply"})
+    (group,) = groups(tmp_path, {"mode": "local-ply", "local": local})
+    assert group.controller.title == "Local PLY"
 
 
-def test_each_network_counts_the_same(tmp_path: Path) -> None:
-    write_runs(
+def test_each_network_counts_the_same_if_it_has_the_controller(tmp_path: Path) -> None:
+    found = groups(
         tmp_path,
-        ("budget", "bus", 20, 40),
-        ("budget", "bus", 20, 60),
-        ("budget", "tram", 20, 110),
-        ("latency", "bus", 20, 90),
-        ("latency", "tram", 20, 90),
+        run("budget", "bus", "a", 40),
+        run("budget", "bus", "a", 60),
+        run("budget", "tram", "a", 110),
+        run("latency", "bus", "a", 90),
+        run("latency", "tram", "a", 90),
+        run("budget", "bus", "a", 40, rtt_ms=300),
+        run("l2a|\n", "tram", "a", 40),
     )
-    latency, budget = overall(Groups.of(load(tmp_path).runs))
-    spread = budget.spread(METRICS["frame_age_mean_ms"])
-    assert spread is not None
-    assert (spread.mean, spread.low, spread.high) == (80, 50, 110)
-    assert (latency.controller.title, latency.runs, budget.runs) == ("Latency", 2, 3)
+    latency, budget = found.overall()
+    estimate = known(budget.estimate(AGE))
+    assert (estimate.mean, estimate.low, estimate.high) == (80, 50, 110)
+    assert (latency.labels, budget.labels) == (["all", "20", "Latency", "2"], ["all", "20", "Budget", "3"])
     first, _, row, *_ = overall_markdown([budget]).splitlines()
     assert first.startswith("| round trip, ms | controller | runs | View latency p95, ms |")
     assert row.startswith("| 20 | Budget | 3 | 80 | 80 | ")
@@ -87,55 +104,81 @@ def test_each_network_counts_the_same(tmp_path: Path) -> None:
 
 def test_groups_of_one_network_have_the_same_blocks(tmp_path: Path) -> None:
     """Budget is the later one in every block, but was not measured in the hard ones."""
-    for number in range(8):
-        hard = number >= 4
-        delay = 200.0 if hard else 40.0
-        write_run(tmp_path / "runs" / f"l{number}", "latency", "bus", movement=f"{number}", delay_ms=delay)
-        if not hard:
-            write_run(tmp_path / "runs" / f"b{number}", "budget", "bus", movement=f"{number}", delay_ms=delay + 10)
-    results = load(tmp_path)
-    latency, budget = Groups.of(results.runs)
-    means = [spread.mean for group in (latency, budget) if (spread := group.spread(METRICS["frame_age_mean_ms"]))]
-    assert means == [40, 50]
+    hard = [run("latency", "bus", f"hard {number}", 200) for number in range(4)]
+    easy = [run(name, "bus", f"{n}", ms) for n in range(4) for name, ms in (("latency", 40), ("budget", 50))]
+    latency, budget = groups(tmp_path, *hard, *easy)
+    assert [known(group.estimate(AGE)).mean for group in (latency, budget)] == [40, 50]
     left_out = (
         "Tables and figures leave out 4 of 12 runs, because not all controllers have runs of their blocks: "
         "Budget lacks 4."
     )
-    assert left_out in warnings(results, {})
+    assert left_out in warnings(load(tmp_path))
 
 
 def test_controllers_without_a_common_block_are_shown_with_a_warning(tmp_path: Path) -> None:
-    write_run(tmp_path / "runs" / "a", "latency", "bus", movement="a")
-    write_run(tmp_path / "runs" / "b", "budget", "bus", movement="b")
-    results = load(tmp_path)
-    assert len(Groups.of(results.runs)) == 2
-    (warning,) = (each for each in warnings(results, {}) if "no block has runs of all controllers" in each)
+    assert len(groups(tmp_path, run("latency", "bus", "a", 40), run("budget", "bus", "b", 40))) == 2
+    (warning,) = (each for each in warnings(load(tmp_path)) if "no block has runs of all controllers" in each)
     assert warning.endswith("(Latency lacks 1, Budget lacks 1).")
 
 
-def test_what_not_all_networks_have_is_left_out(tmp_path: Path) -> None:
-    write_runs(
+def test_only_blocks_that_both_have_are_compared(tmp_path: Path) -> None:
+    found = groups(
         tmp_path,
-        ("budget", "bus", 20, 40),
-        ("budget", "bus", 300, 40),
-        ("latency", "bus", 20, 40),
-        ("budget", "tram", 20, 40),
-        ("l2a|\n", "tram", 20, 40),
+        run("latency", "bus", "a", 40),
+        run("latency", "bus", "b", 400),
+        run("l2a", "bus", "a", 60),
+        run("l2a", "bus", "c", 900),
+        run("budget", "tram", "a", 60),
     )
-    assert [(row.rtt_ms, row.controller.title) for row in overall(Groups.of(load(tmp_path).runs))] == [(20, "Budget")]
+    (one,) = found.against(next(iter(found.looks)))
+    estimate = known(one.estimate(AGE))
+    assert (one.labels, estimate.mean, estimate.blocks) == (["bus", "20", "L2A", "1"], 20, 1)
 
 
-def test_a_download_s_times_are_figures_of_its_runs_and_of_no_others(tmp_path: Path) -> None:
-    write_run(tmp_path / "runs" / "0", "budget")
-    write_run(tmp_path / "runs" / "1", mode="local-compressed", local=download(0.5, None))
-    of_pictures, of_download = Groups.of(load(tmp_path).runs)
-    first, whole = METRICS["first_picture_s"], METRICS["whole_scene_s"]
-    assert of_pictures.spread(first) is None
-    assert [of_download.blocks(metric).popitem()[1] for metric in (first, whole)] == [0.5, math.inf]
+def test_differences_over_all_networks_come_first(tmp_path: Path) -> None:
+    found = groups(
+        tmp_path,
+        run("latency", "bus", "a", 40),
+        run("latency", "tram", "a", 40),
+        run("l2a", "bus", "a", 50),
+        run("l2a", "tram", "a", 80),
+        run("lol+", "tram", "a", 80),
+    )
+    compared = found.against(next(iter(found.looks)))
+    names = [(each.condition.network, each.condition.controller.name) for each in compared]
+    assert names == [("all", "l2a"), ("bus", "l2a"), ("tram", "lol+"), ("tram", "l2a")]
+    estimate = known(compared[0].estimate(AGE))
+    assert (estimate.mean, estimate.blocks) == (25, 2)
 
 
-def test_an_earlier_download_of_a_plain_ply_is_still_read(tmp_path: Path) -> None:
-    local = download(0.5, 1.5).model_copy(update={"form": "ply"})
-    write_run(tmp_path / "runs" / "0", mode="local-ply", local=local)
-    (group,) = Groups.of(load(tmp_path).runs)
-    assert group.controller.title == "Local PLY"
+def test_the_baseline_is_the_first_of_the_file_unless_another_is_chosen(tmp_path: Path) -> None:
+    found = groups(tmp_path, *(run(each, "bus", "a", 40) for each in ("latency", 2, "l2a")))
+
+    def chosen(plan: dict[str, object], asked: str | None = None) -> str:
+        record = ExperimentRecord.model_validate({"name": "x", "created": "", "source": "page", "plan": plan})
+        controller = choose_baseline(found, record, asked)
+        assert controller is not None
+        return controller.name
+
+    file: dict[str, object] = {"modes": ["dash-tuned", "stateless"], "controllers": ["budget", 2, "l2a"]}
+    assert chosen(file) == "profile-2", "there are no runs of those before it"
+    assert chosen(file, "l2a") == "l2a"
+    assert chosen({"modes": "odd"}) == "latency"
+    with pytest.raises(StartError, match="no runs of the controller 'bola', only of latency, l2a, profile-2"):
+        chosen(file, "bola")
+    assert choose_baseline(Groups.of([]), None, None) is None
+
+
+def test_a_caption_says_how_many_runs_a_mean_is_of(tmp_path: Path) -> None:
+    one, two = groups(tmp_path, {}, {"controller": "budget"}, {"controller": "budget", "repeat": 1})
+
+    def behind(*those: Group) -> str:
+        return Groups.runs_behind(those)
+
+    assert [behind(one), behind(one, one), behind(two)] == [
+        "One run.",
+        "One run each.",
+        "Means over 2 runs, with their range.",
+    ]
+    found = groups(tmp_path / "other", {}, {"movement": "orbit"}, {"movement": "orbit", "repeat": 1})
+    assert behind(*found, one) == "Means over 1 to 3 runs (2 movements), with their range."

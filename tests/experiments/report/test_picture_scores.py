@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.experiments.report.synthetic_results import write_run
-from tests.experiments.report.test_cli import page_text
-from tests.experiments.report.test_cli import rows as csv_rows
+from tests.experiments.report.synthetic_results import rows as csv_rows
+from tests.experiments.report.synthetic_results import text_of, write_run
 from tigas_experiments.quality.metrics import DISTS, LPIPS, PSNR
 from tigas_experiments.records.scores import Score, write_scores
 from tigas_experiments.report.groups import Groups
@@ -16,19 +15,16 @@ from tigas_experiments.report.picture_scores import rows
 from tigas_experiments.report.plot import Plot
 from tigas_experiments.report.quality_figures import enhancement_heat_map, quality_heat_map
 from tigas_experiments.report.report import write_report
-from tigas_experiments.report.results import load
+from tigas_experiments.report.run_table import load
 
 
-def scores(psnr: float, gain: float, lpips: float = 0.3, model: str = "scene", count: int = 3) -> list[Score]:
-    """Scores of samples: PSNR around a mean, and an enhancement that adds to it."""
+def scores(psnr: float, gain: float, lpips: float = 0.3) -> list[Score]:
+    """Scores of three samples: PSNR around a mean, and an enhancement that adds to it."""
     found = []
-    for seq in range(count):
-        around = psnr + seq - (count - 1) / 2
+    for seq, around in enumerate((psnr - 1, psnr, psnr + 1)):
         found.append(Score(seq=seq, picture="original", digest="o", psnr=around, lpips=lpips))
-        enhanced = around + gain
-        found.append(
-            Score(seq=seq, picture="enhanced", digest="e", model=model, psnr=enhanced, lpips=lpips - gain / 100)
-        )
+        better = {"psnr": around + gain, "lpips": lpips - gain / 100}
+        found.append(Score(seq=seq, picture="enhanced", digest="e", model="scene", **better))
     return found
 
 
@@ -59,20 +55,14 @@ def test_means_deviations_and_differences() -> None:
     assert original.mean(DISTS) is None
 
 
-def test_a_difference_is_of_the_same_sample(tmp_path: Path) -> None:
-    found = rows(
-        [
-            (
-                None,
-                [
-                    Score(seq=1, picture="original", digest="a", psnr=20),
-                    Score(seq=2, picture="original", digest="a", psnr=40),
-                    Score(seq=2, picture="enhanced", digest="a", psnr=41, model="a"),
-                    Score(seq=3, picture="enhanced", digest="a", psnr=90, model="b"),
-                ],
-            )
-        ]
-    )
+def test_a_difference_is_of_the_same_sample() -> None:
+    scored = [
+        Score(seq=1, picture="original", digest="a", psnr=20),
+        Score(seq=2, picture="original", digest="a", psnr=40),
+        Score(seq=2, picture="enhanced", digest="a", psnr=41, model="a"),
+        Score(seq=3, picture="enhanced", digest="a", psnr=90, model="b"),
+    ]
+    found = rows([(None, scored)])
     assert [(row.kind, row.model, row.values["psnr"]) for row in found] == [
         ("original", None, [20, 40]),
         ("enhanced", "a", [41]),
@@ -81,35 +71,30 @@ def test_a_difference_is_of_the_same_sample(tmp_path: Path) -> None:
     ]
 
 
-def heat_maps(experiment: Path) -> tuple[Plot, Plot]:
+def heat_maps(experiment: Path) -> tuple[Plot | None, Plot | None]:
     """Quality and enhancement of an experiment."""
     groups = Groups.of(load(experiment).runs)
-    quality, enhancement = quality_heat_map(groups), enhancement_heat_map(groups)
-    assert quality is not None
-    assert enhancement is not None
-    return quality, enhancement
+    return quality_heat_map(groups), enhancement_heat_map(groups)
 
 
 def test_the_heat_maps_show_scores_and_what_enhancement_gains(experiment: Path) -> None:
     quality, enhancement = heat_maps(experiment)
+    assert quality is not None
     for text in ("PSNR, dB (higher is better)", "LPIPS (lower is better)", "33.0", "26.0", "± 1.0", "bus", "20 ms"):
         assert text in quality.svg
     assert "LPIPS: v0.1, AlexNet" in quality.caption
+    assert enhancement is not None
     assert "+1.5" in enhancement.svg
     assert "scene" in enhancement.svg
 
 
-def test_worse_pictures_have_the_colour_of_worse(experiment: Path) -> None:
-    run = experiment / "runs" / "latency-bus"
-    write_scores(run, scores(30, -3))
+@pytest.mark.parametrize(("gain", "is_better"), [(-3, False), (3, True)])
+def test_worse_pictures_have_the_colour_of_worse(experiment: Path, gain: float, is_better: bool) -> None:
+    write_scores(experiment / "runs" / "latency-bus", scores(30, gain))
     _, enhancement = heat_maps(experiment)
+    assert enhancement is not None
     better, worse = "#053061", "#67001f"
-    assert worse in enhancement.svg
-    assert better not in enhancement.svg
-    write_scores(run, scores(30, 3))
-    _, enhancement = heat_maps(experiment)
-    assert better in enhancement.svg
-    assert worse not in enhancement.svg
+    assert (better in enhancement.svg, worse in enhancement.svg) == (is_better, not is_better)
 
 
 def test_networks_whose_shortened_names_are_equal_have_a_line_each(tmp_path: Path) -> None:
@@ -117,6 +102,7 @@ def test_networks_whose_shortened_names_are_equal_have_a_line_each(tmp_path: Pat
     for name, psnr in zip(names, (21.0, 42.0), strict=True):
         write_scores(write_run(tmp_path / "runs" / name, "latency", name), scores(psnr, 1))
     quality, _ = heat_maps(tmp_path)
+    assert quality is not None
     assert "21.0" in quality.svg
     assert "42.0" in quality.svg
 
@@ -124,26 +110,21 @@ def test_networks_whose_shortened_names_are_equal_have_a_line_each(tmp_path: Pat
 def test_without_scores_or_enhancement_there_is_less(experiment: Path) -> None:
     for run in (experiment / "runs").iterdir():
         write_scores(run, [score for score in scores(30, 0) if score.picture == "original"])
-    groups = Groups.of(load(experiment).runs)
-    assert quality_heat_map(groups) is not None
-    assert enhancement_heat_map(groups) is None
+    quality, enhancement = heat_maps(experiment)
+    assert (quality is None, enhancement is None) == (False, True)
     for run in (experiment / "runs").iterdir():
         write_scores(run, [])
-    assert quality_heat_map(Groups.of(load(experiment).runs)) is None
+    assert heat_maps(experiment) == (None, None)
 
 
 def test_the_report_has_them_with_their_values(experiment: Path) -> None:
-    write_report(experiment, experiment)
+    page = write_report(experiment, experiment).page
     assert (experiment / "quality-heatmap.svg").exists()
     assert (experiment / "enhancement-heatmap.svg").exists()
-    assert "Effect of enhancement" in page_text(experiment)
+    assert "Effect of enhancement" in text_of(page.read_text())
     found = csv_rows(experiment / "picture_scores.csv")
     assert len(found) == 4 * 3 * 2
-    row = next(
-        each
-        for each in found
-        if (each["network"], each["controller"], each["picture"], each["metric"])
-        == ("train", "budget", "difference", LPIPS.name)
-    )
+    names = ("network", "controller", "picture", "metric")
+    (row,) = [each for each in found if [each[n] for n in names] == ["train", "budget", "difference", LPIPS.name]]
     assert float(row["mean"]) == pytest.approx(-0.015)
     assert (row["rtt_ms"], row["model"], row["runs"], row["pictures"]) == ("20.0", "scene", "1", "3")

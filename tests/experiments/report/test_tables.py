@@ -9,21 +9,25 @@ from pathlib import Path
 
 import pytest
 
-from tests.experiments.report.synthetic_results import SCENE_BYTES, write_run
-from tigas_experiments.report.differences import against
+from tests.experiments.report.synthetic_results import SCENE_BYTES, change, rows, write_run
 from tigas_experiments.report.groups import Groups
-from tigas_experiments.report.results import load
+from tigas_experiments.report.run_table import load
 from tigas_experiments.report.tables import write_csv
+
+
+def written(folder: Path) -> Path:
+    """The folder, with CSV files on its runs against the first controller."""
+    results = load(folder)
+    groups = Groups.of(results.runs)
+    write_csv(results, groups, groups.against(next(iter(groups.looks))), [], folder)
+    return folder
 
 
 def test_a_row_of_runs_csv_has_every_field_and_figure(tmp_path: Path) -> None:
     folder = tmp_path / "runs" / "a"
     write_run(folder, "budget", "bus", 50.0, delay_ms=80, reply_ms=60, rungs=(1, 3), hold=50, kbps=4000, repeat=2)
     write_run(tmp_path / "runs" / "b", 2, "bus", None, every=2, delay_ms=120)
-    results = load(tmp_path)
-    write_csv(results, Groups.of(results.runs), [], None, tmp_path)
-    with (tmp_path / "runs.csv").open(newline="") as file:
-        one, two = csv.DictReader(file)
+    one, two = rows(written(tmp_path) / "runs.csv")
     expected = {
         "folder": "a",
         "status": "complete",
@@ -45,6 +49,8 @@ def test_a_row_of_runs_csv_has_every_field_and_figure(tmp_path: Path) -> None:
         "services_watched": "",
     }
     assert {name: one[name] for name in expected} == expected
+    share = 1000 / 1920
+    """Rung 1 from 80 ms to 1080 ms, then rung 3 until 2000 ms."""
     figures = {
         "motion_to_photon_p50_ms": 80,
         "motion_to_photon_p95_ms": 80,
@@ -65,13 +71,11 @@ def test_a_row_of_runs_csv_has_every_field_and_figure(tmp_path: Path) -> None:
         "view_psnr_db": 20,
         "seen_psnr_db": 20,
         "content_age_p50_ms": 80 - 20 + 1000 / 60 + 5,  # left after 20 ms, in frames of 60 Hz, every 5 ms
+        "profile_1_pct": 100 * share,
+        "mean_profile": share * 1 + (1 - share) * 3,
+        "mean_height_px": share * 720 + (1 - share) * 240,
     }
     assert {name: float(one[name]) for name in figures} == pytest.approx(figures)
-    # Rung 1 from 80 ms to 1080 ms, then rung 3 until 2000 ms.
-    share = 1000 / 1920
-    assert float(one["profile_1_pct"]) == pytest.approx(100 * share)
-    assert float(one["mean_profile"]) == pytest.approx(share * 1 + (1 - share) * 3)
-    assert float(one["mean_height_px"]) == pytest.approx(share * 720 + (1 - share) * 240)
     assert (two["controller"], two["rtt_ms"], two["profile_1_pct"]) == ("profile-2", "", "")
     assert float(two["motion_to_photon_p50_ms"]) == 120, "every second input is answered by a frame of its own"
     assert float(two["motion_to_photon_p95_ms"]) == 140, "the others by the next one's"
@@ -84,57 +88,53 @@ def test_a_group_has_mean_range_and_interval_over_its_blocks(tmp_path: Path) -> 
     for number, delay in enumerate(delays):
         for repeat in (0, 1):
             write_run(tmp_path / "runs" / f"{number}-{repeat}", movement=f"{number}", delay_ms=delay, repeat=repeat)
-    write_run(tmp_path / "runs" / "other", delay_ms=70, rtt_ms=100)
-    results = load(tmp_path)
-    write_csv(results, Groups.of(results.runs), [], None, tmp_path)
-    with (tmp_path / "groups.csv").open(newline="") as file:
-        one, other = csv.DictReader(file)
-    names = ("network", "rtt_ms", "controller", "runs", "blocks")
-    assert [one[name] for name in names] == ["bus", "20.0", "latency", "12", "6"]
+    write_run(tmp_path / "runs" / "other", delay_ms=70, rtt_ms=100, busy=1.0)
+    one, other = rows(written(tmp_path) / "groups.csv")
+    names = ("network", "rtt_ms", "controller", "runs", "blocks", "runs_saturated")
+    assert [one[name] for name in names] == ["bus", "20.0", "latency", "12", "6", "0"]
     assert [float(one[f"frame_age_mean_ms_{name}"]) for name in ("mean", "min", "max")] == [60, 40, 90]
     low, high = (float(one[f"frame_age_mean_ms_ci95_{end}"]) for end in ("low", "high"))
     # Twelve independent runs would have an interval narrower by a factor of the square root of two.
     half = 1.96 * statistics.pstdev(delays) / math.sqrt(len(delays))
     assert (low, high) == pytest.approx((60 - half, 60 + half), abs=3)
-    assert (other["blocks"], other["rtt_ms"], other["frame_age_mean_ms_ci95_low"]) == ("1", "100.0", "")
+    assert [other[name] for name in names] == ["bus", "100.0", "latency", "1", "1", "1"]
+    assert other["frame_age_mean_ms_ci95_low"] == ""
 
 
 def test_differences_csv_has_each_figure_against_the_baseline(tmp_path: Path) -> None:
     for number in range(6):
         write_run(tmp_path / "runs" / f"l{number}", "latency", movement=f"{number}", delay_ms=60.0 + 10 * number)
         write_run(tmp_path / "runs" / f"b{number}", "budget", movement=f"{number}", delay_ms=40.0 + 10 * number)
-    results = load(tmp_path)
-    groups = Groups.of(results.runs)
-    (latency, _) = groups.looks
-    write_csv(results, groups, against(groups, latency), latency, tmp_path)
-    with (tmp_path / "differences.csv").open(newline="") as file:
-        rows = {row["figure"]: row for row in csv.DictReader(file)}
-    row = rows["frame_age_mean_ms"]
+    found = {row["figure"]: row for row in rows(written(tmp_path) / "differences.csv")}
+    row = found["frame_age_mean_ms"]
     names = ("network", "rtt_ms", "controller", "baseline", "blocks")
     assert [row[name] for name in names] == ["bus", "20.0", "budget", "latency", "6"]
     ends = [float(row[name]) for name in ("difference", "ci95_low", "ci95_high")]
     assert ends == pytest.approx([-20, -20.5, -19.5]), "blocks differ by far more than controllers do in each of them"
-    assert rows["response_time_mean_ms"]["difference"] == "", "nobody recorded replies"
+    assert found["response_time_mean_ms"]["difference"] == "", "nobody recorded replies"
 
 
-def test_a_row_says_whether_its_run_is_in_tables_and_figures(tmp_path: Path) -> None:
+def test_a_row_says_whether_its_run_is_in_tables_and_figures_and_which_thread_was_busy(tmp_path: Path) -> None:
     for controller, movement in (("latency", "stroll"), ("budget", "stroll"), ("budget", "orbit")):
         write_run(tmp_path / "runs" / f"{controller}-{movement}", controller, movement=movement)
+    change(tmp_path / "runs" / "latency-stroll", load={"pegged": {"chromium renderer": 0.34, "tigas render": 0.2}})
     (write_run(tmp_path / "runs" / "x") / "frames.ndjson").unlink()
-    results = load(tmp_path)
-    write_csv(results, Groups.of(results.runs), [], None, tmp_path)
-    with (tmp_path / "runs.csv").open(newline="") as file:
-        found = {row["folder"]: row["compared"] for row in csv.DictReader(file)}
-    assert found == {"budget-orbit": "False", "budget-stroll": "True", "latency-stroll": "True", "x": ""}
+    found = rows(written(tmp_path) / "runs.csv")
+    assert {row["folder"]: row["compared"] for row in found} == {
+        "budget-orbit": "False",
+        "budget-stroll": "True",
+        "latency-stroll": "True",
+        "x": "",
+    }
+    assert [(row["pegged_thread_of"], row["pegged_thread_pct"]) for row in found][2] == ("chromium renderer", "34.0")
 
 
 @pytest.mark.parametrize("start", ["=", "+", "-", "@", "\t", "\r"])
 def test_text_that_would_be_a_formula_is_marked_as_text_and_numbers_are_not(tmp_path: Path, start: str) -> None:
     name = f"{start}cmd|' /C calc'!A0"
-    write_run(tmp_path / "runs" / "a", name, "bus", 50.0, delay_ms=80, kbps=4000)
-    write_run(tmp_path / "runs" / "=1+1", "budget", "bus", 50.0, delay_ms=80, kbps=4000)
-    results = load(tmp_path)
-    write_csv(results, Groups.of(results.runs), [], None, tmp_path)
+    write_run(tmp_path / "runs" / "a", name)
+    write_run(tmp_path / "runs" / "=1+1", "budget")
+    written(tmp_path)
     for file in ("runs.csv", "groups.csv"):
         with (tmp_path / file).open(newline="") as opened:
             cells = [cell for row in csv.reader(opened) for cell in row]

@@ -15,13 +15,13 @@ from tests.experiments.made_up import MACHINE, SERVER, configuration
 from tests.scenes import scene
 from tigas_common.errors import StartError
 from tigas_common.wire.render import LadderName, Rung, SceneDownload
-from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.lock import exclusive, services_lock
 from tigas_experiments.run import environment as module
 from tigas_experiments.run.environment import Environment, Supervised, open_environment
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.targets import Target
+from tigas_experiments.wire.run import Configuration, Network
 
 
 class Counted:
@@ -236,6 +236,6 @@ def test_a_movement_that_was_edited_meanwhile_is_read_again(monkeypatch: pytest.
         path.write_text(rows.format(x=22))
         second = await lab.setup(wanted)
         assert [bench.points[0]["position"][0] for bench in (first, second)] == [1, 22]
-        assert first.digests != second.digests
+        assert first.made_from.digests != second.made_from.digests
 
     asyncio.run(use())

@@ -13,13 +13,13 @@ import pytest
 from tests.experiments.made_up import SERVER
 from tests.experiments.store.conftest import until
 from tests.web.fake_shaper import FakeShaper
-from tigas_common.wire.run import Network
 from tigas_common.wire.shaper import DirectionStatus, LinkSetting, ShaperStatus
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.run.link import HeldLink, held, watching_link
 from tigas_experiments.run.parsing import parse_network
 from tigas_experiments.run.shaper_client import ShaperClient
 from tigas_experiments.run.targets import Target
+from tigas_experiments.wire.run import Network
 
 DURATION_MS = 30_000
 LINK = LinkSetting(down_kbps=5000, up_kbps=1000, delay_ms=25)

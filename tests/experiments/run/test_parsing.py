@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from tigas_common.wire.run import Network
 from tigas_common.wire.shaper import LinkSetting
 from tigas_experiments.run.parsing import parse_network, parse_viewport
+from tigas_experiments.wire.run import Network
 
 
 @pytest.mark.parametrize(

@@ -15,11 +15,11 @@ from PIL import Image
 
 from tests.experiments.made_up import sampled, write_run
 from tests.scenes import scene
-from tigas_common.wire.recording import Sample
 from tigas_common.wire.render import DEFAULT_LADDER, ServerConfig
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.samples import JPEG, write_sample_file, write_samples
 from tigas_experiments.samples.renderer import Renderer
+from tigas_experiments.wire.recording import Sample
 
 SHA256 = "a" * 64
 ALONE = ServerConfig(

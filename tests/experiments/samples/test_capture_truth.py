@@ -8,14 +8,14 @@ import pytest
 
 from tests.experiments.made_up import inputs, write_run
 from tests.experiments.samples.renderers import FakeRenderer, picture
-from tigas_common.wire.recording import Capture
 from tigas_experiments.quality.picture import CaptureQuality, compare, decode
 from tigas_experiments.records.files import write_lines
 from tigas_experiments.records.folder import StoredRun, capture_path
-from tigas_experiments.records.rerendered import TRUTH
+from tigas_experiments.records.samples import TRUTH
 from tigas_experiments.records.scores import Score, write_scores
 from tigas_experiments.records.summary import summarise
 from tigas_experiments.samples.capture_truth import render_truth
+from tigas_experiments.wire.recording import Capture
 
 pytestmark = pytest.mark.anyio
 LATE = 4

@@ -18,8 +18,15 @@ from tests.experiments.samples.renderers import FakeRenderer, picture, problem, 
 from tests.not_files import NOT_FILES
 from tigas_common.errors import StartError
 from tigas_experiments.quality.picture import decode
-from tigas_experiments.records.rerendered import INDEX, REPLAYED, TRUTH, SampledRun, read_rerendered
-from tigas_experiments.records.samples import JPEG, sample_path
+from tigas_experiments.records.samples import (
+    JPEG,
+    REPLAYED,
+    RERENDERED,
+    TRUTH,
+    SampledRun,
+    read_rerendered,
+    sample_path,
+)
 from tigas_experiments.samples.renderer import AT_ONCE, Renderer, RendererAway
 from tigas_experiments.samples.rerender import locked, rerender, sampled_runs
 
@@ -119,7 +126,7 @@ async def test_everything_is_matched_by_number_whatever_the_order_and_whatever_i
     async with httpx.AsyncClient(base_url="http://render", transport=httpx.MockTransport(answer)) as http:
         found = await rerender(run, Renderer(http))
     assert renderer.asked[-1][0] == 12
-    lines = [json.loads(line) for line in (run / INDEX).read_text().splitlines()]
+    lines = [json.loads(line) for line in (run / RERENDERED).read_text().splitlines()]
     assert {line["seq"]: line["identical"] for line in lines} == {3: True, 5: True, 7: True, 9: None, 12: True}
     assert found.problems == ["The frame received in the run cannot be read: No such file or directory."]
     for seq in (3, 5, 7, 9, 12):
@@ -150,7 +157,7 @@ async def test_what_is_there_is_not_asked_for_again_after_a_kill(tmp_path: Path)
             await task
     complete = set(read_rerendered(run))
     assert 0 < len(complete) < 12
-    with (run / INDEX).open("a") as file:
+    with (run / RERENDERED).open("a") as file:
         file.write('{"seq": 12, "ident')
     (run / "samples" / ".000012.truth.png.part").write_bytes(b"half")
 
@@ -297,7 +304,7 @@ async def test_everything_can_be_asked_for_again(tmp_path: Path) -> None:
 async def test_a_run_without_samples_is_left_alone(tmp_path: Path) -> None:
     run = write_run(tmp_path / "runs" / "old")
     assert (await made(run, FakeRenderer())).samples == ()
-    assert not (run / INDEX).exists()
+    assert not (run / RERENDERED).exists()
     with pytest.raises(StartError, match="has no samples: only runs with a `sample_stride` have"):
         sampled_runs(tmp_path)
     with pytest.raises(StartError, match="neither a run nor an experiment"):
@@ -345,10 +352,10 @@ async def test_links_lead_nowhere(tmp_path: Path) -> None:
     assert mine.read_bytes() == picture(1, 32, 18, "JPEG")
     assert not sample_path(run, 1, TRUTH).is_symlink()
 
-    (run / INDEX).unlink()
-    (run / INDEX).symlink_to(mine)
+    (run / RERENDERED).unlink()
+    (run / RERENDERED).symlink_to(mine)
     assert "cannot be read" in " ".join((await made(run, FakeRenderer())).problems)
-    (run / INDEX).unlink()
+    (run / RERENDERED).unlink()
     (run / "samples").rename(outside / "samples")
     (run / "samples").symlink_to(outside / "samples")
     assert "is no folder of pictures" in " ".join((await made(run, FakeRenderer())).problems)

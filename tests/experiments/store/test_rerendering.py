@@ -14,8 +14,7 @@ import pytest
 
 from tests.experiments.samples.renderers import FakeRenderer, picture, sampled_run
 from tests.experiments.store.conftest import NOBODY, PATIENCE_S, Running, by_command, running_store
-from tigas_experiments.records.rerendered import INDEX, TRUTH
-from tigas_experiments.records.samples import JPEG, sample_path, write_sample_file
+from tigas_experiments.records.samples import JPEG, RERENDERED, TRUTH, sample_path, write_sample_file
 from tigas_experiments.samples.renderer import Renderer
 
 pytestmark = pytest.mark.anyio
@@ -96,7 +95,7 @@ async def test_another_renderer_is_flagged_in_the_table(
     await ended(store)
     before = (await store.http.get("/experiments/mine/report")).text
     assert "gave different frames" not in before
-    (run / INDEX).unlink()
+    (run / RERENDERED).unlink()
     answers_with(monkeypatch, FakeRenderer(shade=50))
     await store.http.post(ASK)
     await ended(store)

@@ -7,7 +7,7 @@ from collections import Counter
 
 import pytest
 
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_render.admission.limits import Limits
 
 TRIALS = 2000

@@ -1,51 +1,106 @@
-"""Predicted costs of frames are bounded by those of others."""
+"""Predicted costs of frames are bounded by those of others, and large frames wait until no other client is active."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 
-from tigas_render.engine.cost_model import CostModel
+from tests.render.fakes import render_request
+from tigas_common.errors import Overloaded
+from tigas_common.wire.render import DEFAULT_LADDER, AnswerFormat
+from tigas_render.engine.cost_model import ACTIVE_S, USUAL_OVERSCAN, CostModel, LargeFrames
+from tigas_render.engine.frame_size import FrameSize
+from tigas_render.frame import Client
 
 MEDIUM, LARGE, HUGE = 640 * 360, 1280 * 720, 4096 * 4096
+HOSTILE, POLITE = Client("h", "1"), Client("p", "1")
+
+Measured = tuple[str, AnswerFormat, int, float]
 
 
-def test_nothing_is_known_at_first() -> None:
-    costs = CostModel()
-    costs.measured("other", "jpeg", LARGE, 0.1)
-    costs.measured("scene", "png", LARGE, 0.1)
-    assert costs.at_least("scene", "jpeg", LARGE) == 0
-    assert costs.at_most("scene", "jpeg", LARGE) == math.inf
+def costs(*measured: Measured) -> CostModel:
+    model = CostModel()
+    for each in measured:
+        model.measured(*each)
+    return model
 
 
-def test_frames_of_one_size_cost_what_they_cost_lately() -> None:
-    costs = CostModel()
-    costs.measured("scene", "jpeg", LARGE, 1.0)
-    for _ in range(30):
-        costs.measured("scene", "jpeg", LARGE, 0.1)
-    assert costs.at_least("scene", "jpeg", LARGE) == costs.at_most("scene", "jpeg", LARGE) == pytest.approx(0.1, 0.05)
+A_LARGE: Measured = ("scene", "jpeg", LARGE, 0.16)
+"""A CPU's."""
 
 
-def test_other_sizes_are_bounded() -> None:
-    costs = CostModel()
-    costs.measured("scene", "jpeg", LARGE, 0.16)
-    assert costs.at_least("scene", "jpeg", HUGE) == 0.16
-    assert costs.at_most("scene", "jpeg", HUGE) == pytest.approx(0.16 * 2**5)
-    assert costs.at_least("scene", "jpeg", MEDIUM) == pytest.approx(0.16 / 4)
-    assert costs.at_most("scene", "jpeg", MEDIUM) == 0.16
-
-
-def test_tiny_frames_make_nobody_believe_that_large_ones_take_for_ever() -> None:
-    costs = CostModel()
-    for _ in range(100):
-        costs.measured("scene", "jpeg", 1, 0.1)
-    assert costs.at_least("scene", "jpeg", LARGE) == pytest.approx(0.1)
+@pytest.mark.parametrize(
+    ("measured", "pixels", "at_least", "at_most"),
+    [
+        ([("other", "jpeg", LARGE, 0.1), ("scene", "png", LARGE, 0.1)], LARGE, 0, math.inf),
+        ([("scene", "jpeg", LARGE, 1.0), *[("scene", "jpeg", LARGE, 0.1)] * 30], LARGE, 0.1, 0.1),
+        ([A_LARGE], HUGE, 0.16, 0.16 * 2**5),
+        ([A_LARGE], MEDIUM, 0.16 / 4, 0.16),
+        ([("scene", "jpeg", 1, 0.1)] * 100, LARGE, 0.1, 0.1 * 2**19),
+    ],
+    ids=["others tell nothing", "the newest count most", "larger", "smaller", "tiny ones tell little"],
+)
+def test_costs_are_bounded(measured: list[Measured], pixels: int, at_least: float, at_most: float) -> None:
+    model = costs(*measured)
+    assert model.at_least("scene", "jpeg", pixels) == pytest.approx(at_least, 0.05)
+    assert model.at_most("scene", "jpeg", pixels) == pytest.approx(at_most, 0.05)
 
 
 def test_what_is_doubted_fades() -> None:
-    costs = CostModel()
-    costs.measured("scene", "jpeg", LARGE, 1.0)
+    model = costs(("scene", "jpeg", LARGE, 1.0))
     for _ in range(30):
-        costs.doubt("scene", "jpeg")
-    assert costs.at_least("scene", "jpeg", LARGE) < 0.05
+        model.doubt("scene", "jpeg")
+    assert model.at_least("scene", "jpeg", LARGE) < 0.05
+
+
+OTHER_AT_100 = [(POLITE, 100.0)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "heard_of", "now", "is_refused"),
+    [
+        ({}, [(HOSTILE, 100.0)], 100.0, False),
+        ({}, [(HOSTILE, 100.0), (POLITE, 101.0)], 102.9, True),
+        ({}, [(HOSTILE, 100.0), (POLITE, 101.0)], 103.1, False),
+        ({}, [(Client(HOSTILE.address, "2"), 100.0)], 100.0, True),
+        ({"profile": 0}, OTHER_AT_100, 100.0, False),
+        ({"profile": 0, "overscan": USUAL_OVERSCAN}, OTHER_AT_100, 100.0, False),
+        ({"profile": 0, "overscan": 0.5}, OTHER_AT_100, 100.0, True),
+        ({"profile": 2, "overscan": 0.5}, OTHER_AT_100, 100.0, False),
+        ({"width": 1280, "height": 720}, OTHER_AT_100, 100.0, False),
+        ({"width": 1280, "height": 720, "overscan": 0.2}, OTHER_AT_100, 100.0, True),
+        ({"width": 1280, "height": 800}, OTHER_AT_100, 100.0, False),  # it costs no more
+    ],
+)
+def test_huge_frames_are_refused_while_another_client_is_active(
+    changes: dict[str, Any], heard_of: list[tuple[Client, float]], now: float, is_refused: bool
+) -> None:
+    large_frames = LargeFrames(DEFAULT_LADDER, costs(A_LARGE))
+    for client, at in heard_of:
+        large_frames.heard_of(client, at)
+    assert refused(large_frames, now, **changes) == is_refused
+
+
+@pytest.mark.parametrize(
+    ("measured", "is_refused"), [([("scene", "jpeg", HUGE, 0.02)], False), ([], True)], ids=["quick", "unknown"]
+)
+def test_the_cost_of_huge_frames_counts(measured: list[Measured], is_refused: bool) -> None:
+    large_frames = LargeFrames(DEFAULT_LADDER, costs(*measured))
+    large_frames.heard_of(POLITE, 100.0)
+    assert refused(large_frames, 100.0) == is_refused
+
+
+def test_whoever_waits_is_active_however_long() -> None:
+    assert refused(LargeFrames(DEFAULT_LADDER, costs(A_LARGE)), 100.0, others_wait=True)
+
+
+def refused(large_frames: LargeFrames, now: float, *, others_wait: bool = False, **changes: Any) -> bool:
+    """Whether the hostile client's frame, huge unless changed, is refused until others count as inactive."""
+    request = render_request(**{"width": 4096, "height": 4096, "profile": None} | changes)
+    try:
+        large_frames.check(HOSTILE, request, FrameSize.of(request, DEFAULT_LADDER), now, others_wait=others_wait)
+    except Overloaded as error:
+        return error.retry_after_s == ACTIVE_S
+    return False

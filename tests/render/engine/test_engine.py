@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from tests.eventually import eventually
 from tests.render.engine_bench import Bench, busy
 from tests.render.fakes import render_request
 from tigas_common.errors import (
@@ -75,10 +76,8 @@ async def test_an_older_view_is_dropped_once_a_newer_one_begins(
 
 
 async def test_nothing_is_dropped_for_a_view_that_is_refused_or_of_another_session(bench: Bench) -> None:
-    first = await busy(bench)
-    older, others, unnumbered = (
-        bench.submit("a", seq=1), [bench.submit("b", seq=seq) for seq in (1, 0)], bench.submit("b", seq=0)
-    )  # fmt: skip
+    tasks = [await busy(bench)]
+    tasks += [bench.submit("a", seq=1), *(bench.submit("b", seq=seq) for seq in (1, 0, 0))]
     await bench.waiting(4)
     late = bench.submit("a", seq=2, deadline_ms=50)
     await bench.waiting(5)
@@ -86,8 +85,7 @@ async def test_nothing_is_dropped_for_a_view_that_is_refused_or_of_another_sessi
     bench.rasterizer.gate.set()
     with pytest.raises(DeadlineExceeded):
         await late
-    for task in (first, older, *others, unnumbered):
-        assert (await task).body
+    assert all(frame.body for frame in await asyncio.gather(*tasks))
 
 
 async def test_a_withdrawn_request_is_not_rendered(bench: Bench) -> None:
@@ -144,21 +142,9 @@ async def test_a_frame_that_was_ready_too_late_is_not_sent(bench: Bench) -> None
     with pytest.raises(DeadlineExceeded):
         await late
     assert bench.outcome("deadline-exceeded") == 1
-
-
-async def test_an_image_that_is_late_already_is_not_encoded(thread_bench: Bench) -> None:
-    first = await busy(thread_bench)
-    thread_bench.rasterizer.gate.set()
-    await first
-    thread_bench.rasterizer.gate.clear()
-    late = thread_bench.submit("a", deadline_ms=100)
-    await thread_bench.rendering()
-    thread_bench.now += 0.2
-    thread_bench.rasterizer.gate.set()
-    with pytest.raises(DeadlineExceeded):
-        await late
-    image = thread_bench.rasterizer.images[1]
-    assert (image.encoded, image.closed) == (0, True)
+    [image] = bench.rasterizer.images
+    assert image.closed
+    assert image.encoded == (bench.rasterizer.frames_in_flight == 1), "only lanes encode with the device"
 
 
 async def test_a_huge_frame_is_refused_while_another_client_wants_frames(thread_bench: Bench) -> None:
@@ -186,12 +172,12 @@ async def test_an_image_that_nobody_wants_is_not_encoded_but_paid_for(thread_ben
     task.cancel()
     with pytest.raises(asyncio.CancelledError):
         await task
+    images = thread_bench.rasterizer.images
     thread_bench.rasterizer.gate.set()
-    async with asyncio.timeout(10):
-        while not (thread_bench.rasterizer.images and thread_bench.rasterizer.images[0].closed):  # noqa: ASYNC110 - as above
-            await asyncio.sleep(0)
-    assert thread_bench.rasterizer.images[0].encoded == 0
-    assert thread_bench.engine._queue._schedule._addresses._starts["somewhere"] == pytest.approx(1.0)
+    await eventually(lambda: images and images[0].closed)
+    assert images[0].encoded == 0
+    addresses = thread_bench.engine._queue._schedule._addresses
+    await eventually(lambda: addresses._starts["somewhere"] == pytest.approx(1.0))
 
 
 async def test_a_request_that_cannot_be_ready_in_time_is_shed_but_not_for_ever(thread_bench: Bench) -> None:
@@ -200,33 +186,21 @@ async def test_a_request_that_cannot_be_ready_in_time_is_shed_but_not_for_ever(t
     thread_bench.now += 0.2
     thread_bench.rasterizer.gate.set()
     await first
-    with pytest.raises(DeadlineExceeded):
-        await thread_bench.submit("a", deadline_ms=100)
-    for _ in range(20):
-        try:
-            await thread_bench.submit("a", deadline_ms=100)
-        except DeadlineExceeded:
-            continue
-        break
-    else:
-        pytest.fail("one slow frame turned every later request away")
+    outcomes = [
+        (await asyncio.gather(thread_bench.submit("a", deadline_ms=100), return_exceptions=True))[0] for _ in range(20)
+    ]
+    assert isinstance(outcomes[0], DeadlineExceeded)
+    assert isinstance(outcomes[-1], Frame), "one slow frame turned every later request away"
 
 
-async def test_a_rasteriser_that_fails_fails_that_request_alone(bench: Bench) -> None:
-    bench.rasterizer.error = RuntimeError("out of luck")
+async def test_a_rasteriser_that_fails_fails_that_request_alone_and_a_lost_device_is_remembered(bench: Bench) -> None:
     bench.rasterizer.gate.set()
-    with pytest.raises(RuntimeError):
-        await bench.submit("a")
-    bench.rasterizer.error = None
     for _ in range(bench.rasterizer.frames_in_flight + 1):
+        bench.rasterizer.error = RuntimeError("out of luck")
+        with pytest.raises(RuntimeError):
+            await bench.submit("a")
+        bench.rasterizer.error = None
         assert (await bench.submit("a")).body
-
-
-async def test_a_lost_device_is_remembered(bench: Bench) -> None:
-    bench.rasterizer.error = RuntimeError("out of luck")
-    bench.rasterizer.gate.set()
-    with pytest.raises(RuntimeError):
-        await bench.submit("a")
     assert not bench.engine.device_lost.done()
     for _ in range(2):
         bench.rasterizer.error = DeviceLost("gone")
@@ -270,31 +244,28 @@ async def test_wrong_scene_and_rung_are_refused_before_anything_is_queued(bench:
         await bench.submit("a", scene="../../etc/passwd")
     with pytest.raises(InvalidRequest, match="rungs 0 to 3"):
         await bench.submit("a", profile=4)
+    with pytest.raises(InvalidRequest, match="overscan"):
+        await bench.submit("a", width=4096, height=4096, profile=None, overscan=0.5)
     assert bench.rasterizer.cameras == []
 
 
-async def test_too_many_waiting_requests_are_refused(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(work_queue, "MAX_WAITING", 3)
-    first = await busy(bench)
-    tasks = [bench.submit(f"client {number}") for number in range(3)]
+@pytest.mark.parametrize(
+    ("limit", "addresses", "sentence"),
+    [("MAX_WAITING", "abc", "Too many requests wait"), ("WAITING_PER_ADDRESS", "xxx", "from this address")],
+)
+async def test_too_many_waiting_requests_are_refused(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, limit: str, addresses: str, sentence: str
+) -> None:
+    monkeypatch.setattr(work_queue, limit, 3)
+    tasks = [await busy(bench)]
+    tasks += [bench.submit(f"session {number}", address=address) for number, address in enumerate(addresses)]
     await bench.waiting(3)
-    with pytest.raises(Overloaded, match="ask less often"):
-        await bench.submit("one more")
-    bench.rasterizer.gate.set()
-    assert all(frame.body for frame in await asyncio.gather(first, *tasks))
-
-
-async def test_one_address_cannot_take_all_places() -> None:
-    bench = Bench(waiting_per_address=3)
-    async with bench.engine:
-        first = await busy(bench)
-        tasks = [bench.submit(f"session {number}", address="hostile") for number in range(3)]
-        await bench.waiting(3)
-        with pytest.raises(Overloaded, match="from this address"):
-            await bench.submit("one more", address="hostile")
+    with pytest.raises(Overloaded, match=sentence):
+        await bench.submit("one more", address="x")
+    if limit == "WAITING_PER_ADDRESS":
         tasks.append(bench.submit("polite", address="elsewhere"))
-        bench.rasterizer.gate.set()
-        assert all(frame.body for frame in await asyncio.gather(first, *tasks))
+    bench.rasterizer.gate.set()
+    assert all(frame.body for frame in await asyncio.gather(*tasks))
 
 
 async def test_closing_finishes_what_is_rendered_and_refuses_what_waits() -> None:
@@ -304,12 +275,18 @@ async def test_closing_finishes_what_is_rendered_and_refuses_what_waits() -> Non
         rendered = await busy(bench)
         waiting = bench.submit("a")
         await bench.waiting(1)
+        bench.scenes.loading = asyncio.get_running_loop().create_future()
+        waiting_for_a_scene = bench.submit("b")
+        await asyncio.sleep(0)
         closing = asyncio.create_task(stack.aclose())
         with pytest.raises(Overloaded, match="stopping"):
             await waiting
         bench.rasterizer.gate.set()
         await closing
+    with pytest.raises(Overloaded, match="stopping"):
+        await waiting_for_a_scene
     assert (await rendered).body
+    bench.scenes.loading = None
     with pytest.raises(Overloaded, match="stopping"):
         await bench.submit("a")
 
@@ -332,9 +309,7 @@ async def test_a_scene_is_let_go_when_its_frame_is_done(bench: Bench) -> None:
     await bench.submit("a")
     last = bench.scenes.last
     assert last is not None
-    async with asyncio.timeout(10):
-        while last() is not None:  # noqa: ASYNC110 - nothing announces it
-            await asyncio.sleep(0)
+    await eventually(lambda: last() is None)
 
 
 async def test_a_scene_that_is_loaded_first_holds_up_no_other_request(bench: Bench) -> None:
@@ -351,16 +326,6 @@ async def test_a_scene_that_is_loaded_first_holds_up_no_other_request(bench: Ben
     assert bench.scenes.users == 0
 
 
-async def test_closing_answers_those_who_wait_for_a_scene() -> None:
-    bench = Bench()
-    bench.scenes.loading = asyncio.get_running_loop().create_future()
-    async with bench.engine:
-        waiting = bench.submit("a")
-        await asyncio.sleep(0)
-    with pytest.raises(Overloaded, match="stopping"):
-        await waiting
-
-
 async def test_the_answer_comes_once_never_at_once_and_not_after_a_withdrawal(bench: Bench) -> None:
     client, answers = Client("somewhere", "a"), list[Frame | Exception]()
     withdraw = bench.engine.request(client, render_request(scene="nowhere"), bench.now, answers.append)
@@ -375,9 +340,7 @@ async def test_the_answer_comes_once_never_at_once_and_not_after_a_withdrawal(be
 
 
 async def test_the_engine_tells_how_busy_it_is(bench: Bench) -> None:
-    async with asyncio.timeout(10):
-        while bench.engine._queue._utilisation._idle_since is None:  # noqa: ASYNC110 - threads begin to wait
-            await asyncio.sleep(0)
+    await bench.idle()
     bench.engine.state()
     bench.now += 1
     assert bench.engine.state() == (0.0, 0.0), "nothing was ever asked for"
@@ -388,9 +351,7 @@ async def test_the_engine_tells_how_busy_it_is(bench: Bench) -> None:
     assert bench.engine.state() == (2.0, 1.0)
     bench.rasterizer.gate.set()
     await asyncio.gather(first, second)
-    async with asyncio.timeout(10):
-        while bench.engine._queue._utilisation._idle_since is None:  # noqa: ASYNC110 - nothing announces it
-            await asyncio.sleep(0)
+    await bench.idle()
     bench.engine.state()
     bench.now += 2
     assert bench.engine.state() == (0.0, 0.0)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import AsyncIterator
 from typing import Any
 
 import av
 import pytest
 
 from tests.render.engine_bench import Bench
-from tests.render.fakes import FakeImage, FakeLaneRasterizer, FakeRasterizer, render_request
+from tests.render.fakes import render_request
 from tigas_common.errors import DeadlineExceeded, InvalidRequest
-from tigas_common.wire.render import FrameFormat, VideoInfo, VideoRequest
+from tigas_common.wire.render import VideoInfo, VideoRequest
 from tigas_render.frame import Client, Frame
 
 pytestmark = pytest.mark.anyio
@@ -21,31 +20,10 @@ pytestmark = pytest.mark.anyio
 ANN = Client("somewhere", "Ann")
 
 
-class GreyImage(FakeImage):
-    """Encodes as planes without content."""
-
-    def encode(self, format: FrameFormat, quality: int) -> bytes:
-        self.encoded += 1
-        return bytes((128,)) * (self.width * self.height * 3 // 2)
-
-
-class GreyRasterizer(FakeRasterizer):
-    """Renders such images."""
-
-    def image(self, width: int, height: int) -> FakeImage:
-        return GreyImage(width, height, "")
-
-
-class GreyLaneRasterizer(FakeLaneRasterizer, GreyRasterizer):
-    """The same with a lane."""
-
-
-@pytest.fixture(params=[GreyRasterizer, GreyLaneRasterizer], ids=["threads", "lanes"])
-async def bench(request: pytest.FixtureRequest) -> AsyncIterator[Bench]:
-    bench = Bench(request.param())
+@pytest.fixture(autouse=True)
+def at_once(bench: Bench) -> None:
+    """Let every frame be rendered at once."""
     bench.rasterizer.gate.set()
-    async with bench.engine:
-        yield bench
 
 
 async def shown(bench: Bench, seq: int, *, key: bool = False, **changes: Any) -> Frame:
@@ -80,9 +58,7 @@ async def test_a_view_that_no_decoder_takes_is_refused(bench: Bench) -> None:
         await shown(bench, 1, width=4096, height=4096, profile=None)
 
 
-async def test_after_a_frame_that_came_too_late_the_next_is_a_key_frame(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_key_frame_follows_a_late_frame(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     await shown(bench, 1)
     encode = bench.engine.videos.encode
 
@@ -97,9 +73,7 @@ async def test_after_a_frame_that_came_too_late_the_next_is_a_key_frame(
     assert [after(await shown(bench, seq)) for seq in (3, 4)] == [None, 3]
 
 
-async def test_after_a_frame_that_was_withdrawn_once_encoded_the_next_is_a_key_frame(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_key_frame_follows_a_withdrawn_frame(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     await shown(bench, 1)
     videos, loop, lost = bench.engine.videos, asyncio.get_running_loop(), asyncio.Event()
     withdrawn = threading.Event()

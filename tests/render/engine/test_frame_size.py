@@ -54,15 +54,41 @@ def test_even_frames_stay_even(width: int, height: int, overscan: float) -> None
     assert size.width % 2 == size.height % 2 == 0
 
 
+@pytest.mark.parametrize(("width", "height", "overscan"), [(8192, 16, 0.1), (4096, 4096, 0.01)])
+def test_a_frame_that_overscan_makes_too_large_is_refused(width: int, height: int, overscan: float) -> None:
+    plain = render_request(profile=None, width=width, height=height)
+    assert FrameSize.of(plain, DEFAULT_LADDER).pixels == width * height
+    with pytest.raises(InvalidRequest, match=r"overscan: the frame would have \d+×\d+ pixels"):
+        FrameSize.of(plain.model_copy(update={"overscan": overscan}), DEFAULT_LADDER)
+
+
 @pytest.mark.parametrize(
-    "changes",
+    ("viewport", "profile", "display_scale", "scale"),
     [
-        {"width": 8192, "height": 16, "overscan": 0.1},
-        {"width": 4096, "height": 4096, "overscan": 0.01},
+        ((1280, 720), 0, 1, 1),
+        ((1280, 720), 1, 1, 4 / 3),
+        ((1280, 720), 3, 1, 4),
+        ((640, 360), 0, 1, 1),
+        ((390, 844), 2, 1, 1.195),
+        ((320, 180), None, 1, 1),
+        # a viewport that is itself shown larger
+        ((1280, 720), None, 2, 2),
+        ((1280, 720), 2, 2, 4),
+        ((640, 360), 0, 3, 1.5),
     ],
 )
-def test_a_frame_that_overscan_makes_too_large_is_refused(changes: dict[str, float]) -> None:
-    plain = render_request(profile=None, **changes | {"overscan": 0})
-    assert FrameSize.of(plain, DEFAULT_LADDER).pixels == plain.width * plain.height
-    with pytest.raises(InvalidRequest, match=r"overscan: the frame would have \d+×\d+ pixels"):
-        FrameSize.of(render_request(profile=None, **changes), DEFAULT_LADDER)
+def test_frames_are_rendered_for_the_display_that_they_are_shown_on(
+    viewport: tuple[int, int], profile: int | None, display_scale: float, scale: float
+) -> None:
+    width, height = viewport
+    request = render_request(width=width, height=height, profile=profile, display_scale=display_scale)
+    camera = FrameSize.of(request, DEFAULT_LADDER).camera(request, (0, 0, 0))
+    assert camera.display_scale == pytest.approx(scale, rel=1e-3)
+
+
+def test_a_portrait_viewport_gets_as_many_square_pixels() -> None:
+    request = render_request(width=390, height=844, fx=500.0, fy=500.0, profile=2)
+    lens = FrameSize.of(request, DEFAULT_LADDER).camera(request, (0, 0, 0)).intrinsics
+    assert lens.width * lens.height == pytest.approx(640 * 360, rel=0.01)
+    assert lens.width / lens.height == pytest.approx(390 / 844, rel=0.01)
+    assert lens.fx == pytest.approx(lens.fy, rel=0.01)

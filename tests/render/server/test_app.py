@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-import asyncio
 import hashlib
 import io
 import json
-import struct
 import sys
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
 import httpx
-import numpy as np
 import pytest
 from PIL import Image
 
 from reference.ply import write_ply
 from tests.common.test_weights import NETWORK, made
-from tests.prerequisites import BUILT_PAGE
 from tests.prometheus import figures
 from tests.render.arrays import gaussians_of
 from tests.render.fakes import FakeRasterizer, render_request
 from tigas_common.errors import DeviceLost
-from tigas_common.extras import install_command
+from tigas_common.installation import install_command
 from tigas_common.weights import FILE, write_weights
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.devices import create_rasterizer
@@ -65,71 +61,52 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
 async def client(models: Path, tmp_path: Path) -> AsyncIterator[httpx.AsyncClient]:
     services = {"near": ":99", "far": "https://example.org/"}
     settings = RenderSettings(scenes=models, cache=tmp_path / "cache", services=services)
-    async with RenderService.open(settings, create_rasterizer("cpu")) as service:
-        transport = httpx.ASGITransport(create_app(service), raise_app_exceptions=False)
-        async with httpx.AsyncClient(transport=transport, base_url="http://localhost:8080") as client:
-            yield client
+    async with RenderService.open(settings, create_rasterizer("cpu")) as service, asking(service) as client:
+        yield client
+
+
+def asking(service: RenderService) -> httpx.AsyncClient:
+    transport = httpx.ASGITransport(create_app(service), raise_app_exceptions=False)
+    return httpx.AsyncClient(transport=transport, base_url="http://localhost:8080")
 
 
 def frame(**changes: Any) -> dict[str, Any]:
     return render_request(scene="wall", **changes).model_dump(mode="json", exclude_none=True)
 
 
-async def test_a_frame_comes_with_what_the_protocol_promises(client: httpx.AsyncClient) -> None:
-    response = await client.post("/render", json=frame(seq=41))
+AWAY: dict[str, Any] = {"position": (0, 0, 0), "quaternion": (0, 1, 0, 0)} | dict.fromkeys(
+    ("azimuth", "elevation", "translation")
+)
+"""The wall is behind this camera."""
+MARGINS = "margin_x=32, margin_y=18"
+
+
+@pytest.mark.parametrize(
+    ("changes", "about", "size", "is_red"),
+    [
+        ({"seq": 41}, "seq=41, width=320, height=180, profile=3", (320, 180), True),
+        ({"overscan": 0.1}, f"seq=0, width=384, height=216, {MARGINS}, profile=3", (384, 216), True),
+        ({"format": "webp", "profile": None}, "seq=0, width=320, height=180", (320, 180), True),
+        ({"format": "png"} | AWAY, "seq=0, width=320, height=180, profile=3", (320, 180), False),
+    ],
+)
+async def test_a_frame_comes_with_what_the_protocol_promises(
+    client: httpx.AsyncClient, changes: dict[str, Any], about: str, size: tuple[int, int], is_red: bool
+) -> None:
+    response = await client.post("/render", json=frame(**changes))
     assert response.status_code == 200
-    assert response.headers["content-type"] == "image/jpeg"
+    assert response.headers["content-type"] == f"image/{changes.get('format', 'jpeg')}"
     assert response.headers["content-length"] == str(len(response.content))
     assert response.headers["cache-control"] == "no-store"
     assert response.headers["timing-allow-origin"] == "*"
-    assert response.headers["tigas-frame"] == "seq=41, width=320, height=180, profile=3"
+    assert response.headers["tigas-frame"] == about
     stages = [part.split(";dur=") for part in response.headers["server-timing"].split(", ")]
     assert [name for name, _ in stages] == ["queue", "render", "encode"]
     assert all(float(duration) >= 0 for _, duration in stages)
-    picture = Image.open(io.BytesIO(response.content))
-    assert picture.size == (320, 180)
-    red, green, blue = picture.getpixel((160, 90))  # type: ignore[misc]
-    assert red > 200
-    assert green < 60
-    assert blue < 60
-
-
-async def test_an_overscanned_frame_says_what_its_margins_are(client: httpx.AsyncClient) -> None:
-    response = await client.post("/render", json=frame(overscan=0.1))
-    assert response.headers["tigas-frame"] == "seq=0, width=384, height=216, margin_x=32, margin_y=18, profile=3"
-    assert Image.open(io.BytesIO(response.content)).size == (384, 216)
-    raw = await client.post("/render", json=frame(format="yuv420p", overscan=0.1))
-    assert len(raw.content) == 384 * 216 * 3 // 2
-
-
-async def test_a_frame_carries_the_depth_of_its_view_when_it_is_asked_for(client: httpx.AsyncClient) -> None:
-    plain = (await client.post("/render", json=frame(overscan=0.1))).content
-    deep = (await client.post("/render", json=frame(overscan=0.1, depth=True))).content
-    segment = deep[4 : 4 + int.from_bytes(deep[4:6], "big")]
-    assert deep == plain[:2] + b"\xff\xe9" + segment + plain[2:]
-    assert segment[2:14] == b"tigas:depth\0"
-    (nearest,) = struct.unpack(">f", segment[14:18])
-    codes = np.asarray(Image.open(io.BytesIO(segment[18:])).convert("L"))
-    assert codes.shape == (104, 184)
-    assert nearest * codes / 255 == pytest.approx(1 / 3, rel=0.02)  # the wall is three units away
-
-
-async def test_the_other_formats_and_pose(client: httpx.AsyncClient) -> None:
-    away = frame(
-        azimuth=None, elevation=None, translation=None, position=(0, 0, 0), quaternion=(0, 1, 0, 0), format="png"
-    )
-    response = await client.post("/render", json=away)
-    assert response.headers["content-type"] == "image/png"
     picture = Image.open(io.BytesIO(response.content)).convert("RGB")
-    assert picture.getcolors() == [(320 * 180, (0, 0, 255))]  # turned round: nothing but the background
-    raw = await client.post("/render", json=frame(format="yuv420p", profile=None, width=33, height=17))
-    assert len(raw.content) == 33 * 17 + 2 * 17 * 9
-
-
-async def test_a_video_is_refused_in_a_sentence(client: httpx.AsyncClient) -> None:
-    response = await client.post("/render", json=frame(format="h264", video={"bitrate_kbps": 1000}))
-    assert response.status_code == 400
-    assert "WebTransport" in response.json()["detail"]
+    assert picture.size == size
+    red, green, blue = picture.getpixel((160, 90))  # type: ignore[misc]
+    assert (red > 200, green > 60, blue > 200) == (is_red, False, not is_red)
 
 
 @pytest.mark.parametrize(
@@ -145,22 +122,20 @@ async def test_a_video_is_refused_in_a_sentence(client: httpx.AsyncClient) -> No
         ({"width": 100_000, "height": 100_000}, 400, "invalid-request"),
         ({"overscan": -0.01}, 400, "invalid-request"),
         ({"overscan": 0.51}, 400, "invalid-request"),
-        ({"overscan": 1e300}, 400, "invalid-request"),
         ({"overscan": "0.1"}, 400, "invalid-request"),
         ({"overscan": 0.5, "profile": None, "width": 4096, "height": 4096}, 400, "invalid-request"),
         ({"depth": 1}, 400, "invalid-request"),
         ({"extra": 1}, 400, "invalid-request"),
+        ({"format": "h264", "video": {"bitrate_kbps": 1000}}, 400, "invalid-request"),  # over WebTransport alone
     ],
 )
 async def test_a_request_that_cannot_be_served_gets_a_problem(
     client: httpx.AsyncClient, changes: dict[str, Any], status: int, kind: str
 ) -> None:
     response = await client.post("/render", json=frame() | changes)
-    assert response.status_code == status
     assert response.headers["content-type"] == "application/problem+json"
     problem = response.json()
-    assert problem["type"] == f"tigas:{kind}"
-    assert problem["status"] == status
+    assert (response.status_code, problem["status"], problem["type"]) == (status, status, f"tigas:{kind}")
     assert problem["detail"].endswith(".")
     assert (await client.post("/render", json=frame())).status_code == 200
 
@@ -178,30 +153,22 @@ async def test_hostile_bodies_and_paths(client: httpx.AsyncClient) -> None:
         assert response.json()["type"] in ("tigas:not-found", "tigas:unknown-scene")
 
 
-async def test_a_refusal_says_when_to_come_back(client: httpx.AsyncClient) -> None:
-    """The first request makes its connection, a separate client, active."""
-    assert (await client.post("/render", json=frame())).status_code == 200
-    other = httpx.ASGITransport(client._transport.app, client=("2001:db8::1", 9))  # type: ignore[attr-defined]
-    async with httpx.AsyncClient(transport=other, base_url="http://localhost:8080") as hostile:
-        refused = await hostile.post("/render", json=frame(width=4096, height=4096, profile=None))
-    assert (refused.status_code, refused.json()["type"]) == (503, "tigas:overloaded")
-    assert int(refused.headers["retry-after"]) > 0
-
-
-async def test_extreme_but_valid_views_are_frames(client: httpx.AsyncClient) -> None:
-    for changes in (
+@pytest.mark.parametrize(
+    "changes",
+    [
         {"fx": 1e-3, "fy": 1e6},
         {"cx": 1e6, "cy": -1e6},
         {"translation": (1e9, -1e9, 1e9)},
         {"azimuth": 1e6, "elevation": -1e6, "roll": 1e6},
         {"width": 1, "height": 1, "profile": None},
         {"width": 8192, "height": 1},
-    ):
-        response = await client.post("/render", json=frame(**changes))
-        assert response.status_code == 200, changes
+    ],
+)
+async def test_extreme_but_valid_views_are_frames(client: httpx.AsyncClient, changes: dict[str, Any]) -> None:
+    assert (await client.post("/render", json=frame(**changes))).status_code == 200
 
 
-async def test_scenes_are_listed_loaded_and_unloaded(client: httpx.AsyncClient) -> None:
+async def test_scenes_are_listed_loaded_viewed_and_unloaded(client: httpx.AsyncClient) -> None:
     scenes = {scene["id"]: scene for scene in (await client.get("/scenes")).json()}
     assert scenes["wall"] | {"name": "A wall", "gaussians": 1, "state": "unloaded", "memory_bytes": 0} == scenes["wall"]
     assert scenes["broken"]["state"] == "broken"
@@ -214,31 +181,10 @@ async def test_scenes_are_listed_loaded_and_unloaded(client: httpx.AsyncClient) 
     assert (await client.get("/scenes/wall")).json()["state"] == "unloaded"
     assert (await client.post("/scenes/nowhere/load")).status_code == 404
     assert (await client.post("/scenes/broken/load")).status_code == 422
-
-
-async def test_a_scene_that_is_viewed_stays_loaded(client: httpx.AsyncClient) -> None:
     assert (await client.post("/render", json=frame())).status_code == 200
     refused = await client.post("/scenes/wall/unload")
     assert (refused.status_code, refused.json()["type"]) == (409, "tigas:scene-in-use")
     assert (await client.get("/scenes/wall")).json()["state"] == "loaded"
-
-
-async def test_the_page_may_reach_the_services_and_nothing_else(client: httpx.AsyncClient) -> None:
-    BUILT_PAGE.require()
-    policy = (await client.get("/")).headers["content-security-policy"]
-    directives = dict(directive.split(" ", 1) for directive in policy.split("; "))
-    reached = directives["connect-src"].split()
-    assert reached == [
-        "'self'",
-        "http://localhost:*",
-        "https://example.org:*",
-        "ws://localhost:*",
-        "wss://example.org:*",
-    ]
-    assert directives["default-src"] == "'self'"
-    assert directives["worker-src"] == "'self' blob:", "the sorting of downloaded scenes is a worker of its renderer's"
-    assert directives["frame-ancestors"] == "'none'"
-    assert "script-src" not in directives
 
 
 async def test_a_scene_added_later_is_found_on_request(client: httpx.AsyncClient, models: Path) -> None:
@@ -256,7 +202,7 @@ async def test_a_missing_preview_is_rendered(client: httpx.AsyncClient) -> None:
     assert (await client.get("/scenes/nowhere/preview")).status_code == 404
 
 
-async def test_the_page_learns_its_ladder_and_urls(client: httpx.AsyncClient) -> None:
+async def test_the_page_learns_its_ladder_and_urls_and_whether_its_scene_is_there(client: httpx.AsyncClient) -> None:
     config = (await client.get("/config.json")).json()
     assert [rung["height"] for rung in config["ladder"]] == [720, 540, 360, 180]
     assert config["services"] == {"near": "http://localhost:99", "far": "https://example.org/"}
@@ -264,43 +210,27 @@ async def test_the_page_learns_its_ladder_and_urls(client: httpx.AsyncClient) ->
     assert config["formats"] == ["jpeg", "webp"]
     assert config["webtransport_url"] is None  # this application is not served over QUIC
     assert config["has_scene"] is None
-    assert (await client.get("/healthz")).json() == {"status": "ok"}
-
-
-@pytest.mark.parametrize(("scene", "there"), [("wall", True), ("broken", True), ("attic", False), ("", False)])
-async def test_whoever_shows_a_scene_hears_whether_it_is_still_there(
-    client: httpx.AsyncClient, scene: str, there: bool
-) -> None:
-    assert (await client.get("/config.json", params={"scene": scene})).json()["has_scene"] is there
+    for scene, there in (("wall", True), ("broken", True), ("attic", False), ("", False)):
+        assert (await client.get("/config.json", params={"scene": scene})).json()["has_scene"] is there, scene
 
 
 @pytest.mark.parametrize("call", ["POST /render", "POST /scenes/courtyard/load", "GET /scenes/courtyard/preview"])
 async def test_who_asks_for_its_health_learns_that_the_device_is_lost(call: str, tmp_path: Path) -> None:
     rasterizer = FakeRasterizer()
-    async with RenderService.open(RenderSettings(cache=tmp_path), rasterizer) as service:
-        transport = httpx.ASGITransport(create_app(service))
-        async with httpx.AsyncClient(transport=transport, base_url="http://localhost:8080") as client:
-            assert (await client.get("/healthz")).status_code == 200
-            rasterizer.error = DeviceLost("The GPU fell off the bus.")
-            assert (await client.request(*call.split(), json=frame() | {"scene": "courtyard"})).status_code == 503
-            health = await client.get("/healthz")
+    async with RenderService.open(RenderSettings(cache=tmp_path), rasterizer) as service, asking(service) as client:
+        assert (await client.get("/healthz")).json() == {"status": "ok"}
+        rasterizer.error = DeviceLost("The GPU fell off the bus.")
+        assert (await client.request(*call.split(), json=frame() | {"scene": "courtyard"})).status_code == 503
+        health = await client.get("/healthz")
     assert (health.status_code, health.json()["type"]) == (503, "tigas:device-lost")
     assert health.json()["detail"] == "The GPU fell off the bus."
 
 
-async def test_metrics_count_frames_and_failures(client: httpx.AsyncClient) -> None:
-    await client.post("/render", json=frame())
-    await client.post("/render", json=frame() | {"scene": "nowhere"})
-    told = await figures(client)
-    assert told("tigas_render_requests_total", outcome="frame") == 1
-    assert told("tigas_render_requests_total", outcome="unknown-scene") == 1
-    assert told("tigas_render_frame_seconds_count", stage="render") == 1
-
-
-async def test_metrics_tell_frames_by_scene_rung_and_transport_and_what_scenes_take(client: httpx.AsyncClient) -> None:
+async def test_metrics_tell_outcomes_frames_by_scene_rung_and_transport_and_memory(client: httpx.AsyncClient) -> None:
     sizes = [len((await client.post("/render", json=frame(profile=rung))).content) for rung in (3, 3, 1)]
     whole = await client.post("/render", json=frame(profile=None))
     await client.get("/scenes/wall/preview")
+    await client.post("/render", json=frame() | {"scene": "nowhere"})
     told = await figures(client)
     by_http = {"scene": "wall", "transport": "http1"}
     assert told("tigas_render_frames_total", rung="3", **by_http) == 2
@@ -309,44 +239,31 @@ async def test_metrics_tell_frames_by_scene_rung_and_transport_and_what_scenes_t
     assert told("tigas_render_frame_bytes_total", rung="none", **by_http) == len(whole.content)
     assert told("tigas_render_frames_total", transport="none") == 1, "the thumbnail"
     assert told("tigas_render_frames_total") == told("tigas_render_requests_total", outcome="frame") == 5
+    assert told("tigas_render_requests_total", outcome="unknown-scene") == 1
+    assert told("tigas_render_frame_seconds_count", stage="render") == 5
     assert told("tigas_render_scenes", state="loaded") == told("tigas_render_scenes", state="broken") == 1
     assert 0 < told("tigas_render_scene_memory_bytes", scene="wall") < told("tigas_render_scene_memory_limit_bytes")
     assert told("tigas_render_requests_in_flight") == 0
     assert told("tigas_http_requests_total", route="/render") == 0, "counted twice"
 
 
-async def test_many_viewers_at_once_all_get_their_frames(client: httpx.AsyncClient) -> None:
-    app = client._transport.app  # type: ignore[attr-defined]
-
-    async def post(seq: int) -> httpx.Response:
-        transport = httpx.ASGITransport(app, client=("127.0.0.1", 1000 + seq))
-        async with httpx.AsyncClient(transport=transport, base_url=client.base_url) as viewer:
-            return await viewer.post("/render", json=frame(seq=seq))
-
-    responses = await asyncio.gather(*map(post, range(4)))
-    assert sorted(response.headers["tigas-frame"].split(",")[0] for response in responses) == [
-        f"seq={seq}" for seq in range(4)
-    ]
-
-
-async def test_a_scenes_networks_are_served_while_they_fit_and_their_absence_is_told(
-    client: httpx.AsyncClient, models: Path
-) -> None:
+async def test_a_scenes_networks_are_served_while_they_fit(client: httpx.AsyncClient, models: Path) -> None:
+    path = "/scenes/wall/enhance.safetensors"
     digest = hashlib.sha256((models / "wall" / "wall.ply").read_bytes()).hexdigest()
-    assert (await client.get("/scenes/nowhere/enhance.safetensors")).status_code == 404
-    assert (await client.get("/scenes/wall/enhance.safetensors")).json()["type"] == "tigas:no-weights"
+    assert (await client.get(path.replace("wall", "nowhere"))).status_code == 404
+    assert (await client.get(path)).json()["type"] == "tigas:no-weights"
     file = models / "wall" / FILE
     try:
         write_weights(file, made(NETWORK, scene=digest))
-        answer = await client.get("/scenes/wall/enhance.safetensors")
+        answer = await client.get(path)
         assert answer.content == file.read_bytes()
         again = {"If-None-Match": answer.headers["etag"]}
-        assert (await client.get("/scenes/wall/enhance.safetensors", headers=again)).status_code == 304
+        assert (await client.get(path, headers=again)).status_code == 304
         assert (await client.get("/scenes/wall")).json()["enhance"] == "scene"
         assert {s["id"]: s["enhance"] for s in (await client.get("/scenes")).json()}["wall"] == "scene"
 
         write_weights(file, made(NETWORK, scene="00" * 32))
-        refused = await client.get("/scenes/wall/enhance.safetensors", headers=again)
+        refused = await client.get(path, headers=again)
         assert refused.status_code == 422
         assert "changed since" in refused.json()["detail"]
         assert (await client.get("/scenes/wall")).json()["enhance"] != "scene"
@@ -361,19 +278,13 @@ async def test_training_is_for_scenes_that_there_are(client: httpx.AsyncClient) 
         assert (await client.request(method, "/scenes/nowhere/enhance")).status_code == 404
     assert (await client.post("/scenes/broken/enhance")).status_code == 422
     assert (await client.delete("/scenes/wall/enhance")).json()["state"] == "idle"
-    foreign = {"Origin": "https://example.org"}
-    assert (await client.post("/scenes/wall/enhance", headers=foreign)).status_code == 403
     assert (await client.get("/config.json")).json()["why_no_training"] is None
 
 
-async def test_a_service_without_pytorch_says_what_training_needs(
-    models: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_training_needs_pytorch(models: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "torch", None)  # an ImportError on import
-    async with (
-        RenderService.open(RenderSettings(scenes=models, cache=tmp_path), FakeRasterizer()) as service,
-        httpx.AsyncClient(transport=httpx.ASGITransport(create_app(service)), base_url="http://localhost") as client,
-    ):
+    settings = RenderSettings(scenes=models, cache=tmp_path)
+    async with RenderService.open(settings, FakeRasterizer()) as service, asking(service) as client:
         said = (await client.get("/config.json")).json()["why_no_training"]
         assert f"needs PyTorch, which this server does not have: {install_command('lab')}" in said
         refused = await client.post("/scenes/wall/enhance")

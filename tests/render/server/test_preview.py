@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from tests.eventually import eventually
 from tests.render.scenes import plys
 from tigas_common.errors import BrokenScene
 from tigas_common.wire.render import StartCamera
-from tigas_render.scenes.metadata import SceneMetadata
-from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.source import SceneMetadata, SceneSource
 from tigas_render.server.preview import MAX_BYTES, Preview, PreviewCache, preview_camera, read_preview
 
 pytestmark = pytest.mark.anyio
@@ -53,8 +53,12 @@ def renderer() -> Renderer:
     return renderer
 
 
-async def test_a_missing_preview_is_rendered_once_and_kept(tmp_path: Path, renderer: Renderer) -> None:
-    cache = PreviewCache(tmp_path / "deep" / "cache", renderer)
+@pytest.fixture
+def cache(tmp_path: Path, renderer: Renderer) -> PreviewCache:
+    return PreviewCache(tmp_path / "deep" / "cache", renderer)
+
+
+async def test_a_preview_is_rendered_once_and_kept(tmp_path: Path, renderer: Renderer, cache: PreviewCache) -> None:
     first = await cache.get(SOURCE)
     assert Image.open(io.BytesIO(first.body)).size == (640, 360)
     assert first.media_type == "image/jpeg"
@@ -64,24 +68,17 @@ async def test_a_missing_preview_is_rendered_once_and_kept(tmp_path: Path, rende
     assert len(list((tmp_path / "deep" / "cache").iterdir())) == 1  # and temporary files are removed
 
 
-async def test_another_scene_version_or_camera_gets_another_picture(tmp_path: Path, renderer: Renderer) -> None:
-    cache = PreviewCache(tmp_path, renderer)
-    for source in (
-        SOURCE,
-        replace(SOURCE, id="forest"),
-        replace(SOURCE, version="2"),
-        replace(SOURCE, metadata=SceneMetadata(background=(1, 0, 0))),
-    ):
-        await cache.get(source)
+async def test_another_scene_version_or_camera_gets_another_picture(renderer: Renderer, cache: PreviewCache) -> None:
+    turned = SceneMetadata(background=(1, 0, 0))
+    for changes in ({}, {"id": "forest"}, {"version": "2"}, {"metadata": turned}):
+        await cache.get(replace(SOURCE, **changes))
     assert len(renderer.calls) == 4
 
 
-async def test_concurrent_first_requests_render_once_and_may_give_up(tmp_path: Path, renderer: Renderer) -> None:
+async def test_concurrent_first_requests_render_once_and_may_give_up(renderer: Renderer, cache: PreviewCache) -> None:
     renderer.gate.clear()
-    cache = PreviewCache(tmp_path, renderer)
     tasks = [asyncio.create_task(cache.get(SOURCE)) for _ in range(4)]
-    while not renderer.calls:  # noqa: ASYNC110 - the renderer runs in this event loop
-        await asyncio.sleep(0)
+    await eventually(lambda: renderer.calls)
     tasks[0].cancel()
     renderer.gate.set()
     outcomes = await asyncio.gather(*tasks, return_exceptions=True)
@@ -91,45 +88,36 @@ async def test_concurrent_first_requests_render_once_and_may_give_up(tmp_path: P
 
 
 @pytest.mark.parametrize("content", [b"", b"no picture", image()[:200], image()[:-40], image("GIF")])
-async def test_a_corrupt_entry_is_rendered_again(tmp_path: Path, renderer: Renderer, content: bytes) -> None:
-    cache = PreviewCache(tmp_path, renderer)
+async def test_a_corrupt_entry_is_rendered_again(
+    tmp_path: Path, renderer: Renderer, cache: PreviewCache, content: bytes
+) -> None:
     good = await cache.get(SOURCE)
-    (entry,) = tmp_path.iterdir()  # noqa: ASYNC240 - a test may block
+    (entry,) = (tmp_path / "deep" / "cache").iterdir()
     entry.write_bytes(content)
     assert await cache.get(SOURCE) == good
     assert entry.read_bytes() == good.body
     assert len(renderer.calls) == 2
 
 
-async def test_a_failure_that_nobody_waits_for_is_no_surprise(
-    tmp_path: Path, renderer: Renderer, caplog: pytest.LogCaptureFixture
-) -> None:
-    renderer.gate.clear()
+async def test_a_failure_is_not_kept(renderer: Renderer, cache: PreviewCache, caplog: pytest.LogCaptureFixture) -> None:
     renderer.error = BrokenScene("It is torn.")
-    cache = PreviewCache(tmp_path, renderer)
-    asked = asyncio.create_task(cache.get(SOURCE))
-    while not renderer.calls:  # noqa: ASYNC110 - the renderer runs in this event loop
-        await asyncio.sleep(0)
-    asked.cancel()
-    renderer.gate.set()
-    while cache._rendering:  # noqa: ASYNC110 - as above
-        await asyncio.sleep(0)
-    gc.collect()
-    assert "never retrieved" not in caplog.text
-
-
-async def test_a_failure_is_passed_on_and_not_kept(tmp_path: Path, renderer: Renderer) -> None:
-    renderer.error = BrokenScene("It is torn.")
-    cache = PreviewCache(tmp_path, renderer)
     for _ in range(2):
         with pytest.raises(BrokenScene, match="torn"):
             await cache.get(SOURCE)
+    renderer.gate.clear()
+    asked = asyncio.create_task(cache.get(SOURCE))
+    await eventually(lambda: len(renderer.calls) == 3)
+    asked.cancel()
+    renderer.gate.set()
+    await eventually(lambda: not cache._rendering)
+    gc.collect()
+    assert "never retrieved" not in caplog.text
     renderer.error = None
     await cache.get(SOURCE)
-    assert len(renderer.calls) == 3
+    assert len(renderer.calls) == 4
 
 
-async def test_a_cache_that_cannot_be_written_is_no_failure(
+async def test_the_cache_need_not_be_writable(
     tmp_path: Path, renderer: Renderer, caplog: pytest.LogCaptureFixture
 ) -> None:
     cache = PreviewCache(plys.write(tmp_path / "file", b"") / "cache", renderer)
@@ -138,11 +126,11 @@ async def test_a_cache_that_cannot_be_written_is_no_failure(
 
 
 @pytest.mark.parametrize(("name", "format"), [("preview.jpg", "JPEG"), ("preview.png", "PNG"), ("preview.jpg", "PNG")])
-async def test_a_scene_may_bring_its_own(tmp_path: Path, renderer: Renderer, name: str, format: str) -> None:
-    content = image(format)
-    source = replace(SOURCE, preview=plys.write(tmp_path / name, content))
-    preview = await PreviewCache(tmp_path / "cache", renderer).get(source)
-    assert preview.body == content
+async def test_a_scene_may_bring_its_own(
+    tmp_path: Path, renderer: Renderer, cache: PreviewCache, name: str, format: str
+) -> None:
+    preview = await cache.get(replace(SOURCE, preview=plys.write(tmp_path / name, image(format))))
+    assert preview.body == image(format)
     assert preview.media_type == f"image/{format.lower()}"  # detected by content, not by name
     assert renderer.calls == []
 
@@ -153,22 +141,20 @@ async def test_a_scene_may_bring_its_own(tmp_path: Path, renderer: Renderer, nam
     ids=["another type", "GIF", "too large", "too many pixels"],
 )
 async def test_a_bad_one_is_replaced(
-    tmp_path: Path, renderer: Renderer, content: bytes, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, cache: PreviewCache, content: bytes, caplog: pytest.LogCaptureFixture
 ) -> None:
-    source = replace(SOURCE, preview=plys.write(tmp_path / "preview.jpg", content))
-    preview = await PreviewCache(tmp_path / "cache", renderer).get(source)
+    preview = await cache.get(replace(SOURCE, preview=plys.write(tmp_path / "preview.jpg", content)))
     assert Image.open(io.BytesIO(preview.body)).size == (640, 360)
     assert "another is rendered" in caplog.text
 
 
-async def test_a_missing_file_is_no_preview(tmp_path: Path) -> None:
+def test_a_missing_file_is_no_preview(tmp_path: Path) -> None:
     assert read_preview(tmp_path / "nowhere.jpg") is None
     assert read_preview(tmp_path) is None
 
 
-async def test_the_camera_has_square_pixels_and_sixty_degrees() -> None:
-    start = StartCamera(position=(1, 2, 3), look_at=(1, 2, 9))
-    camera = preview_camera(start, (0, -1, 0), 640, 360)
+def test_the_camera_has_square_pixels_and_sixty_degrees() -> None:
+    camera = preview_camera(StartCamera(position=(1, 2, 3), look_at=(1, 2, 9)), (0, -1, 0), 640, 360)
     lens = camera.intrinsics
     assert camera.pose.position == (1, 2, 3)
     assert camera.pose.rotation == ((1, 0, 0), (0, 1, 0), (0, 0, 1))

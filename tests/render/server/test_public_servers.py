@@ -16,12 +16,12 @@ import pytest
 from tests.render.transport.client import CERTIFICATE, FakeFrames, connect, request_body
 from tests.render.transport.serving import hello
 from tigas_common.address import Address
-from tigas_common.certificate import Certificate
 from tigas_common.origins import OriginPolicy
 from tigas_render.admission.viewers import ViewerAdmission
 from tigas_render.server.public_servers import public_servers
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.settings import RenderSettings
+from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.shared_port import Share
 
 pytestmark = pytest.mark.anyio

@@ -20,10 +20,10 @@ from aioquic.tls import SessionTicket
 from tests.render.fakes import render_request
 from tigas import http3
 from tigas.http3 import Http3Connection, Response, configuration, split_frame
-from tigas_common.certificate import Certificate
 from tigas_common.wire.render import AnswerFormat, RenderRequest, ServerTiming, VideoInfo
 from tigas_render.frame import Answered, Frame, FrameSource, Withdraw
 from tigas_render.frame import Client as FrameClient
+from tigas_render.transport.certificate import Certificate
 
 CERTIFICATE = Certificate.create([], datetime.now(UTC))
 TIMING = ServerTiming(queue=1.0, render=2.0, encode=3.0)

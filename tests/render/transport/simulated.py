@@ -13,7 +13,7 @@ from aioquic.quic.connection import QuicConnection
 from aioquic.quic.events import DatagramFrameReceived, QuicEvent, StreamDataReceived
 
 from tests.render.transport.client import CERTIFICATE
-from tigas_render.transport.aioquic_ext.congestion import LIMITED_RENO
+from tigas_render.transport.aioquic_ext.congestion import RENO
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 from tigas_render.transport.shared_port import Edge
 
@@ -30,7 +30,7 @@ Drop = Callable[[str, bytes], bool]
 class Simulation:
     """Call `run` after every change; it plays until both ends are quiet, or until a given time."""
 
-    def __init__(self, reset_delay: Callable[[float], float] = lambda now: 0.0) -> None:
+    def __init__(self, reset_delay: Callable[[float], float] = lambda now: 0.0, congestion_control: str = RENO) -> None:
         self.now = 0.0
         self.address = CLIENT
         """Where the client's datagrams come from."""
@@ -62,7 +62,7 @@ class Simulation:
                 is_client=False,
                 certificate=CERTIFICATE.x509,
                 private_key=CERTIFICATE.private_key,
-                congestion_control_algorithm=LIMITED_RENO,
+                congestion_control_algorithm=congestion_control,
                 max_datagram_size=1452,
                 max_stream_data=64 * 1024,
                 **common,

@@ -16,7 +16,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tests.render.transport import serving
 from tests.render.transport.client import Client, connect, eventually
-from tigas_common.peers import ARRIVED
+from tigas_common.web import ARRIVED
 from tigas_render.admission.limits import Limits
 from tigas_render.transport.server import Http3Server
 

@@ -15,8 +15,8 @@ from starlette.types import Receive, Scope, Send
 
 from tests.render.transport.client import CERTIFICATE, FakeFrames, connect, eventually, request_body
 from tests.render.transport.serving import hello, served
-from tigas_common.certificate import Certificate
 from tigas_render.admission.limits import Limits
+from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.server import Http3Server
 from tigas_render.transport.stateless import StatelessResets
 

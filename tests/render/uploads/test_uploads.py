@@ -21,10 +21,9 @@ from tests.render.scenes import made_up, plys
 from tests.render.uploads.client import TUS, begin, part, upload
 from tigas_common.address import Address
 from tigas_common.errors import Overloaded
-from tigas_common.http_limits import HttpLimits
-from tigas_common.offload import Offload, offload_to_process
+from tigas_common.limits import HttpLimits
+from tigas_common.offload import Limit, Offload, offload_to_process
 from tigas_common.runner import serve_http
-from tigas_common.work_limits import Limit
 from tigas_render.server.app import create_app
 from tigas_render.server.library import Library
 from tigas_render.server.service import RenderService

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import signal
 import socket
+import subprocess
 import sys
 import time
 
@@ -12,8 +13,7 @@ import httpx
 import psutil
 import pytest
 
-from tests.render.test_cli import tigas
-from tests.render.transport.client import eventually
+from tests.eventually import eventually
 from tests.render.workers.fleet import TIGAS, Viewer, nothing_left, serving
 
 pytestmark = pytest.mark.slow
@@ -73,7 +73,8 @@ def test_twenty_starts_and_stops_leave_nothing() -> None:
 
 
 def test_an_engine_that_cannot_start_says_why_once() -> None:
-    result = tigas("render", "--edges", "2", "--http", "127.0.0.1:0", "--quic", "off", "--scenes", "/nowhere/at/all")
+    options = ("--edges", "2", "--http", "127.0.0.1:0", "--quic", "off", "--scenes", "/nowhere/at/all")
+    result = subprocess.run([*TIGAS, "render", *options], capture_output=True, text=True, timeout=60, check=False)
     assert result.returncode == 1
     assert result.stderr.splitlines() == [
         "The models directory /nowhere/at/all does not exist; create it, or choose another with --scenes."

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from tigas_shaper.link.commands import Interface
 from tigas_shaper.link.gateway import Forward, rules
-from tigas_shaper.link.interfaces import Interface
 
 
 def test_a_forward_reads_its_protocol_ports_and_host() -> None:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import pytest
-
 from tigas_shaper.traces.formats import parse_trace
-from tigas_shaper.traces.trace import NetworkTrace, TraceError
+from tigas_shaper.traces.trace import NetworkTrace
 
 GHENT = "1450274031248 725 51.06 3.73 3263799 725\n1450274032248 1725 51.06 3.73 4226240 1000\n"
 SABRE = """[
@@ -20,22 +18,10 @@ IRISH = """Timestamp,Longitude,NetworkMode,DL_bitrate,UL_bitrate
 2019.12.16_14.23.33,-8.4,5G,-,36
 2019.12.16_14.23.37,-8.4,5G,50,-
 """
+HEADER = "t_ms,down_kbps,up_kbps,delay_ms,jitter_ms,loss_pct\n"
+"""Of our own format."""
 
 
-def read(text: str | bytes) -> NetworkTrace:
+def read(text: str | bytes, format: str | None = None) -> NetworkTrace:
     """The trace in a text of any format."""
-    return parse_trace("t", text.encode() if isinstance(text, str) else text)
-
-
-def down(trace: NetworkTrace) -> list[float]:
-    """The rates towards the client."""
-    return [state.down_kbps for state in trace.states]
-
-
-def assert_refused(text: str | bytes, sentence: str) -> None:
-    """A text is refused with one short sentence, which holds this one."""
-    with pytest.raises(TraceError) as error:
-        read(text)
-    assert sentence in error.value.detail
-    assert "\n" not in error.value.detail
-    assert len(error.value.detail) < 250
+    return parse_trace("t", text.encode() if isinstance(text, str) else text, format=format)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import threading
 import xml.etree.ElementTree as ElementTree
@@ -10,17 +9,16 @@ import zipfile
 from collections.abc import Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
-from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
 from tests.command import Result, tigas
-from tigas_shaper.traces.cli import trace
+from tigas_common.wire.shaper import LinkSetting
+from tigas_shaper.traces.fetch import load_sources
 from tigas_shaper.traces.formats import load_trace
-from tigas_shaper.traces.own_traces import own_traces
-from tigas_shaper.traces.sources import load_sources
+from tigas_shaper.traces.generator import own_traces, write_own_traces
 
 OWN = Path(__file__).parents[3] / "traces" / "network"
 
@@ -29,24 +27,12 @@ def run(*arguments: str | Path) -> Result:
     return tigas("trace", *arguments)
 
 
-def test_tigas_finds_the_commands() -> None:
-    points = {point.name: point for point in entry_points(group="tigas.commands")}
-    assert points["trace"].load() is trace
-
-
-def test_import_writes_our_csv_and_combines_two_directions(tmp_path: Path) -> None:
+def test_import_writes_our_csv_combines_two_directions_and_adds_losses(tmp_path: Path) -> None:
     down, up, out = tmp_path / "x.down", tmp_path / "x.up", tmp_path / "x.csv"
     down.write_text("5000\n4000\n")
     up.write_text("1000\n")
-    assert run("import", down, out, "--up", up).exit_code == 0
-    assert [(state.down_kbps, state.up_kbps) for state in load_trace(out).states] == [(5000, 1000), (4000, 1000)]
-
-
-def test_import_adds_losses_where_a_recording_has_none(tmp_path: Path) -> None:
-    recording, out = tmp_path / "x.txt", tmp_path / "x.csv"
-    recording.write_text("5000\n4000\n")
-    assert run("import", recording, out, "--loss-pct", "1").exit_code == 0
-    assert [(state.down_kbps, state.loss_pct) for state in load_trace(out).states] == [(5000, 1), (4000, 1)]
+    assert run("import", down, out, "--up", up, "--loss-pct", "1").exit_code == 0
+    assert load_trace(out).states == (LinkSetting(5000, 1000, loss_pct=1), LinkSetting(4000, 1000, loss_pct=1))
 
 
 def test_import_does_not_replace_a_file(tmp_path: Path) -> None:
@@ -61,12 +47,13 @@ def test_import_does_not_replace_a_file(tmp_path: Path) -> None:
     assert load_trace(out).states[0].up_kbps == 7
 
 
-@pytest.mark.parametrize("command", ["import", "info", "plot"])
-def test_a_broken_file_is_named_with_one_sentence(command: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("arguments", [("import",), ("info",), ("info", "--plot")])
+def test_a_broken_file_is_named_with_one_sentence(arguments: tuple[str, ...], tmp_path: Path) -> None:
     broken = tmp_path / "broken.txt"
     broken.write_text("5000\nfast\n")
     out = tmp_path / "out.png"
-    result = run(command, broken, *([] if command == "info" else [out]))
+    command, *option = arguments
+    result = run(command, broken, *option, *([] if arguments == ("info",) else [out]))
     assert result.exit_code == 1
     assert f"{broken}: Line 2: each line of this file must be a number, not 'fast'." in result.output
     assert not out.exists()
@@ -83,18 +70,18 @@ def test_info_prints_duration_rates_and_outages() -> None:
 
 def test_plot_draws_the_trace(tmp_path: Path) -> None:
     png, svg = tmp_path / "t.png", tmp_path / "t.svg"
-    assert run("plot", OWN / "dsl.csv", png).exit_code == 0
+    assert run("info", OWN / "dsl.csv", "--plot", png).exit_code == 0
     with Image.open(png) as picture:
         assert picture.width > 1000
         assert len(picture.convert("RGB").getcolors(1 << 24) or ()) > 20
-    assert run("plot", OWN / "outage.csv", svg).exit_code == 0
+    assert run("info", OWN / "outage.csv", "--plot", svg).exit_code == 0
     assert ElementTree.parse(svg).getroot().tag.endswith("svg")
-    result = run("plot", OWN / "dsl.csv", tmp_path / "t.exe")
+    result = run("info", OWN / "dsl.csv", "--plot", tmp_path / "t.exe")
     assert (result.exit_code, "must end in .png, .svg or .pdf" in result.output) == (1, True)
 
 
-def test_generate_writes_every_own_trace(tmp_path: Path) -> None:
-    assert run("generate", tmp_path / "made").exit_code == 0
+def test_every_own_trace_can_be_written(tmp_path: Path) -> None:
+    write_own_traces(tmp_path / "made")
     assert {path.stem for path in (tmp_path / "made").iterdir()} == {own.name for own in own_traces()}
 
 
@@ -112,7 +99,7 @@ def published(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
         def log_message(self, *_: object) -> None:
             pass
 
-    with ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=str(files))) as http:
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(files))) as http:
         thread = threading.Thread(target=http.serve_forever, kwargs={"poll_interval": 0.01})
         thread.start()
         base = f"http://127.0.0.1:{http.server_port}"
@@ -121,7 +108,7 @@ def published(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
             f'[mine]\ntitle = "My set"\npage = "p"\nlicence = "CC0"\ncite = "Me 2024"\n'
             f'files = [{{ url = "{base}/logs.zip", sha256 = "{digest}" }}, {{ url = "{base}/b.txt" }}]\n'
         )
-        monkeypatch.setattr("tigas_shaper.traces.sources.load_sources", partial(load_sources, sources))
+        monkeypatch.setattr("tigas_shaper.traces.fetch.load_sources", partial(load_sources, sources))
         monkeypatch.chdir(tmp_path)
         yield
         http.shutdown()
@@ -137,10 +124,6 @@ def test_fetch_lists_downloads_unpacks_and_says_what_was_not_checked(tmp_path: P
     assert "cite: Me 2024" in result.output
     assert "b.txt: no known checksum" in result.output
     assert "logs.zip: no known checksum" not in result.output
-
-
-@pytest.mark.usefixtures("published")
-def test_fetch_of_an_unknown_set_names_the_known_ones() -> None:
     result = run("fetch", "../x")
     assert result.exit_code == 1
     assert "Unknown trace set '../x': choose one of mine." in result.output

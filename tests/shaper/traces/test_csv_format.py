@@ -1,18 +1,16 @@
-"""Our own CSV: its meaning, round trips, and faults named by line."""
+"""Our own CSV: its meaning, and round trips."""
 
 from __future__ import annotations
 
 from contextlib import suppress
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.shaper.traces.recordings import HEADER
 from tigas_common.wire.shaper import MAX_DURATION_MS, LinkSetting
 from tigas_shaper.traces.csv_format import format_csv, parse_csv
 from tigas_shaper.traces.trace import NetworkTrace, TraceError
-
-HEADER = "t_ms,down_kbps,up_kbps,delay_ms,jitter_ms,loss_pct\n"
 
 
 def test_an_empty_cell_means_as_before_and_a_last_line_of_only_a_time_is_the_end() -> None:
@@ -39,42 +37,6 @@ def test_columns_may_be_absent_and_in_any_order() -> None:
 def test_windows_line_ends_blank_lines_spaces_and_quotes_are_taken_as_meant() -> None:
     trace = parse_csv("t", '\r\nt_ms, down_kbps\r\n"0", 5\r\n\r\n100, 6\r\n')
     assert (trace.times_ms, [state.down_kbps for state in trace.states]) == ((0, 100), [5, 6])
-
-
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        ("t_ms,up_kbps\n0,1\n", "Line 1: the header lacks down_kbps."),
-        ("t_ms,down_kbps,rtt\n0,1,2\n", "Line 1: 'rtt' is not a column"),
-        ("t_ms,down_kbps,down_kbps\n0,1,2\n", "Line 1: the header has down_kbps twice."),
-        ("t_ms,down_kbps\n", "a header and no line after it"),
-        ("t_ms,down_kbps\n5,1\n", "Line 2: the first t_ms must be 0, not 5."),
-        ("t_ms,down_kbps\n0,1\n100,2\n100,3\n", "Line 4: t_ms must rise, but 100 comes after 100."),
-        ("t_ms,down_kbps\n0,1\n100,2\n50,3\n", "Line 4: t_ms must rise, but 50 comes after 100."),
-        ("t_ms,down_kbps\n0,1\n1.5,2\n", "Line 3: t_ms must be whole milliseconds from 0, not '1.5'."),
-        ("t_ms,down_kbps\n0,1\n-5,2\n", "Line 3: t_ms must be whole milliseconds"),
-        ("t_ms,down_kbps\n0,1\n,2\n", "Line 3: t_ms must be whole milliseconds from 0, not ''."),
-        ("t_ms,down_kbps\n0,\n", "Line 2: the first line must give down_kbps."),
-        ("t_ms,down_kbps\n0,fast\n", "Line 2: down_kbps must be a number, not 'fast'."),
-        ("t_ms,down_kbps\n0,nan\n", "Line 2: down_kbps must be a number, not 'nan'."),
-        ("t_ms,down_kbps\n0,inf\n", "Line 2: down_kbps must be a number, not 'inf'."),
-        ("t_ms,down_kbps\n0,1e999\n", "Line 2: down_kbps is too large"),
-        ("t_ms,down_kbps\n0,1_000\n", "Line 2: down_kbps must be a number"),
-        ("t_ms,down_kbps\n0,٣\n", "Line 2: down_kbps must be a number"),
-        ("t_ms,down_kbps\n0,-1\n", "Line 2: down_kbps must not be negative"),
-        ("t_ms,down_kbps\n0,2e8\n", "Line 2: down_kbps: input should be less than or equal to 100000000."),
-        (HEADER + "0,1,1,0,0,101\n", "Line 2: loss_pct: input should be less than or equal to 100."),
-        ("t_ms,down_kbps\n0,1,2\n", "Line 2: 2 cells are expected, not 3."),
-        ("t_ms,down_kbps\n0\n", "Line 2: 2 cells are expected, not 1."),
-        ('t_ms,down_kbps\n0,"1\n', "Line 2: 2 cells are expected, not 1."),
-        ("t_ms,down_kbps\n0,1\n9999999999999,2\n", "a trace may last 30 days"),
-    ],
-)
-def test_a_fault_is_named_by_its_line(text: str, sentence: str) -> None:
-    with pytest.raises(TraceError) as error:
-        parse_csv("t", text)
-    assert sentence in error.value.detail
-    assert "\n" not in error.value.detail
 
 
 rates = st.floats(0, 1e8)

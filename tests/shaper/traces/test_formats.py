@@ -1,14 +1,15 @@
-"""The published formats: recognised by content, in the right units, and refused if unknown."""
+"""All formats: recognised by content, in the right units, and refused with the line of a fault."""
 
 from __future__ import annotations
 
+import gzip
 from contextlib import suppress
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.shaper.traces.recordings import GHENT, IRISH, SABRE, assert_refused, down
+from tests.shaper.traces.recordings import GHENT, HEADER, IRISH, SABRE, read
 from tests.shared_data import shared_file
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.formats import load_trace, parse_trace, recognise, trace_name
@@ -98,15 +99,152 @@ def test_the_same_drive_in_two_formats_is_the_same_trace() -> None:
     original = load_trace(shared_file("traces", "ghent4g-original", "report_bus_0001.log"))
     sabre = load_trace(shared_file("traces", "ghent4g-sabre-json", "report_bus_0001.json"))
     assert original.times_ms == sabre.times_ms
-    assert down(original) == pytest.approx(down(sabre), abs=1)  # Sabre's are cut to whole kbit/s
+    assert original.down_kbps == pytest.approx(sabre.down_kbps, abs=1)  # Sabre's are cut to whole kbit/s
+
+
+def test_mahimahi_counts_1500_byte_packets_in_bins_of_100_ms() -> None:
+    trace = read("0\n5\n99\n100\n250\n250\n")
+    assert (trace.times_ms, trace.duration_ms) == ((0, 100, 200), 250)
+    # 3, 1 and 2 packets of 12 000 bit, the last bin being 50 ms long
+    assert trace.down_kbps == (360, 120, 480)
+    assert read("0\n5\n150\n200\n200\n").down_kbps == (240, 360), "packets at the end belong to the last bin"
+    pattern = read("1\n")
+    assert (pattern.down_kbps, pattern.duration_ms) == ((12_000,), 100), "the mean of what is shorter than a bin"
+
+
+def test_a_plain_list_is_one_rate_a_second() -> None:
+    trace = read("5000\n2500.5\n0\n")
+    assert (trace.times_ms, trace.duration_ms, trace.down_kbps) == ((0, 1000, 2000), 3000, (5000, 2500.5, 0))
+
+
+def test_ghent_counts_bytes_and_states_last_as_long_as_their_interval() -> None:
+    trace = read(GHENT)
+    assert (trace.times_ms, trace.duration_ms) == ((0, 725), 1725)
+    assert trace.down_kbps == pytest.approx((3263799 * 8 / 725, 33809.92))
+
+
+def test_a_pensieve_rate_holds_up_to_the_time_on_its_line() -> None:
+    trace = read("0.0 9\n0.5 1.5\n2.0 3\n")
+    assert (trace.times_ms, trace.duration_ms, trace.down_kbps) == ((0, 500), 2000, (1500, 3000))
+
+
+def test_irish_rows_of_one_second_are_averaged_gaps_hold_and_uplink_traffic_is_no_capacity() -> None:
+    trace = read(IRISH)
+    assert (trace.times_ms, trace.duration_ms) == ((0, 1000, 5000), 6000)
+    assert trace.down_kbps == (200, 200, 50)
+    assert set(trace.up_kbps) == {10_000}
+
+
+def test_sabre_is_in_kbits_and_its_latency_is_a_round_trip() -> None:
+    trace = read(SABRE)
+    assert trace.states == (LinkSetting(36014, 10_000, 10), LinkSetting(0, 10_000, 0))
+    assert (trace.times_ms, trace.duration_ms) == ((0, 725), 1725)
 
 
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
+        ("", "The file is empty."),
+        (" \n\t\n", "The file is empty."),
+        (b"\x89PNG\r\n\x1a\n\0\0", "binary"),
+        (b"5000\n\xff\xfe\n", "binary"),
+        ("5000\n\0\n", "binary"),
+        (b"\x1f\x8bnonsense", "gzip file is damaged"),
+        (gzip.compress(GHENT.encode(), mtime=0)[:-12], "gzip file is damaged"),
+        ("9" * 20_000 + "\n", "Line 1 is longer than 10,000 characters."),
         ("hello world and more\n", "Line 1: 'hello world and more' is the beginning of no trace format"),
         ("a,b\n1,2\n", "Line 1: a comma-separated trace has t_ms and down_kbps, or DL_bitrate"),
+        ("t_ms,up_kbps\n0,1\n", "Line 1: the header lacks down_kbps."),
+        ("t_ms,down_kbps,rtt\n0,1,2\n", "Line 1: 'rtt' is not a column"),
+        ("t_ms,down_kbps,down_kbps\n0,1,2\n", "Line 1: the header has down_kbps twice."),
+        ("t_ms,down_kbps\n", "a header and no line after it"),
+        ("t_ms,down_kbps\n5,1\n", "Line 2: the first t_ms must be 0, not 5."),
+        ("t_ms,down_kbps\n0,1\n100,2\n100,3\n", "Line 4: t_ms must rise, but 100 comes after 100."),
+        ("t_ms,down_kbps\n0,1\n100,2\n50,3\n", "Line 4: t_ms must rise, but 50 comes after 100."),
+        ("t_ms,down_kbps\n0,1\n1.5,2\n", "Line 3: t_ms must be whole milliseconds from 0, not '1.5'."),
+        ("t_ms,down_kbps\n0,1\n-5,2\n", "Line 3: t_ms must be whole milliseconds"),
+        ("t_ms,down_kbps\n0,1\n,2\n", "Line 3: t_ms must be whole milliseconds from 0, not ''."),
+        ("t_ms,down_kbps\n0,\n", "Line 2: the first line must give down_kbps."),
+        ("t_ms,down_kbps\n0,fast\n", "Line 2: down_kbps must be a number, not 'fast'."),
+        ("t_ms,down_kbps\n0,nan\n", "Line 2: down_kbps must be a number, not 'nan'."),
+        ("t_ms,down_kbps\n0,inf\n", "Line 2: down_kbps must be a number, not 'inf'."),
+        ("t_ms,down_kbps\n0,1e999\n", "Line 2: down_kbps is too large"),
+        ("t_ms,down_kbps\n0,1_000\n", "Line 2: down_kbps must be a number"),
+        ("t_ms,down_kbps\n0,٣\n", "Line 2: down_kbps must be a number"),
+        ("t_ms,down_kbps\n0,-1\n", "Line 2: down_kbps must not be negative"),
+        ("t_ms,down_kbps\n0,2e8\n", "Line 2: down_kbps: input should be less than or equal to 100000000."),
+        (HEADER + "0,1,1,0,0,101\n", "Line 2: loss_pct: input should be less than or equal to 100."),
+        ("t_ms,down_kbps\n0,1,2\n", "Line 2: 2 cells are expected, not 3."),
+        ("t_ms,down_kbps\n0\n", "Line 2: 2 cells are expected, not 1."),
+        ('t_ms,down_kbps\n0,"1\n', "Line 2: the quotes do not match."),
+        ("t_ms,down_kbps\n0,1\n9999999999999,2\n", "a trace may last 30 days"),
+        ("5000\n\n\n3e8\n", "Line 4: down_kbps: input should be less than or equal to 100000000."),
+        ("0 1\n", "no step that lasts a millisecond"),
+        ("0 1\n0.0001 1\n", "no step that lasts a millisecond"),
+        ("0 1\n99999999 1\n", "Line 2: a trace may last 30 days"),
+        ("hello\n", "Line 1: each line of this file must be a number, not 'hello'."),
+        ("5000\nfast\n", "Line 2: each line of this file must be a number, not 'fast'."),
+        ("5000\n-1\n", "Line 2: each line of this file must not be negative"),
+        ("5000\nnan\n", "Line 2: each line of this file must be a number, not 'nan'."),
+        ("5000\n1e999\n", "Line 2: each line of this file is too large"),
+        ("9" * 9_000 + "\n", "Line 1: each line of this file must be a number"),
+        ("".join(f"{stamp}\n" for stamp in (*range(50), 20, *range(50, 60))), "Line 51: time must not go back"),
+        (GHENT + "1 2 3\n", "Line 3: a Ghent 4G log has 6 columns, not 3."),
+        (GHENT + "1 900 51 3 5 1000\n", "Line 3: time must not go back, but 900 ms comes after 1725 ms."),
+        (GHENT + "1 2725 51 3 5 0\n", "Line 3: the interval must not be 0 ms."),
+        (GHENT + "1 2725 51 3 inf 1000\n", "Line 3: the bytes must be a number, not 'inf'."),
+        ("0 1\n1 2 3\n", "Line 2: two columns are expected"),
+        ("0 1\n2 2\n1 2\n", "Line 3: time must rise, but 1 s comes after 2 s."),
+        (IRISH + "2019.12.16_14.23.31,1,1,1,1\n", "Line 7: time must not go back"),
+        (IRISH + "yesterday,1,1,1,1\n", "Line 7: Timestamp must look like"),
+        (IRISH + "2019.12.16_14.23.38,1\n", "Line 7: 5 cells are expected, not 2."),
+        (IRISH + "2019.12.16_14.23.38,1,1,x,1\n", "Line 7: DL_bitrate must be a number, not 'x'."),
+        (IRISH + '2019.12.16_14.23.38,"1,1,x,1\n', "Line 7: the quotes do not match."),
+        ("Timestamp,DL_bitrate\n2019.12.16_14.23.38,-\n", "No row has a DL_bitrate."),
+        ("Time,DL_bitrate\n1,2\n", "Line 1: the header lacks Timestamp."),
+        ('{"a": 1}', "Line 1: the JSON is damaged, or not a list of"),
+        ("[]", "Line 1: the JSON is damaged, or not a list of"),
+        ("[1, 2]", "Line 1: the JSON is damaged, or not a list of"),
+        ("[" * 100_000, "Line 1: the JSON is damaged, or not a list of"),
+        ('[{"duration_ms": ' * 1000, "Line 1: the JSON is damaged"),
+        ('[{"duration_ms": ' * 50 + "}", "Line 1: the JSON is damaged"),
+        ('[{"a":' * 100_000, "Line 1: the JSON is damaged"),
+        ("[\n{}\n]", "Line 2: duration_ms must be a number"),
+        ('[{"duration_ms": 1000}]', "Line 1: bandwidth_kbps must be a number"),
+        ('[{"duration_ms": 0, "bandwidth_kbps": 1}]', "Line 1: duration_ms must not be 0."),
+        ('[{"duration_ms": true, "bandwidth_kbps": 1}]', "Line 1: duration_ms must be a number"),
+        ('[{"duration_ms": "1000", "bandwidth_kbps": 1}]', "Line 1: duration_ms must be a number"),
+        ('[{"duration_ms": 1000, "bandwidth_kbps": NaN}]', "Line 1: bandwidth_kbps must be a number"),
+        ('[{"duration_ms": 1000, "bandwidth_kbps": -1}]', "Line 1: bandwidth_kbps must be a number that is not neg"),
+        ('[{"duration_ms": 1000, "bandwidth_kbps": 1e999}]', "Line 1: bandwidth_kbps must be a number"),
+        ('[{"duration_ms": 1000, "bandwidth_kbps": {"a": 1}}]', "Line 1: the JSON is damaged"),
+        (SABRE.replace("},", "}"), "Line 2: the JSON is damaged"),
+        (SABRE[:-3], "Line 3: the JSON is damaged"),
+        (SABRE[:-12], "Line 3: the JSON is damaged"),
+        (SABRE + "x", "Line 5: there is something after the end of the list."),
     ],
 )
-def test_what_is_broken_is_refused_with_one_sentence(text: str, sentence: str) -> None:
+def test_a_fault_is_named_by_its_line(text: str | bytes, sentence: str) -> None:
     assert_refused(text, sentence)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("0\n0\n", "Line 2: a Mahimahi trace must end after 0 ms."),
+        ("1\n1.5\n", "Line 2: a Mahimahi trace holds whole milliseconds, not 1.5."),
+        ("1\n9999999999\n", "Line 2: a trace may last 30 days"),
+        ("1\n999999999\n", "Line 2: a trace may have 250,000 steps"),
+    ],
+)
+def test_packet_times_that_cannot_be_are_refused(text: str, sentence: str) -> None:
+    assert_refused(text, sentence, "mahimahi")
+
+
+def assert_refused(text: str | bytes, sentence: str, format: str | None = None) -> None:
+    """One short sentence, which holds this one."""
+    with pytest.raises(TraceError) as error:
+        read(text, format)
+    assert sentence in error.value.detail
+    assert "\n" not in error.value.detail
+    assert len(error.value.detail) < 250

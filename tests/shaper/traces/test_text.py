@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.shaper.traces.recordings import GHENT, assert_refused, read
+from tests.shaper.traces.recordings import GHENT, read
 from tigas_shaper.traces import text as text_module
 from tigas_shaper.traces.formats import load_trace
 from tigas_shaper.traces.trace import TraceError
@@ -41,20 +41,3 @@ def test_a_huge_file_is_refused_without_reading_it_whole(tmp_path: Path) -> None
         file.truncate(1 << 30)  # sparse
     with pytest.raises(TraceError, match="larger than 64 MB"):
         load_trace(huge)
-
-
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        ("", "The file is empty."),
-        (" \n\t\n", "The file is empty."),
-        (b"\x89PNG\r\n\x1a\n\0\0", "binary"),
-        (b"5000\n\xff\xfe\n", "binary"),
-        ("5000\n\0\n", "binary"),
-        (b"\x1f\x8bnonsense", "gzip file is damaged"),
-        (gzip.compress(GHENT.encode(), mtime=0)[:-12], "gzip file is damaged"),
-        ("9" * 20_000 + "\n", "Line 1 is longer than 10,000 characters."),
-    ],
-)
-def test_what_is_broken_is_refused_with_one_sentence(text: str | bytes, sentence: str) -> None:
-    assert_refused(text, sentence)

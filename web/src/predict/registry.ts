@@ -2,7 +2,7 @@
  * All predictors, by their names in settings and experiments.
  *
  * To add a predictor, write a class with `observe()` and `predict()` in a new file in this folder, add a line here, and
- * add its name to `PredictorName` in `services/common/tigas_common/wire/run.py`. The viewer and experiments then offer
+ * add its name to `PredictorName` in `services/experiments/tigas_experiments/wire/run.py`. The viewer and experiments then offer
  * it.
  */
 import { Linear } from "./linear";

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { NewReno, PACKET, Pacer } from "./congestion";
+import { NewReno, PACKET, Pacer, type Packet, Westwood } from "./congestion";
 
 /** Sends packets at a time until the window is full. */
 function fill(congestion: NewReno, first: number, sentAt: number) {
@@ -62,4 +62,29 @@ test("the pacer lets out 1.25 windows a round trip, after a burst of a quarter o
   }
   expect(sent).toBeGreaterThanOrEqual(58);
   expect(sent).toBeLessThanOrEqual(62);
+});
+
+test("random loss costs Westwood nothing, and NewReno its window", () => {
+  /** A link of one packet per millisecond and 100 ms, which loses each hundredth packet; the window after 5 s. */
+  function window(congestion: NewReno | Westwood): number {
+    const flying: { arrival: number; packet: Packet }[] = [];
+    let [now, freeAt, number] = [0, 0, 0];
+    while (now < 5000) {
+      while (congestion.room) {
+        const packet = { number: number++, bytes: PACKET, sentAt: now };
+        congestion.sent(packet);
+        freeAt = Math.max(freeAt, now) + 1;
+        flying.push({ arrival: freeAt + 100, packet });
+      }
+      const next = flying.shift();
+      if (next === undefined) throw new Error("nothing is in flight");
+      now = next.arrival;
+      if (next.packet.number % 100 === 99) congestion.lost(next.packet, now);
+      else congestion.acknowledged(next.packet, now);
+      congestion.measured(now - next.packet.sentAt, now);
+    }
+    return congestion.window / PACKET;
+  }
+  expect(window(new NewReno())).toBeLessThan(25);
+  expect(window(new Westwood())).toBeGreaterThan(60);
 });

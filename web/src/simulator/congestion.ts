@@ -1,8 +1,8 @@
 /**
  * Congestion control and pacing of one QUIC connection, as in the render service
  * (services/render/tigas_render/transport): NewReno (RFC 9002, appendix B) that leaves slow start when round trips
- * grow, whose window grows only for packets sent while it was full, and a pacer of 1.25 windows per round trip in ticks
- * of a millisecond.
+ * grow, whose window grows only for packets sent while it was full, and falls no lower than the path's capacity; and a
+ * pacer of 1.25 windows per round trip in ticks of a millisecond.
  */
 
 /** Bytes of a full packet's UDP payload. */
@@ -62,9 +62,114 @@ export class NewReno {
     this.#threshold = this.#window;
   }
 
+  /** Sets a larger window than that after a loss. */
+  keep(window: number): void {
+    this.#window = Math.max(this.#window, window);
+    this.#threshold = this.#window;
+  }
+
   /** A round trip was measured. */
   measured(roundTrip: number, now: number): void {
     if (this.#threshold === null && this.#trips.growing(roundTrip, now)) this.#threshold = this.#window;
+  }
+}
+
+const HEADROOM = 1.1;
+const BANDWIDTH_MS = 2000;
+const ROUND_TRIP_MS = 10_000;
+const LEAST_INTERVAL_MS = 2;
+const MOST_LOSS = 0.06;
+const MEMORY = 500;
+const LEAST_PACKETS = 50;
+
+interface Sample {
+  readonly delivered: number;
+  readonly deliveredAt: number;
+  readonly firstSentAt: number;
+}
+
+/** NewReno that tolerates random loss (westwood.py): its window falls to bandwidth · least round trip, or to half. */
+export class Westwood {
+  readonly #reno = new NewReno();
+  readonly #bandwidth = new Greatest(BANDWIDTH_MS);
+  /** Negative round trips. */
+  readonly #shortest = new Greatest(ROUND_TRIP_MS);
+  readonly #samples = new Map<number, Sample>();
+  #delivered = 0;
+  #deliveredAt = 0;
+  #firstSentAt = 0;
+  #acknowledged = 0;
+  #lost = 0;
+
+  get window(): number {
+    return this.#reno.window;
+  }
+
+  get room(): boolean {
+    return this.#reno.room;
+  }
+
+  sent(packet: Packet): void {
+    if (this.#samples.size === 0) this.#deliveredAt = this.#firstSentAt = packet.sentAt;
+    this.#samples.set(packet.number, {
+      delivered: this.#delivered,
+      deliveredAt: this.#deliveredAt,
+      firstSentAt: this.#firstSentAt,
+    });
+    this.#reno.sent(packet);
+  }
+
+  acknowledged(packet: Packet, now: number): void {
+    this.#delivered += packet.bytes;
+    this.#deliveredAt = now;
+    this.#acknowledged = this.#acknowledged * (1 - 1 / MEMORY) + 1;
+    this.#lost *= 1 - 1 / MEMORY;
+    const sample = this.#samples.get(packet.number);
+    if (sample !== undefined) {
+      this.#samples.delete(packet.number);
+      this.#firstSentAt = packet.sentAt;
+      const interval = Math.max(packet.sentAt - sample.firstSentAt, now - sample.deliveredAt);
+      if (interval > LEAST_INTERVAL_MS) this.#bandwidth.add((this.#delivered - sample.delivered) / interval, now);
+    }
+    this.#reno.acknowledged(packet);
+  }
+
+  lost(packet: Packet, now: number): void {
+    this.#samples.delete(packet.number);
+    this.#lost++;
+    const before = this.#reno.window;
+    this.#reno.lost(packet, now);
+    const congested = this.#acknowledged > LEAST_PACKETS && this.#lost > MOST_LOSS * this.#acknowledged;
+    if (this.#reno.window >= before || congested) return;
+    const [bandwidth, shortest] = [this.#bandwidth.value, this.#shortest.value];
+    if (bandwidth === undefined || shortest === undefined) return;
+    this.#reno.keep(Math.min(before, Math.floor(HEADROOM * bandwidth * -shortest)));
+  }
+
+  /** A round trip was measured. */
+  measured(roundTrip: number, now: number): void {
+    this.#shortest.add(-roundTrip, now);
+    this.#reno.measured(roundTrip, now);
+  }
+}
+
+/** The greatest value of the last milliseconds. */
+class Greatest {
+  readonly #span: number;
+  readonly #values: { readonly at: number; readonly value: number }[] = [];
+
+  constructor(span: number) {
+    this.#span = span;
+  }
+
+  get value(): number | undefined {
+    return this.#values[0]?.value;
+  }
+
+  add(value: number, now: number): void {
+    while ((this.#values.at(-1)?.value ?? Number.POSITIVE_INFINITY) <= value) this.#values.pop();
+    this.#values.push({ at: now, value });
+    while ((this.#values[0]?.at ?? now) < now - this.#span) this.#values.shift();
   }
 }
 

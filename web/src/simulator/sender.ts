@@ -5,7 +5,7 @@
  * second of the first hundred packets, then every tenth, and none later than a quarter of a round trip.
  */
 import type { Bottleneck } from "./bottleneck";
-import { NewReno, PACKET, Pacer, type Packet } from "./congestion";
+import { PACKET, Pacer, type Packet, Westwood } from "./congestion";
 import type { EventLoop } from "./events";
 
 /** Bytes of a packet that are not a frame's: QUIC's, and on the link UDP's, IP's and Ethernet's as well. */
@@ -37,7 +37,7 @@ export interface Stream {
 export class Sender {
   readonly #events: EventLoop;
   readonly #path: Path;
-  readonly #congestion = new NewReno();
+  readonly #congestion = new Westwood();
   readonly #pacer = new Pacer();
   /** Those with something to send, the oldest first. */
   #streams: Stream[] = [];
@@ -139,7 +139,7 @@ export class Sender {
 
   #acknowledged(packets: readonly Packet[]): void {
     const now = this.#events.now();
-    for (const packet of packets) this.#congestion.acknowledged(packet);
+    for (const packet of packets) this.#congestion.acknowledged(packet, now);
     const last = packets.at(-1);
     if (last !== undefined) this.#measured(now - last.sentAt);
     this.#pump();

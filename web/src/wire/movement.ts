@@ -1,4 +1,4 @@
-// Generated from services/common/tigas_common/wire/movement.py by `npm run wire`. Do not edit.
+// Generated from services/experiments/tigas_experiments/wire/movement.py by `npm run wire`. Do not edit.
 
 export const ANCHORS = ["start", "scene"] as const;
 export const UNITS = ["m", "scene"] as const;

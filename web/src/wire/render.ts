@@ -165,6 +165,7 @@ export interface ServerConfig {
   max_upload_bytes?: number | null;
   has_scene?: boolean | null;
   formats?: ("jpeg" | "webp")[];
+  congestion_control?: ("westwood" | "reno") | null;
   why_no_training?: string | null;
 }
 /**

@@ -1,9 +1,9 @@
-"""Messages between the packager and the viewers of its streams."""
+"""Messages between the packager and the viewers of its streams, DASH and WebRTC."""
 
 from __future__ import annotations
 
 import math
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -11,6 +11,12 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Entries, Point, Quaternion, WireModel
 
 MAX_REPRESENTATIONS = 8
+MAX_SDP = 65_536
+"""The longest offer, in characters; Chromium's for one video and one data transport has about 7000."""
+POSES = "poses"
+"""Data channel for the page's camera, as PoseUpdates: unordered, without retransmission."""
+FRAMES = "frames"
+"""Data channel for the pose of each frame, as SentFrames from the packager: unordered, reliable."""
 
 
 class RepresentationRequest(WireModel):
@@ -163,3 +169,39 @@ class SessionStatus(WireModel):
     encoder_failures: int
     watchers: int
     """Open pose sockets."""
+
+
+class WebRtcRequest(StreamRequest):
+    """An offer to receive one video, on one transport with the data channels `poses` and `frames`."""
+
+    sdp: str = Field(min_length=1, max_length=MAX_SDP)
+    frame_rate: Literal[30, 60] = 30
+    """H.264 has 30 only."""
+    rung: int | None = Field(default=None, ge=0, le=255)
+    """The rung of the scene's ladder with the video's size; by default the largest that fits into the viewport."""
+    bitrate_kbps: int | None = Field(default=None, ge=100, le=100_000)
+    """Maximum rate of the encoder on any link; 10 Mbit/s by default."""
+
+
+class WebRtcSession(WireModel):
+    """A session that was opened; `DELETE /sessions/{id}` ends it."""
+
+    id: str
+    sdp: str
+    """The answer, with all candidates: no more follow."""
+    codec: str
+    """As RTP names it: H264 or VP8."""
+    rung: int
+    width: int
+    height: int
+    """Pixels; even."""
+    frame_rate: int
+
+
+class SentFrame(WireModel):
+    """Which pose a frame of the video shows."""
+
+    rtp_timestamp: int
+    """Of its packets, as `requestVideoFrameCallback` gives it: 90 kHz, modulo 2³²."""
+    pose: int
+    """The `seq` of the pose that it was rendered from."""

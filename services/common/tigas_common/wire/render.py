@@ -17,6 +17,8 @@ AnswerFormat = Literal[FrameFormat, "h264", "webp"]
 """Formats of an independent picture, or, for `h264`, of one that may refer to its predecessor."""
 StillFormat = Literal["jpeg", "webp"]
 """Formats of frames in the stateless mode."""
+CongestionControl = Literal["westwood", "reno"]
+"""Congestion control of HTTP/3: NewReno that tolerates random loss, or plain NewReno as in the paper."""
 LadderName = Literal["scene", "paper"]
 """The ladder that profiles index: each scene's own, if it has one, or the paper's for all."""
 
@@ -318,5 +320,21 @@ class ServerConfig(WireModel):
     """Whether there is the scene that was asked about; null if none was, and in a cluster."""
     formats: Entries[StillFormat] = ("jpeg",)
     """Preferred formats of pictures. Others are answered as well, but cost this server more than they gain."""
+    congestion_control: CongestionControl | None = None
+    """Of WebTransport and HTTP/3; null if there is neither, and from older services."""
     why_no_training: str | None = None
     """One sentence: why scenes' networks cannot be trained here; null if they can."""
+
+
+class HostLoad(WireModel):
+    """A service's load and configuration, for the director of a cluster (`/api/load`)."""
+
+    config: ServerConfig
+    """Like `/config.json`, for the name under which the host was reached. `retry_after_s` is set if it is full."""
+    viewers: int = Field(ge=0)
+    utilisation: Unit
+    """Utilisation of the busier part: the edges, taken together, or the renderer."""
+    queue_age_s: float = Field(ge=0)
+    """The longest that anything waited anywhere in the last second."""
+    scenes: Entries[str]
+    """Ids of loaded scenes."""

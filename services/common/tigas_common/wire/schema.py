@@ -1,6 +1,6 @@
-"""JSON Schemas, constants and field tables of the wire types, from which `npm run wire` generates TypeScript and docs.
+"""JSON Schemas and field tables of the wire types, from which `npm run wire` generates TypeScript and docs.
 
-`python -m tigas_common.wire.schema shaper` prints the schema of that name; `constants` and `tables` print the others.
+`python -m tigas_common.wire.schema shaper` prints the schema of that name; `tables` prints the tables.
 """
 
 from __future__ import annotations
@@ -11,12 +11,11 @@ import json
 import sys
 from collections.abc import Sequence
 from itertools import pairwise
-from types import ModuleType
 from typing import Any, Literal
 
 from pydantic.json_schema import models_json_schema
 
-from tigas_common.wire import dash, figures, movement, recording, render, run, shaper, store, webrtc
+from tigas_common.wire import dash, render, shaper
 from tigas_common.wire.model import WireModel
 
 
@@ -53,37 +52,18 @@ def schemas() -> dict[str, dict[str, Any]]:
             ],
         ),
         "dash": messages_schema(
-            requests=[dash.SessionRequest, dash.PoseUpdate, webrtc.WebRtcRequest],
+            requests=[dash.SessionRequest, dash.PoseUpdate, dash.WebRtcRequest],
             answers=[
                 dash.SessionInfo,
                 dash.SessionStatus,
                 dash.FrameShown,
-                webrtc.WebRtcSession,
-                webrtc.SentFrame,
+                dash.WebRtcSession,
+                dash.SentFrame,
             ],
         ),
         "shaper": messages_schema(
             requests=[shaper.StartRequest, shaper.SeekRequest, shaper.LoopRequest, shaper.LinkSetting],
             answers=[shaper.TraceList, shaper.TracePoints, shaper.ShaperStatus],
-        ),
-        "store": messages_schema(
-            requests=[
-                store.ExperimentRequest,
-                store.RunUpload,
-                store.InterruptedRun,
-                store.SampleIndex,
-                recording.Sample,
-            ],
-            answers=[
-                store.ExperimentCreated,
-                store.ExperimentList,
-                store.Experiment,
-                store.RunRow,
-                store.SampleList,
-                store.Materialisation,
-                store.UploadedSamples,
-                store.MovementList,
-            ],
         ),
     }
 
@@ -95,22 +75,6 @@ def _without_field_titles(definition: dict[str, Any]) -> dict[str, Any]:
         for name, field in definition.get("properties", {}).items()
     }
     return {**definition, "properties": properties} if properties else definition
-
-
-def constants() -> dict[str, dict[str, Any]]:
-    """The constants that the page shares, by the name of their module here."""
-    terms = [term._asdict() for term in run.LINK_TERMS]
-    return {
-        "run": {**_constants(run, "PER_VIEW", "DASH", "LOCAL", "MODE_NAMES", "MODES", "UNSHAPED"), "LINK_TERMS": terms},
-        "figures": _constants(figures, "INTERACTIVE_MS", "USUAL_INTERVAL_MS", "AGE_EVERY_MS"),
-        "movement": _constants(
-            movement, "ANCHORS", "UNITS", "COLUMNS", "MAX_DURATION_MS", "MAX_COORDINATE", "QUATERNION_LENGTHS", "VIEW_M"
-        ),
-    }
-
-
-def _constants(module: ModuleType, *names: str) -> dict[str, Any]:
-    return {name: getattr(module, name) for name in names}
 
 
 def tables() -> dict[str, str]:
@@ -167,5 +131,4 @@ def _number(value: float) -> str:
 
 
 if __name__ == "__main__":
-    printed = {"constants": constants, "tables": tables}.get(sys.argv[1], lambda: schemas()[sys.argv[1]])
-    print(json.dumps(printed(), indent=2))
+    print(json.dumps(tables() if sys.argv[1] == "tables" else schemas()[sys.argv[1]], indent=2))

@@ -6,7 +6,7 @@ import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 
-from aiortc import MediaStreamTrack, RTCConfiguration, RTCPeerConnection, RTCSessionDescription
+from aiortc import MediaStreamTrack, RTCConfiguration, RTCPeerConnection, RTCRtpSender, RTCSessionDescription
 from aiortc.codecs import h264, vpx
 from aiortc.exceptions import OperationError
 from aiortc.rtcdtlstransport import X509_DIGEST_ALGORITHMS
@@ -29,6 +29,37 @@ def widen_bitrates() -> None:
     """aiortc holds H.264 between 0.5 and 3 Mbit/s, and VP8 between 0.25 and 1.5: too narrow for the links here."""
     for codec in (h264, vpx):
         vars(codec).update(MIN_BITRATE=MIN_BPS, MAX_BITRATE=MAX_BPS)
+
+
+class _Limited:
+    """Before one of aiortc's encoders in the order of base classes."""
+
+    most_bps: int
+
+    @property
+    def target_bitrate(self) -> int:
+        """As congestion control has it, up to the limit."""
+        wanted: int = super().target_bitrate  # type: ignore[misc]
+        return min(wanted, self.most_bps)
+
+    @target_bitrate.setter
+    def target_bitrate(self, bitrate: int) -> None:
+        super(_Limited, type(self)).target_bitrate.__set__(self, bitrate)  # type: ignore[misc]
+
+
+class _LimitedH264(_Limited, h264.H264Encoder):
+    pass
+
+
+class _LimitedVp8(_Limited, vpx.Vp8Encoder):
+    pass
+
+
+def limit_bitrate(sender: RTCRtpSender, codec: str, most_bps: int) -> None:
+    """Limit a sender's encoder, before its first frame, regardless of the link."""
+    encoder = _LimitedH264() if codec == "H264" else _LimitedVp8()
+    encoder.most_bps = most_bps
+    vars(sender)["_RTCRtpSender__encoder"] = encoder
 
 
 @asynccontextmanager

@@ -6,14 +6,12 @@ import secrets
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from tigas_common.address import Address
-from tigas_common.hosts import is_loopback
-from tigas_common.wire.webrtc import WebRtcRequest
+from tigas_common.address import Address, is_loopback
+from tigas_common.wire.dash import WebRtcRequest
 from tigas_dash.clock import Clock
 from tigas_dash.errors import WebRtcUnavailable
 from tigas_dash.representation import single_size
-from tigas_dash.source import FIRST_FRAME_S, RenderClient, ViewSource
-from tigas_dash.views import first_pose
+from tigas_dash.source import RenderClient, ViewSource
 from tigas_dash.webrtc.offer import taken, widen_bitrates
 from tigas_dash.webrtc.stream import WebRtcStream
 from tigas_dash.webrtc.udp_port import UdpPort
@@ -55,8 +53,7 @@ class WebRtc:
         async with taken(request.sdp) as connection:
             size = single_size(request, await self._client.ladder(request.scene), request.rung)
             source = ViewSource(self._client, request, size)
-            first = await source.frame(first_pose(request), FIRST_FRAME_S)
-            name = secrets.token_hex(8)
+            first, name = await source.first(), secrets.token_hex(8)
             stream = WebRtcStream(name, request, size, source, first, connection, self._port, self._clock)
             try:
                 await stream.begin(host)

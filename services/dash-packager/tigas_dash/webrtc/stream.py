@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Mapping
 from contextlib import suppress
 
 from aiortc import RTCDataChannel, RTCPeerConnection
 
 from tigas_common.errors import InvalidRequest, TigasError, problem
 from tigas_common.parsing import parse
-from tigas_common.wire.dash import PoseUpdate, SessionStatus
+from tigas_common.wire.dash import FRAMES, POSES, PoseUpdate, SentFrame, WebRtcRequest, WebRtcSession
 from tigas_common.wire.model import WireModel
-from tigas_common.wire.webrtc import FRAMES, POSES, SentFrame, WebRtcRequest, WebRtcSession
 from tigas_dash.clock import Clock
-from tigas_dash.encoding import RawFrame
-from tigas_dash.metrics import Transport
+from tigas_dash.encoder import RawFrame
 from tigas_dash.representation import Representation
 from tigas_dash.source import ViewSource
-from tigas_dash.views import NewestView, first_pose
-from tigas_dash.webrtc.encoders import bound
-from tigas_dash.webrtc.offer import answered
+from tigas_dash.stream import Stream
+from tigas_dash.webrtc.offer import answered, limit_bitrate
 from tigas_dash.webrtc.track import ViewTrack
 from tigas_dash.webrtc.udp_port import UdpPort
 
@@ -33,43 +29,32 @@ CLOSING_S = 5
 """aiortc's closing is given up after this, in seconds."""
 
 
-class WebRtcStream:
-    """A running stream. Made by `WebRtc.make`; `Sessions` runs it."""
+class WebRtcStream(Stream):
+    """A stream made by `WebRtc.make`. A present viewer keeps sending, at least receiver reports."""
 
-    transport: Transport = "webrtc"
+    transport = "webrtc"
+    _request: WebRtcRequest
 
     def __init__(
         self, name: str, request: WebRtcRequest, size: Representation, source: ViewSource, first: RawFrame,
         connection: RTCPeerConnection, port: UdpPort, clock: Clock,
     ) -> None:  # fmt: skip
-        self.name = name
-        self.used_at = clock.now()
-        """Time of its last packet, on the monotonic clock."""
+        super().__init__(name, request, (size.rung,), source, first, clock)
         self.info: WebRtcSession
         """Its description for the viewer, once it has begun."""
-        self.rungs = (size.rung,)
-        self._request = request
         self._size = size
-        self._clock = clock
         self._connection = connection
         self._port = port
-        self._started_at = clock.now()
-        self._views = NewestView(name, source, first_pose(request), first, clock)
-        self._track = ViewTrack(self._views, request.frame_rate, clock, self._sent)
+        self._track = ViewTrack(self._views, request.frame_rate, clock, self.progress, self._sent)
         assert connection.sctp is not None
-        self._lane = port.carry(connection.sctp.transport.transport.iceGatherer._connection, self._heard)
+        ice = connection.sctp.transport.transport.iceGatherer._connection
+        self._lane = port.carry(ice, self._datagram_received, self._datagram_sent)
         self._channels: dict[str, RTCDataChannel] = {}
-        self._poses = 0
         self._newest = -1
         self._ended = asyncio.Event()
         connection.add_listener("datachannel", self._opened)
         connection.add_listener("connectionstatechange", self._changed)
         self._track.add_listener("ended", self._ended.set)  # its encoder failed
-
-    @property
-    def watched(self) -> bool:
-        """Always False: a present viewer keeps sending, at least receiver reports."""
-        return False
 
     async def begin(self, host: str) -> None:
         """Answers the offer; the viewer reaches the port under `host`. Raises InvalidRequest."""
@@ -79,7 +64,7 @@ class WebRtcStream:
             raise InvalidRequest("aiortc encodes H.264 at 30 frames a second only: offer VP8, or ask for 30.")
         if (most := self._request.bitrate_kbps) is not None:
             (sender,) = self._connection.getSenders()
-            bound(sender, codec, most * 1000)
+            limit_bitrate(sender, codec, most * 1000)
         size = self._size
         self.info = WebRtcSession(
             id=self.name,
@@ -92,34 +77,14 @@ class WebRtcStream:
         )
 
     @property
-    def status(self) -> SessionStatus:
-        """How it does."""
-        return SessionStatus(
-            id=self.name,
-            scene=self._request.scene,
-            age_s=self._clock.now() - self._started_at,
-            frames=self._track.frames,
-            repeated=self._track.repeated,
-            dropped=self._track.dropped,
-            poses=self._poses,
-            render_failures=self._views.failures,
-            render_problem=self._views.problem,
-            encoder_failures=0,
-            watchers=int(self._connection.connectionState == "connected"),
-        )
-
-    @property
-    def sent_bytes(self) -> Mapping[int, int]:
-        """Of datagrams, by rung."""
-        return {self._size.rung: self._lane.sent_bytes}
+    def watchers(self) -> int:
+        return int(self._connection.connectionState == "connected")
 
     @property
     def behind_s(self) -> float:
-        """For how long its next frame has been due, in seconds."""
         return self._track.behind_s
 
     async def run(self) -> None:
-        """Stream until cancelled, or until the viewer has left."""
         try:
             await self._ended.wait()
         finally:
@@ -134,8 +99,11 @@ class WebRtcStream:
                 await self._connection.close()
         self._lane.leave()
 
-    def _heard(self) -> None:
+    def _datagram_received(self) -> None:
         self.used_at = self._clock.now()
+
+    def _datagram_sent(self, size: int) -> None:
+        self.sent_bytes[self._size.rung] += size
 
     def _changed(self) -> None:
         if self._connection.connectionState in ("failed", "closed"):

@@ -7,11 +7,10 @@ from collections.abc import Callable
 from fractions import Fraction
 
 import av
-import numpy as np
 from aiortc import MediaStreamTrack
 
 from tigas_dash.clock import Clock
-from tigas_dash.encoding import RawFrame
+from tigas_dash.stream import Progress
 from tigas_dash.views import NewestView
 
 RTP_RATE = 90_000
@@ -25,17 +24,24 @@ class ViewTrack(MediaStreamTrack):
 
     kind = "video"
 
-    def __init__(self, views: NewestView, frame_rate: int, clock: Clock, sent: Callable[[int, int], None]) -> None:
+    def __init__(
+        self,
+        views: NewestView,
+        frame_rate: int,
+        clock: Clock,
+        progress: Progress,
+        sent: Callable[[int, int], None],
+    ) -> None:
         """`sent` is called for each frame sent: its timestamp in RTP_RATE since the first one, and its pose."""
         super().__init__()
         self._views = views
         self._frame_rate = frame_rate
         self._clock = clock
+        self._progress = progress
         self._sent = sent
         self._shown = views.newest
         self._started_at: float | None = None
         self._number = -1
-        self.frames = self.repeated = self.dropped = 0
 
     @property
     def behind_s(self) -> float:
@@ -51,14 +57,14 @@ class ViewTrack(MediaStreamTrack):
         await self._clock.sleep_until(self._due)
         view = await self._views.after(self._shown, self._clock.now() + PATIENCE_S)
         if view is self._shown and self._views.outdated:
-            self.repeated += 1
+            self._progress.repeated += 1
         self._shown = view
         due = math.floor((self._clock.now() - self._started_at) * self._frame_rate)
         number = max(self._number + 1, due)
-        self.dropped += number - self._number - 1
+        self._progress.dropped += number - self._number - 1
         self._number = number
-        self.frames += 1
-        frame = _picture(view)
+        self._progress.frames += 1
+        frame = view.video_frame()
         frame.pts, frame.time_base = self._timestamp, Fraction(1, RTP_RATE)
         return frame
 
@@ -71,8 +77,3 @@ class ViewTrack(MediaStreamTrack):
     @property
     def _timestamp(self) -> int:
         return self._number * RTP_RATE // self._frame_rate
-
-
-def _picture(view: RawFrame) -> av.VideoFrame:
-    planes = np.frombuffer(view.data, np.uint8).reshape(view.height * 3 // 2, view.width)
-    return av.VideoFrame.from_ndarray(planes, format="yuv420p")

@@ -53,12 +53,12 @@ class UdpPort(asyncio.DatagramProtocol):
         """The port's number."""
         return int(self._transport.get_extra_info("sockname")[1])
 
-    def carry(self, connection: Connection, heard: Callable[[], None]) -> Lane:
+    def carry(self, connection: Connection, received: Callable[[], None], sent: Callable[[int], None]) -> Lane:
         """Give a connection that has not gathered candidates this port instead of its own.
 
-        `heard` is called with each datagram.
+        `received` is called for each datagram from the viewer, and `sent` with the size of each to the viewer.
         """
-        lane = Lane(self, connection, heard)
+        lane = Lane(self, connection, received, sent)
         lane.local_candidate = self.candidate(self.host)
         self._by_name[connection.local_username] = lane
 
@@ -113,18 +113,20 @@ class UdpPort(asyncio.DatagramProtocol):
 class Lane(StunProtocol):
     """One connection's share of the port, which aioice uses like a socket."""
 
-    def __init__(self, port: UdpPort, connection: Connection, heard: Callable[[], None]) -> None:
+    def __init__(
+        self, port: UdpPort, connection: Connection, received: Callable[[], None], sent: Callable[[int], None]
+    ) -> None:
         super().__init__(connection)
         self._port = port
-        self._heard = heard
+        self._received = received
+        self._sent = sent
         self.first_rtp_timestamp: int | None = None
         """Of the first RTP packet that was sent: SRTP leaves headers legible (RFC 3711, 3.1)."""
-        self.sent_bytes = 0
         self.connection_made(_Share(self))
 
     def received(self, data: bytes, peer: Peer) -> None:
         """Handle a datagram for it."""
-        self._heard()
+        self._received()
         with suppress(ValueError, KeyError, IndexError, struct.error):  # aioice catches only some malformed packets
             self.datagram_received(data, peer)
 
@@ -132,7 +134,7 @@ class Lane(StunProtocol):
         """Send a datagram from the port."""
         if self.first_rtp_timestamp is None and _is_rtp(data):
             (self.first_rtp_timestamp,) = struct.unpack_from("!I", data, 4)
-        self.sent_bytes += len(data)
+        self._sent(len(data))
         self._port.sendto(data, peer)
 
     def leave(self) -> None:

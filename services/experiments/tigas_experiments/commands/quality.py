@@ -19,8 +19,8 @@ from tigas_experiments.commands.rerender import RenderCommand, SamplesCommand, r
 
 if TYPE_CHECKING:  # heavy
     from tigas_experiments.quality.metrics import PictureMetric
-    from tigas_experiments.report.groups import Condition
     from tigas_experiments.report.picture_scores import Row
+    from tigas_experiments.report.run_table import Condition
     from tigas_experiments.scoring import Scoring
 
 
@@ -197,7 +197,7 @@ def _condition(run: Path) -> Condition | None:
     """The condition of a run; None for any other folder."""
     from tigas_experiments.records.files import BrokenRecording
     from tigas_experiments.records.folder import StoredRun
-    from tigas_experiments.report.groups import Condition
+    from tigas_experiments.report.run_table import Condition
 
     try:
         return Condition.of(StoredRun(run).record)
@@ -207,7 +207,7 @@ def _condition(run: Path) -> Condition | None:
 
 def _doubts(run: Path, scoring: Scoring) -> Iterator[str]:
     """Warnings about a run's scores."""
-    from tigas_experiments.records.rerendered import sampled_run
+    from tigas_experiments.records.samples import sampled_run
 
     for name, why in scoring.problems.items():
         yield f"{run.name}, {name}: {why}"
@@ -221,7 +221,7 @@ def _doubts(run: Path, scoring: Scoring) -> Iterator[str]:
 
 def _runs(folder: Path) -> tuple[list[Path], Path]:
     """Folders with samples, and the folder to lock. Raises StartError."""
-    from tigas_experiments.report.results import run_folders
+    from tigas_experiments.report.run_table import run_folders
 
     if (folder / "samples").is_dir() or (folder / "run.json").exists():
         whole = folder.resolve()

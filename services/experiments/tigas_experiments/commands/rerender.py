@@ -13,7 +13,7 @@ from tigas_common.terminal import make_console
 from tigas_common.topology import PAGE
 
 if TYPE_CHECKING:  # heavy
-    from tigas_experiments.records.rerendered import SampledRun
+    from tigas_experiments.records.samples import SampledRun
 
 RENDER_URL = f"http://{PAGE.loopback}"
 

@@ -17,7 +17,6 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tigas_common.wire.movement import MAX_COORDINATE, MAX_DURATION_MS
 from tigas_experiments.movement.placement import level
 from tigas_experiments.movement.table import Floats, MovementError, Table, read_text
 from tigas_experiments.movement.trace import (
@@ -26,6 +25,7 @@ from tigas_experiments.movement.trace import (
     between,
     unit_quaternions,
 )
+from tigas_experiments.wire.movement import MAX_COORDINATE, MAX_DURATION_MS
 
 Eye = Literal["left", "right", "middle"]
 Quaternion = tuple[float, float, float, float]

@@ -13,9 +13,9 @@ from random import Random
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tigas_common.wire.movement import VIEW_M
 from tigas_experiments.movement.table import Floats
 from tigas_experiments.movement.trace import MovementTrace
+from tigas_experiments.wire.movement import VIEW_M
 
 RATE_HZ = 60
 NECK_TO_EYES = (0.0, -0.075, 0.0805)

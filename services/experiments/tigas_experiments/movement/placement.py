@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tigas_common.wire.movement import VIEW_M
 from tigas_common.wire.render import SceneInfo
-from tigas_experiments.movement.trace import MovementTrace, TimedPose, as_points
+from tigas_experiments.movement.trace import MovementTrace, as_points
+from tigas_experiments.wire.movement import VIEW_M, TimedPose
 
 
 def placed(trace: MovementTrace, scene: SceneInfo) -> list[TimedPose]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypedDict, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from tigas_common.wire.movement import (
+from tigas_experiments.movement.table import Floats, MovementError, Table, read_text
+from tigas_experiments.wire.movement import (
     ANCHORS,
     COLUMNS,
     MAX_COORDINATE,
@@ -19,9 +20,9 @@ from tigas_common.wire.movement import (
     QUATERNION_LENGTHS,
     UNITS,
     Anchor,
+    TimedPose,
     Unit,
 )
-from tigas_experiments.movement.table import Floats, MovementError, Table, read_text
 
 TOO_FAR = f"is farther away than {MAX_COORDINATE:,.0f}"
 ROUNDED = 0.01
@@ -30,14 +31,6 @@ GAP_MS = 100.0
 """Step between poses above which it counts as a gap, because interpolation becomes noticeable."""
 
 T = TypeVar("T", bound=str)
-
-
-class TimedPose(TypedDict):
-    """A pose at a time, in the scene's own frame."""
-
-    t_ms: float
-    position: list[float]
-    quaternion: list[float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import httpx
 
-from tigas_common.wire.recording import Capture, Input, Lens
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.quality.picture import (
@@ -19,6 +18,7 @@ from tigas_experiments.quality.picture import (
     decode,
     decode_shown,
 )
+from tigas_experiments.wire.recording import Capture, Input, Lens
 
 TIMEOUT_S = 60
 

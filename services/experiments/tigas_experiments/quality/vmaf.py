@@ -17,9 +17,9 @@ import av
 from av.video.stream import VideoStream
 
 from tigas_common.errors import StartError
-from tigas_common.extras import install_command
+from tigas_common.installation import install_command
 from tigas_common.parsing import legible
-from tigas_common.processors import usable_processors
+from tigas_common.resources import usable_processors
 from tigas_experiments.quality.picture import Picture
 
 FRAMES_PER_S = 30

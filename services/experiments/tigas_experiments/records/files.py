@@ -10,11 +10,11 @@ from pydantic import BaseModel, ValidationError
 
 from tigas_common.files import read_regular, replace_file
 from tigas_common.parsing import sentence
-from tigas_common.wire.recording import MAX_BYTES, Recording
+from tigas_experiments.wire.recording import MAX_BYTES, Recording
 
 MAX_FILE_BYTES = 256_000_000
 MAX_RECORD_BYTES = 1_000_000
-"""Of a file that is one record: most have some kilobytes, a plan may have 64 KiB."""
+"""Limit of a file with one record: most have some kilobytes, a plan may have 64 KiB."""
 MAX_LINE = 1_000_000
 """Characters; most lines have some hundred, and one for each pose that a frame was the first to show."""
 Entry = TypeVar("Entry", bound=BaseModel)
@@ -28,18 +28,12 @@ def parse_recording(text: str | bytes) -> Recording:
     """Parse a recording from the page's JSON. Raises BrokenRecording."""
     if len(text) > MAX_BYTES:
         raise BrokenRecording(f"The recording has {len(text)} bytes; the limit is {MAX_BYTES}.")
-    try:
-        return Recording.model_validate_json(text)
-    except ValidationError as error:
-        raise BrokenRecording(f"The page's recording cannot be used: {sentence(error)}") from None
+    return _parse(text, Recording, "The page's recording cannot be used:")
 
 
 def read_record(path: Path, model: type[Entry]) -> Entry:
-    """One record. Raises BrokenRecording."""
-    try:
-        return model.model_validate_json(_read(path, MAX_RECORD_BYTES))
-    except ValidationError as error:
-        raise BrokenRecording(f"{path} is broken: {sentence(error)}") from None
+    """Read a file with one record. Raises BrokenRecording."""
+    return _parse(_read(path, MAX_RECORD_BYTES), model, f"{path} is broken:")
 
 
 def write_record(path: Path, record: BaseModel) -> None:
@@ -48,15 +42,12 @@ def write_record(path: Path, record: BaseModel) -> None:
 
 
 def read_lines(path: Path, model: type[Entry], gone: str = "") -> list[Entry]:
-    """All entries of a file, without `gone`, which older files have and no entry takes. Raises BrokenRecording."""
+    """All entries of a file, without the text `gone`, which early files have. Raises BrokenRecording."""
     entries = []
     for number, line in enumerate(_read(path, MAX_FILE_BYTES).splitlines(), 1):
         if len(line) > MAX_LINE:
             raise BrokenRecording(f"{path}, line {number} is longer than {MAX_LINE:,} characters.")
-        try:
-            entries.append(model.model_validate_json(line.replace(gone, "")))
-        except ValidationError as error:
-            raise BrokenRecording(f"{path}, line {number}: {sentence(error)}") from None
+        entries.append(_parse(line.replace(gone, ""), model, f"{path}, line {number}:"))
     return entries
 
 
@@ -64,6 +55,13 @@ def write_lines(path: Path, entries: Iterable[BaseModel]) -> None:
     """Write entries, one a line. Raises OSError."""
     with path.open("w", encoding="utf-8") as file:
         file.writelines(f"{entry.model_dump_json()}\n" for entry in entries)
+
+
+def _parse(text: str | bytes, model: type[Entry], where: str) -> Entry:
+    try:
+        return model.model_validate_json(text)
+    except ValidationError as error:
+        raise BrokenRecording(f"{where} {sentence(error)}") from None
 
 
 def _read(path: Path, limit: int) -> str:

@@ -20,13 +20,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
 from pydantic import BaseModel, Field
 
-from tigas_common.files import read_regular
 from tigas_common.wire.model import WireModel
-from tigas_common.wire.recording import (
+from tigas_experiments.quality.picture import CaptureQuality
+from tigas_experiments.records.files import Entry, read_lines, read_record, write_lines, write_record
+from tigas_experiments.records.load import Load, LoadSample
+from tigas_experiments.records.machine import Machine, Server
+from tigas_experiments.records.samples import read_sample_file, read_samples, write_sample_file, write_samples
+from tigas_experiments.wire.recording import (
     Capture,
     Input,
     LinkSample,
@@ -38,13 +42,8 @@ from tigas_common.wire.recording import (
     ShownFrame,
     Traffic,
 )
-from tigas_common.wire.run import Configuration
-from tigas_common.wire.store import ExperimentName, Plan
-from tigas_experiments.quality.picture import CaptureQuality
-from tigas_experiments.records.files import BrokenRecording, read_lines, read_record, write_lines, write_record
-from tigas_experiments.records.load import Load, LoadSample
-from tigas_experiments.records.machine import Machine, Server
-from tigas_experiments.records.samples import MAX_PICTURE_BYTES, read_samples, write_sample_file, write_samples
+from tigas_experiments.wire.run import Configuration
+from tigas_experiments.wire.store import ExperimentName, Plan
 
 
 class ExperimentRecord(WireModel):
@@ -57,11 +56,13 @@ class ExperimentRecord(WireModel):
     plan: Plan
     """As given."""
     planned: int | None = Field(default=None, ge=0)
-    """How many runs it has when it is complete; unknown of early ones."""
+    """Number of runs of the complete experiment; unknown for early ones."""
     command: str | None = None
     """The command line, to repeat it; None for the page's and early experiments."""
+    traces_s: dict[str, float] = Field(default_factory=dict)
+    """Durations of the shaper's traces, if segments need them."""
     template: object = Field(default=None, exclude=True)
-    """Of early experiments, which had two kinds of reports."""
+    """Ignored field of early experiments."""
 
 
 def write_experiment(folder: Path, record: ExperimentRecord) -> None:
@@ -71,7 +72,7 @@ def write_experiment(folder: Path, record: ExperimentRecord) -> None:
 
 
 def read_experiment(folder: Path) -> ExperimentRecord:
-    """Parse the output of write_experiment. Raises BrokenRecording."""
+    """Raises BrokenRecording."""
     return read_record(folder / "experiment.json", ExperimentRecord)
 
 
@@ -90,28 +91,26 @@ class InputDigests(WireModel):
 
 
 class RunRecord(WireModel):
-    """run.json."""
+    """run.json. Digests and the server are unknown for runs that a page made, and for early ones."""
 
     status: Literal["running", "complete", "failed"]
     problem: str | None
-    """Why it failed."""
+    """Reason for a failure."""
     configuration: Configuration
     inputs_sha256: InputDigests | None = None
-    """Unknown of runs that a page made, and of early ones."""
     machine: Machine
     started: str
     """ISO 8601, UTC."""
     server: Server | None = None
-    """Unknown of runs that a page made, and of early ones."""
     browser: str | None = None
     backend: str | None = None
     """Implementation of the link's delay: netem or relay."""
     scene_bytes: int | None = None
     """Size of the scene's file, the download of a viewer that renders itself."""
     scene_sha256: str | None = None
-    """Of the scene's file; None without one, and of early runs."""
+    """Digest of the scene's file; None without one, and for early runs."""
     sampling_problem: str | None = None
-    """Why there are fewer samples than were asked for."""
+    """Reason for fewer samples than requested."""
     points_sha256: str | None = None
     """Digest of the poses that the page was given: equal inputs have equal ones."""
     load: Load | None = None
@@ -119,64 +118,59 @@ class RunRecord(WireModel):
 
 
 class StoredRun:
-    """A run that was written, read back. Each property reads its file; they raise BrokenRecording."""
+    """A run's folder. Each method reads its file; they raise BrokenRecording."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.record = read_record(folder / "run.json", RunRecord)
 
     def inputs(self) -> list[Input]:
-        """Poses that were sampled."""
-        return read_lines(self.folder / "inputs.ndjson", Input)
+        return self._lines("inputs", Input)
 
     def frames(self) -> list[ShownFrame]:
-        """Frames that were shown."""
-        return read_lines(self.folder / "frames.ndjson", ShownFrame)
+        return self._lines("frames", ShownFrame)
 
     def replies(self) -> list[Reply]:
         """Received frames; empty for DASH, and if not recorded."""
-        path = self.folder / "replies.ndjson"
-        return read_lines(path, Reply) if path.exists() else []
+        return self._lines("replies", Reply, optional=True)
 
     def requests(self) -> list[Request]:
         """Requested frames; empty for DASH, and if not recorded."""
-        path = self.folder / "requests.ndjson"
-        return read_lines(path, Request) if path.exists() else []
+        return self._lines("requests", Request, optional=True)
 
     def traffic(self) -> list[Traffic]:
-        """Received bytes over time."""
-        return read_lines(self.folder / "traffic.ndjson", Traffic)
+        return self._lines("traffic", Traffic)
 
     def link(self) -> list[LinkSample]:
         """States of the link; empty for an unshaped run."""
-        return read_lines(self.folder / "link.ndjson", LinkSample)
+        return self._lines("link", LinkSample)
 
     def load(self) -> list[LoadSample]:
-        """How busy the machine was."""
-        return read_lines(self.folder / "load.ndjson", LoadSample)
+        return self._lines("load", LoadSample)
 
     def quality(self) -> list[CaptureQuality]:
-        """How the kept pictures compare with ground truth."""
-        return read_lines(self.folder / "quality.ndjson", CaptureQuality)
+        """Comparisons of the kept pictures with ground truth."""
+        return self._lines("quality", CaptureQuality)
 
     def captures(self) -> list[Capture]:
-        """Times and frames of kept pictures; their files: `capture_path`."""
-        return read_lines(self.folder / "captures.ndjson", Capture)
+        """Times and frames of the kept pictures, whose files are at `capture_path`."""
+        return self._lines("captures", Capture)
 
     def samples(self) -> list[Sample]:
-        """Shown frames that were sampled; empty where none were. Their files: `samples.py`."""
         return read_samples(self.folder)
 
-    def snapshot(self) -> tuple[float, bytes, bytes] | None:
-        """Time (ms), the screen, and the viewer's ideal view, both as PNG; None without."""
-        if not (self.folder / "snapshot.json").exists():
-            return None
-        snapshot = read_record(self.folder / "snapshot.json", Snapshot)
-        shown, view = capture_path(self.folder, snapshot.capture), self.folder / "captures" / "view.png"
-        try:
-            return snapshot.at, read_regular(shown, MAX_PICTURE_BYTES), read_regular(view, MAX_PICTURE_BYTES)
-        except OSError as error:
-            raise BrokenRecording(f"{error.filename} cannot be read: {error.strerror}.") from None
+    def _lines(self, name: str, model: type[Entry], *, optional: bool = False) -> list[Entry]:
+        path = self.folder / f"{name}.ndjson"
+        return [] if optional and not path.exists() else read_lines(path, model)
+
+
+def read_snapshot(folder: Path) -> tuple[float, bytes, bytes] | None:
+    """Time (ms) and PNGs of the screen and the viewer's ideal view; None without. Raises BrokenRecording."""
+    if not (folder / "snapshot.json").exists():
+        return None
+    snapshot = read_record(folder / "snapshot.json", Snapshot)
+    shown, view = capture_path(folder, snapshot.capture), folder / "captures" / "view.png"
+    return snapshot.at, read_sample_file(shown), read_sample_file(view)
 
 
 class RunWriter:
@@ -188,8 +182,15 @@ class RunWriter:
         (folder / "captures").mkdir(parents=True)
         write_record(folder / "run.json", record)
 
+    @classmethod
+    def resumed(cls, run: StoredRun) -> Self:
+        """Continue a written run."""
+        writer = cls.__new__(cls)
+        writer.folder, writer._record = run.folder, run.record
+        return writer
+
     def recording(self, recording: Recording) -> None:
-        """The page's record."""
+        """Write the page's records; lists of received and requested frames only if there are any."""
         self._lines("inputs", recording.inputs)
         self._lines("frames", recording.frames)
         if recording.replies:
@@ -200,33 +201,30 @@ class RunWriter:
         self._lines("captures", recording.captures)
 
     def link_and_load(self, link: Iterable[LinkSample], load: Sequence[LoadSample]) -> None:
-        """How the link was meanwhile, and how busy the machine."""
         self._lines("link", link)
         self._lines("load", load)
 
     def capture(self, index: int, png: bytes) -> None:
-        """One picture."""
         capture_path(self.folder, index).write_bytes(png)
 
     def snapshot(self, snapshot: Snapshot, view: bytes) -> None:
-        """The viewer's ideal view at a capture's time."""
+        """Write the viewer's ideal view at a capture's time."""
         (self.folder / "captures" / "view.png").write_bytes(view)
         (self.folder / "snapshot.json").write_text(snapshot.model_dump_json() + "\n", encoding="utf-8")
 
     def sample_picture(self, seq: int, kind: str, picture: bytes) -> None:
-        """One of a sample's files, such as its `jpg`."""
+        """Write one of a sample's files, such as its `jpg`."""
         write_sample_file(self.folder, seq, kind, picture)
 
     def samples(self, samples: Iterable[Sample]) -> None:
-        """Which there are, once all of their files are."""
+        """Write the index of samples, once all of their files are there."""
         write_samples(self.folder, samples)
 
     def quality(self, entries: Iterable[CaptureQuality]) -> None:
-        """How the pictures compare with ground truth."""
         self._lines("quality", entries)
 
     def close(self, **changes: object) -> RunRecord:
-        """The last word: the record with changes."""
+        """Write the final record, with changes."""
         self._record = self._record.model_copy(update=changes)
         write_record(self.folder / "run.json", self._record)
         return self._record
@@ -236,5 +234,5 @@ class RunWriter:
 
 
 def capture_path(folder: Path, index: int, suffix: str = "png") -> Path:
-    """A kept picture of a run, or an additional file of it."""
+    """Path of a kept picture of a run, or of a file that belongs to it."""
     return folder / "captures" / f"{index:04}.{suffix}"

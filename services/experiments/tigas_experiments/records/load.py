@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Literal
+import asyncio
+import time
+from collections import deque
+from collections.abc import AsyncIterator, Mapping, Sequence
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
+import psutil
+
+from tigas_common.resources import Quota, allowed_processors, quotas
 from tigas_common.wire.model import WireModel
 
+EVERY_S = 0.5
+"""Interval of samples."""
 LIMIT = 0.9
-"""Above this share of busy time, work waits for a processor, or for a thread."""
+"""Busy share above which work waits for a processor or a thread."""
 TOO_OFTEN = 0.1
-"""In more than this share of a run's samples, it is worth saying."""
+"""Share of a run's samples above which the limit is reported."""
 WatchedServices = Literal["threads", "processors", "elsewhere"]
 """Extent of watching the services: each of their threads; only the processors shared with the browser; nothing, since
 some of them ran on another machine.
 """
+Processes = Mapping[psutil.Process, str]
+"""Processes with monitored threads, and their names."""
 
 
 class LoadSample(WireModel):
@@ -26,7 +38,7 @@ class LoadSample(WireModel):
     is greater. Early runs: of all processors of the machine.
     """
     processors: float | None = None
-    """How many the run might use; unknown of early runs."""
+    """Number available to the run; unknown for early runs."""
     throttled: bool = False
     """Whether a control group had to wait, as its time was used up."""
     threads: dict[str, float] | None = None
@@ -36,7 +48,7 @@ class LoadSample(WireModel):
 
 
 class Load(WireModel):
-    """A whole run."""
+    """The load of a whole run."""
 
     cpu_mean: float
     cpu_max: float
@@ -44,7 +56,7 @@ class Load(WireModel):
     """Share of the samples in which processors were above LIMIT (95 % in early runs), or a control group waited."""
     load_average_max: float
     processors: float | None
-    """How many the run might use; of early runs, how many the machine had."""
+    """Number available to the run; for early runs, the machine's."""
     pegged: dict[str, float] | None = None
     """Share of samples with a thread above LIMIT, by process name; None if not monitored."""
     services: WatchedServices | None = None
@@ -52,7 +64,7 @@ class Load(WireModel):
 
     @property
     def saturated(self) -> bool:
-        """Whether the figures have to be doubted."""
+        """Whether the figures are doubtful."""
         return self.saturated_share > TOO_OFTEN
 
     @property
@@ -82,3 +94,100 @@ class Load(WireModel):
             pegged={name: pegged.count(name) / len(watched) for name in sorted(set(pegged))} if watched else None,
             services=services,
         )
+
+
+class Thread(NamedTuple):
+    """One thread of a process, and its processor time so far."""
+
+    process: str
+    used_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """The machine's counters at one moment."""
+
+    at_s: float
+    """Time of a monotonic clock."""
+    busy_s: float
+    """Total busy time of the processors that this process may use."""
+    idle_s: float
+    processors: int
+    quotas: tuple[Quota, ...] = ()
+    threads: Mapping[tuple[int, int], Thread] | None = None
+    """Threads by process and thread id; None if not monitored."""
+
+    @classmethod
+    def now(cls, processes: Processes | None) -> Reading:
+        """The current counters; takes some milliseconds for hundreds of threads."""
+        at_s = time.monotonic()
+        every, allowed = psutil.cpu_times(percpu=True), allowed_processors()
+        ours = [times for number, times in enumerate(every) if number in allowed] or every
+        idle_s = sum(times.idle + getattr(times, "iowait", 0.0) for times in ours)
+        # Guest time is already included in `user` and `nice`.
+        guests_s = sum(getattr(times, "guest", 0.0) + getattr(times, "guest_nice", 0.0) for times in ours)
+        threads: dict[tuple[int, int], Thread] = {}
+        for process, name in (processes or {}).items():
+            with suppress(psutil.Error):  # it has ended, or is another user's
+                for thread in process.threads():
+                    threads[process.pid, thread.id] = Thread(name, thread.user_time + thread.system_time)
+        return cls(
+            at_s=at_s,
+            busy_s=sum(map(sum, ours)) - guests_s - idle_s,
+            idle_s=idle_s,
+            processors=len(ours),
+            quotas=tuple(quotas()),
+            threads=None if processes is None else threads,
+        )
+
+    def sample_since(self, before: Reading, unix_ms: float, load_average: float) -> LoadSample:
+        """The load between two readings."""
+        elapsed_s = self.at_s - before.at_s
+        busy_s = self.busy_s - before.busy_s
+        shares = [_share(busy_s, busy_s + self.idle_s - before.idle_s)]
+        throttled = False
+        earlier = {quota.group: quota for quota in before.quotas}
+        for now in self.quotas:
+            then = earlier.get(now.group, now)
+            throttled = throttled or now.throttled > then.throttled
+            if now.used_s is not None and then.used_s is not None:
+                shares.append(_share(now.used_s - then.used_s, now.processors * elapsed_s))
+        busiest: dict[str, float] = {}
+        for key, thread in (self.threads or {}).items():
+            known = (before.threads or {}).get(key, thread)  # a new thread has not been busy for long
+            share = round(_share(thread.used_s - known.used_s, elapsed_s), 3)
+            busiest[thread.process] = max(share, busiest.get(thread.process, 0.0))
+        return LoadSample(
+            unix_ms=unix_ms,
+            cpu=max(shares),
+            processors=min((self.processors, *(quota.processors for quota in self.quotas))),
+            throttled=throttled,
+            threads=None if self.threads is None or before.threads is None else busiest,
+            load_average=load_average,
+        )
+
+
+@asynccontextmanager
+async def watching_load(
+    keep: int | None = None, processes: Processes | None = None
+) -> AsyncIterator[deque[LoadSample]]:
+    """Sample the load every EVERY_S during the context; keeps the newest `keep` samples."""
+    samples: deque[LoadSample] = deque(maxlen=keep)
+
+    async def watch() -> None:
+        before = await asyncio.to_thread(Reading.now, processes)
+        while True:
+            await asyncio.sleep(EVERY_S)
+            now = await asyncio.to_thread(Reading.now, processes)
+            samples.append(now.sample_since(before, time.time() * 1000, psutil.getloadavg()[0]))
+            before = now
+
+    task = asyncio.create_task(watch())
+    try:
+        yield samples
+    finally:
+        task.cancel()
+
+
+def _share(part: float, whole: float) -> float:
+    return min(1.0, max(0.0, part / whole)) if whole > 0 else 0.0

@@ -9,9 +9,9 @@ from typing import Self
 
 import psutil
 
-from tigas_common.commit import this_commit
+from tigas_common.installation import this_commit
 from tigas_common.wire.model import Entries, WireModel
-from tigas_common.wire.render import Rung, SceneInfo, ServerConfig
+from tigas_common.wire.render import CongestionControl, Rung, SceneInfo, ServerConfig
 
 PACKAGES = ("aioquic", "av", "numba", "playwright", "scikit-image")
 
@@ -38,6 +38,8 @@ class Server(WireModel):
     """Commit of its code."""
     device: str | None
     """Rendering device."""
+    congestion_control: CongestionControl | None = None
+    """Of HTTP/3; null in older records."""
     ladder: Entries[Rung]
     """Ladder that the run's profiles refer to: the scene's own, if it has one."""
 
@@ -45,7 +47,13 @@ class Server(WireModel):
     def of(cls, config: ServerConfig, scene: SceneInfo | None = None) -> Self:
         """From the service's public configuration and a run's scene."""
         own = scene.ladder if scene is not None else None
-        return cls(version=config.version, commit=config.commit, device=config.device, ladder=own or config.ladder)
+        return cls(
+            version=config.version,
+            commit=config.commit,
+            device=config.device,
+            congestion_control=config.congestion_control,
+            ladder=own or config.ladder,
+        )
 
 
 def this_machine() -> Machine:

@@ -1,23 +1,37 @@
-"""File scores.ndjson of a run: each metric's value for each sampled picture."""
+"""Scored pictures of a run: samples and kept pictures with ground truth, and each metric's value in scores.ndjson."""
 
 from __future__ import annotations
 
+import hashlib
+import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field
 
 from tigas_common.wire.model import WireModel
 from tigas_experiments.quality.metrics import PICTURE_METRICS, Name
+from tigas_experiments.quality.picture import BrokenPicture, Picture, decode, decode_shown, enlarged, upscaled
 from tigas_experiments.records.files import read_lines, write_lines
-from tigas_experiments.records.triplets import Kind
+from tigas_experiments.records.samples import ENHANCED, FOLDER, JPEG, TRUTH, read_sample_file
 
 SCORES = "scores.ndjson"
+LEAST_SIDE, MOST_PIXELS = 32, 3840 * 2160
+"""Limits of ground truth. VIFp's lowest scale is an eighth as large; DISTS takes 13 GB for a pair of the largest."""
+Kind = Literal["original", "enhanced", "seen"]
+KINDS: tuple[Kind, ...] = ("original", "enhanced", "seen")
+FILES: dict[str, dict[Kind, tuple[str, ...]]] = {
+    FOLDER: {"enhanced": ENHANCED, "original": (JPEG,)},
+    "captures": {"seen": ("png",)},
+}
+"""File name endings of pictures in a run's folders, after their number."""
 Values = Mapping[Name, float]
 
 
 class Score(WireModel):
-    """A line: one picture against its ground truth. None is not computed."""
+    """One picture against its ground truth: a line of scores.ndjson. None is not computed."""
 
     seq: int = Field(ge=0)
     picture: Kind
@@ -34,7 +48,7 @@ class Score(WireModel):
 
     @property
     def key(self) -> tuple[int, Kind]:
-        """Which picture it is of."""
+        """Number and kind of the picture."""
         return self.seq, self.picture
 
     @property
@@ -47,13 +61,9 @@ class Score(WireModel):
         """Whether all of these were computed."""
         return self.values.keys() >= set(names)
 
-    def with_values(self, values: Values) -> Score:
-        """And these."""
-        return self.model_copy(update={str(name): value for name, value in values.items()})
-
 
 def read_scores(run: Path) -> list[Score]:
-    """All of a run, by number; none where none were computed. Raises BrokenRecording."""
+    """All scores of a run, by number; empty without any. Raises BrokenRecording."""
     path = run / SCORES
     return read_lines(path, Score) if path.exists() else []
 
@@ -64,3 +74,78 @@ def write_scores(run: Path, scores: Iterable[Score]) -> None:
     in_order: list[Score] = sorted(scores, key=lambda score: score.key)
     write_lines(new, in_order)
     new.replace(run / SCORES)
+
+
+@dataclass(frozen=True, slots=True)
+class Triplet:
+    """A ground truth, and the files of a sample (received frame, enhanced picture) or of a kept picture."""
+
+    seq: int
+    """Sequence number; index of a kept picture."""
+    pictures: dict[Kind, Path]
+    truth: Path
+
+    @property
+    def name(self) -> str:
+        """Display name."""
+        return f"{'picture' if 'seen' in self.pictures else 'sample'} {self.seq}"
+
+    def read(self) -> Contents:
+        """Raises BrokenRecording."""
+        pictures = {kind: read_sample_file(path) for kind, path in self.pictures.items()}
+        return Contents(pictures, read_sample_file(self.truth))
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """Contents of a triplet's files."""
+
+    pictures: dict[Kind, bytes]
+    truth: bytes
+
+    def digest(self, kind: Kind) -> str:
+        """Digest of a picture and its ground truth, 16 hexadecimal digits."""
+        parts = (self.pictures[kind], self.truth)
+        return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()[:16]
+
+    def decoded(self) -> tuple[Picture, dict[Kind, Picture]]:
+        """Ground truth, and the pictures at its size: originals by bicubic, displayed pictures by bilinear on black.
+
+        Raises BrokenPicture.
+        """
+        truth = decode(self.truth)
+        height, width = truth.shape[:2]
+        if min(height, width) < LEAST_SIDE or height * width > MOST_PIXELS:
+            raise BrokenPicture(f"Its ground truth has {width}×{height} pixels; 32×32 to 3840×2160 can be compared.")
+        found: dict[Kind, Picture] = {}
+        for kind, data in self.pictures.items():
+            if kind == "seen":
+                found[kind] = enlarged(decode_shown(data)[0], width, height)
+            elif kind == "original":
+                found[kind] = upscaled(decode(data), width, height)
+            else:
+                found[kind] = picture = decode(data)
+                if picture.shape != truth.shape:
+                    shown = f"{picture.shape[1]}×{picture.shape[0]}"
+                    raise BrokenPicture(f"It was shown at {shown}, but its ground truth has {width}×{height} pixels.")
+        return truth, found
+
+
+def triplets(run: Path) -> list[Triplet]:
+    """Samples, then kept pictures, that have ground truth and anything to compare with it, by number. Raises OSError.
+
+    Any folder with `samples/` has some; it need not be a run's.
+    """
+    found = []
+    for name, kinds in FILES.items():
+        folder = run / name
+        files = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
+        numbers = [match[1] for file in files if (match := re.fullmatch(rf"([0-9]{{1,10}})\.{re.escape(TRUTH)}", file))]
+        for number in sorted(numbers, key=int):
+            pictures: dict[Kind, Path] = {}
+            for kind, endings in kinds.items():
+                if ending := next((each for each in endings if f"{number}.{each}" in files), None):
+                    pictures[kind] = folder / f"{number}.{ending}"
+            if pictures:
+                found.append(Triplet(int(number), pictures, folder / f"{number}.{TRUTH}"))
+    return found

@@ -12,9 +12,9 @@ from bisect import bisect_right
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
-from typing import get_args
+from typing import TypeVar, get_args
 
-from tigas_common.wire.figures import (
+from tigas_experiments.wire.figures import (
     AGE_EVERY_MS,
     INTERACTIVE_MS,
     USUAL_INTERVAL_MS,
@@ -30,17 +30,16 @@ from tigas_common.wire.figures import (
     ViewLatencies,
     WarpTimes,
 )
-from tigas_common.wire.recording import Fate, Input, Reply, Request, ShownFrame, Traffic
+from tigas_experiments.wire.recording import Fate, Input, Reply, Request, ShownFrame, Traffic
 
 FREEZE_MS, FREEZE_HISTORY = 150.0, 30
 """Constants of W3C webrtc-stats."""
-
-
 PoseOf = Callable[[ShownFrame], int]
+T = TypeVar("T")
 
 
 def content(frame: ShownFrame) -> int:
-    """The pose that its pixels are of."""
+    """The pose of its pixels."""
     return frame.pose
 
 
@@ -79,7 +78,7 @@ def latencies(
         inputs=len(values),
         missed=sum(entry.missed for entry in inputs),
         unanswered=sum(map(math.isinf, values)),
-        **_percentiles(values),
+        **_percentiles(values, 50, 90, 95, 99),
         share_interactive=share(INTERACTIVE_MS),
         share_frame_less=share(INTERACTIVE_MS - interval_ms),
         share_frame_more=share(INTERACTIVE_MS + interval_ms),
@@ -89,7 +88,7 @@ def latencies(
 def view_latencies(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> ViewLatencies:
     """Like `latencies`, for views."""
     values = answers(inputs, frames, view)
-    return ViewLatencies(unanswered=sum(map(math.isinf, values)), **_percentiles(values))
+    return ViewLatencies(unanswered=sum(map(math.isinf, values)), **_percentiles(values, 50, 90, 95, 99))
 
 
 def new_views(frames: Sequence[ShownFrame], of: PoseOf = content) -> list[ShownFrame]:
@@ -102,7 +101,7 @@ def new_views(frames: Sequence[ShownFrame], of: PoseOf = content) -> list[ShownF
 
 
 def ages_when_new(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> list[tuple[float, float]]:
-    """For each new view of a sampled pose: when it was on the screen, and how long after its pose's sample, in ms."""
+    """For each new view of a sampled pose: time of its display, and time since its pose was sampled, ms."""
     sampled = {entry.pose: entry.at for entry in inputs}
     return [(frame.at, frame.at - sampled[frame.pose]) for frame in new_views(frames) if frame.pose in sampled]
 
@@ -110,19 +109,42 @@ def ages_when_new(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> list
 def frame_ages(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> FrameAges:
     """Ages over the frames, where `latencies` is over the inputs: inputs without a request do not count here."""
     values = [ms for _, ms in ages_when_new(inputs, frames)]
-    return FrameAges(
-        frames=len(values),
-        mean=_mean(values),
-        p50=percentile(values, 0.5),
-        p95=percentile(values, 0.95),
-    )
+    return FrameAges(frames=len(values), mean=mean(values), **_percentiles(values, 50, 95))
+
+
+def age_parts(inputs: Sequence[Input], frames: Sequence[ShownFrame], replies: Sequence[Reply]) -> dict[str, float]:
+    """Means of the consecutive parts of the age of new views, in ms; empty without server times, as in DASH.
+
+    `wait`: from the input to the request, while the limit of requests in flight is reached. `network`: both directions,
+    including the server's time outside its three stages. `page`: the remainder from the last byte to the screen.
+    """
+    sampled = {entry.pose: entry.at for entry in inputs if not entry.missed}
+    answers = {reply.pose: reply for reply in reversed(replies) if reply.server is not None}  # the first of a pose
+    found: list[dict[str, float]] = []
+    for frame in new_views(frames):
+        reply, at = answers.get(frame.pose), sampled.get(frame.pose)
+        if at is None or reply is None or reply.at > frame.at:
+            continue
+        assert reply.server is not None
+        stages = reply.server.model_dump(include={"queue", "render", "encode"})
+        enhance = min(frame.enhance_ms or 0.0, frame.at - reply.at)
+        found.append(
+            {
+                "wait": reply.asked_at - at,
+                **stages,
+                "network": reply.time_ms - sum(stages.values()),
+                "enhance": enhance,
+                "page": frame.at - reply.at - enhance,
+            }
+        )
+    return {part: sum(each[part] for each in found) / len(found) for part in (found[0] if found else ())}
 
 
 def content_ages(
     inputs: Sequence[Input], frames: Sequence[ShownFrame], duration_ms: float, interval_ms: float = USUAL_INTERVAL_MS
 ) -> ContentAges:
-    """At ticks of AGE_EVERY_MS while the movement lasts. 0 while the picture is from where the viewer is; otherwise the
-    time since the last frame of the display, one every `interval_ms`, in which the viewer still was there.
+    """At ticks of AGE_EVERY_MS until the movement's end. 0 while the picture is from the viewer's current pose;
+    otherwise the time since the last frame of the display, one every `interval_ms`, at which it still was.
     """
     poses = [entry.pose for entry in inputs]
     ages: list[float] = []
@@ -134,15 +156,13 @@ def content_ages(
         newer = bisect_right(poses, shown)
         left = newer < len(inputs) and inputs[newer].at <= at
         ages.append(at - inputs[newer].at + interval_ms if left else 0.0)
-    return ContentAges(mean=_mean(ages), p50=percentile(ages, 0.5), p95=percentile(ages, 0.95))
+    return ContentAges(mean=mean(ages), **_percentiles(ages, 50, 95))
 
 
 def response_times(replies: Sequence[Reply]) -> ResponseTimes:
-    """Without the page's part: its wait to ask, decoding and the screen."""
+    """Without the page's part: its wait for a request, decoding and the screen."""
     values = [reply.time_ms for reply in replies if reply.asked_at >= 0]
-    return ResponseTimes(
-        replies=len(values), mean=_mean(values), p50=percentile(values, 0.5), p95=percentile(values, 0.95)
-    )
+    return ResponseTimes(replies=len(values), mean=mean(values), **_percentiles(values, 50, 95))
 
 
 def requests(sent: Sequence[Request]) -> Requests | None:
@@ -154,7 +174,7 @@ def requests(sent: Sequence[Request]) -> Requests | None:
 def render_times(replies: Sequence[Reply]) -> RenderTimes:
     """Rendering times of the same frames."""
     values = [reply.server.render for reply in replies if reply.asked_at >= 0 and reply.server is not None]
-    return RenderTimes(mean=_mean(values), p50=percentile(values, 0.5))
+    return RenderTimes(mean=mean(values), **_percentiles(values, 50))
 
 
 def freezes(inputs: Sequence[Input], frames: Sequence[ShownFrame], ended_ms: float) -> Freezes:
@@ -165,8 +185,8 @@ def freezes(inputs: Sequence[Input], frames: Sequence[ShownFrame], ended_ms: flo
     gaps: deque[float] = deque(maxlen=FREEZE_HISTORY)
     long: list[float] = []
     for gap in _gaps(inputs, new_views(frames, view), ended_ms):
-        mean = sum(gaps) / len(gaps) if gaps else 0.0
-        if gap >= max(3 * mean, mean + FREEZE_MS):
+        usual = mean(gaps) or 0.0
+        if gap >= max(3 * usual, usual + FREEZE_MS):
             long.append(gap)
         gaps.append(gap)
     return Freezes(count=len(long), total_ms=sum(long), longest_ms=max(long, default=0.0))
@@ -182,74 +202,69 @@ def _gaps(inputs: Sequence[Input], views: Sequence[ShownFrame], ended_ms: float)
     for shown, until in zip(own, ends, strict=True):
         following = bisect_right(poses, view(shown))
         if following == len(inputs):
-            return  # nothing newer was asked for
+            return  # no newer pose
         yield max(0.0, until - shown.at - (inputs[following].at - inputs[following - 1].at))
     if not own:
         yield ended_ms - inputs[0].at
 
 
 def rates(frames: Sequence[ShownFrame], duration_ms: float) -> Rates:
-    """How many frames, and how many that show something new, while the movement lasted."""
+    """Numbers of frames and of new views during the movement."""
     during = [frame for frame in frames if 0 <= frame.at <= duration_ms]
     new = len(new_views(during))
     seconds = duration_ms / 1000
     return Rates(shown=len(during), per_s=len(during) / seconds, new_views=new, new_views_per_s=new / seconds)
 
 
+def _lasting(
+    frames: Sequence[ShownFrame], duration_ms: float, of: Callable[[ShownFrame], T | None]
+) -> list[tuple[T, float]]:
+    """Known values of the frames on the screen until the movement's end, each with its time on the screen, ms."""
+    known = [(frame.at, value) for frame in frames if frame.at <= duration_ms and (value := of(frame)) is not None]
+    ends = [*(at for at, _ in known[1:]), duration_ms]
+    return [(value, until - at) for (at, value), until in zip(known, ends, strict=False)]
+
+
 def rungs(frames: Sequence[ShownFrame], duration_ms: float) -> Rungs:
     """Each rung's share of the time that a frame of a known rung was on the screen, until the movement's end."""
-    known = [(frame.at, frame.rung) for frame in frames if frame.rung is not None and frame.at <= duration_ms]
+    spans = _lasting(frames, duration_ms, lambda frame: frame.rung)
     lasted: dict[int, float] = {}
-    for (at, rung), (until, _) in pairwise([*known, (duration_ms, 0)]):
-        lasted[rung] = lasted.get(rung, 0.0) + until - at
+    for rung, time in spans:
+        lasted[rung] = lasted.get(rung, 0.0) + time
     total = sum(lasted.values())
     return Rungs(
         share={rung: time / total for rung, time in sorted(lasted.items())} if total > 0 else {},
-        switches=sum(before != after for (_, before), (_, after) in pairwise(known)),
+        switches=sum(before != after for (before, _), (after, _) in pairwise(spans)),
     )
 
 
 def mean_height(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
     """Mean height in pixels on the screen until the movement's end, weighted by time; None without frames."""
-    lasted = _heights(frames, duration_ms)
-    total = sum(lasted.values())
-    return sum(height * time for height, time in lasted.items()) / total if total else None
+    return _weighted_mean(_lasting(frames, duration_ms, lambda frame: frame.height))
 
 
 def median_height(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
     """Median height on the screen, weighted by time; None without frames."""
-    lasted = _heights(frames, duration_ms)
-    half, passed = sum(lasted.values()) / 2, 0.0
-    for height, time in sorted(lasted.items()):
+    spans = _lasting(frames, duration_ms, lambda frame: frame.height)
+    half, passed = sum(time for _, time in spans) / 2, 0.0
+    for height, time in sorted(spans):
         passed += time
-        if passed >= half:
+        if passed >= half > 0:
             return height
     return None
 
 
 def filled(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
-    """The share of the picture that the newest frame did not cover until the movement's end, weighted by time; None
-    where the page turned nothing.
+    """Share of the picture that the newest frame did not cover, until the movement's end, weighted by time; None
+    without reprojection.
     """
-    known = [(frame.at, frame.filled) for frame in frames if frame.filled is not None and frame.at < duration_ms]
-    spans = [(share, until - at) for (at, share), (until, _) in pairwise([*known, (duration_ms, 0.0)])]
-    total = sum(time for _, time in spans)
-    return sum(share * time for share, time in spans) / total if total > 0 else None
+    return _weighted_mean(_lasting(frames, duration_ms, lambda frame: frame.filled))
 
 
 def warp_times(frames: Sequence[ShownFrame], duration_ms: float) -> WarpTimes:
     """Times of the pictures that the page reprojected until the movement's end."""
     values = [frame.warp_ms for frame in frames if frame.warp_ms is not None and 0 <= frame.at <= duration_ms]
-    return WarpTimes(mean=_mean(values), p95=percentile(values, 0.95))
-
-
-def _heights(frames: Sequence[ShownFrame], duration_ms: float) -> dict[int, float]:
-    """For how long each height was on the screen, in ms."""
-    shown = [(frame.at, frame.height) for frame in frames if frame.at < duration_ms]
-    lasted: dict[int, float] = {}
-    for (at, height), (until, _) in pairwise([*shown, (duration_ms, 0)]):
-        lasted[height] = lasted.get(height, 0.0) + until - at
-    return lasted
+    return WarpTimes(mean=mean(values), **_percentiles(values, 95))
 
 
 def received_kbps(traffic: Sequence[Traffic], duration_ms: float) -> float | None:
@@ -261,18 +276,22 @@ def received_kbps(traffic: Sequence[Traffic], duration_ms: float) -> float | Non
 
 
 def mean_over_time(points: Sequence[tuple[float, float]]) -> float | None:
-    """The mean of (ms, value since the point before), weighted by time; None with less than two points."""
-    span = points[-1][0] - points[0][0] if len(points) > 1 else 0.0
-    if span <= 0:
-        return None
-    return sum(value * (at - before) for (before, _), (at, value) in pairwise(points)) / span
+    """The mean of (ms, value since the previous point), weighted by time; None with less than two points."""
+    return _weighted_mean([(value, at - before) for (before, _), (at, value) in pairwise(points)])
 
 
-def _mean(values: Sequence[float]) -> float | None:
+def _weighted_mean(spans: Sequence[tuple[float, float]]) -> float | None:
+    """Mean of (value, weight); None without weight."""
+    total = sum(weight for _, weight in spans)
+    return sum(value * weight for value, weight in spans) / total if total > 0 else None
+
+
+def mean(values: Sequence[float]) -> float | None:
+    """Arithmetic mean; None without values."""
     return sum(values) / len(values) if values else None
 
 
-def _percentiles(values: Sequence[float]) -> dict[str, float | None]:
-    """Fields p50 to p99; None for infinite percentiles."""
-    found = {rank: percentile(values, rank / 100) for rank in (50, 90, 95, 99)}
+def _percentiles(values: Sequence[float], *ranks: int) -> dict[str, float | None]:
+    """Fields such as p50; None for infinite percentiles."""
+    found = {rank: percentile(values, rank / 100) for rank in ranks}
     return {f"p{rank}": None if value is None or math.isinf(value) else value for rank, value in found.items()}

@@ -6,14 +6,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tigas_common.wire.figures import USUAL_INTERVAL_MS, Figures, QualityFigures
 from tigas_common.wire.model import WireModel
-from tigas_common.wire.recording import Input, LinkSample, Recording, RecordingHead, Reply, Request, ShownFrame, Traffic
-from tigas_experiments.quality.picture import CaptureQuality, Quality
+from tigas_experiments.quality.picture import CaptureQuality
 from tigas_experiments.records import statistics
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import RunRecord, StoredRun
 from tigas_experiments.records.scores import Score, read_scores
+from tigas_experiments.wire.figures import USUAL_INTERVAL_MS, Figures, QualityFigures
+from tigas_experiments.wire.recording import (
+    Input,
+    LinkSample,
+    Recording,
+    RecordingHead,
+    Reply,
+    Request,
+    ShownFrame,
+    Traffic,
+)
 
 
 class Summary(WireModel):
@@ -30,17 +39,17 @@ class Records:
     """Records of a complete run, read once."""
 
     head: RecordingHead
-    inputs: list[Input]
-    frames: list[ShownFrame]
-    replies: list[Reply]
-    requests: list[Request]
-    traffic: list[Traffic]
-    link: list[LinkSample]
+    inputs: Sequence[Input]
+    frames: Sequence[ShownFrame]
+    replies: Sequence[Reply]
+    requests: Sequence[Request]
+    traffic: Sequence[Traffic]
+    link: Sequence[LinkSample]
     """While the movement lasted."""
-    quality: list[CaptureQuality]
-    scores: list[Score]
+    quality: Sequence[CaptureQuality] = ()
+    scores: Sequence[Score] = ()
     """Scores of sampled pictures."""
-    scores_problem: str | None
+    scores_problem: str | None = None
     """Reason why the scores are unreadable, which does not invalidate the run."""
 
     @classmethod
@@ -48,20 +57,17 @@ class Records:
         """Records of a page's recording, which has no pictures."""
         return cls(
             head=recording.head,
-            inputs=list(recording.inputs),
-            frames=list(recording.frames),
-            replies=list(recording.replies),
-            requests=list(recording.requests),
-            traffic=list(recording.traffic),
-            link=[sample for sample in link if 0 <= sample.at <= recording.duration_ms],
-            quality=[],
-            scores=[],
-            scores_problem=None,
+            inputs=recording.inputs,
+            frames=recording.frames,
+            replies=recording.replies,
+            requests=recording.requests,
+            traffic=recording.traffic,
+            link=_during(link, recording.head),
         )
 
     @classmethod
     def of(cls, stored: StoredRun) -> Records:
-        """Raises BrokenRecording."""
+        """Records of a run's folder. Raises BrokenRecording."""
         head = stored.record.recording
         if head is None:
             raise BrokenRecording(f"{stored.folder / 'run.json'} says nothing of the recording.")
@@ -78,7 +84,7 @@ class Records:
             replies=stored.replies(),
             requests=stored.requests(),
             traffic=stored.traffic(),
-            link=[sample for sample in stored.link() if 0 <= sample.at <= head.duration_ms],
+            link=_during(stored.link(), head),
             quality=stored.quality(),
             scores=scores,
             scores_problem=scores_problem,
@@ -91,16 +97,17 @@ def summarise(folder: Path) -> Summary:
 
 
 def read(folder: Path) -> tuple[Summary, Records | None]:
-    """A run's summary, with its records where there are figures. Raises BrokenRecording as `summarise` does."""
+    """A run's summary, with its records if there are figures. Raises BrokenRecording as `summarise` does."""
     stored = StoredRun(folder)
     record = stored.record
-    if record.status != "complete":
-        reason = record.problem or "The run is incomplete: it was never ended."
-        return Summary(folder=folder.name, record=record, figures=None, problem=reason), None
-    try:
-        records = Records.of(stored)
-    except BrokenRecording as error:
-        return Summary(folder=folder.name, record=record, figures=None, problem=str(error)), None
+    records, problem = None, record.problem or "The run is incomplete: it was never ended."
+    if record.status == "complete":
+        try:
+            records = Records.of(stored)
+        except BrokenRecording as error:
+            problem = str(error)
+    if records is None:
+        return Summary(folder=folder.name, record=record, figures=None, problem=problem), None
     return Summary(folder=folder.name, record=record, figures=figures(records), problem=None), records
 
 
@@ -108,6 +115,7 @@ def figures(records: Records) -> Figures:
     """All figures of a complete run."""
     inputs, frames, link, duration = records.inputs, records.frames, records.link, records.head.duration_ms
     interval = records.head.display_interval_ms or USUAL_INTERVAL_MS
+    start = next((sample for sample in link if sample.position_ms is not None), None)
     return Figures(
         latencies=statistics.latencies(inputs, frames, interval),
         view_latencies=statistics.view_latencies(inputs, frames),
@@ -127,40 +135,28 @@ def figures(records: Records) -> Figures:
         delivered_kbps=statistics.mean_over_time([(sample.at, sample.delivered_kbps) for sample in link]),
         sent_kbps=statistics.mean_over_time([(sample.at, sample.up_delivered_kbps) for sample in link]),
         target_kbps=statistics.mean_over_time([(sample.at, sample.target_kbps) for sample in link]),
-        trace_start_ms=_trace_start(link),
+        trace_start_ms=None if start is None or start.position_ms is None else start.position_ms - start.at,
         drops=link[-1].drops - link[0].drops if link else None,
-        quality=_quality(records.quality, records.scores),
+        quality=_quality(records.quality, records.scores) if records.quality else None,
     )
 
 
-def _trace_start(link: list[LinkSample]) -> float | None:
-    first = next((sample for sample in link if sample.position_ms is not None), None)
-    return None if first is None or first.position_ms is None else first.position_ms - first.at
-
-
-def _quality(entries: list[CaptureQuality], scores: list[Score]) -> QualityFigures | None:
-    if not entries:
-        return None
-
-    def means(found: list[Quality | None]) -> tuple[float | None, float | None]:
-        known = [quality for quality in found if quality is not None]
-        if not known:
-            return None, None
-        return sum(q.psnr_db for q in known) / len(known), sum(q.ssim for q in known) / len(known)
-
-    picture_psnr, picture_ssim = means([entry.picture for entry in entries])
-    view_psnr, view_ssim = means([entry.view for entry in entries])
-    seen_psnr, seen_ssim = means([entry.seen for entry in entries])
-    uncovered = [entry.uncovered for entry in entries if entry.uncovered is not None]
-    lpips = [score.lpips for score in scores if score.picture == "seen" and score.lpips is not None]
+def _quality(entries: Sequence[CaptureQuality], scores: Sequence[Score]) -> QualityFigures:
+    """Means over the kept pictures that have each comparison."""
+    means: dict[str, float | None] = {}
+    for name in ("picture", "view", "seen"):
+        known = [quality for entry in entries if (quality := getattr(entry, name)) is not None]
+        means[f"{name}_psnr_db"] = statistics.mean([quality.psnr_db for quality in known])
+        means[f"{name}_ssim"] = statistics.mean([quality.ssim for quality in known])
     return QualityFigures(
         pictures=len(entries),
-        picture_psnr_db=picture_psnr,
-        picture_ssim=picture_ssim,
-        view_psnr_db=view_psnr,
-        view_ssim=view_ssim,
-        seen_psnr_db=seen_psnr,
-        seen_ssim=seen_ssim,
-        uncovered=sum(uncovered) / len(uncovered) if uncovered else None,
-        seen_lpips=sum(lpips) / len(lpips) if lpips else None,
+        **means,
+        uncovered=statistics.mean([entry.uncovered for entry in entries if entry.uncovered is not None]),
+        seen_lpips=statistics.mean(
+            [score.lpips for score in scores if score.picture == "seen" and score.lpips is not None]
+        ),
     )
+
+
+def _during(link: Sequence[LinkSample], head: RecordingHead) -> list[LinkSample]:
+    return [sample for sample in link if 0 <= sample.at <= head.duration_ms]

@@ -14,7 +14,7 @@ from pydantic import Field, ValidationError
 from tigas_common.errors import StartError
 from tigas_common.parsing import legible
 from tigas_common.wire.model import WireModel
-from tigas_experiments.report.results import LADDER, run_folders
+from tigas_experiments.report.run_table import LADDER, run_folders
 
 MOST_TIMES = 1000
 """Maximum expansion: records expand ten to twenty times, zeros up to seven thousand times."""

@@ -43,14 +43,14 @@ class Report(Command):
         ):
             tasks: dict[str, TaskID] = {}
 
-            def told(what: str, done: int, total: int | None) -> None:
-                if what not in tasks:
-                    tasks[what] = bar.add_task(what)
-                bar.update(tasks[what], completed=done, total=total)
+            def on_progress(step: str, done: int, total: int | None) -> None:
+                if step not in tasks:
+                    tasks[step] = bar.add_task(step)
+                bar.update(tasks[step], completed=done, total=total)
 
             folder = unpack(self.folder) if self.folder.is_file() else self.folder
-            packed = read_options(folder)
-            made = write_report(folder, folder, told, baseline=self.baseline or packed.baseline)
+            baseline = self.baseline or read_options(folder).baseline
+            made = write_report(folder, folder, on_progress, baseline=baseline)
             if self.archive is not None:
                 pack(folder, self.archive, Options(baseline=made.baseline))
         _print(made)
@@ -60,10 +60,10 @@ class Report(Command):
 
 def _print(made: Written) -> None:
     """Print the tables of networks, the warnings, and where the report is."""
-    from tigas_experiments.report.run_listing import by_network, in_terminal, runs_as_made
+    from tigas_experiments.report.run_listing import by_network, in_terminal
 
     console = make_console()
-    networks = list(by_network(runs_as_made(made.results)).items())
+    networks = list(by_network(made.results.made).items())
     for network, runs in networks[:MOST_NETWORKS]:
         if len(runs) > MAX_COLUMNS:
             console.print(f"{network}: {len(runs)} runs, a row each in table.md.")

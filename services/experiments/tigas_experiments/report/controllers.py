@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from tigas_common.wire.dash import RepresentationRequest
-from tigas_common.wire.run import MODE_NAMES, PER_VIEW, Configuration, Mode
+from tigas_experiments.wire.run import MODE_NAMES, OFF, PER_VIEW, Configuration, Mode
 
 LineStyle = Literal["-", "--", ":", "-."]
 CONTROLLER_TITLES = {
@@ -84,7 +84,7 @@ class Controller:
         mode = configuration.mode
         if mode not in PER_VIEW:
             return cls(mode, None, configuration.dash_representation, motion=configuration.motion)
-        models = [model for model in (configuration.restore, configuration.upscale) if model != "off"]
+        models = [model for model in (configuration.restore, configuration.upscale) if model != OFF]
         return cls(mode, configuration.profile, enhancement=" + ".join(models) or None, motion=configuration.motion)
 
     @property
@@ -93,57 +93,45 @@ class Controller:
         return isinstance(self.profile, int) or self.representation is not None
 
     @property
-    def plain(self) -> bool:
-        """Whether frames were shown unchanged."""
-        return self.enhancement is None and not self.motion
-
-    @property
-    def bare(self) -> Controller:
+    def plain(self) -> Controller:
         """The same controller with unchanged frames."""
         return replace(self, enhancement=None, motion=())
 
     @property
     def name(self) -> str:
         """Machine-readable name: `latency`, `profile-2`, `dash-tuned`."""
-        if self.profile is None:
-            name = self._with_representation(self.mode, "-")
-        else:
-            name = f"profile-{self.profile}" if isinstance(self.profile, int) else self.profile
-            name = name if self.mode == "stateless" else f"{self.mode}-{name}"
+        profile = f"profile-{self.profile}" if isinstance(self.profile, int) else self.profile
+        name = self._joined("-", None if self.mode == "stateless" else self.mode, profile)
         return "+".join((name, *([self.enhancement.replace(" ", "")] if self.enhancement else []), *self.motion))
 
     @property
     def title(self) -> str:
         """Display name."""
-        if self.profile is None:
-            name = self._with_representation(MODE_NAMES[self.mode].replace(",", ""), " ")  # without commas, for lists
-            return self._with_stages(name)
-        fixed = isinstance(self.profile, int)
-        name = f"Profile {self.profile}" if fixed else CONTROLLER_TITLES.get(str(self.profile), str(self.profile))
-        return self._with_stages(name if self.mode == "stateless" else f"{MODE_NAMES[self.mode]} {name}")
+        mode = MODE_NAMES[self.mode].replace(",", "")  # without commas, for lists
+        profile = f"Profile {self.profile}" if isinstance(self.profile, int) else self.profile
+        name = self._joined(
+            " ", None if self.mode == "stateless" else mode, CONTROLLER_TITLES.get(str(profile), profile)
+        )
+        return " + ".join((name, *self._stages))
 
     @property
     def title_with_mode(self) -> str:
         """Display name for comparisons of modes."""
-        if self.profile is None:
-            return self._with_stages(self._with_representation(MODE_NAMES[self.mode], ", "))
         profile = f"rung {self.profile}" if isinstance(self.profile, int) else self.profile
-        return f"{MODE_NAMES[self.mode]}, {self._with_stages(profile)}"
+        return " + ".join((self._joined(", ", MODE_NAMES[self.mode], profile), *self._stages))
 
-    def _with_stages(self, name: str) -> str:
-        stages = [*([self.enhancement] if self.enhancement else []), *(word.replace("-", " ") for word in self.motion)]
-        return " + ".join((name, *stages))
+    @property
+    def _stages(self) -> list[str]:
+        """Display names of the changes made to frames."""
+        return [*([self.enhancement] if self.enhancement else []), *(word.replace("-", " ") for word in self.motion)]
 
-    def _with_representation(self, name: str, separator: str) -> str:
-        return name if self.representation is None else f"{name}{separator}{self.representation}"
+    def _joined(self, separator: str, *parts: object) -> str:
+        return separator.join(str(part) for part in (*parts, self.representation) if part is not None)
 
 
 def in_order(controllers: Iterable[Controller]) -> list[Controller]:
     """Distinct controllers by mode: known ones, custom ones, then fixed rungs or representations."""
     known, modes = list(CONTROLLER_TITLES), list(MODE_NAMES)
-
-    def place(controller: Controller) -> tuple[int, int, int, str, tuple[str, ...]]:
-        return modes.index(controller.mode), *kind(controller), controller.motion
 
     def kind(controller: Controller) -> tuple[int, int, str]:
         profile, enhancement = controller.profile, controller.enhancement or ""
@@ -154,7 +142,7 @@ def in_order(controllers: Iterable[Controller]) -> list[Controller]:
             return 0, 0, "" if one is None else f"{one.bitrate_kbps or 0:09} {one.rung}"
         return (0, known.index(profile), enhancement) if profile in known else (1, 0, f"{profile} {enhancement}")
 
-    return sorted(set(controllers), key=place)
+    return sorted(set(controllers), key=lambda one: (modes.index(one.mode), *kind(one), one.motion))
 
 
 def run_names(runs: Sequence[Configuration]) -> dict[str, str]:
@@ -181,12 +169,12 @@ def looks(controllers: Iterable[Controller]) -> dict[Controller, Look]:
     Variants of frames have separate styles only if several variants of the controller are compared.
     """
     ordered = in_order(controllers)
-    variants = Counter(controller.bare for controller in ordered)
+    variants = Counter(controller.plain for controller in ordered)
     found: dict[Controller, Look] = {}
     others = 0
     for controller in ordered:
         look = _usual(controller, place=sum(each.mode == controller.mode and each.fixed for each in found))
-        if look is not None and not controller.plain and variants[controller.bare] > 1:
+        if look is not None and controller != controller.plain and variants[controller.plain] > 1:
             look = _set_apart(look, controller)
         if look is None or look in found.values():
             look = Look(OTHER_COLOURS[others % len(OTHER_COLOURS)], "-", MARKERS[-1 - others % len(MARKERS)])
@@ -197,18 +185,19 @@ def looks(controllers: Iterable[Controller]) -> dict[Controller, Look]:
 
 def _usual(controller: Controller, place: int) -> Look | None:
     """Predefined look of a controller, if any; `place` counts the preceding fixed controllers of its mode."""
-    if controller.representation is not None:
-        colour = KNOWN_LOOKS[controller.mode].colour
-        return Look(colour, FIXED_DASHES[place % len(FIXED_DASHES)], MARKERS[place % len(MARKERS)])
+    if not controller.fixed:
+        return KNOWN_LOOKS.get(controller.plain.name)
     if isinstance(controller.profile, int):
-        rung = controller.profile
-        look = Look(FIXED_COLOUR, FIXED_DASHES[rung % len(FIXED_DASHES)], MARKERS[rung % len(MARKERS)])
-        return look if controller.mode == "stateless" else None
-    return KNOWN_LOOKS.get(controller.bare.name)
+        if controller.mode != "stateless":
+            return None
+        place, colour = controller.profile, FIXED_COLOUR
+    else:
+        colour = KNOWN_LOOKS[controller.mode].colour
+    return Look(colour, FIXED_DASHES[place % len(FIXED_DASHES)], MARKERS[place % len(MARKERS)])
 
 
 def _set_apart(look: Look, controller: Controller) -> Look:
     """A distinct look for a variant: dashes and marker, and the colour too for the default controller."""
     stage = STAGES[bool(controller.motion), controller.enhancement is not None]
-    colour = stage.colour if controller.bare.name == USUAL else look.colour
+    colour = stage.colour if controller.plain.name == USUAL else look.colour
     return Look(colour, ":" if stage.dashes == look.dashes else stage.dashes, stage.marker)

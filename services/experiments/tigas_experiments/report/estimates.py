@@ -1,4 +1,4 @@
-"""Means over blocks with bootstrap confidence intervals, and paired differences."""
+"""Means over blocks with their range and bootstrap confidence intervals, and paired differences."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from functools import lru_cache
 from typing import Self, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import bootstrap
 
 from tigas_experiments.report.metrics import Metric
@@ -26,37 +25,43 @@ class Estimate:
     """A mean over blocks with its 95 % bootstrap confidence interval."""
 
     mean: float
-    interval: tuple[float, float] | None
-    """Low and high end; None with fewer than LEAST_BLOCKS."""
+    low: float
+    """Lowest value of the runs or, without them, the blocks."""
+    high: float
     blocks: int
+    interval: tuple[float, float] | None
+    """None with fewer than LEAST_BLOCKS."""
 
     @classmethod
-    def over(cls, values: Sequence[float], step: float = 0.0) -> Self | None:
-        """Estimate from one value per block; None without blocks.
+    def over(cls, blocks: Sequence[float], step: float = 0.0, runs: Sequence[float] = ()) -> Self | None:
+        """Estimate from one value per block; None without blocks. One infinite value makes the mean infinite.
 
         `step` is the resolution of each value, which widens the interval of equal values.
         """
-        if not values:
+        if not blocks:
             return None
-        mean = sum(values) / len(values)  # nan for inf and -inf
-        return cls(mean, _interval(tuple(values), step) if len(values) >= LEAST_BLOCKS else None, len(values))
-
-    @property
-    def ends(self) -> tuple[float | None, float | None]:
-        """The interval for a CSV row; empty cells without one."""
-        return self.interval or (None, None)
+        low, high = min(runs or blocks), max(runs or blocks)
+        mean = sum(blocks) / len(blocks)  # nan for inf and -inf
+        interval = _interval(tuple(blocks), step) if len(blocks) >= LEAST_BLOCKS else None
+        # Rounding must not move the mean of equal values outside their range.
+        return cls(min(max(mean, low), high), low, high, len(blocks), interval)
 
     @property
     def certain(self) -> bool:
         """Whether the interval excludes zero."""
         return self.interval is not None and (self.interval[0] > 0 or self.interval[1] < 0)
 
-    def range(self, metric: Metric) -> str:
+    def interval_text(self, metric: Metric) -> str:
         """The formatted interval; empty without one."""
         if self.interval is None:
             return ""
         low, high = (signed(metric, value) if math.isinf(value) else metric.text(value) for value in self.interval)
         return f"[{low}, {high}]"
+
+    def range_text(self, metric: Metric) -> str:
+        """The formatted range; empty for equal values."""
+        low, high = metric.text(self.low), metric.text(self.high)
+        return "" if low == high else f"{low}–{high}"
 
 
 def signed(metric: Metric, difference: float) -> str:
@@ -83,15 +88,12 @@ def _interval(values: tuple[float, ...], step: float) -> tuple[float, float]:
     finite = [value for value in values if math.isfinite(value)]
     if not finite:
         return min(values), max(values)
-    low, high = (float(end) for end in _bootstrap(np.clip(values, min(finite), max(finite)), step))
+    clipped = np.clip(values, min(finite), max(finite))
+    if np.ptp(clipped) == 0:
+        half = step / 2 if finite[0] != 0 else 0.0
+        low, high = finite[0] - half, finite[0] + half
+    else:
+        rng = np.random.default_rng(SEED)
+        found = bootstrap((clipped,), np.mean, n_resamples=RESAMPLES, method="percentile", rng=rng)
+        low, high = map(float, found.confidence_interval)
     return min(low, min(values)) if -math.inf in values else low, math.inf if math.inf in values else high
-
-
-def _bootstrap(values: NDArray[np.float64], step: float) -> tuple[float, float]:
-    if np.ptp(values) == 0:
-        half = step / 2 if values[0] != 0 else 0.0
-        return values[0] - half, values[0] + half
-    found = bootstrap(
-        (values,), np.mean, n_resamples=RESAMPLES, method="percentile", rng=np.random.default_rng(SEED)
-    ).confidence_interval
-    return found.low, found.high

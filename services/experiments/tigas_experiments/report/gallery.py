@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import chain, islice, zip_longest
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from tigas_common.files import read_regular
-from tigas_common.wire.recording import Sample
 from tigas_experiments.quality.metrics import PICTURE_METRICS
 from tigas_experiments.quality.picture import BrokenPicture, Picture, decode, enlarged, upscaled
 from tigas_experiments.records.files import BrokenRecording
-from tigas_experiments.records.folder import StoredRun
-from tigas_experiments.records.rerendered import TRUTH, SampledRun
-from tigas_experiments.records.samples import JPEG, MAX_PICTURE_BYTES, enhanced_path, sample_path
-from tigas_experiments.records.scores import Score
-from tigas_experiments.records.triplets import Kind
-from tigas_experiments.report.results import Results, Run
+from tigas_experiments.records.folder import read_snapshot
+from tigas_experiments.records.samples import JPEG, MAX_PICTURE_BYTES, TRUTH, enhanced_path, sample_path
+from tigas_experiments.records.scores import Kind
+from tigas_experiments.report.run_table import Run
+from tigas_experiments.wire.recording import Sample
 
 MOST = 6
 """Samples in a report, from as many of its runs as possible."""
@@ -34,8 +32,7 @@ AMPLIFIED = 4
 """Amplification of shown differences."""
 
 
-@dataclass(frozen=True, slots=True)
-class Shown:
+class Shown(NamedTuple):
     """A picture as a data: URL."""
 
     name: str
@@ -44,8 +41,7 @@ class Shown:
     """Formatted scores against ground truth, as far as computed."""
 
 
-@dataclass(frozen=True, slots=True)
-class GallerySample:
+class GallerySample(NamedTuple):
     """One sample, with pictures in the size of its ground truth."""
 
     title: str
@@ -53,13 +49,12 @@ class GallerySample:
     about: str
     remark: str | None
     """Warning about its ground truth."""
-    pictures: tuple[Shown, ...]
+    pictures: list[Shown]
     width: int
     height: int
 
 
-@dataclass(frozen=True, slots=True)
-class Snapshot:
+class Snapshot(NamedTuple):
     """The screen and the viewer's correct view at one moment of a run, as data: URLs."""
 
     title: str
@@ -68,64 +63,55 @@ class Snapshot:
     view: str
 
 
-def snapshots(folder: Path, runs: Sequence[Run], titles: Mapping[str, str]) -> list[Snapshot]:
-    """Snapshots of the runs that kept one, without broken ones."""
+def snapshots(runs: Sequence[Run], titles: Sequence[str]) -> list[Snapshot]:
+    """Snapshots of the complete runs that kept one, without broken ones."""
     found: list[Snapshot] = []
-    for run in runs:
+    for run, title in zip(runs, titles, strict=True):
         with suppress(BrokenRecording, BrokenPicture):
-            if (stored := StoredRun(folder / "runs" / run.folder).snapshot()) is not None:
+            if run.problem is None and (stored := read_snapshot(run.folder)) is not None:
                 at, shown, view = stored[0], decode(stored[1]), decode(stored[2])
                 height, width = view.shape[:2]
-                urls = (_url(each, SNAPSHOT_WIDTH, "JPEG", 82) for each in (enlarged(shown, width, height), view))
-                found.append(Snapshot(titles[run.folder], at / 1000, *urls))
+                urls = (_url(each, SNAPSHOT_WIDTH) for each in (enlarged(shown, width, height), view))
+                found.append(Snapshot(title, at / 1000, *urls))
     return found
 
 
-def gallery(results: Results, runs: Mapping[str, SampledRun]) -> list[GallerySample]:
-    """Samples of an experiment's runs (by folder name), without samples that are broken or lack ground truth."""
-    rendered = [run for run in results.runs if run.folder in runs and runs[run.folder].known]
+def gallery(runs: Sequence[Run]) -> list[GallerySample]:
+    """Samples of complete runs, without samples that are broken or lack ground truth."""
+    rendered = [run for run in runs if run.sampled.samples and run.sampled.known]
     chosen = rendered[:: -(-len(rendered) // MOST) or 1]  # spread over all runs
-    of_each = (_of_run(results.folder / "runs" / run.folder, runs[run.folder], run.scores) for run in chosen)
-    in_turns = chain.from_iterable(zip_longest(*(islice(one, MOST_PER_RUN) for one in of_each)))
+    in_turns = chain.from_iterable(zip_longest(*(islice(_of_run(run), MOST_PER_RUN) for run in chosen)))
     return list(islice((one for one in in_turns if one is not None), MOST))
 
 
-def _of_run(folder: Path, run: SampledRun, scores: Sequence[Score]) -> Iterator[GallerySample]:
+def _of_run(run: Run) -> Iterator[GallerySample]:
     """Samples from the beginning, middle and end of a run, then the others; made lazily."""
-    samples = sorted((one for one in run.samples if one.seq in run.known), key=lambda sample: sample.at)
+    known = run.sampled.known
+    samples = sorted((one for one in run.sampled.samples if one.seq in known), key=lambda sample: sample.at)
     first = [len(samples) * share // 6 for share in (1, 3, 5)] if len(samples) >= MOST_PER_RUN else []
     for index in dict.fromkeys((*first, *range(len(samples)))):
-        try:
-            yield _sample(folder, run, scores, samples[index])
-        except (OSError, BrokenPicture):
-            continue
+        with suppress(OSError, BrokenPicture):
+            yield _sample(run, samples[index])
 
 
-def _sample(folder: Path, run: SampledRun, scores: Iterable[Score], sample: Sample) -> GallerySample:
+def _sample(run: Run, sample: Sample) -> GallerySample:
     """Raises OSError and BrokenPicture."""
-    truth = _read(sample_path(folder, sample.seq, TRUTH))
+    truth = _read(sample_path(run.folder, sample.seq, TRUTH))
     height, width = truth.shape[:2]
-    original = upscaled(_read(sample_path(folder, sample.seq, JPEG)), width, height)
-    texts = _scores_by_kind(scores, sample.seq)
-    pictures = [("received", original, texts.get("original", "")), ("ground truth", truth, "")]
-    differences = [(f"received, difference × {AMPLIFIED}", _difference(original, truth), "")]
-    if (path := enhanced_path(folder, sample.seq)) is not None:
-        enhanced = upscaled(_read(path), width, height)
-        pictures.insert(1, ("enhanced", enhanced, texts.get("enhanced", "")))
-        differences.append((f"enhanced, difference × {AMPLIFIED}", _difference(enhanced, truth), ""))
-    known = run.known.get(sample.seq)
-    remark = None
-    if known is not None and known.identical is False:
-        apart = "" if known.psnr_db is None else f" ({known.psnr_db:.1f} dB apart)"
-        remark = f"Rendering it again gave a different frame{apart}: ground truth may not belong to this frame."
+    pictures = {"received": upscaled(_read(sample_path(run.folder, sample.seq, JPEG)), width, height)}
+    if (path := enhanced_path(run.folder, sample.seq)) is not None:
+        pictures["enhanced"] = upscaled(_read(path), width, height)
+    differences = {f"{name}, difference × {AMPLIFIED}": _difference(each, truth) for name, each in pictures.items()}
+    scores = {"received": _scores(run, sample.seq, "original"), "enhanced": _scores(run, sample.seq, "enhanced")}
+    shown = {**pictures, "ground truth": truth, **differences}
+    known = run.sampled.known[sample.seq]
+    apart = "" if known.psnr_db is None else f" ({known.psnr_db:.1f} dB apart)"
+    remark = f"Rendering it again gave a different frame{apart}: ground truth may not belong to this frame."
     return GallerySample(
-        title=f"{run.folder}, {sample.seq}",
+        title=f"{run.name}, {sample.seq}",
         about=_about(sample),
-        remark=remark,
-        pictures=tuple(
-            Shown(name, _url(picture, SAMPLE_WIDTH, "WEBP", 80), scored)
-            for name, picture, scored in (*pictures, *differences)
-        ),
+        remark=remark if known.identical is False else None,
+        pictures=[Shown(name, _url(each, SAMPLE_WIDTH), scores.get(name, "")) for name, each in shown.items()],
         width=min(width, SAMPLE_WIDTH),
         height=round(height * min(1.0, SAMPLE_WIDTH / width)),
     )
@@ -141,17 +127,14 @@ def _about(sample: Sample) -> str:
     return ", ".join(parts)
 
 
-def _scores_by_kind(scores: Iterable[Score], seq: int) -> dict[Kind, str]:
-    """Formatted scores of a sample's pictures."""
-    return {
-        score.picture: ", ".join(
-            f"{metric.title} {score.values[metric.name]:.{metric.digits}f} {metric.unit}".rstrip()
-            for metric in PICTURE_METRICS
-            if score.has([metric.name])
-        )
-        for score in scores
-        if score.seq == seq
-    }
+def _scores(run: Run, seq: int, kind: Kind) -> str:
+    """Formatted scores of one of a sample's pictures."""
+    values = next((score.values for score in run.scores if score.key == (seq, kind)), {})
+    return ", ".join(
+        f"{metric.title} {values[metric.name]:.{metric.digits}f} {metric.unit}".rstrip()
+        for metric in PICTURE_METRICS
+        if metric.name in values
+    )
 
 
 def _read(path: Path) -> Picture:
@@ -163,9 +146,9 @@ def _difference(one: Picture, other: Picture) -> Picture:
     return np.minimum(AMPLIFIED * difference, 255).astype(np.uint8)
 
 
-def _url(picture: Picture, width: int, kind: str, quality: int) -> str:
+def _url(picture: Picture, width: int) -> str:
     image = Image.fromarray(picture)
     image.thumbnail((width, 4 * width))
     buffer = io.BytesIO()
-    image.save(buffer, kind, quality=quality)
-    return f"data:image/{kind.lower()};base64,{base64.b64encode(buffer.getvalue()).decode()}"
+    image.save(buffer, "WEBP", quality=80)
+    return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"

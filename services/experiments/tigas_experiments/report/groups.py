@@ -1,4 +1,4 @@
-"""Groups of runs with equal network, round trip and controller, and their means and ranges.
+"""Groups of runs with equal network, round trip and controller, their means, and their differences from a baseline.
 
 Groups of one network and round trip cover the same blocks: a controller without runs of the hard blocks would look
 better than it is.
@@ -6,88 +6,22 @@ better than it is.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Self
+from typing import TypeVar
 
 import numpy as np
 
-from tigas_common.wire.run import Configuration
-from tigas_experiments.records.folder import RunRecord
+from tigas_common.errors import StartError
+from tigas_experiments.records.folder import ExperimentRecord
 from tigas_experiments.report.controllers import Controller, Look, in_order, looks
-from tigas_experiments.report.estimates import Estimate
-from tigas_experiments.report.metrics import Metric, Value
-from tigas_experiments.report.results import Floats, Run
+from tigas_experiments.report.estimates import Estimate, paired
+from tigas_experiments.report.metrics import Metric
+from tigas_experiments.report.run_table import Block, Condition, Floats, Run
 
-
-@dataclass(frozen=True, slots=True)
-class Block:
-    """Inputs of a run apart from its controller: part of a network trace × part of a movement × scene.
-
-    Repeats share a block: they measure how much a run varies, not how inputs differ.
-    """
-
-    network: str
-    """Name without the round trip."""
-    trace_offset_s: float
-    scene: str
-    movement: str
-    movement_offset_s: float
-
-    @classmethod
-    def of(cls, configuration: Configuration) -> Self:
-        """The block of a run."""
-        network = configuration.network
-        return cls(
-            network.name,
-            network.offset_s,
-            configuration.scene,
-            Path(configuration.movement).name,
-            configuration.movement_offset_s,
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class Condition:
-    """Conditions of a run apart from its scene, movement and repeat."""
-
-    network: str
-    """Name without the round trip."""
-    rtt_ms: float | None
-    """None if it varies with the trace or is unknown."""
-    controller: Controller
-
-    @classmethod
-    def of(cls, record: RunRecord) -> Condition:
-        """The condition of a run."""
-        network = record.configuration.network
-        return cls(network.name, network.round_trip_ms, Controller.of(record.configuration))
-
-
-@dataclass(frozen=True, slots=True)
-class Spread:
-    """Mean and range of a metric over several runs."""
-
-    mean: float
-    low: float
-    high: float
-    runs: int
-    """Number of runs that have the metric."""
-
-    @classmethod
-    def over(cls, values: Sequence[Value], means: Iterable[float] = ()) -> Spread | None:
-        """Spread of the known values; None without any. One infinite value makes the mean infinite.
-
-        `means` are the means of blocks, which are weighted equally.
-        """
-        found = [value for value in values if value is not None]
-        if not found:
-            return None
-        low, high = min(found), max(found)
-        counted = list(means) or found
-        # Rounding must not move the mean of equal values outside their range.
-        return cls(min(max(sum(counted) / len(counted), low), high), low, high, len(found))
+ALL = "all"
+"""In place of a network's name: over all networks."""
+AnyRow = TypeVar("AnyRow", "Group", "Difference")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,86 +37,115 @@ class Group:
         return self.condition.controller
 
     @property
-    def saturated(self) -> bool:
-        """Whether the machine was the bottleneck in any run."""
-        return any(run.saturated for run in self.runs)
-
-    def spread(self, metric: Metric) -> Spread | None:
-        """Mean over blocks, and range over runs."""
-        return Spread.over([run.values[metric.name] for run in self.runs], self.blocks(metric).values())
+    def labels(self) -> list[str]:
+        """First cells of its row: a controller is marked with * if the machine was the bottleneck in any run."""
+        return _labels(self.condition, self.runs)
 
     def estimate(self, metric: Metric) -> Estimate | None:
-        """Mean over blocks with its interval; None if no run has the metric."""
-        return Estimate.over(list(self.blocks(metric).values()))
+        """Mean over blocks with its interval, and range over runs; None if no run has the metric."""
+        values = [value for run in self.runs if (value := run.values[metric.name]) is not None]
+        return Estimate.over([*self.blocks(metric).values()], runs=values)
 
     def blocks(self, metric: Metric) -> dict[Block, float]:
         """Mean over repeats in each block that has the metric."""
         values: dict[Block, list[float]] = {}
         for run in self.runs:
             if (value := run.values[metric.name]) is not None:
-                values.setdefault(Block.of(run.record.configuration), []).append(value)
+                values.setdefault(run.block, []).append(value)
         return {block: sum(found) / len(found) for block, found in values.items()}
 
     @property
     def all_blocks(self) -> set[Block]:
         """Blocks covered by the runs."""
-        return {Block.of(run.record.configuration) for run in self.runs}
+        return {run.block for run in self.runs}
+
+    def pooled(self, series: str) -> Floats:
+        """Values of a time series of all runs, such as `latency`."""
+        return np.concatenate([run.series[series][:, 1] for run in self.runs])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Overall:
+    """One controller at one round trip, over all networks."""
+
+    condition: Condition
+    groups: tuple[Group, ...]
+    """One for each network."""
 
     @property
-    def latencies(self) -> Floats:
-        """[inputs] Motion-to-photon latencies of all runs, ms; inf for unanswered inputs."""
-        return np.concatenate([run.latencies[:, 1] for run in self.runs])
+    def labels(self) -> list[str]:
+        """First cells of its row, as a group's."""
+        return _labels(self.condition, [run for group in self.groups for run in group.runs])
+
+    def estimate(self, metric: Metric) -> Estimate | None:
+        """Mean and range of the networks' means, which are weighted equally."""
+        found = [group.estimate(metric) for group in self.groups]
+        return Estimate.over([each.mean for each in found if each is not None])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Difference:
+    """A controller against the baseline at one round trip, over one network or all of them."""
+
+    condition: Condition
+    pairs: tuple[tuple[Group, Group], ...]
+    """Groups of the controller and of the baseline, one pair per network."""
 
     @property
-    def frame_ages(self) -> Floats:
-        """[frames] Frame ages of all runs, ms."""
-        return np.concatenate([run.frame_ages[:, 1] for run in self.runs])
+    def baseline(self) -> Controller:
+        """The baseline."""
+        return self.pairs[0][1].controller
+
+    @property
+    def labels(self) -> list[str]:
+        """First cells of its row, with the number of common blocks."""
+        blocks = sum(len(own.all_blocks & base.all_blocks) for own, base in self.pairs)
+        return [*self.condition.labels, self.condition.controller.title, str(blocks)]
+
+    def estimate(self, metric: Metric) -> Estimate | None:
+        """Mean difference over all common blocks; None without any."""
+        values = [paired(own.blocks(metric), base.blocks(metric)) for own, base in self.pairs]
+        return Estimate.over([value for found in values for value in found.values()], metric.step)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
     """All runs over one network at one round trip."""
 
-    runs: Mapping[Condition, tuple[Run, ...]]
+    runs: Mapping[Condition, Sequence[Run]]
 
     @property
-    def blocks(self) -> dict[Condition, set[Block]]:
-        """Blocks covered by each controller."""
-        return {
-            condition: {Block.of(run.record.configuration) for run in runs} for condition, runs in self.runs.items()
-        }
+    def _blocks(self) -> dict[Condition, set[Block]]:
+        return {condition: {run.block for run in runs} for condition, runs in self.runs.items()}
 
     @property
     def common(self) -> set[Block]:
         """Blocks covered by all controllers."""
-        return set.intersection(*self.blocks.values())
+        return set.intersection(*self._blocks.values())
 
     @property
     def missing(self) -> dict[Controller, int]:
         """Number of blocks that each controller lacks, if any."""
-        blocks = self.blocks
-        every = set.union(*blocks.values())
-        return {condition.controller: len(every - own) for condition, own in blocks.items() if len(own) < len(every)}
+        every = set.union(*self._blocks.values())
+        return {
+            condition.controller: len(every - own) for condition, own in self._blocks.items() if len(own) < len(every)
+        }
 
     @property
-    def common_runs(self) -> Mapping[Condition, tuple[Run, ...]]:
+    def common_runs(self) -> Mapping[Condition, Sequence[Run]]:
         """Runs of the common blocks; all runs without common blocks."""
         common = self.common
         if not common:
             return self.runs
-        return {
-            condition: tuple(run for run in runs if Block.of(run.record.configuration) in common)
-            for condition, runs in self.runs.items()
-        }
+        return {condition: [run for run in runs if run.block in common] for condition, runs in self.runs.items()}
 
 
 def comparisons(runs: Iterable[Run]) -> list[Comparison]:
     """One comparison for each network and round trip."""
-    found: dict[tuple[str, float | None], dict[Condition, tuple[Run, ...]]] = {}
+    found: dict[tuple[str, float | None], dict[Condition, list[Run]]] = {}
     for run in runs:
         condition = Condition.of(run.record)
-        own = found.setdefault((condition.network, condition.rtt_ms), {})
-        own[condition] = (*own.get(condition, ()), run)
+        found.setdefault(condition[:2], {}).setdefault(condition, []).append(run)
     return [Comparison(own) for own in found.values()]
 
 
@@ -194,15 +157,17 @@ class Groups(tuple[Group, ...]):
     @classmethod
     def of(cls, runs: Iterable[Run]) -> Groups:
         """Groups of the runs in common blocks, or of all runs without common blocks."""
-        by_condition = {
-            condition: common for compared in comparisons(runs) for condition, common in compared.common_runs.items()
-        }
-        order = in_order(condition.controller for condition in by_condition)
+        found = [
+            Group(condition, tuple(common))
+            for compared in comparisons(runs)
+            for condition, common in compared.common_runs.items()
+        ]
+        order = in_order(group.controller for group in found)
 
-        def place(condition: Condition) -> tuple[str, float, int]:
-            return condition.network, rtt_order(condition.rtt_ms), order.index(condition.controller)
+        def place(group: Group) -> tuple[str, float, int]:
+            return group.condition.network, rtt_order(group.condition.rtt_ms), order.index(group.controller)
 
-        return cls(Group(condition, by_condition[condition]) for condition in sorted(by_condition, key=place))
+        return cls(sorted(found, key=place))
 
     @property
     def networks(self) -> list[str]:
@@ -212,7 +177,7 @@ class Groups(tuple[Group, ...]):
     @property
     def conditions(self) -> list[tuple[str, float | None]]:
         """Each network with each of its round trips."""
-        return list(dict.fromkeys((group.condition.network, group.condition.rtt_ms) for group in self))
+        return list(dict.fromkeys(group.condition[:2] for group in self))
 
     @property
     def looks(self) -> dict[Controller, Look]:
@@ -225,7 +190,7 @@ class Groups(tuple[Group, ...]):
 
     def at(self, network: str, rtt_ms: float | None) -> list[Group]:
         """Groups of one network and round trip."""
-        return [g for g in self if (g.condition.network, g.condition.rtt_ms) == (network, rtt_ms)]
+        return [group for group in self if group.condition[:2] == (network, rtt_ms)]
 
     def base_rtt(self, network: str) -> float | None:
         """The lowest round trip, which figures with only one round trip show."""
@@ -235,44 +200,94 @@ class Groups(tuple[Group, ...]):
         """Groups of a network at its lowest round trip."""
         return self.at(network, self.base_rtt(network))
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Overall:
-    """One controller at one round trip, over all networks."""
-
-    rtt_ms: float | None
-    controller: Controller
-    groups: tuple[Group, ...]
-    """One for each network."""
+    @property
+    def lowest(self) -> list[Group]:
+        """Groups of each network at its lowest round trip."""
+        return [group for network in self.networks for group in self.base(network)]
 
     @property
-    def runs(self) -> int:
-        """Number of runs over all networks."""
-        return sum(len(group.runs) for group in self.groups)
+    def lowest_title(self) -> str:
+        """Round trips of a figure over all networks, in a caption."""
+        found = sorted({rtt for name in self.networks if (rtt := self.base_rtt(name)) is not None})
+        return f"at its lowest round trip ({', '.join(f'{rtt:g}' for rtt in found)} ms)" if found else "unchanged"
 
-    @property
-    def name(self) -> str:
-        """The controller's title, marked with * if the machine was the bottleneck in any run."""
-        return self.controller.title + "*" * any(group.saturated for group in self.groups)
+    def base_title(self, network: str) -> str:
+        """A network and its lowest round trip, in a caption."""
+        rtt = self.base_rtt(network)
+        return network if rtt is None else f"{network} at {rtt:g} ms round trip"
 
-    def spread(self, metric: Metric) -> Spread | None:
-        """Spread of the networks' means, which are weighted equally."""
-        spreads = [group.spread(metric) for group in self.groups]
-        return Spread.over([None if spread is None else spread.mean for spread in spreads])
+    @staticmethod
+    def runs_behind(groups: Sequence[Group]) -> str:
+        """A sentence on the number of runs behind means and ranges."""
+        counts = sorted({len(group.runs) for group in groups})
+        if counts == [1]:
+            return "One run each." if len(groups) > 1 else "One run."
+        blocks = [run.block for group in groups for run in group.runs]
+        kinds = {"scenes": {each.scene for each in blocks}, "movements": {each.movement for each in blocks}}
+        several = [f"{len(found)} {name}" for name, found in kinds.items() if len(found) > 1]
+        of = f" ({' and '.join(several)})" if several else ""
+        return f"Means over {' to '.join(map(str, dict.fromkeys((counts[0], counts[-1]))))} runs{of}, with their range."
+
+    def overall(self) -> list[Overall]:
+        """Means over all networks of the controllers that all of them have at one round trip."""
+        return [Overall(condition, tuple(own)) for condition, own in self._everywhere(self)]
+
+    def against(self, baseline: Controller) -> list[Difference]:
+        """Differences from the baseline over all networks at their common round trips, then over each network."""
+        each: list[Difference] = []
+        for network, rtt in self.conditions:
+            by_controller = {group.controller: group for group in self.at(network, rtt)}
+            base = by_controller.pop(baseline, None)
+            if base is not None:
+                each += [Difference(group.condition, ((group, base),)) for group in by_controller.values()]
+        over_all = [
+            Difference(condition, tuple(pair for one in own for pair in one.pairs))
+            for condition, own in self._everywhere(each)
+            if len(self.networks) > 1
+        ]
+        return [*over_all, *each]
+
+    def _everywhere(self, rows: Iterable[AnyRow]) -> Iterator[tuple[Condition, list[AnyRow]]]:
+        """The rows of each round trip and controller that all networks have."""
+        found: dict[Condition, list[AnyRow]] = {}
+        for row in rows:
+            found.setdefault(row.condition._replace(network=ALL), []).append(row)
+        order = list(self.looks)
+        for condition in sorted(found, key=lambda each: (rtt_order(each.rtt_ms), order.index(each.controller))):
+            if len(found[condition]) == len(self.networks):
+                yield condition, found[condition]
 
 
-def overall(groups: Groups) -> list[Overall]:
-    """Controllers at the round trips that all networks share, by round trip and controller."""
-    networks = groups.networks
-    found = []
-    for rtt in sorted({rtt for _, rtt in groups.conditions}, key=rtt_order):
-        for controller in groups.looks:
-            own = tuple(g for g in groups if (g.condition.rtt_ms, g.controller) == (rtt, controller))
-            if len(own) == len(networks):
-                found.append(Overall(rtt, controller, own))
-    return found
+def choose_baseline(groups: Groups, experiment: ExperimentRecord | None, asked: str | None) -> Controller | None:
+    """The controller named `asked`, else the first in the experiment's file, else the first of the runs.
+
+    None without runs. Raises StartError if there are no runs of the controller named `asked`.
+    """
+    present = {controller.name: controller for controller in groups.looks}
+    if asked is not None and asked not in present:
+        raise StartError(f"There are no runs of the controller {asked!r}, only of {', '.join(present) or 'none'}.")
+    names = [*_planned(experiment), *present] if asked is None else [asked]
+    return next((present[name] for name in names if name in present), None)
+
+
+def _planned(experiment: ExperimentRecord | None) -> list[str]:
+    """Controller names in the order of the experiment's file; a plan made on the page may have none."""
+    plan = {} if experiment is None else experiment.plan
+    variants = plan.get("variants")
+    first = variants[0] if isinstance(variants, list) and variants and isinstance(variants[0], dict) else {}
+    modes, controllers = (first.get(name, plan.get(name)) for name in ("modes", "controllers"))
+    if not isinstance(modes, list) or not isinstance(controllers, list):
+        return []
+    names = [f"profile-{each}" if isinstance(each, int) else str(each) for each in controllers]
+    of_mode = {"stateless": names, "video": [f"video-{name}" for name in names]}
+    return [name for mode in modes for name in of_mode.get(str(mode), [str(mode)])]
 
 
 def rtt_order(rtt_ms: float | None) -> float:
     """Sort key of a round trip: unknown ones first."""
     return -1.0 if rtt_ms is None else rtt_ms
+
+
+def _labels(condition: Condition, runs: Sequence[Run]) -> list[str]:
+    title = condition.controller.title + "*" * any(run.saturated for run in runs)
+    return [*condition.labels, title, str(len(runs))]

@@ -12,14 +12,14 @@ from matplotlib.figure import Figure
 
 from tigas_common.errors import StartError
 from tigas_common.pose import Intrinsics, Pose
-from tigas_common.wire.recording import Lens
 from tigas_common.wire.render import RenderRequest, Rung
 from tigas_experiments.quality.picture import Picture, Quality, compare, decode, upscaled
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.report.plot import style
-from tigas_experiments.report.results import LADDER, run_folders
+from tigas_experiments.report.run_table import LADDER, run_folders
 from tigas_experiments.samples.renderer import Renderer
+from tigas_experiments.wire.recording import Lens
 
 PICTURE_IN = 3.2
 DPI = 150

@@ -9,7 +9,8 @@ from typing import Literal
 
 from tigas_experiments.quality.metrics import PICTURE_METRICS, Name, PictureMetric
 from tigas_experiments.records.scores import Score
-from tigas_experiments.report.groups import Condition, Groups
+from tigas_experiments.report.groups import Groups
+from tigas_experiments.report.run_table import Condition
 
 PictureKind = Literal["original", "enhanced", "difference", "seen"]
 """`difference` is the enhanced picture's score minus the original's, per sample."""
@@ -57,19 +58,20 @@ def rows(runs: Iterable[tuple[Condition | None, Sequence[Score]]]) -> list[Row]:
     found: dict[tuple[Condition | None, PictureKind, str | None], Row] = {}
     for condition, scores in runs:
         by_key = {score.key: score for score in scores}
-        values: list[tuple[PictureKind, str | None, dict[Name, float]]] = []
+        counted = set()
         for score in scores:
-            values.append((score.picture, score.model, score.values))
+            pictures: list[tuple[PictureKind, dict[Name, float]]] = [(score.picture, score.values)]
             original = by_key.get((score.seq, "original"))
             if score.picture == "enhanced" and original is not None:
                 both = score.values.keys() & original.values.keys()
-                difference = {name: score.values[name] - original.values[name] for name in both}
-                values.append(("difference", score.model, difference))
-        for kind, model in dict.fromkeys((kind, model) for kind, model, _ in values):
-            found.setdefault((condition, kind, model), Row(condition, kind, model)).runs += 1
-        for kind, model, computed_values in values:
-            for name, value in computed_values.items():
-                found[condition, kind, model].values.setdefault(name, []).append(value)
+                pictures.append(("difference", {name: score.values[name] - original.values[name] for name in both}))
+            for kind, values in pictures:
+                key = (condition, kind, score.model)
+                row = found.setdefault(key, Row(*key))
+                row.runs += key not in counted
+                counted.add(key)
+                for name, value in values.items():
+                    row.values.setdefault(name, []).append(value)
     conditions = list(dict.fromkeys(condition for condition, *_ in found))
     return sorted(
         found.values(), key=lambda row: (conditions.index(row.condition), ORDER.index(row.kind), row.model or "")

@@ -8,17 +8,15 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib as mpl
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
-from tigas_common.wire.figures import INTERACTIVE_MS
-from tigas_experiments.report.groups import Group
-from tigas_experiments.report.metrics import IN_TIME, Metric
+from tigas_experiments.wire.figures import INTERACTIVE_MS
 
 INK, QUIET, GRID, AREA, PAPER = "#1c2430", "#8a929c", "#e4e7eb", "#eef0f3", "#ffffff"
 IN_A_PAGE = {INK: "var(--ink)", QUIET: "var(--quiet)", GRID: "var(--grid)", AREA: "var(--area)", PAPER: "var(--paper)"}
@@ -49,17 +47,13 @@ STYLE: Any = {
     "svg.hashsalt": "tigas",
 }
 PANEL_IN, HEIGHT_IN = 3.5, 2.5
-"""Panel size, inches."""
-ALONE = 2.0
-"""Width of a single panel, in panels."""
+"""Usual panel size, inches."""
+WIDE_IN = 2.6 * PANEL_IN
 LEGEND_IN = 1.25
 """Width of a legend entry."""
 MOST_COLUMNS = 3
 NAME_LENGTH = 18
 """Maximum length of a name on an axis."""
-TICKS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000)
-LOGARITHMIC_FROM = 8.0
-"""Ratio of times above which their axis is logarithmic."""
 
 
 @contextmanager
@@ -81,6 +75,12 @@ class Plot:
     caption: str
     svg: str
 
+    @classmethod
+    def of(cls, figure: Figure, panels: Sequence[Axes], name: str, title: str, caption: str) -> Plot:
+        """A plot of a figure with a common legend above its panels."""
+        add_legend(figure, panels)
+        return cls(name, title, caption, svg(figure))
+
     @property
     def markup(self) -> Markup:
         """SVG for a page, with the page's colours for text and lines, which may be dark."""
@@ -88,12 +88,6 @@ class Plot:
         for colour, variable in IN_A_PAGE.items():
             drawing = drawing.replace(f": {colour}", f": {variable}")
         return Markup(drawing)  # matplotlib escapes text itself
-
-
-def finish(figure: Figure, panels: Sequence[Axes], name: str, title: str, caption: str) -> Plot:
-    """A plot of a figure with a common legend above its panels."""
-    add_legend(figure, panels)
-    return Plot(name, title, caption, svg(figure))
 
 
 def svg(figure: Figure) -> str:
@@ -105,13 +99,18 @@ def svg(figure: Figure) -> str:
 
 
 def panel_grid(
-    count: int, *, width: float = 0.0, share: bool = False, columns: int = MOST_COLUMNS
+    count: int,
+    *,
+    width: float | None = None,
+    height: float = HEIGHT_IN,
+    share: bool = False,
+    columns: int = MOST_COLUMNS,
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of `count` panels, each `width` times PANEL_IN wide; `share` gives all panels the same axes."""
+    """A figure of `count` panels of this size, inches; `share` gives all panels the same axes."""
     columns = min(count, columns)
-    width = width or (ALONE if count == 1 else 1.0)
+    width = width or (2 * PANEL_IN if count == 1 else PANEL_IN)
     rows = math.ceil(count / columns)
-    figure = Figure(figsize=(width * PANEL_IN * columns, HEIGHT_IN * rows + 0.3), layout="constrained")
+    figure = Figure(figsize=(width * columns, height * rows + 0.3), layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False, sharex=share, sharey=share).flatten().tolist()
     for spare in grid[count:]:
         spare.remove()
@@ -135,52 +134,25 @@ def label_lowest(panels: Sequence[Axes], *, columns: int = MOST_COLUMNS) -> None
         panel.set_xlabel("")
 
 
-def metric_axis(axes: Axes, metric: Metric, values: Sequence[float]) -> None:
-    """Title a panel with its metric and scale its vertical axis to the values."""
-    profile = metric.name == "mean_profile"
-    better = "" if metric.better is None or profile else f" ({metric.better}er is better)"
-    axes.set_title(metric.heading + better)
-    finite = [value for value in values if math.isfinite(value)]
-    if metric.unit == "ms" and finite and min(finite) > 0 and max(finite) / min(finite) > LOGARITHMIC_FROM:
-        plain_log(axes, finite)
-    else:
-        axes.set_ylim(bottom=0)
-    if profile:
-        axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.set_ylim(max([1.0, *finite]) + 0.2, -0.2)
-    elif metric.name == IN_TIME:
-        axes.set_ylim(0, 102)
-    if metric.unit == "ms":
-        interactive_limit(axes)
-
-
-def extent(groups: Sequence[Group], metric: Metric) -> list[float]:
-    """Lowest and highest value of each group, which an axis must cover."""
-    spreads = [spread for group in groups if (spread := group.spread(metric))]
-    return [value for spread in spreads for value in (spread.low, spread.high)]
-
-
 def plain_log(axes: Axes, values: Iterable[float], *, horizontal: bool = False) -> None:
     """A logarithmic axis with plain numbers, which covers the values in ms and the interactive limit."""
     finite = [value for value in values if math.isfinite(value) and value > 0] or [INTERACTIVE_MS]
-    low, high = min(20.0, *finite), max(200.0, *finite)
-    ticks = [tick for tick in TICKS if low / 1.5 <= tick <= high * 1.5]
-    axis, set_scale, set_limits = (
-        (axes.xaxis, axes.set_xscale, axes.set_xlim) if horizontal else (axes.yaxis, axes.set_yscale, axes.set_ylim)
-    )
-    set_scale("log")
-    axis.set_ticks(ticks, [f"{tick:,}" for tick in ticks])
-    axis.set_ticks([], minor=True)
-    set_limits(low / 1.1, high * 1.1)
+    log_axis(axes, "x" if horizontal else "y", min(20.0, *finite) / 1.1, max(200.0, *finite) * 1.1)
+
+
+def log_axis(axes: Axes, which: Literal["x", "y"], low: float, high: float) -> None:
+    """A logarithmic axis with plain numbers."""
+    axes.set(**{f"{which}scale": "log", f"{which}lim": (low, high)})
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(StrMethodFormatter("{x:,g}"))
+    axis.set_minor_locator(NullLocator())
 
 
 def interactive_limit(axes: Axes, *, horizontal: bool = False) -> None:
     """A dashed line at INTERACTIVE_MS."""
-    line: dict[str, Any] = {"color": INK, "linewidth": 0.8, "linestyle": "--", "zorder": 1}
-    if horizontal:
-        axes.axvline(INTERACTIVE_MS, **line)
-    else:
-        axes.axhline(INTERACTIVE_MS, **line)
+    draw = axes.axvline if horizontal else axes.axhline
+    draw(INTERACTIVE_MS, color=INK, linewidth=0.8, linestyle="--", zorder=1)
 
 
 def short(name: str) -> str:

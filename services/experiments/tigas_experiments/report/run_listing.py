@@ -6,22 +6,18 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import TypeAlias
 
 from rich.cells import cell_len
 from rich.table import Table
 
-from tigas_common.wire.figures import INTERACTIVE_MS
-from tigas_experiments.records.folder import RunRecord
 from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.metrics import IN_TIME, METRICS, NONE
-from tigas_experiments.report.results import Failure, Results, Run
-from tigas_experiments.report.tables import escaped
+from tigas_experiments.report.run_table import Run
+from tigas_experiments.report.tables import markdown_table
+from tigas_experiments.wire.figures import INTERACTIVE_MS
 
 GAP = 2
 """Spaces between columns in the terminal."""
-AnyRun: TypeAlias = Run | Failure
-"""A run with a readable record."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,14 +36,9 @@ class Column:
         """The metric's unit."""
         return METRICS[self.metric].unit
 
-    @property
-    def heading(self) -> str:
-        """Title and unit within the group."""
-        return f"{self.title}, {self.unit}" if self.unit else self.title
-
-    def cell(self, run: AnyRun) -> str:
+    def cell(self, run: Run) -> str:
         """Formatted value without its unit."""
-        return METRICS[self.metric].text(run.values[self.metric]) if isinstance(run, Run) else NONE
+        return METRICS[self.metric].text(run.values.get(self.metric))
 
 
 LATENCY, TURNING, FRAMES, BANDWIDTH = "Motion-to-photon", "View latency", "Frames", "Bandwidth"
@@ -74,109 +65,85 @@ COLUMNS = (
     Column(DISPLAY, "content age", "content_age_mean_ms", "content age, ms"),
     Column(DISPLAY, "border never covered", "border_never_seen_pct"),
 )
+COLUMN_GROUPS = [(name, list(members)) for name, members in groupby(COLUMNS, lambda column: column.group)]
 
 
-def column_groups() -> list[tuple[str, int]]:
-    """Groups of columns with their sizes."""
-    return [(name, len(list(members))) for name, members in groupby(COLUMNS, lambda column: column.group)]
-
-
-def runs_as_made(results: Results) -> list[AnyRun]:
-    """All runs with a readable record, in the order in which they were made."""
-    found: list[tuple[str, str, AnyRun]] = [(run.record.started, run.folder, run) for run in results.runs]
-    found += [(one.record.started, one.folder, one) for one in results.failures if one.record is not None]
-    return [run for *_, run in sorted(found, key=lambda each: each[:2])]
-
-
-def label(record: RunRecord) -> str:
+def label(run: Run) -> str:
     """Name of a run within its network."""
-    configuration = record.configuration
-    name = Controller.of(configuration).title_with_mode
-    return f"{name} ({configuration.repeat + 1})" if configuration.repeat else name
+    name, repeat = Controller.of(run.configuration).title_with_mode, run.configuration.repeat
+    return f"{name} ({repeat + 1})" if repeat else name
 
 
-def cells(run: AnyRun) -> list[str]:
-    """One cell per column."""
-    return [column.cell(run) for column in COLUMNS]
+def titles(runs: Sequence[Run]) -> list[str]:
+    """Distinct names of runs over one network."""
+    several = [
+        name for name in ("scene", "movement", "segment") if len({getattr(run.configuration, name) for run in runs}) > 1
+    ]
+
+    def title(run: Run) -> str:
+        each = run.configuration
+        parts = {"scene": each.scene, "movement": Path(each.movement).stem, "segment": f"part {each.segment + 1}"}
+        return ", ".join((label(run), *(parts[name] for name in several)))
+
+    return [title(run) for run in runs]
 
 
-def titles(runs: Sequence[AnyRun]) -> dict[str, str]:
-    """Distinct names of runs over one network, by folder."""
-    configurations = {run.folder: _record(run).configuration for run in runs}
-    several = {
-        name: len({getattr(configuration, name) for configuration in configurations.values()}) > 1
-        for name in ("scene", "movement", "segment")
-    }
-    return {
-        run.folder: ", ".join(
-            [label(_record(run))]
-            + ([configuration.scene] if several["scene"] else [])
-            + ([Path(configuration.movement).stem] if several["movement"] else [])
-            + ([f"part {configuration.segment + 1}"] if several["segment"] else [])
-        )
-        for run, configuration in zip(runs, configurations.values(), strict=True)
-    }
-
-
-def by_network(runs: Iterable[AnyRun]) -> dict[str, list[AnyRun]]:
+def by_network(runs: Iterable[Run]) -> dict[str, list[Run]]:
     """Runs by network in their order, with the runs of one controller together."""
-    found: dict[str, dict[str, list[AnyRun]]] = {}
+    found: dict[str, dict[str, list[Run]]] = {}
     for run in runs:
-        own = found.setdefault(_record(run).configuration.network.label, {})
-        own.setdefault(label(_record(run)), []).append(run)
+        found.setdefault(run.configuration.network.label, {}).setdefault(label(run), []).append(run)
     return {network: [run for alike in own.values() for run in alike] for network, own in found.items()}
 
 
-def markdown(runs: Iterable[AnyRun]) -> str:
+def markdown(runs: Iterable[Run]) -> str:
     """One table for all networks, with the most important figures; the first three are motion-to-photon latencies."""
     chosen = [column for column in COLUMNS if column.short]
-    lines = [
-        "| network | mode | " + " | ".join(column.short or "" for column in chosen) + " |",
-        "|---|---|" + "---:|" * len(chosen),
-    ]
+    rows = []
     for network, own in by_network(runs).items():
-        named = titles(own)
-        for run in own:
-            if isinstance(run, Failure):
-                row = [f"no result: {run.reason}", *[""] * (len(chosen) - 1)]
+        for run, title in zip(own, titles(own), strict=True):
+            if run.problem is None:
+                cells = [column.cell(run) for column in chosen]
             else:
-                row = [column.cell(run) for column in chosen]
-            lines.append(f"| {' | '.join(map(escaped, (network, named[run.folder], *row)))} |")
-    return "\n".join(lines) + "\n"
+                cells = [f"no result: {run.problem}", *[""] * (len(chosen) - 1)]
+            rows.append([network, title, *cells])
+    headings = ["network", "mode", *(column.short or "" for column in chosen)]
+    return markdown_table(headings, rows, left=headings[:2])
 
 
-def in_terminal(network: str, runs: Sequence[AnyRun], width: int) -> Iterator[Table]:
+def in_terminal(network: str, runs: Sequence[Run], width: int) -> Iterator[Table]:
     """A column per run over a network, without figures that all runs lack; split into tables that fit the width.
 
     Names break between words and are never cut.
     """
     lines: list[tuple[str, list[str]]] = []
-    for group, members in groupby(COLUMNS, lambda column: column.group):
-        known = [(f"  {column.heading}", [column.cell(run) for run in runs]) for column in members]
-        known = [(heading, cells) for heading, cells in known if set(cells) != {NONE}]
+    for group, members in COLUMN_GROUPS:
+        known = []
+        for column in members:
+            cells = [column.cell(run) for run in runs]
+            if set(cells) != {NONE}:
+                unit = f", {column.unit}" if column.unit else ""
+                known.append((f"  {column.title}{unit}", cells))
         lines += [(group, [""] * len(runs)), *known] if known else []
     if not lines:
         return
-    names = list(titles(runs).values())
     headings = max(cell_len(heading) for heading, _ in lines)
     room = width - headings
-    columns = [
-        min(max(1, room - GAP), max(map(cell_len, (*name.split(), *(cells[place] for _, cells in lines)))))
-        for place, name in enumerate(names)
-    ]
-    end = 0
-    while (begin := end) < len(names):
-        while end < len(names) and (end == begin or sum(columns[begin : end + 1]) + GAP * (end + 1 - begin) <= room):
-            end += 1
+    columns = []
+    """Heading, width and cells of each run."""
+    for place, name in enumerate(titles(runs)):
+        cells = [cells[place] for _, cells in lines]
+        columns.append((name, min(max(1, room - GAP), max(map(cell_len, (*name.split(), *cells)))), cells))
+    while columns:
         table = Table(title=network, title_justify="left", box=None, padding=(0, 0, 0, GAP), pad_edge=False)
         table.add_column("", width=headings)
-        for place in range(begin, end):
-            table.add_column(names[place], justify="right", width=columns[place], overflow="fold")
-        for heading, cells in lines:
-            table.add_row(heading, *cells[begin:end], style=None if any(cells) else "bold")
+        count = 1
+        while count < len(columns) and sum(GAP + column[1] for column in columns[: count + 1]) <= room:
+            count += 1
+        for name, size, _ in columns[:count]:
+            table.add_column(name, justify="right", width=size, overflow="fold")
+        for place, (heading, cells) in enumerate(lines):
+            own = [column[2][place] for column in columns[:count]]
+            table.add_row(heading, *own, style=None if any(cells) else "bold")
         yield table
-
-
-def _record(run: AnyRun) -> RunRecord:
-    assert run.record is not None
-    return run.record
+        columns = columns[count:]

@@ -1,57 +1,206 @@
-"""The run table: one row per run with its configuration, machine and figures. `runs.csv` is this table."""
+"""The run table: one row per run with its configuration, machine and figures. Everything in a report follows from it.
+
+`runs.csv` is this table; the runs of a report also have time series, which only figures draw.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import os
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple
 
-from tigas_experiments.records.folder import RunRecord
-from tigas_experiments.report.groups import Condition, Groups
-from tigas_experiments.report.results import Failure, Results, Run
+import numpy as np
+from numpy.typing import NDArray
 
+from tigas_common.errors import StartError
+from tigas_experiments.records import statistics
+from tigas_experiments.records.files import BrokenRecording
+from tigas_experiments.records.folder import ExperimentRecord, RunRecord, read_experiment
+from tigas_experiments.records.samples import SampledRun, sampled_run
+from tigas_experiments.records.scores import Score
+from tigas_experiments.records.summary import Records, read
+from tigas_experiments.report.controllers import Controller
+from tigas_experiments.report.metrics import Value, values_of
+from tigas_experiments.wire.run import Configuration
+
+LADDER = "ladder.jpg"
+"""One view of the experiment at each rung, made by `tigas quality ladder`."""
+Floats = NDArray[np.float64]
 Row = dict[str, Any]
+OnProgress = Callable[[str, int, int | None], None]
+"""Progress callback: current step, amount done, and total if known."""
 
 
-def run_table(results: Results, groups: Groups) -> list[Row]:
-    """All runs, sorted by folder; `compared` marks the runs in means and differences."""
-    compared = {run.folder for group in groups for run in group.runs}
-    rows = [
-        *(_complete(run, run.folder in compared) for run in results.runs),
-        *(_failed(failure) for failure in results.failures),
-    ]
-    return sorted(rows, key=lambda row: str(row["folder"]))
+class Block(NamedTuple):
+    """Inputs of a run apart from its controller: part of a network trace × part of a movement × scene.
+
+    Repeats share a block: they measure how much a run varies, not how inputs differ.
+    """
+
+    network: str
+    """Name without the round trip."""
+    trace_offset_s: float
+    scene: str
+    movement: str
+    movement_offset_s: float
+
+    @classmethod
+    def of(cls, configuration: Configuration) -> Block:
+        """The block of a run."""
+        network, movement = configuration.network, Path(configuration.movement).name
+        return cls(network.name, network.offset_s, configuration.scene, movement, configuration.movement_offset_s)
 
 
-def _complete(run: Run, compared: bool) -> Row:
-    return {
-        "folder": run.folder,
-        "status": "complete",
-        "problem": "",
-        "compared": compared,
-        **_record(run.record),
-        **run.values,
-        **{f"profile_{profile}_pct": 100 * share for profile, share in run.profile_shares.items()},
+class Condition(NamedTuple):
+    """Conditions of a run apart from its scene, movement and repeat."""
+
+    network: str
+    """Name without the round trip."""
+    rtt_ms: float | None
+    """None if it varies with the trace or is unknown."""
+    controller: Controller
+
+    @classmethod
+    def of(cls, record: RunRecord) -> Condition:
+        """The condition of a run."""
+        network = record.configuration.network
+        return cls(network.name, network.round_trip_ms, Controller.of(record.configuration))
+
+    @property
+    def labels(self) -> list[str]:
+        """Network and round trip as cells of a table."""
+        return [self.network, "varies" if self.rtt_ms is None else f"{self.rtt_ms:g}"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """A run with a readable record."""
+
+    folder: Path
+    record: RunRecord
+    block: Block
+    sampled: SampledRun
+    problem: str | None = None
+    """Reason for missing figures."""
+    values: Mapping[str, Value] = field(default_factory=dict)
+    """Figures by the names of `METRICS`; empty if there are none."""
+    profile_shares: Mapping[int, float] = field(default_factory=dict)
+    """Share of time on the screen by profile."""
+    series: Mapping[str, Floats] = field(default_factory=dict)
+    scores: Sequence[Score] = ()
+    """Scores of its sampled pictures."""
+    scores_problem: str | None = None
+    """Reason why the scores are unreadable."""
+
+    @property
+    def name(self) -> str:
+        """The folder's name."""
+        return self.folder.name
+
+    @property
+    def configuration(self) -> Configuration:
+        """The run's configuration."""
+        return self.record.configuration
+
+    @property
+    def saturated(self) -> bool:
+        """Whether the machine is known to have been a bottleneck."""
+        return self.record.load is not None and self.record.load.saturated
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Results:
+    """Contents of an experiment's folder."""
+
+    folder: Path
+    experiment: ExperimentRecord | None
+    """None for a hand-made folder or an unreadable record: the report only needs runs."""
+    made: tuple[Run, ...]
+    """All runs with a readable record, in the order in which they were made."""
+    failures: Mapping[str, str]
+    """Reasons for missing figures by folder name, including runs without a readable record."""
+
+    @property
+    def runs(self) -> list[Run]:
+        """Complete runs, by folder name."""
+        return sorted((run for run in self.made if run.problem is None), key=lambda run: run.name)
+
+    @property
+    def title(self) -> str:
+        """The experiment's name."""
+        return self.folder.resolve().name if self.experiment is None else self.experiment.name
+
+
+def load(folder: Path, on_progress: OnProgress = lambda step, done, total: None) -> Results:
+    """Read all runs of an experiment. Raises StartError if there are none."""
+    folders = run_folders(folder)
+    experiment: ExperimentRecord | None = None
+    with suppress(BrokenRecording):
+        experiment = read_experiment(folder)
+    made: list[Run] = []
+    failures: dict[str, str] = {}
+
+    def relative(reason: str) -> str:
+        """Remove the experiment's path, so that a report does not depend on its location."""
+        return reason.replace(f"{folder}{os.sep}", "")
+
+    for done, each in enumerate(folders, 1):
+        try:
+            made.append(_read(each, relative))
+        except BrokenRecording as error:
+            failures[each.name] = relative(str(error))
+        on_progress("reads runs", done, len(folders))
+    failures |= {run.name: run.problem for run in made if run.problem is not None}
+    made.sort(key=lambda run: (run.record.started, run.name))
+    return Results(folder, experiment, tuple(made), dict(sorted(failures.items())))
+
+
+def run_folders(folder: Path) -> list[Path]:
+    """Folders of an experiment's runs, sorted by name, without hidden ones. Raises StartError if there are none."""
+    where = folder / "runs"
+    try:
+        found = sorted(path for path in where.iterdir() if path.is_dir() and not path.name.startswith("."))
+    except OSError as error:
+        reason = error.strerror or error
+        raise StartError(f"{where} cannot be read ({reason}); a report needs an experiment's folder.") from None
+    if not found:
+        raise StartError(f"{where} has no runs yet.")
+    return found
+
+
+def run_table(results: Results, compared: Collection[Run]) -> list[Row]:
+    """All runs, sorted by folder; `compared` are the runs in means and differences."""
+    rows = {
+        run.name: {
+            "folder": run.name,
+            "status": run.record.status if run.problem is None or run.record.status != "complete" else "broken",
+            "problem": run.problem or "",
+            "compared": run in compared if run.problem is None else None,
+            **_record(run.record),
+            **run.values,
+            **{f"profile_{profile}_pct": 100 * share for profile, share in run.profile_shares.items()},
+        }
+        for run in results.made
     }
-
-
-def _failed(failure: Failure) -> Row:
-    record = failure.record
-    status = record.status if record is not None and record.status != "complete" else "broken"
-    return {
-        "folder": failure.folder,
-        "status": status,
-        "problem": failure.reason,
-        **(_record(record) if record else {}),
+    unreadable = {
+        name: {"folder": name, "status": "broken", "problem": reason}
+        for name, reason in results.failures.items()
+        if name not in rows
     }
+    return [row for _, row in sorted({**rows, **unreadable}.items())]
 
 
 def _record(record: RunRecord) -> Row:
-    condition = Condition.of(record)
+    network, rtt_ms, controller = Condition.of(record)
     load = record.load
     busiest = None if load is None else load.worst_pegged
     return {
-        "network": condition.network,
-        "rtt_ms": condition.rtt_ms,
-        "controller": condition.controller.name,
+        "network": network,
+        "rtt_ms": rtt_ms,
+        "controller": controller.name,
         **_flat("configuration", record.configuration.model_dump(mode="json")),
         "started": record.started,
         "tigas": record.machine.tigas,
@@ -61,13 +210,13 @@ def _record(record: RunRecord) -> Row:
         "scene_bytes": record.scene_bytes,
         "scene_sha256": record.scene_sha256,
         "processors": record.machine.processors,
-        "processors_usable": None if load is None else load.processors,
-        "processors_busy_pct": None if load is None else 100 * load.cpu_mean,
-        "saturated_pct": None if load is None else 100 * load.saturated_share,
-        "saturated": None if load is None else load.saturated,
-        "pegged_thread_of": None if busiest is None else busiest[0],
-        "pegged_thread_pct": None if busiest is None else 100 * busiest[1],
-        "services_watched": None if load is None else load.services,
+        "processors_usable": load and load.processors,
+        "processors_busy_pct": load and 100 * load.cpu_mean,
+        "saturated_pct": load and 100 * load.saturated_share,
+        "saturated": load and load.saturated,
+        "pegged_thread_of": busiest and busiest[0],
+        "pegged_thread_pct": busiest and 100 * busiest[1],
+        "services_watched": load and load.services,
     }
 
 
@@ -76,3 +225,40 @@ def _flat(prefix: str, value: Any) -> Row:
     if isinstance(value, dict):
         return {name: cell for key, inner in value.items() for name, cell in _flat(f"{prefix}_{key}", inner).items()}
     return {prefix: value}
+
+
+def _read(folder: Path, relative: Callable[[str], str]) -> Run:
+    """Raises BrokenRecording."""
+    summary, records = read(folder)
+    problem = None if summary.problem is None else relative(summary.problem)
+    run = Run(folder, summary.record, Block.of(summary.record.configuration), sampled_run(folder), problem)
+    if summary.figures is None or records is None:
+        return run
+    parts = statistics.age_parts(records.inputs, records.frames, records.replies)
+    return replace(
+        run,
+        values=values_of(records.head, summary.figures, parts),
+        profile_shares=summary.figures.rungs.share,
+        series=_series(records),
+        scores=records.scores,
+        scores_problem=None if records.scores_problem is None else relative(records.scores_problem),
+    )
+
+
+def _series(records: Records) -> dict[str, Floats]:
+    """Time series [n, 2] of time, s, and a value.
+
+    `latency`: motion-to-photon of each input, ms, inf for unanswered ones. `age`: of a frame's pose at its display, ms.
+    `height`: of frames, pixels. `received`: cumulative bytes. `link`: rate, Mbit/s. `ssim`: at display time.
+    """
+    inputs, frames = records.inputs, records.frames
+    answers = zip(inputs, statistics.answers(inputs, frames), strict=True)
+    points: dict[str, list[tuple[float, float]]] = {
+        "latency": [(entry.at, ms) for entry, ms in answers],
+        "age": statistics.ages_when_new(inputs, frames),
+        "height": [(frame.at, frame.height) for frame in frames],
+        "received": [(entry.at, entry.bytes) for entry in records.traffic],
+        "link": [(sample.at, sample.target_kbps / 1000) for sample in records.link],
+        "ssim": [(one.at, one.seen.ssim) for one in records.quality if one.seen is not None],
+    }
+    return {name: np.array(rows, dtype=float).reshape(-1, 2) / (1000, 1) for name, rows in points.items()}

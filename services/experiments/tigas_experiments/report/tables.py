@@ -8,115 +8,99 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from tigas_experiments.records.load import Load
-from tigas_experiments.report.controllers import Controller
-from tigas_experiments.report.differences import Difference
-from tigas_experiments.report.groups import Group, Groups, Overall
-from tigas_experiments.report.metrics import METRICS, TABLE, Metric
-from tigas_experiments.report.picture_scores import Row as PictureRow
+from tigas_experiments.report.estimates import Estimate
+from tigas_experiments.report.groups import ALL, Difference, Group, Groups, Overall
+from tigas_experiments.report.metrics import METRICS, TABLE
 from tigas_experiments.report.picture_scores import computed, rows_of
-from tigas_experiments.report.rate_distortion import QUALITIES, RateDistortion, by_condition, over_all
-from tigas_experiments.report.results import Results
-from tigas_experiments.report.run_table import Row, run_table
+from tigas_experiments.report.rate_distortion import QUALITIES, RateDistortion
+from tigas_experiments.report.run_table import Results, Row, run_table
 
 
 def write_csv(
-    results: Results, groups: Groups, compared: Sequence[Difference], baseline: Controller | None, folder: Path
+    results: Results,
+    groups: Groups,
+    differences: Sequence[Difference],
+    distortions: Sequence[RateDistortion],
+    folder: Path,
 ) -> list[Path]:
     """Write all CSV files. Raises OSError."""
-    distortions = [found for found in (over_all(groups), *by_condition(groups)) if found is not None]
     files = {
-        "runs.csv": run_table(results, groups),
+        "runs.csv": run_table(results, {run for group in groups for run in group.runs}),
         "groups.csv": [_group(group) for group in groups],
-        "picture_scores.csv": [cell for row in rows_of(groups) for cell in _picture_scores(row)],
-        "differences.csv": [
-            _difference(each, baseline.name, metric) for each in compared for metric in METRICS.values()
-        ]
-        if baseline is not None
-        else [],
-        "equal_rates.csv": [row for found in distortions for row in _equal_rates(found)],
+        "picture_scores.csv": _picture_scores(groups),
+        "differences.csv": [row for each in differences for row in _difference(each)],
+        "equal_rates.csv": [row for each in distortions for row in _equal_rates(each)],
     }
-    return [_write(folder / name, rows) for name, rows in files.items()]
+    return [_write(folder / name, [*rows]) for name, rows in files.items()]
 
 
 def overall_markdown(rows: Sequence[Overall]) -> str:
     """Means over all networks, for papers."""
     if not rows:
         return "No controller was measured over all networks at one round trip.\n"
-    lines = [
-        "| round trip, ms | controller | runs | " + " | ".join(metric.heading for metric in TABLE) + " |",
-        "|---:|---|---:|" + "---:|" * len(TABLE),
-    ]
+    headings = ["round trip, ms", "controller", "runs", *(metric.heading for metric in TABLE)]
+    lines = []
     for row in rows:
-        means = [metric.text(spread.mean if (spread := row.spread(metric)) else None) for metric in TABLE]
-        lines.append(f"| {rtt_text(row.rtt_ms)} | {escaped(row.name)} | {row.runs} | {' | '.join(means)} |")
-    return "\n".join(lines) + "\n"
+        means = [None if (found := row.estimate(metric)) is None else found.mean for metric in TABLE]
+        lines.append([*row.labels[1:], *(metric.text(mean) for metric, mean in zip(TABLE, means, strict=True))])
+    return markdown_table(headings, lines, left=["controller"])
 
 
-def rtt_text(rtt_ms: float | None) -> str:
-    """A round trip as a table cell."""
-    return "varies" if rtt_ms is None else f"{rtt_ms:g}"
-
-
-def pegged_text(load: Load | None) -> str:
-    """The busiest saturated thread as a table cell."""
-    if load is None or load.pegged is None:
-        return "unknown"
-    if load.worst_pegged is None:
-        return "never"
-    process, share = load.worst_pegged
-    return f"{100 * share:.0f} % ({process})"
+def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]], left: Collection[str]) -> str:
+    """A Markdown table with numbers on the right, and the columns `left` on the left."""
+    rule = "|".join("---" if heading in left else "---:" for heading in headings)
+    lines = (" | ".join(" ".join(cell.split()).replace("|", "\\|") for cell in row) for row in rows)
+    return "".join((f"| {' | '.join(headings)} |\n|{rule}|\n", *(f"| {line} |\n" for line in lines)))
 
 
 def _group(group: Group) -> Row:
-    condition = group.condition
-    configurations = [run.record.configuration for run in group.runs]
+    network, rtt_ms, controller = group.condition
     row: Row = {
-        "network": condition.network,
-        "rtt_ms": condition.rtt_ms,
-        "mode": condition.controller.mode,
-        "controller": condition.controller.name,
+        "network": network,
+        "rtt_ms": rtt_ms,
+        "mode": controller.mode,
+        "controller": controller.name,
         "runs": len(group.runs),
         "blocks": len(group.all_blocks),
         "runs_saturated": sum(run.saturated for run in group.runs),
-        "scenes": _names(configuration.scene for configuration in configurations),
-        "movements": _names(Path(configuration.movement).name for configuration in configurations),
+        "scenes": " ".join(sorted({block.scene for block in group.all_blocks})),
+        "movements": " ".join(sorted({block.movement for block in group.all_blocks})),
     }
-    for metric in METRICS.values():
-        spread, estimate = group.spread(metric), group.estimate(metric)
-        row[f"{metric.name}_mean"] = spread and spread.mean
-        row[f"{metric.name}_min"] = spread and spread.low
-        row[f"{metric.name}_max"] = spread and spread.high
-        row[f"{metric.name}_ci95_low"], row[f"{metric.name}_ci95_high"] = estimate.ends if estimate else (None, None)
+    for name, metric in METRICS.items():
+        found = group.estimate(metric)
+        row |= {f"{name}_mean": found and found.mean, f"{name}_min": found and found.low}
+        row |= {f"{name}_max": found and found.high, **_interval(found, f"{name}_")}
     return row
 
 
-def _difference(difference: Difference, baseline: str, metric: Metric) -> Row:
-    estimate = difference.estimate(metric)
-    low, high = estimate.ends if estimate else (None, None)
-    return {
-        "network": "all" if difference.network is None else difference.network,
-        "networks": len(difference.pairs),
-        "rtt_ms": difference.rtt_ms,
-        "controller": difference.controller.name,
-        "baseline": baseline,
-        "figure": metric.name,
-        "blocks": 0 if estimate is None else estimate.blocks,
-        "difference": None if estimate is None or math.isnan(estimate.mean) else estimate.mean,
-        "ci95_low": low,
-        "ci95_high": high,
-    }
+def _difference(difference: Difference) -> Iterator[Row]:
+    network, rtt_ms, controller = difference.condition
+    for name, metric in METRICS.items():
+        found = difference.estimate(metric)
+        yield {
+            "network": network,
+            "networks": len(difference.pairs),
+            "rtt_ms": rtt_ms,
+            "controller": controller.name,
+            "baseline": difference.baseline.name,
+            "figure": name,
+            "blocks": 0 if found is None else found.blocks,
+            "difference": None if found is None or math.isnan(found.mean) else found.mean,
+            **_interval(found),
+        }
 
 
-def _picture_scores(row: PictureRow) -> Iterator[Row]:
-    """One row for each metric."""
-    for metric in computed([row]):
-        mean = row.mean(metric)
-        if mean is not None and row.condition is not None:
+def _picture_scores(groups: Groups) -> Iterator[Row]:
+    """One row for each metric of each kind of pictures."""
+    for row in rows_of(groups):
+        for metric in computed([row]):
+            mean = row.mean(metric)
+            assert mean is not None
+            assert row.condition is not None
             yield {
                 "network": row.condition.network,
                 "rtt_ms": row.condition.rtt_ms,
@@ -136,10 +120,9 @@ def _equal_rates(found: RateDistortion) -> Iterator[Row]:
     """One row for each quality of each series against each curve."""
     for each in found.equal_rates:
         for metric in QUALITIES:
-            estimate = each.differences.get(metric)
-            low, high = estimate.ends if estimate else (None, None)
+            estimate = each.differences[metric]
             yield {
-                "network": found.network or "all",
+                "network": found.network or ALL,
                 "rtt_ms": found.rtt_ms,
                 "curve": each.curve.title,
                 "compared": each.other.title,
@@ -149,13 +132,13 @@ def _equal_rates(found: RateDistortion) -> Iterator[Row]:
                 "from_mbit_s": each.rates and each.rates[0],
                 "to_mbit_s": each.rates and each.rates[1],
                 "difference": estimate and estimate.mean,
-                "ci95_low": low,
-                "ci95_high": high,
+                **_interval(estimate),
             }
 
 
-def _names(names: Iterable[str]) -> str:
-    return " ".join(sorted(set(names)))
+def _interval(estimate: Estimate | None, prefix: str = "") -> Row:
+    low, high = (estimate and estimate.interval) or (None, None)
+    return {f"{prefix}ci95_low": low, f"{prefix}ci95_high": high}
 
 
 def _write(path: Path, rows: Sequence[Row]) -> Path:
@@ -173,8 +156,3 @@ def _cell(value: Any) -> Any:
         return value
     text = value.replace("\r", " ")  # ends the row, because Python does not quote it
     return f"'{text}" if value.startswith(("=", "+", "-", "@", "\t", "\r", "\n")) else text
-
-
-def escaped(text: str) -> str:
-    """Text as a cell of a Markdown table."""
-    return " ".join(text.split()).replace("|", "\\|")

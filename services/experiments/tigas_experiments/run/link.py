@@ -9,12 +9,12 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from time import time
 
-from tigas_common.wire.recording import LinkSample
-from tigas_common.wire.run import Network
 from tigas_common.wire.shaper import ShaperStatus
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.run.shaper_client import ShaperClient
 from tigas_experiments.run.targets import Target
+from tigas_experiments.wire.recording import LinkSample
+from tigas_experiments.wire.run import Network
 
 JUMP_MS = 500
 """A trace so far from where time has brought it was moved; less may pass between the shaper's looks at its clock."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from tigas_common.wire.run import LINK_TERMS, UNSHAPED, USUAL_UP_KBPS, Network
 from tigas_common.wire.shaper import LinkSetting
+from tigas_experiments.wire.run import LINK_TERMS, UNSHAPED, USUAL_UP_KBPS, Network
 
 MOST_PICTURES = 120
 """Maximum number of pictures per run: they stay in the page's memory until its end."""

@@ -15,9 +15,9 @@ from pydantic import ValidationError
 
 from tigas_common.files import read_regular
 from tigas_common.parsing import sentence
-from tigas_common.wire.run import Network
 from tigas_common.wire.shaper import MAX_UPLOAD_BYTES, ShaperStatus
 from tigas_experiments.errors import RunFailed
+from tigas_experiments.wire.run import Network
 
 TIMEOUT_S = 10
 UPLOAD_TIMEOUT_S = 60

@@ -12,9 +12,8 @@ from urllib.parse import urlsplit
 
 import psutil
 
-from tigas_common.hosts import is_loopback
-from tigas_experiments.records.load import WatchedServices
-from tigas_experiments.records.readings import Processes
+from tigas_common.address import is_loopback
+from tigas_experiments.records.load import Processes, WatchedServices
 from tigas_experiments.run.targets import Target
 
 PROGRAMS = ("tigas", "tigas_common")

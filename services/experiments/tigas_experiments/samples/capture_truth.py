@@ -6,16 +6,15 @@ import asyncio
 from pathlib import Path
 
 from tigas_common.files import read_regular
-from tigas_common.wire.recording import Capture, Input, RecordingHead
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.quality.ground_truth import pose_at
 from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, compare, decode, decode_shown
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import StoredRun, capture_path
-from tigas_experiments.records.rerendered import TRUTH
-from tigas_experiments.records.samples import MAX_PICTURE_BYTES
+from tigas_experiments.records.samples import MAX_PICTURE_BYTES, TRUTH
 from tigas_experiments.samples.renderer import NotRendered, Renderer, concurrently
 from tigas_experiments.samples.rerender import OnProgress, changed_scene
+from tigas_experiments.wire.recording import Capture, Input, RecordingHead
 
 SAME_DB = 0.5
 """Tolerated PSNR deviation from the run: rounding stays below it, another scene exceeds it."""

@@ -11,8 +11,7 @@ from urllib.parse import quote
 import httpx
 from pydantic import ValidationError
 
-from tigas_common.asking_again import asked_again
-from tigas_common.scene_hosts import SceneHosts
+from tigas_common.render_requests import SceneHosts, retried
 from tigas_common.wire.render import Problem, RenderRequest, SceneInfo, ServerConfig
 
 AT_ONCE = 4
@@ -88,7 +87,7 @@ class Renderer:
 
     async def _ask(self, ask: Callable[[], Awaitable[httpx.Response]]) -> httpx.Response:
         try:
-            answer = await asked_again(ask)
+            answer = await retried(ask)
         except (httpx.HTTPError, httpx.InvalidURL) as error:
             reason = str(error) or type(error).__name__
             raise RendererAway(f"The render service at {self._http.base_url} does not answer ({reason}).") from None

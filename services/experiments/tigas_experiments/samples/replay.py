@@ -13,12 +13,11 @@ from pydantic import ValidationError
 from tigas_common.files import read_regular
 from tigas_common.parsing import sentence
 from tigas_common.pose import Intrinsics
-from tigas_common.wire.recording import Sample
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.quality.picture import BrokenPicture, compare, decode, opened
-from tigas_experiments.records.rerendered import REPLAYED, TRUTH, Rerendered
-from tigas_experiments.records.samples import JPEG, MAX_PICTURE_BYTES, sample_path
+from tigas_experiments.records.samples import JPEG, MAX_PICTURE_BYTES, REPLAYED, TRUTH, Rerendered, sample_path
 from tigas_experiments.samples.renderer import NotRendered, Renderer
+from tigas_experiments.wire.recording import Sample
 
 
 def request_again(sample: Sample) -> RenderRequest:

@@ -9,21 +9,21 @@ from dataclasses import replace
 from pathlib import Path
 
 from tigas_common.errors import StartError
-from tigas_common.wire.recording import Sample
 from tigas_experiments.lock import EXPERIMENT, exclusive
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import RunRecord, StoredRun
-from tigas_experiments.records.rerendered import (
+from tigas_experiments.records.samples import (
     REPLAYED,
     Rerendered,
     SampledRun,
     append_rerendered,
     rerender_log,
+    sample_path,
     sampled_run,
 )
-from tigas_experiments.records.samples import sample_path
 from tigas_experiments.samples.renderer import NotRendered, Renderer, concurrently
 from tigas_experiments.samples.replay import has_truth, replay
+from tigas_experiments.wire.recording import Sample
 
 OnProgress = Callable[[int, int], None]
 """Progress callback: number of finished samples of a run, and their total."""

@@ -7,10 +7,10 @@ from functools import lru_cache
 from pathlib import Path
 
 from tigas_common.files import read_regular
-from tigas_common.wire.store import Movement, MovementList
 from tigas_experiments.movement.table import MAX_BYTES, MovementError
 from tigas_experiments.movement.trace import MovementTrace
 from tigas_experiments.store.errors import UnknownMovement, storage_explained
+from tigas_experiments.wire.store import Movement, MovementList
 
 logger = logging.getLogger(__name__)
 

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Self
 
 from tigas_common.errors import StartError
-from tigas_common.wire.store import Materialisation
-from tigas_experiments.records.rerendered import sampled_run
+from tigas_experiments.records.samples import sampled_run
 from tigas_experiments.samples.renderer import Renderer, RendererAway
 from tigas_experiments.samples.rerender import locked, rerender, sampled_runs
 from tigas_experiments.store.errors import ExperimentInUse, NoSamples, storage_explained
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.metrics import MonitoredLock
+from tigas_experiments.wire.store import Materialisation
 
 logger = logging.getLogger(__name__)
 

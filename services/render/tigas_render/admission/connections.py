@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tigas_common.errors import ServerFull
-from tigas_common.rate_limit import RateLimit
+from tigas_common.limits import RateLimit
 from tigas_render.admission.limits import Limits
 from tigas_render.admission.load import Load
 

@@ -6,7 +6,7 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from tigas_common.quota import quota
+from tigas_common.limits import quota
 
 
 class QuicLimits(BaseModel):

@@ -10,7 +10,7 @@ from contextlib import asynccontextmanager
 from typing import Final
 
 from tigas_common.errors import AskedTooOften
-from tigas_common.rate_limit import RateLimit
+from tigas_common.limits import RateLimit
 from tigas_render.admission.limits import QuicLimits
 from tigas_render.admission.load import Load, LoadState
 from tigas_render.frame import Client

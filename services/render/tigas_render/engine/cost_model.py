@@ -1,14 +1,23 @@
-"""A cost model: predicts the seconds of rendering and encoding a frame from similar frames."""
+"""Predicted costs of frames, and the refusal of frames that would hold up other clients."""
 
 from __future__ import annotations
 
 import math
-from collections import defaultdict
+from collections import OrderedDict, defaultdict
 
-from tigas_common.wire.render import AnswerFormat
+from tigas_common.errors import Overloaded
+from tigas_common.wire.render import AnswerFormat, RenderRequest, Rung
+from tigas_render.engine.frame_size import FrameSize
+from tigas_render.frame import Client
 
 NEWEST = 0.2
 """The weight of the newest measurement in the running mean."""
+ACTIVE_S = 2.0
+"""Seconds for which a client counts as active after a request or a frame."""
+USUAL_OVERSCAN = 0.25
+"""A rung with at most this overscan is a display's normal need: the page requests no more by itself."""
+SHORT_S = 0.05
+"""Acceptable wait for another client's frame of any size, in seconds."""
 
 
 class CostModel:
@@ -23,7 +32,6 @@ class CostModel:
         self._means: defaultdict[tuple[str, AnswerFormat], dict[int, float]] = defaultdict(dict)
 
     def measured(self, scene: str, format: AnswerFormat, pixels: int, seconds: float) -> None:
-        """Record the cost of a finished frame."""
         means, size = self._means[scene, format], pixels.bit_length()
         means[size] = (1 - NEWEST) * means.get(size, seconds) + NEWEST * seconds
 
@@ -32,21 +40,54 @@ class CostModel:
         means, size = self._means.get((scene, format), {}), pixels.bit_length()
         if size in means:
             return means[size]
-        smaller = [seconds for other, seconds in means.items() if other < size]
-        larger = [seconds * 2.0 ** (size - other) for other, seconds in means.items() if other > size]
-        return max(smaller + larger, default=0.0)
+        return max((seconds * min(1.0, 2.0 ** (size - other)) for other, seconds in means.items()), default=0.0)
 
     def at_most(self, scene: str, format: AnswerFormat, pixels: int) -> float:
         """An upper bound on the cost of a frame of this size: infinite without measurements."""
         means, size = self._means.get((scene, format), {}), pixels.bit_length()
         if size in means:
             return means[size]
-        smaller = [seconds * 2.0 ** (size - other) for other, seconds in means.items() if other < size]
-        larger = [seconds for other, seconds in means.items() if other > size]
-        return min(smaller + larger, default=math.inf)
+        return min((seconds * max(1.0, 2.0 ** (size - other)) for other, seconds in means.items()), default=math.inf)
 
     def doubt(self, scene: str, format: AnswerFormat) -> None:
         """Lower the estimates that led to refusing a frame; otherwise they would never be measured again."""
         means = self._means.get((scene, format), {})
         for size in means:
             means[size] *= 0.9
+
+
+class LargeFrames:
+    """Refuses frames above the server's best rung that would take long, as long as another client is active."""
+
+    def __init__(self, ladder: tuple[Rung, ...], costs: CostModel) -> None:
+        self._costs = costs
+        self._best = max(rung.width * rung.height for rung in ladder)
+        self._active: OrderedDict[Client, float] = OrderedDict()
+        """Last activity of each client, oldest first."""
+
+    def heard_of(self, client: Client, now: float) -> None:
+        """Record a client's request, or the start of its frame."""
+        self._active[client] = now
+        self._active.move_to_end(client)
+        self._forget(now)
+
+    def check(self, client: Client, request: RenderRequest, size: FrameSize, now: float, *, others_wait: bool) -> None:
+        """Raises Overloaded, with a retry time, if a request must wait until no other client is active."""
+        is_usual = request.profile is not None and request.overscan <= USUAL_OVERSCAN
+        if is_usual or size.pixels <= self._best or not (others_wait or self._others(client, now)):
+            return
+        usual = self._costs.at_least(request.scene, request.format, self._best)
+        if self._costs.at_most(request.scene, request.format, size.pixels) > max(usual, SHORT_S):
+            raise Overloaded(
+                f"{size.width}×{size.height} pixels would keep other viewers waiting; ask for a profile, for a smaller "
+                "viewport or overscan, or again when they have left.",
+                retry_after_s=ACTIVE_S,
+            )
+
+    def _others(self, client: Client, now: float) -> bool:
+        self._forget(now)
+        return len(self._active) > (client in self._active)
+
+    def _forget(self, now: float) -> None:
+        while self._active and next(iter(self._active.values())) + ACTIVE_S < now:
+            self._active.popitem(last=False)

@@ -16,15 +16,14 @@ from typing import Final, Protocol, Self
 from tigas_common.errors import DeadlineExceeded, DeviceLost, InvalidRequest, OutOfDeviceMemory, Overloaded, TigasError
 from tigas_common.wire.render import RenderRequest, Rung
 from tigas_render.encode.video_chains import VIDEO_ENCODERS, VideoChains
-from tigas_render.engine.callback_queue import CallbackQueue
-from tigas_render.engine.encoder_stage import EncoderStage
-from tigas_render.engine.frame_maker import frame_maker
+from tigas_render.engine.frame_maker import FrameMaker, LaneFrameMaker, ThreadFrameMaker
 from tigas_render.engine.frame_size import FrameSize
 from tigas_render.engine.metrics import EngineMetrics
-from tigas_render.engine.work import LoadedScene, SceneUse, Work
-from tigas_render.engine.work_queue import STOPPING, WAITING_PER_ADDRESS, WorkQueue
+from tigas_render.engine.work import CallbackQueue, LoadedScene, SceneUse, Work
+from tigas_render.engine.work_queue import STOPPING, WorkQueue
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.raster.base import Rasterizer
+from tigas_render.raster.lanes import LaneRasterizer
 
 logger = logging.getLogger(__name__)
 
@@ -52,9 +51,8 @@ class Engine(FrameSource):
         ladder: tuple[Rung, ...],
         metrics: EngineMetrics,
         clock: Callable[[], float],
-        waiting_per_address: int = WAITING_PER_ADDRESS,
     ) -> None:
-        """ladder: the default for scenes; waiting_per_address: limit of one address's waiting requests."""
+        """ladder: the default for scenes."""
         self._scenes = scenes
         self._ladder = ladder
         self._metrics = metrics
@@ -66,11 +64,11 @@ class Engine(FrameSource):
         self._answers: CallbackQueue[tuple[Work, Frame | Exception]] = CallbackQueue(
             lambda answer: self._deliver(*answer)
         )
-        self._queue = WorkQueue(rasterizer.frames_in_flight, ladder, clock, self._post, waiting_per_address)
+        self._queue = WorkQueue(rasterizer.frames_in_flight, ladder, clock, self._post)
         self.videos = VideoChains(VIDEO_ENCODERS, clock)
         self._thread = threading.get_ident()
-        encoder = EncoderStage(self._queue, clock, self._finish, self.videos)
-        self._maker = frame_maker(rasterizer, self._queue, clock, encoder)
+        suited = LaneFrameMaker if isinstance(rasterizer, LaneRasterizer) else ThreadFrameMaker
+        self._maker: FrameMaker = suited(rasterizer, self._queue, clock, self._finish, self.videos)
 
     async def __aenter__(self) -> Self:
         await self._maker.start()
@@ -104,7 +102,6 @@ class Engine(FrameSource):
         return partial(self._withdraw, work)
 
     def forget(self, client: Client) -> None:
-        """Free the encoder of a client's video."""
         self.videos.forget(client)
 
     def state(self) -> tuple[float, float]:
@@ -128,7 +125,6 @@ class Engine(FrameSource):
             self.device_lost.set_result(reason)
 
     async def _enter(self, work: Work) -> None:
-        """Wait until the scene is loaded."""
         try:
             scene = await work.use.enter()
             work.loading = None
@@ -168,7 +164,6 @@ class Engine(FrameSource):
             self._post(work, result)
 
     def _post(self, work: Work, result: Frame | Exception) -> None:
-        """Answer soon, from any thread."""
         self._answers.put((work, result))
 
     def _deliver(self, work: Work, result: Frame | Exception) -> None:
@@ -218,6 +213,5 @@ class Engine(FrameSource):
                 result.release()
 
     def _lost(self, work: Work, result: Frame | Exception) -> None:
-        """Drop a result."""
         if isinstance(result, Frame) and result.video is not None:
             self.videos.lost(work.client, result.seq)

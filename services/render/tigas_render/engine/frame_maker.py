@@ -1,4 +1,4 @@
-"""Frame makers: take work from the queue, render it, and pass the images to the encoder stage.
+"""Frame makers: take work from the queue, render it, encode the images, and answer.
 
 A rasteriser with lanes (CUDA, synthetic frames) is driven from the event loop; the CPU rasteriser by threads.
 """
@@ -6,22 +6,38 @@ A rasteriser with lanes (CUDA, synthetic frames) is driven from the event loop; 
 from __future__ import annotations
 
 import asyncio
+import logging
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import partial
 
-from tigas_render.engine.callback_queue import CallbackQueue
-from tigas_render.engine.encoder_stage import EncoderStage, has_depth, picture_format
-from tigas_render.engine.work import Work
+from tigas_common.errors import DeadlineExceeded, Superseded, TigasError
+from tigas_common.wire.render import FrameFormat, RenderRequest, ServerTiming
+from tigas_render.encode.depth_segment import coded, with_depth
+from tigas_render.encode.images import encode_webp
+from tigas_render.encode.video_chains import VideoChains
+from tigas_render.engine.work import CallbackQueue, Work
 from tigas_render.engine.work_queue import WorkQueue
+from tigas_render.frame import Frame
 from tigas_render.raster.base import Image, Rasterizer
 from tigas_render.raster.lanes import FetchedImage, LaneRasterizer, Lanes
 
+logger = logging.getLogger(__name__)
 
+
+@dataclass(eq=False)
 class FrameMaker(ABC):
     """Makes the frames of one rasteriser."""
+
+    rasterizer: Rasterizer
+    queue: WorkQueue
+    clock: Callable[[], float]
+    answer: Callable[[Work, Frame | Exception], None]
+    """Called with the outcome of each work, on any thread."""
+    videos: VideoChains
 
     @abstractmethod
     async def start(self) -> None:
@@ -31,14 +47,45 @@ class FrameMaker(ABC):
     async def stop(self) -> None:
         """Finish the frames in flight, once the queue is closed."""
 
+    def _finish(self, work: Work, image: Image) -> None:
+        """Encode and close the image, and answer. On any thread."""
+        request, size, rendering, encoded = work.request, work.size, image.rendering, image.encoding
+        body, video = None, None
+        try:
+            with image:
+                begun = self.clock()
+                if not work.is_over:
+                    work.check_deadline(begun)
+                    body = _encoded(work, image)
+            if body is not None and request.video is not None:
+                body, video = self.videos.encode(work.client, request.seq, request.video, size.width, size.height, body)
+        except (DeadlineExceeded, Superseded) as error:
+            self.queue.done(work, rendering + self.clock() - begun + encoded)
+            self.answer(work, error)
+            return
+        except Exception as error:
+            self._failed("Encoding", work, error)
+            return
+        encoding = self.clock() - begun + encoded
+        self.queue.done(work, rendering + encoding, is_whole=body is not None)
+        if body is None:
+            return
+        waiting = begun - work.arrived - rendering - encoded
+        timing = ServerTiming.trusted({"queue": _ms(waiting), "render": _ms(rendering), "encode": _ms(encoding)})
+        frame = Frame(
+            body, request.format, size.width, size.height, request.seq, request.profile, timing,
+            size.margin_x, size.margin_y, video,
+        )  # fmt: skip
+        self.answer(work, frame)
 
-def frame_maker(
-    rasterizer: Rasterizer, queue: WorkQueue, clock: Callable[[], float], encoder: EncoderStage
-) -> FrameMaker:
-    """The frame maker that suits a rasteriser."""
-    if isinstance(rasterizer, LaneRasterizer):
-        return LaneFrameMaker(rasterizer, queue, encoder)
-    return ThreadFrameMaker(rasterizer, queue, clock, encoder)
+    def _failed(self, doing: str, work: Work, error: Exception) -> None:
+        """Answer work that has begun with an error. doing: the failed step, for the log."""
+        self.queue.done(work)
+        if isinstance(error, TigasError):
+            logger.error("%s %s failed: %s", doing, work.request.scene, error.detail)
+        else:
+            logger.error("%s %s failed", doing, work.request.scene, exc_info=error)
+        self.answer(work, error)
 
 
 class LaneFrameMaker(FrameMaker):
@@ -47,26 +94,19 @@ class LaneFrameMaker(FrameMaker):
     Threads do the remaining work on the host, such as video and WebP.
     """
 
-    def __init__(self, rasterizer: LaneRasterizer, queue: WorkQueue, encoder: EncoderStage) -> None:
-        self._rasterizer = rasterizer
-        self._queue = queue
-        self._encoder = encoder
-        self._loop = asyncio.get_running_loop()
-        threads = max(rasterizer.frames_in_flight, os.cpu_count() or 1)
-        self._threads = ThreadPoolExecutor(threads, "host")
-        self._on_host = 0
-        """Images that the threads encode or will encode."""
-        self._most_on_host = threads
-        self._left_host: CallbackQueue[None] = CallbackQueue(self._leave_host)
-        self._lanes: Lanes | None = None
-        self._is_scheduled = False
-        """Whether the event loop is about to run `_begin_all`."""
+    rasterizer: LaneRasterizer
 
     async def start(self) -> None:
-        await self._loop.run_in_executor(self._threads, self._rasterizer.warm_up)
-        self._lanes = Lanes(self._rasterizer.frames_in_flight, self._rasterizer.enter_thread)
+        self._on_host = 0  # images that the threads encode or will encode
+        self._is_scheduled = False  # whether the event loop is about to run `_begin_all`
+        self._loop = asyncio.get_running_loop()
+        self._most_on_host = max(self.rasterizer.frames_in_flight, os.cpu_count() or 1)
+        self._threads = ThreadPoolExecutor(self._most_on_host, "host")
+        self._left_host: CallbackQueue[None] = CallbackQueue(self._leave_host)
+        await self._loop.run_in_executor(self._threads, self.rasterizer.warm_up)
+        self._lanes: Lanes | None = Lanes(self.rasterizer.frames_in_flight, self.rasterizer.enter_thread)
         self._loop.add_reader(self._lanes.fileno(), self._collect)
-        self._queue.on_work(self._schedule)
+        self.queue.on_work(self._schedule)
         self._begin_all()  # work that is already waiting; otherwise the queue learns that the renderer is idle
 
     async def stop(self) -> None:
@@ -87,7 +127,7 @@ class LaneFrameMaker(FrameMaker):
     def _begin_all(self) -> None:
         self._is_scheduled = False
         while self._lanes is not None and self._lanes.free and self._on_host < self._most_on_host:
-            work = self._queue.take()
+            work = self.queue.take()
             if work is None:
                 return
             self._begin(self._lanes, work)
@@ -96,13 +136,12 @@ class LaneFrameMaker(FrameMaker):
         request = work.request
         try:
             camera = work.size.camera(request, work.scene.background)
-            quality = work.ladder[request.profile or 0].quality
-            job = self._rasterizer.job(
-                work.scene.prepared, camera, picture_format(request), quality, depth=has_depth(request)
+            job = self.rasterizer.job(
+                work.scene.prepared, camera, picture_format(request), work.quality, depth=has_depth(request)
             )
             lanes.begin(job, partial(self._fetched, work))
         except Exception as error:
-            self._encoder.failed("Rendering", work, error)
+            self._failed("Rendering", work, error)
 
     def _collect(self) -> None:
         try:
@@ -113,16 +152,16 @@ class LaneFrameMaker(FrameMaker):
 
     def _fetched(self, work: Work, image: FetchedImage | Exception) -> None:
         if isinstance(image, Exception):
-            self._encoder.failed("Rendering", work, image)
+            self._failed("Rendering", work, image)
         elif image.format == "jpeg":
-            self._encoder.finish(work, image)
+            self._finish(work, image)
         else:
             self._on_host += 1
             self._threads.submit(self._finish_on_host, work, image)
 
     def _finish_on_host(self, work: Work, image: FetchedImage) -> None:
         try:
-            self._encoder.finish(work, image)
+            self._finish(work, image)
         finally:
             self._left_host.put(None)
 
@@ -138,21 +177,13 @@ class ThreadFrameMaker(FrameMaker):
     is chosen as late as possible, by a thread that can start it at once.
     """
 
-    def __init__(
-        self, rasterizer: Rasterizer, queue: WorkQueue, clock: Callable[[], float], encoder: EncoderStage
-    ) -> None:
-        self._rasterizer = rasterizer
-        self._queue = queue
-        self._clock = clock
-        self._encoder = encoder
-        self._threads = ThreadPoolExecutor(rasterizer.frames_in_flight, "render")
-        self._running: list[asyncio.Future[None]] = []
-
     async def start(self) -> None:
         loop = asyncio.get_running_loop()
-        await loop.run_in_executor(self._threads, self._rasterizer.warm_up)
-        for _ in range(self._rasterizer.frames_in_flight):
-            self._running.append(loop.run_in_executor(self._threads, self._run))
+        self._threads = ThreadPoolExecutor(self.rasterizer.frames_in_flight, "render")
+        await loop.run_in_executor(self._threads, self.rasterizer.warm_up)
+        self._running = [
+            loop.run_in_executor(self._threads, self._run) for _ in range(self.rasterizer.frames_in_flight)
+        ]
 
     async def stop(self) -> None:
         await asyncio.gather(*self._running)
@@ -164,13 +195,13 @@ class ThreadFrameMaker(FrameMaker):
 
     def _make_next(self) -> bool:
         """Wait for work and make its frame; False once the queue is closed."""
-        work = self._queue.next()
+        work = self.queue.next()
         if work is None:
             return False
         image = self._render(work, is_interruptible=True)
-        self._queue.rendered()
+        self.queue.rendered()
         if image is not None:
-            self._encoder.finish(work, image)
+            self._finish(work, image)
         return True
 
     def _render(self, work: Work, *, is_interruptible: bool) -> Image | None:
@@ -179,14 +210,14 @@ class ThreadFrameMaker(FrameMaker):
 
         def pause() -> None:
             nonlocal interrupted
-            begun = self._clock()
+            begun = self.clock()
             self._make_ahead_of(work)
-            interrupted += self._clock() - begun
+            interrupted += self.clock() - begun
 
         request = work.request
         try:
-            started = self._clock()
-            image = self._rasterizer.render(
+            started = self.clock()
+            image = self.rasterizer.render(
                 work.scene.prepared,
                 work.size.camera(request, work.scene.background),
                 picture_format(request),
@@ -194,14 +225,45 @@ class ThreadFrameMaker(FrameMaker):
                 depth=has_depth(request),
             )
         except Exception as error:
-            self._encoder.failed("Rendering", work, error)
+            self._failed("Rendering", work, error)
             return None
-        image.rendering = self._clock() - started - interrupted
+        image.rendering = self.clock() - started - interrupted
         return image
 
     def _make_ahead_of(self, work: Work) -> None:
         """Make much smaller frames of other clients before a frame in progress continues."""
-        while (urgent := self._queue.next_ahead_of(work)) is not None:
+        while (urgent := self.queue.next_ahead_of(work)) is not None:
             image = self._render(urgent, is_interruptible=False)
             if image is not None:
-                self._encoder.finish(urgent, image)
+                self._finish(urgent, image)
+
+
+def has_depth(request: RenderRequest) -> bool:
+    return request.depth and request.format in ("jpeg", "webp")
+
+
+def picture_format(request: RenderRequest) -> FrameFormat:
+    """The format to request from the rasteriser."""
+    match request.format:
+        case "h264":
+            return "yuv420p"
+        case "webp":
+            return "png"  # gives access to the pixels
+        case format:
+            return format
+
+
+def _encoded(work: Work, image: Image) -> bytes:
+    """The frame's body; rasterisers do not support WebP."""
+    if work.request.format == "webp":
+        body = encode_webp(image.to_host(), work.quality)
+    else:
+        body = image.encode(picture_format(work.request), work.quality)
+    depth = image.coded_depth
+    if depth is None and image.depth is not None:
+        depth = coded(image.depth)
+    return body if depth is None else with_depth(body, depth)
+
+
+def _ms(seconds: float) -> float:
+    return round(1000 * seconds, 3)

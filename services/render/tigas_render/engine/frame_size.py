@@ -19,7 +19,7 @@ MAX_VIDEO_PIXELS: Final = 36_864 * 256
 
 @dataclass(frozen=True, slots=True)
 class FrameSize:
-    """A frame's size in pixels: the viewport's part, and margins around it."""
+    """A frame's size in pixels: the viewport's part, and margins around it. Width and height include both."""
 
     inner_width: int
     inner_height: int
@@ -36,17 +36,14 @@ class FrameSize:
 
     @property
     def width(self) -> int:
-        """Of the whole frame."""
         return self.inner_width + 2 * self.margin_x
 
     @property
     def height(self) -> int:
-        """Of the whole frame."""
         return self.inner_height + 2 * self.margin_y
 
     @property
     def pixels(self) -> int:
-        """Of the whole frame."""
         return self.width * self.height
 
     def camera(self, request: RenderRequest, background: tuple[float, float, float]) -> Camera:

@@ -1,4 +1,4 @@
-"""The engine's counters for Prometheus."""
+"""Measurements of the engine: counters for Prometheus, and the share of busy time."""
 
 from __future__ import annotations
 
@@ -25,7 +25,6 @@ class Times:
         self._counts = [0] * len(BOUNDS)
 
     def add(self, seconds: float) -> None:
-        """Record a duration."""
         self._counts[bisect_left(BUCKETS, seconds)] += 1
         self.sum += seconds
 
@@ -55,7 +54,6 @@ class EngineMetrics(Collector):
         self._requests[outcome] = self._requests.get(outcome, 0) + 1
 
     def frame(self, scene: str, transport: Transport, frame: Frame) -> None:
-        """One frame that was answered."""
         self._requests["frame"] += 1
         sums = self._frames.get((scene, frame.profile, transport))
         if sums is None:
@@ -68,7 +66,6 @@ class EngineMetrics(Collector):
         self._encode.add(timing.encode / 1000)
 
     def collect(self) -> Iterator[Metric]:
-        """The present values."""
         requests = CounterMetricFamily("tigas_render_requests", "Render requests by how they ended", labels=["outcome"])
         for outcome, number in list(self._requests.items()):
             requests.add_metric([outcome], number)
@@ -83,3 +80,30 @@ class EngineMetrics(Collector):
         for stage, times in (("queue", self._queue), ("render", self._render), ("encode", self._encode)):
             seconds.add_metric([stage], times.buckets, times.sum)
         yield from (requests, frames, sizes, seconds)
+
+
+class Utilisation:
+    """Records the end and the start of work, which begins at once; times are seconds of one clock."""
+
+    def __init__(self, now: float) -> None:
+        self._asked = now
+        self._idle = 0.0
+        """Idle seconds since the last call of `share`."""
+        self._idle_since: float | None = None
+
+    def rest(self, now: float) -> None:
+        if self._idle_since is None:
+            self._idle_since = now
+
+    def work(self, now: float) -> None:
+        if self._idle_since is not None:
+            self._idle += now - max(self._idle_since, self._asked)
+            self._idle_since = None
+
+    def share(self, now: float) -> float:
+        """The share of the time since this was asked last, 0 to 1, that was work."""
+        if self._idle_since is not None:
+            self._idle += now - max(self._idle_since, self._asked)
+        passed, idle = now - self._asked, self._idle
+        self._asked, self._idle = now, 0.0
+        return 1 - idle / passed if passed > 0 else 0.0

@@ -1,16 +1,23 @@
-"""Work items passed between the engine's threads: a request on its way to a frame."""
+"""Work of the engine: a request on its way to a frame, and the queue by which threads call the event loop."""
 
 from __future__ import annotations
 
 import asyncio
+import logging
+from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Generic, Protocol, TypeVar
 
 from tigas_common.errors import DeadlineExceeded
 from tigas_common.wire.render import RenderRequest, Rung
 from tigas_render.engine.frame_size import FrameSize
 from tigas_render.frame import Answered, Client
 from tigas_render.raster.base import PreparedScene
+
+Item = TypeVar("Item")
+
+logger = logging.getLogger(__name__)
 
 
 class LoadedScene(Protocol):
@@ -66,6 +73,11 @@ class Work:
     """Seconds that the frame is expected to cost."""
 
     @property
+    def quality(self) -> int:
+        """JPEG quality of its rung."""
+        return self.ladder[self.request.profile or 0].quality
+
+    @property
     def is_over(self) -> bool:
         """Whether the frame is no longer wanted."""
         return self.answered is None
@@ -83,6 +95,36 @@ class Work:
         deadline_ms = self.request.deadline_ms
         if deadline_ms is not None and ready_at > self.arrived + deadline_ms / 1000:
             raise DeadlineExceeded(f"The frame could not be ready within {deadline_ms:g} ms.")
+
+
+class CallbackQueue(Generic[Item]):
+    """Passes items from threads to `receive`, in order, on the event loop that created it.
+
+    One wakeup serves all items until the loop reads them: it costs the thread a system call, and with it the
+    interpreter's lock.
+    """
+
+    def __init__(self, receive: Callable[[Item], None]) -> None:
+        self._receive = receive
+        self._loop = asyncio.get_running_loop()
+        self._items: deque[Item] = deque()
+        self._is_woken = False
+
+    def put(self, item: Item) -> None:
+        """Hand over an item, from any thread; the loop receives it soon, never at once."""
+        self._items.append(item)
+        if not self._is_woken:
+            self._is_woken = True
+            self._loop.call_soon_threadsafe(self.deliver)
+
+    def deliver(self) -> None:
+        """Receive all items so far. On the event loop."""
+        self._is_woken = False  # first of all: the thread of any later item wakes the loop again
+        for _ in range(len(self._items)):
+            try:
+                self._receive(self._items.popleft())
+            except Exception:  # the others' answers are not to be lost with one
+                logger.exception("An answer was not delivered")
 
 
 def _kind(request: RenderRequest) -> tuple[object, ...]:

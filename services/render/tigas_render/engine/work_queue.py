@@ -9,9 +9,8 @@ from collections.abc import Callable, Collection
 
 from tigas_common.errors import DeadlineExceeded, Overloaded, Superseded, TigasError
 from tigas_common.wire.render import Rung
-from tigas_render.engine.cost_model import CostModel
-from tigas_render.engine.large_frames import Admission
-from tigas_render.engine.utilisation import Utilisation
+from tigas_render.engine.cost_model import CostModel, LargeFrames
+from tigas_render.engine.metrics import Utilisation
 from tigas_render.engine.work import Work
 from tigas_render.fair_queue import FairSchedule
 from tigas_render.frame import Client
@@ -39,17 +38,15 @@ class WorkQueue:
         ladder: tuple[Rung, ...],
         clock: Callable[[], float],
         refuse: Callable[[Work, TigasError], None],
-        waiting_per_address: int = WAITING_PER_ADDRESS,
     ) -> None:
         """refuse: called with dropped work, on any thread."""
         self._clock = clock
         self._refuse = refuse
-        self._waiting_per_address = waiting_per_address
         self._most_at_work = max(2, frames_in_flight - 1)
         """Frames of one address: a large picture takes a tenth of a second to encode."""
         self._schedule: FairSchedule[Work] = FairSchedule(QUEUE_DEPTH)
         self._costs = CostModel()
-        self._admission = Admission(ladder, self._costs)
+        self._large_frames = LargeFrames(ladder, self._costs)
         self._utilisation = Utilisation(clock())
         self._waits_since: dict[Client, float] = {}
         """Start of each client's wait for its next frame, for any of its requests."""
@@ -87,11 +84,11 @@ class WorkQueue:
         with self._lock:
             if self._closed or len(self._schedule) >= MAX_WAITING:
                 raise Overloaded(STOPPING if self._closed else "Too many requests wait; ask less often.")
-            if self._schedule.waiting(client.address) >= self._waiting_per_address:
+            if self._schedule.waiting(client.address) >= WAITING_PER_ADDRESS:
                 raise Overloaded("Too many requests from this address wait; ask less often.")
             now = self._clock()
             self._utilisation.work(now)
-            self._admission.heard_of(client, now)
+            self._large_frames.heard_of(client, now)
             self._waits_since.setdefault(client, work.arrived)
             work.expected = max(MIN_COST_S, self._costs.at_least(request.scene, request.format, work.size.pixels))
             pushed_out = self._schedule.push(client, work, work.expected)
@@ -121,10 +118,7 @@ class WorkQueue:
             return work
 
     def next(self) -> Work | None:
-        """Wait for the turn to render and for work that can begin, and begin it: `rendered` and `done` must follow.
-
-        None once the queue is closed.
-        """
+        """Wait for a turn, and begin the work that is next: `rendered` and `done` must follow. None once closed."""
         with self._lock:
             while not self._closed:
                 self._is_called = False
@@ -237,5 +231,7 @@ class WorkQueue:
         except DeadlineExceeded:
             self._costs.doubt(request.scene, request.format)
             raise
-        self._admission.check(work.client, request, work.size, now, others_wait=self._schedule.others_wait(work.client))
-        self._admission.heard_of(work.client, now)
+        client = work.client
+        others_wait = self._schedule.others_wait(client)
+        self._large_frames.check(client, request, work.size, now, others_wait=others_wait)
+        self._large_frames.heard_of(client, now)

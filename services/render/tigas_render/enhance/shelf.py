@@ -61,7 +61,7 @@ class Shelf:
 
     def kind(self, source: SceneSource) -> Literal["scene", "general"] | None:
         """Networks that can enhance a scene's frames."""
-        if self.problem(source) is None and self.own(source) is not None:
+        if isinstance(self._own(source), Weights):
             return "scene"
         general = self._read(self._general)
         fits = isinstance(general, Weights) and general.misfit(None, source.ladder or self._ladder) is None
@@ -69,21 +69,16 @@ class Shelf:
 
     def problem(self, source: SceneSource) -> str | None:
         """Why a scene's own file is unusable; None without one."""
-        own = self.own(source)
-        if own is None or isinstance(own, str):
-            return own
-        return own.misfit(_digest(source), source.ladder or self._ladder)
-
-    def own(self, source: SceneSource) -> Weights | str | None:
-        """A scene's own weights, or the problem with their file; None without one."""
-        return self._read(self.place(source))
+        own = self._own(source)
+        return own if isinstance(own, str) else None
 
     def content(self, source: SceneSource) -> bytes:
         """The file of a scene's own. Raises NoWeights, and BrokenWeights if they do not fit."""
-        if self.own(source) is None:
+        own = self._own(source)
+        if own is None:
             raise NoWeights(f"{source.name} has no networks yet.")
-        if problem := self.problem(source):
-            raise BrokenWeights(problem)
+        if isinstance(own, str):
+            raise BrokenWeights(own)
         return _bytes(self.place(source))
 
     def general(self) -> bytes:
@@ -91,6 +86,13 @@ class Shelf:
         if not self._general.is_file():
             raise NoWeights("There are no general networks.")
         return _bytes(self._general)
+
+    def _own(self, source: SceneSource) -> Weights | str | None:
+        """A scene's own weights, or why they are unusable; None without any."""
+        own = self._read(self.place(source))
+        if isinstance(own, Weights):
+            return own.misfit(_digest(source), source.ladder or self._ladder) or own
+        return own
 
     def _read(self, path: Path) -> Weights | str | None:
         try:

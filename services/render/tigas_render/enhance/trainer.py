@@ -17,7 +17,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from tigas_common.errors import TigasError
-from tigas_common.extras import install_command
+from tigas_common.installation import install_command
 from tigas_common.processes import tigas
 from tigas_common.wire.render import Training
 

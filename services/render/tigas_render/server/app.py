@@ -4,36 +4,38 @@ from __future__ import annotations
 
 import asyncio
 from pathlib import Path
-from urllib.parse import quote, urlsplit
+from urllib.parse import quote
 
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
-from starlette.types import ASGIApp, Scope
+from starlette.types import ASGIApp
 
-from tigas_common.described import BYTES, HAS_IT_ALREADY, JSON, PICTURES, described
 from tigas_common.errors import problem
 from tigas_common.metrics import CountedRequests, metrics_route, new_registry
 from tigas_common.openapi import openapi
 from tigas_common.origins import OriginCheck
 from tigas_common.web import (
+    BYTES,
     EXCEPTION_HANDLERS,
+    HAS_IT_ALREADY,
+    JSON,
+    PICTURES,
     Body,
     ModelResponse,
     Tagged,
     created_response,
+    described,
     healthy,
     json_response,
     list_response,
-    page_policy,
     problem_response,
     takes,
 )
-from tigas_common.wire.cluster import HostLoad
-from tigas_common.wire.render import AddedScene, SceneInfo, SceneName, ServerConfig, Training
-from tigas_render.server.compressed_files import CompressedFiles
+from tigas_common.wire.render import AddedScene, HostLoad, SceneInfo, SceneName, ServerConfig, Training
 from tigas_render.server.frame_route import FRAMES, PATH, HttpFrames
+from tigas_render.server.page import Page
 from tigas_render.server.service import RenderService
 from tigas_render.uploads.routes import UPLOADS
 
@@ -75,7 +77,7 @@ def create_app(service: RenderService) -> ASGIApp:
     app.state.frames = HttpFrames(service, service.admission.http_viewers, service.admission.rate)
     if STATIC.is_dir():
         # Not a mount: that would match before a wrong method of the routes above is noticed.
-        app.router.default = _Client(directory=STATIC, html=True)
+        app.router.default = Page(STATIC, _config)
     # Frames are counted by the engine, including those for other processes.
     return CountedRequests(OriginCheck(app, service.origins), app.routes, registry, besides=PATH)
 
@@ -201,31 +203,11 @@ async def healthz(request: Request) -> Response:
     return healthy()
 
 
-class _Client(CompressedFiles):
-    """The web client: hashed assets are cached for good, the page itself is revalidated."""
-
-    async def get_response(self, path: str, scope: Scope) -> Response:
-        response = await super().get_response(path, scope)
-        hashed = path.startswith("assets/")
-        response.headers["Cache-Control"] = "max-age=31536000, immutable" if hashed else "no-cache"
-        response.headers["Content-Security-Policy"] = _page_policy(_config(Request(scope)))
-        return response
-
-
-def _page_policy(config: ServerConfig) -> str:
-    """Content-Security-Policy of the page: its own origin, and connections to the services' hosts on any port."""
-    urls = [urlsplit(url) for url in (*config.services.values(), config.webtransport_url) if url]
-    # There is no way to write an IPv6 address.
-    sources = (f"{url.scheme}:" if "[" in url.netloc else f"{url.scheme}://{url.hostname}:*" for url in urls)
-    return page_policy(set(sources))
-
-
 def _config(request: Request) -> ServerConfig:
     return _service(request).config(_origin(request))
 
 
 def _origin(request: Request) -> str:
-    """The page's origin, from the request."""
     return f"{request.url.scheme}://{request.url.netloc}"
 
 

@@ -10,8 +10,8 @@ from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from typing import Self
 
-from tigas_common.certificate import Certificate
 from tigas_render.settings import RenderSettings
+from tigas_render.transport.certificate import Certificate
 
 logger = logging.getLogger(__name__)
 

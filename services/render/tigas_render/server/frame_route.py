@@ -3,28 +3,68 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Final
 
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
+from starlette.types import Receive, Scope, Send
 
-from tigas_common.described import PICTURES, described
+from tigas_common.address import client_network
 from tigas_common.errors import InvalidRequest
-from tigas_common.peers import ARRIVED, client_network
 from tigas_common.proxy import unless, until_left
-from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, Body, takes
+from tigas_common.web import ARRIVED, EXCEPTION_HANDLERS, NO_STORE, PICTURES, Body, described, takes
 from tigas_common.wire.render import RenderRequest
 from tigas_render.admission.viewers import HttpViewers, RequestRate
 from tigas_render.frame import Client, Frame, FrameSource, Transport
-from tigas_render.server.frame_response import FrameResponse, Lending
 
 PATH = "/render"
 VIEWER, MOST_NAME = "Tigas-Viewer", 64
 """The header with a viewer's own name for itself, and how many characters that may have."""
 CLIENT_GONE = 499
 """An unread status: the client disconnected before its answer."""
+MOST_LENT: Final = 32 * 1024 * 1024
+"""Maximum bytes of frames kept in place for slow readers; other frames need that memory as well."""
+
+
+class Lending:
+    """How much of the memory for frames is held by answers that are being sent."""
+
+    def __init__(self, most: int = MOST_LENT) -> None:
+        """most: bytes; beyond, frames are copied."""
+        self._most = most
+        self._lent = 0
+
+    @contextmanager
+    def lent(self, frame: Frame) -> Iterator[bytes | memoryview]:
+        """Body chunks of a frame, which is released at the end."""
+        body, length = frame.body, len(frame.body)
+        if self._lent + length > self._most:
+            body, length = bytes(body), 0
+            frame.release()
+        self._lent += length
+        try:
+            yield body
+        finally:
+            self._lent -= length
+            frame.release()
+
+
+class FrameResponse(Response):
+    """Holds its frame until the transport has taken all of it, or the client has disconnected."""
+
+    def __init__(self, frame: Frame, lending: Lending, headers: Mapping[str, str]) -> None:
+        super().__init__(frame.body, headers=headers, media_type=frame.content_type)
+        self._frame = frame
+        self._lending = lending
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        with self._lending.lent(self._frame) as self.body:
+            await super().__call__(scope, receive, send)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +78,6 @@ class HttpFrames:
 
 
 def frames_app(frames: HttpFrames) -> Starlette:
-    """An application with this route only."""
     app = Starlette(routes=[FRAMES], exception_handlers=EXCEPTION_HANDLERS)
     app.state.frames = frames
     return app

@@ -17,7 +17,7 @@ from tigas_common.files import read_regular
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.model import Point
 from tigas_common.wire.render import StartCamera
-from tigas_render.cache import write_to_cache
+from tigas_render.local_files import write_to_cache
 from tigas_render.raster.base import Camera
 from tigas_render.scenes.source import SceneSource
 from tigas_render.single_flight import SingleFlight
@@ -94,7 +94,6 @@ def read_preview(path: Path) -> Preview | None:
 
 
 def preview_camera(start: StartCamera, up: Point, width: int, height: int) -> Camera:
-    """The camera that a visitor starts with."""
     focal = height / 2 / math.tan(math.radians(FOV_Y) / 2)
     intrinsics = Intrinsics(focal, focal, width / 2, height / 2, width, height)
     return Camera(Pose.look_at(start.position, start.look_at, up), intrinsics)

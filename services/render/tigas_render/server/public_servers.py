@@ -9,8 +9,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 
 from starlette.types import ASGIApp
 
-from tigas_common.certificate import Certificate
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.loop_share import LoopShare
 from tigas_common.origins import OriginPolicy
 from tigas_common.runner import serve_listener
@@ -20,6 +19,7 @@ from tigas_render.frame import FrameSource
 from tigas_render.server.frame_route import PATH
 from tigas_render.server.upstreams import Upstreams
 from tigas_render.settings import RenderSettings
+from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
 from tigas_render.transport.shared_port import Share
@@ -56,6 +56,7 @@ async def public_servers(
                 certificate=certificate,
                 webtransport={PATH: render_session(frames, admission.rate)},
                 limits=Limits.of(settings.quic_limits).of_each(edges),
+                congestion_control=settings.congestion_control,
                 reset_key=reset_key,
                 origins=origins,
                 share=quic,

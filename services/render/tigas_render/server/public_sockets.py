@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from tigas_common.address import Address
-from tigas_common.http_limits import HttpLimits
+from tigas_common.limits import HttpLimits
 from tigas_common.runner import explained
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.shared_port import steer
@@ -33,17 +33,14 @@ class PublicSockets:
 
     @property
     def http_port(self) -> int:
-        """Of the page and the API."""
         return int(self.http.getsockname()[1])
 
     @property
     def https_port(self) -> int | None:
-        """Of the same over HTTPS."""
         return None if self.https is None else int(self.https.getsockname()[1])
 
     @property
     def quic_port(self) -> int | None:
-        """Of HTTP/3 and WebTransport."""
         return int(self.quic[0][0].getsockname()[1]) if self.quic else None
 
     def fds(self) -> tuple[int, ...]:
@@ -73,10 +70,8 @@ class PublicSockets:
 
 
 def _group(first: socket.socket, edges: int, stack: ExitStack) -> list[socket.socket]:
-    sockets = [stack.enter_context(first)]
-    for _ in range(edges - 1):
-        sockets.append(stack.enter_context(bind_another(first)))
-    return sockets
+    others = (bind_another(first) for _ in range(edges - 1))
+    return [stack.enter_context(first), *map(stack.enter_context, others)]
 
 
 def _relay(stack: ExitStack) -> tuple[socket.socket, socket.socket]:

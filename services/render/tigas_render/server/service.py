@@ -5,25 +5,34 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+from collections import Counter
 from collections.abc import AsyncIterator, Iterator
 from contextlib import AbstractAsyncContextManager, asynccontextmanager, contextmanager
 from importlib.metadata import version
 from urllib.parse import urlsplit
 
-from tigas_common.address import bracketed
-from tigas_common.certificate import Certificate
-from tigas_common.commit import this_commit
+from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from tigas_common.address import bracketed, is_loopback
 from tigas_common.errors import BrokenScene, DeviceLost, Overloaded
-from tigas_common.hosts import is_loopback
+from tigas_common.installation import this_commit
+from tigas_common.metrics import labelled_gauge
 from tigas_common.origins import OriginPolicy
 from tigas_common.topology import reached
-from tigas_common.wire.cluster import HostLoad
-from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest, SceneInfo, ServerConfig, StillFormat, Training
+from tigas_common.wire.render import (
+    DEFAULT_LADDER,
+    HostLoad,
+    RenderRequest,
+    SceneInfo,
+    ServerConfig,
+    StillFormat,
+    Training,
+)
 from tigas_render.admission.edge_loads import EdgeLoads
 from tigas_render.admission.load import LoadState
 from tigas_render.admission.viewers import ViewerAdmission
-from tigas_render.downloads.cache import DownloadCache
-from tigas_render.downloads.readers import Readers
+from tigas_render.downloads.cache import DownloadCache, Readers
 from tigas_render.engine.engine import Engine
 from tigas_render.engine.metrics import EngineMetrics
 from tigas_render.enhance.shelf import Shelf
@@ -34,9 +43,8 @@ from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.scenes.source import SceneSource
 from tigas_render.server.library import Library
 from tigas_render.server.preview import Preview, PreviewCache, preview_camera
-from tigas_render.server.state_metrics import StateMetrics
 from tigas_render.settings import RenderSettings
-from tigas_render.single_flight import Repeated
+from tigas_render.transport.certificate import Certificate
 
 logger = logging.getLogger(__name__)
 
@@ -45,6 +53,24 @@ HOUSEKEEPING_S = 15
 
 PREVIEWS = Client("previews", "previews")
 """Shared client identity for thumbnails, which are cached for all visitors."""
+
+
+class StateMetrics(Collector):
+    """An engine's unanswered requests and its scenes, for Prometheus."""
+
+    def __init__(self, engine: Engine, scenes: SceneRegistry) -> None:
+        self._engine = engine
+        self._scenes = scenes
+
+    def collect(self) -> Iterator[Metric]:
+        states: Counter[str] = Counter(info.state for info in self._scenes.infos())
+        in_flight, memory = self._engine.in_flight, self._scenes.memory()
+        yield labelled_gauge("tigas_render_requests_in_flight", "Unanswered requests, by stage", "stage", in_flight)
+        yield labelled_gauge("tigas_render_scenes", "Scenes that are offered, by state", "state", states)
+        yield labelled_gauge("tigas_render_scene_memory_bytes", "Memory of a scene", "scene", memory)
+        yield GaugeMetricFamily(
+            "tigas_render_scene_memory_limit_bytes", "Memory limit of all scenes together", self._scenes.budget
+        )
 
 
 class RenderService(FrameSource):
@@ -65,13 +91,7 @@ class RenderService(FrameSource):
             idle_s=60 * settings.idle_minutes,
             clock=time.monotonic,
         )
-        self.engine = Engine(
-            rasterizer,
-            self.registry,
-            DEFAULT_LADDER,
-            metrics,
-            time.monotonic,
-        )
+        self.engine = Engine(rasterizer, self.registry, DEFAULT_LADDER, metrics, time.monotonic)
         self.certificate: Certificate | None = None
         """The certificate shown over QUIC, once it is served."""
         self.origins = OriginPolicy.of(settings.addresses, settings.allow_hosts, settings.allow_origins)
@@ -89,7 +109,7 @@ class RenderService(FrameSource):
         self._why_no_training = why_no_training()
         self.downloads = DownloadCache(settings.cache / "downloads", int(settings.downloads_gb * 1e9))
         self.readers = Readers()
-        self.rescan = Repeated(self.registry.scan).run
+        self.rescan = self.registry.scan
         self.library = Library(settings, self.registry)
         self._previews = PreviewCache(settings.cache, self._render_preview)
 
@@ -136,6 +156,7 @@ class RenderService(FrameSource):
             webtransport_url=f"https://{bracketed(quic_host)}:{quic_port}/render" if quic_port else None,
             https_url=f"https://{bracketed(host)}:{self.https_port}/" if self.https_port else None,
             services=reached(page, self.settings.services, self.settings.upstreams),
+            congestion_control=self.settings.congestion_control if quic_port else None,
             retry_after_s=self.loads.full(),
             max_upload_bytes=self.library.max_upload_bytes,
             why_no_training=self._why_no_training,
@@ -156,8 +177,6 @@ class RenderService(FrameSource):
         return self.settings.quic is not None and (not self.settings.quic.is_loopback or is_loopback(host))
 
     def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
-        """A viewer's frame, as `Engine.request`."""
-
         def note(answer: Frame | Exception) -> None:
             if isinstance(answer, Frame):
                 self.registry.viewed(request.scene)
@@ -166,7 +185,6 @@ class RenderService(FrameSource):
         return self.engine.request(client, request, arrived, note)
 
     def forget(self, client: Client) -> None:
-        """As `Engine.forget`."""
         self.engine.forget(client)
 
     async def load(self, scene_id: str) -> None:
@@ -197,10 +215,7 @@ class RenderService(FrameSource):
         return state.model_copy(update={"problem": await asyncio.to_thread(self.shelf.problem, source)})
 
     def train(self, scene_id: str) -> Training:
-        """Train a scene's networks on its views.
-
-        Raises UnknownScene, BrokenScene, NoTraining, TrainingRuns and NoPlace.
-        """
+        """Train a scene's networks. Raises UnknownScene, BrokenScene, NoTraining, TrainingRuns and NoPlace."""
         source = self.registry.source(scene_id)
         if source.error is not None:
             raise BrokenScene(source.error)

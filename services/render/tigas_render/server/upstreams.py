@@ -9,21 +9,24 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import AsyncIterator, Iterator, Mapping
-from contextlib import asynccontextmanager, contextmanager
+from contextlib import asynccontextmanager, contextmanager, suppress
 
 import httpx
 from starlette.datastructures import Headers
 from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
 from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import InvalidStatus, WebSocketException
+from websockets.typing import Origin
 
-from tigas_common.concurrency import ConcurrencyLimit
+from tigas_common.address import client_network
 from tigas_common.errors import Overloaded, ServiceAway, ServiceSilent, TigasError, UnknownService
+from tigas_common.limits import ConcurrencyLimit, quota
 from tigas_common.origins import OriginPolicy
-from tigas_common.peers import client_network
-from tigas_common.proxy import ask, hand_back, headers_of, refuse, unless, until_left
-from tigas_common.quota import quota
+from tigas_common.proxy import HOP_BY_HOP, ask, forwarded, hand_back, headers_of, refuse, unless, until_left
 from tigas_common.topology import SERVICES_PATH, ServiceName
-from tigas_render.server.websocket_relay import relay
 
 TITLES: Mapping[ServiceName, str] = {
     "dash": "DASH packager",
@@ -37,6 +40,10 @@ SILENCE_S = 120.0
 """Seconds without an answer before a service is given up: a large scene, or a report, takes a minute."""
 IDLE_S = 2.0
 """Seconds for which an idle connection is kept: less than services keep it."""
+OPEN_S, CLOSE_S = 10.0, 1.0
+"""For a service to take a WebSocket, and to let it go."""
+NORMAL, NO_CODE, SERVICE_LOST = 1000, 1005, 1014
+"""Close codes (RFC 6455, 7.4.1): normal; without a code; the gateway's service is down."""
 
 
 class Upstreams:
@@ -56,7 +63,6 @@ class Upstreams:
     async def around(
         cls, app: ASGIApp, urls: Mapping[ServiceName, str], origins: OriginPolicy, processes: int = 1
     ) -> AsyncIterator[ASGIApp]:
-        """Wrap an application, as a context manager."""
         made = cls(app, urls, origins, processes)
         try:
             yield made
@@ -81,17 +87,13 @@ class Upstreams:
 
 
 class _Service:
-    """One service."""
-
     def __init__(self, name: ServiceName, url: str, processes: int) -> None:
         self._title = TITLES[name]
         self._url = httpx.URL(url)
         most = math.ceil(MOST / processes)
         self._running = ConcurrencyLimit(most, min(most, quota(MOST_PER_ADDRESS, processes)))
         self._transport = httpx.AsyncHTTPTransport(limits=httpx.Limits(max_connections=most, keepalive_expiry=IDLE_S))
-
-    async def close(self) -> None:
-        await self._transport.aclose()
+        self.close = self._transport.aclose
 
     async def answer(self, scope: Scope, prefix: bytes, receive: Receive, send: Send) -> None:
         """Pass a request on. Raises Overloaded, ServiceAway and ServiceSilent before the answer has begun."""
@@ -100,9 +102,13 @@ class _Service:
         with self._running.one_more(client, busy):
             if scope["type"] == "websocket":
                 with self._explained():
-                    await relay((self._url.host, self._url.port or 80), scope, receive, send)
+                    await _relay(self._url, scope, receive, send)
             elif (answer := await self._ask(scope, receive)) is not None:
-                await hand_back(answer, _located(headers_of(answer), prefix), receive, send)
+                # `Location` as the client knows it
+                headers = [
+                    (name, prefix + value if name == b"location" else value) for name, value in headers_of(answer)
+                ]
+                await hand_back(answer, headers, receive, send)
 
     async def _ask(self, scope: Scope, receive: Receive) -> httpx.Response | None:
         """Return the answer, or None if the client leaves before it."""
@@ -140,6 +146,67 @@ async def _parts(request: Request, sent: asyncio.Event) -> AsyncIterator[bytes]:
     sent.set()
 
 
-def _located(headers: list[tuple[bytes, bytes]], prefix: bytes) -> list[tuple[bytes, bytes]]:
-    """Return the headers of an answer, with `Location` as the client knows it."""
-    return [(name, prefix + value if name == b"location" else value) for name, value in headers]
+async def _relay(url: httpx.URL, scope: Scope, receive: Receive, send: Send) -> None:
+    """Relay a WebSocket's messages until one side closes it, and close the other. A refusal is relayed unchanged.
+
+    Raises OSError if the service does not answer.
+    """
+    headers, query = Headers(scope=scope), scope["query_string"]
+    target = (scope["raw_path"] + (b"?" + query if query else b"")).decode("ascii")
+    about = [(name, value) for name, value in headers.items() if name.startswith("sec-fetch-")]
+    about += [(name.decode(), value.decode()) for name, value in forwarded(scope)]
+    origin = headers.get("origin")
+    try:
+        service = await connect(
+            f"ws://{headers['host']}{target}",  # as the browser called it, at its own address
+            host=url.host,
+            port=url.port or 80,
+            origin=None if origin is None else Origin(origin),
+            additional_headers=about,
+            compression=None,
+            proxy=None,
+            open_timeout=OPEN_S,
+            close_timeout=CLOSE_S,
+        )
+    except InvalidStatus as refused:
+        answer = refused.response
+        kept = {name: value for name, value in answer.headers.raw_items() if name.lower().encode() not in HOP_BY_HOP}
+        kept.pop("date", None)
+        await Response(bytes(answer.body), answer.status_code, kept)(scope, receive, send)
+    except WebSocketException as error:
+        raise ConnectionError(str(error)) from None
+    else:
+        async with service:
+            await _carry(WebSocket(scope, receive, send), service)
+
+
+async def _carry(socket: WebSocket, service: ClientConnection) -> None:
+    with suppress(RuntimeError, WebSocketDisconnect):  # the client has just left
+        await socket.accept()
+        directions = [asyncio.create_task(_up(socket, service)), asyncio.create_task(_down(socket, service))]
+        try:
+            await asyncio.wait(directions, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in directions:
+                task.cancel()
+            await asyncio.gather(*directions, return_exceptions=True)
+        if socket.client_state is WebSocketState.CONNECTED:
+            end = service.protocol.close_rcvd
+            if end is None:
+                await socket.close(SERVICE_LOST, "The service does not answer any more.")
+            else:
+                await socket.close(NORMAL if end.code == NO_CODE else end.code, end.reason)
+
+
+async def _up(socket: WebSocket, service: ClientConnection) -> None:
+    while (message := await socket.receive())["type"] == "websocket.receive":
+        text = message.get("text")
+        await service.send(message["bytes"] if text is None else text)
+
+
+async def _down(socket: WebSocket, service: ClientConnection) -> None:
+    async for message in service:
+        if isinstance(message, str):
+            await socket.send_text(message)
+        else:
+            await socket.send_bytes(message)

@@ -13,9 +13,8 @@ from aioquic.h3.connection import ErrorCode
 from aioquic.h3.events import Headers
 from starlette.types import ASGIApp, Message, Scope
 
-from tigas_common.peers import ARRIVED
 from tigas_common.proxy import HOP_BY_HOP
-from tigas_common.web import error_response, problem_response
+from tigas_common.web import ARRIVED, error_response, problem_response
 from tigas_common.wire.render import Problem
 from tigas_render.transport.outlet import Outlet, StreamClosed
 

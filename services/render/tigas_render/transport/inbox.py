@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Collection
 from typing import NamedTuple
 
-from tigas_common.peers import client_network
+from tigas_common.address import client_network
 from tigas_render.fair_queue import Turns
 from tigas_render.transport.udp import Address
 

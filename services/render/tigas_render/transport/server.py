@@ -16,14 +16,16 @@ from aioquic.quic.configuration import SMALLEST_MAX_DATAGRAM_SIZE, QuicConfigura
 from aioquic.quic.packet import QuicHeader, QuicPacketType, encode_quic_version_negotiation, pull_quic_header
 from starlette.types import ASGIApp
 
-from tigas_common.certificate import Certificate
+from tigas_common.address import client_network
 from tigas_common.origins import OriginPolicy
-from tigas_common.peers import client_network
+from tigas_common.wire.render import CongestionControl
 from tigas_render.admission.connections import ConnectionAdmission, Usage
 from tigas_render.admission.limits import Limits
 from tigas_render.admission.load import Load
-from tigas_render.transport.aioquic_ext.congestion import LIMITED_RENO
+from tigas_render.transport.aioquic_ext.congestion import RENO
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
+from tigas_render.transport.aioquic_ext.westwood import WESTWOOD
+from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.connection import Connection, Connections
 from tigas_render.transport.frames import SessionFactory
 from tigas_render.transport.inbox import Inbox, Received
@@ -55,6 +57,7 @@ class Http3Server:
         port: int = 0,
         webtransport: Mapping[str, SessionFactory] | None = None,
         limits: Limits | None = None,
+        congestion_control: CongestionControl = "westwood",
         reset_key: bytes | None = None,
         origins: OriginPolicy | None = None,
         share: Share | None = None,
@@ -69,6 +72,7 @@ class Http3Server:
         self._share = share or Share()
         self._limits = limits or Limits()
         self._load = load or Load()
+        self._congestion_control = {"reno": RENO, "westwood": WESTWOOD}[congestion_control]
         self._service = Service(app, dict(webtransport or {}), self._limits, self._load, origins or OriginPolicy())
         self._configuration = self._configure(certificate)
         self._retries = Retries(self._share.retry_key)
@@ -145,7 +149,7 @@ class Http3Server:
             alpn_protocols=H3_ALPN,
             certificate=certificate.x509,
             private_key=certificate.private_key,
-            congestion_control_algorithm=LIMITED_RENO,
+            congestion_control_algorithm=self._congestion_control,
             connection_id_length=CID_LENGTH,
             idle_timeout=self._limits.idle_timeout,
             max_datagram_size=MAX_DATAGRAM_SIZE,

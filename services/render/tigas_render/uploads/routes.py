@@ -10,8 +10,8 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from tigas_common.address import client_network
 from tigas_common.errors import InvalidRequest
-from tigas_common.peers import client_network
 from tigas_render.scenes.directory import scene_id
 from tigas_render.scenes.library_operations import check_free
 from tigas_render.uploads.parts import open_uploads

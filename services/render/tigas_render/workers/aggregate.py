@@ -16,14 +16,13 @@ from pydantic import TypeAdapter
 from starlette.requests import Request
 from starlette.types import Receive, Scope, Send
 
-from tigas_common.aggregate import merged_scene, merged_scenes
 from tigas_common.errors import Overloaded, TigasError
 from tigas_common.origins import OriginPolicy
 from tigas_common.parsing import MAX_BODY
+from tigas_common.placement import merged_scene, merged_scenes
 from tigas_common.proxy import ask, hand_back, headers_of, refuse, unless
 from tigas_common.web import read_body
-from tigas_common.wire.cluster import HostLoad
-from tigas_common.wire.render import SceneInfo, Training
+from tigas_common.wire.render import HostLoad, SceneInfo, Training
 from tigas_render.pipe.engines import Engines
 from tigas_render.pipe.remote_engine import RemoteEngine
 

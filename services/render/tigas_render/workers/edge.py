@@ -14,15 +14,15 @@ from pydantic import TypeAdapter
 from starlette.routing import Match
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from tigas_common.certificate import Certificate
-from tigas_common.memory import keep_together
 from tigas_common.origins import OriginCheck, OriginPolicy
+from tigas_common.resources import keep_together
 from tigas_render.admission.load import Load, LoadState
 from tigas_render.admission.viewers import ViewerAdmission
 from tigas_render.pipe.client import PipeClient
 from tigas_render.pipe.engines import Engines
 from tigas_render.server.frame_route import PATH, HttpFrames, frames_app
 from tigas_render.server.public_servers import public_servers
+from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.shared_port import Edge, Relay, Share, TicketStore
 from tigas_render.uploads.parts_route import PART, uploads_app
 from tigas_render.workers.aggregate import Aggregate, EngineProxy

@@ -6,12 +6,12 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, suppress
 
-from tigas_common.certificate import Certificate
 from tigas_common.loop_share import LoopShare
 from tigas_common.runner import serve_unix
 from tigas_render.pipe.server import PipeServer, serve_edges
 from tigas_render.server.app import create_app
 from tigas_render.server.main import announcement, opened, until_stopped_or_lost
+from tigas_render.transport.certificate import Certificate
 from tigas_render.workers.control import (
     Channel,
     EngineStart,

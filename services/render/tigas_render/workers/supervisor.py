@@ -9,14 +9,13 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from tigas_common.certificate import Certificate
-from tigas_common.memory import keep_together
+from tigas_common.resources import keep_together
 from tigas_common.runner import until_stopped
-from tigas_render.cache import kept_key
-from tigas_render.locked_directory import locked_directory
+from tigas_render.local_files import kept_key, locked_directory
 from tigas_render.server.certificates import CertificateKeeper
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.settings import RenderSettings
+from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.shared_port import TicketStore
 from tigas_render.transport.stateless import RETRY_KEY_LENGTH
 from tigas_render.workers.control import (

@@ -11,9 +11,7 @@ from contextlib import asynccontextmanager
 from typing import ClassVar
 
 from tigas_common.wire.shaper import Backend, LinkSetting
-from tigas_shaper.link.channel import Channel, CommandError, attempt, run
-from tigas_shaper.link.interfaces import Interface
-from tigas_shaper.link.marking import EVERYTHING, MARKED
+from tigas_shaper.link.commands import EVERYTHING, MARKED, Channel, CommandError, Interface, attempt, run
 from tigas_shaper.link.relay import RelayState
 
 _PROBE = Interface("tigas-probe")

@@ -16,10 +16,8 @@ from pathlib import Path
 from typing import Literal
 
 from tigas_common.errors import StartError
-from tigas_shaper.link.channel import Channel, CommandError, attempt
-from tigas_shaper.link.interfaces import Interface
+from tigas_shaper.link.commands import MARK, Channel, CommandError, Interface, attempt
 from tigas_shaper.link.link import DOWN_DEVICE, UP_DEVICE
-from tigas_shaper.link.marking import MARK
 
 TABLE = "tigas_shaper"
 IP_FORWARD = Path("/proc/sys/net/ipv4/ip_forward")

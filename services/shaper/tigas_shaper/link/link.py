@@ -1,19 +1,50 @@
-"""The shaped link: two directions, each held to a rate, a queue, a delay, jitter and loss."""
+"""The shaped link: two directions, each held to a rate, a queue, a delay, jitter and loss. In each direction:
+
+    forwarded packets, marked by nftables
+      → clsact egress of the interface towards their receiver: redirected to the rate device
+      → HTB on the rate device, with a leaf queue counted in bytes
+      → delay, jitter and loss (delay.py)
+      → the interface, and out
+
+Only marked packets take this path: packets of the gateway itself, such as answers of its API, are not shaped. The leaf
+is a token bucket far faster than the link. It queues bytes in first-in-first-out order like bfifo, and also splits
+segmentation-offload super-packets (up to 64 kB, one unit to a queue) into packets on arrival, so that offloads may stay
+enabled on senders out of our reach.
+"""
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable
-from contextlib import AsyncExitStack, asynccontextmanager
+import json
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
+from dataclasses import dataclass
+from typing import Any
 
+from tigas_common.errors import TigasError
 from tigas_common.wire.shaper import Backend, LinkSetting
-from tigas_shaper.errors import LinkClosed
-from tigas_shaper.link.channel import Channel, CommandError
-from tigas_shaper.link.direction import Counters, Direction
-from tigas_shaper.link.interfaces import Interface
+from tigas_shaper.link.commands import MARKED, Channel, CommandError, Interface, attempt
+from tigas_shaper.link.delay import STAGES, DelayStage
 
 DOWN_DEVICE = Interface("tigas-down")
 UP_DEVICE = Interface("tigas-up")
 TC = ("tc", "-force", "-s", "-j", "-batch", "-")
+FLOOR_KBPS = 50.0
+"""The minimum rate. HTB waits out a packet's time before it sends the next, even after the rate has risen: a quarter of
+a second at this rate. In an outage, HTB keeps its rate and the leaf is slowed to this one instead, since a token bucket
+loses its debt when it is changed: traffic resumes at once. The delay stage stops any remaining trickle.
+"""
+FULL_PACKET = 1514
+"""Bytes of a full Ethernet packet, as tc counts it."""
+MIN_QUEUE = 8 * FULL_PACKET
+"""A queue never holds less, in bytes: a slow link must still take a burst of a few packets."""
+LEAF_KBPS = 1e7
+LEAF_BURST = 2 * FULL_PACKET
+
+
+class LinkClosed(TigasError):
+    """The link could not be shaped, so no packet crosses it until the shaper is restarted."""
+
+    status, type, title = 503, "link-closed", "The link is closed"
 
 
 class ShapedLink:
@@ -59,13 +90,13 @@ class ShapedLink:
     def apply(self, state: LinkSetting, mean_kbps: tuple[float, float] | None = None) -> None:
         """Change the link, now; `mean_kbps`, down and up, sizes its queues. Raises LinkClosed."""
         mean_down, mean_up = mean_kbps or (None, None)
-        with _Closing(self):
+        with self._closing():
             self._down.shape(state, state.down_kbps, mean_down)
             self._up.shape(state, state.up_kbps, mean_up)
 
     async def counters(self) -> tuple[Counters, Counters]:
         """Counters of both directions, down first. Reports errors since the last call: raises LinkClosed."""
-        with _Closing(self):
+        with self._closing():
             return await self._down.counters(), await self._up.counters()
 
     def close(self, reason: str) -> None:
@@ -74,19 +105,115 @@ class ShapedLink:
             self.closed = reason
             self._on_close()
 
-
-class _Closing:
-    """Closes the link on a CommandError, and refuses to use a closed one."""
-
-    def __init__(self, link: ShapedLink) -> None:
-        self._link = link
-
-    def __enter__(self) -> None:
-        if self._link.closed is not None:
-            raise LinkClosed(self._link.closed)
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
-        if isinstance(error, CommandError):
+    @contextmanager
+    def _closing(self) -> Iterator[None]:
+        """Close the link on a CommandError. Raises LinkClosed, also if it is closed already."""
+        if self.closed is not None:
+            raise LinkClosed(self.closed)
+        try:
+            yield
+        except CommandError as error:
             reason = f"Shaping failed, so that nothing passes until the shaper is started again: {error}"
-            self._link.close(reason)
+            self.close(reason)
             raise LinkClosed(reason) from None
+
+
+@dataclass(frozen=True, slots=True)
+class Counters:
+    """tc's counters for one direction. Bytes are those of whole Ethernet frames."""
+
+    sent_bytes: int
+    dropped_packets: int
+    """Lost because the queue was full."""
+    queue_bytes: int
+
+
+class Direction:
+    """Present settings of one direction; only changes are sent to tc. All methods raise CommandError."""
+
+    def __init__(
+        self, tc: Channel, device: Interface, interface: Interface, stage: DelayStage, *, queue_ms: float
+    ) -> None:
+        self._tc = tc
+        self._device = device
+        self._interface = interface
+        self._number = interface.number
+        self._stage = stage
+        self._queue_ms = queue_ms
+        self._limit = MIN_QUEUE
+        self._rate: float | None = None
+        self._blocked = False
+        self._delay: tuple[float, float, float, bool] | None = None
+
+    @classmethod
+    @asynccontextmanager
+    async def open(
+        cls, tc: Channel, device: Interface, interface: Interface, *, backend: Backend, queue_ms: float
+    ) -> AsyncIterator[Direction]:
+        """Shape an interface's outgoing packets through a new rate device, as a context manager."""
+        async with STAGES[backend].open(tc, device, interface) as stage:
+            try:
+                tc.write(
+                    f"qdisc add dev {device} root handle 1: htb default 1",
+                    rate_line("add", device, FLOOR_KBPS),
+                    queue_line("add", device, MIN_QUEUE, LEAF_KBPS),
+                    f"qdisc add dev {interface} clsact",
+                    f"filter add dev {interface} egress protocol ip prio 1 {MARKED} "
+                    f"action mirred egress redirect dev {device}",
+                )
+                await tc.ask(f"qdisc show dev {device}", "[")
+                yield cls(tc, device, interface, stage, queue_ms=queue_ms)
+            finally:
+                await attempt("tc", "qdisc", "del", "dev", interface, "clsact")
+
+    def shape(self, state: LinkSetting, rate_kbps: float, mean_kbps: float | None) -> None:
+        """Apply a rate, and the state's delay, jitter and loss; the queue is sized for a mean rate if given."""
+        lines = []
+        blocked = rate_kbps == 0
+        if not blocked and rate_kbps != self._rate:
+            lines.append(rate_line("change", self._device, rate_kbps))
+            self._rate = rate_kbps
+        limit = self._limit if mean_kbps is None else queue_bytes(mean_kbps, self._queue_ms)
+        if (limit, blocked) != (self._limit, self._blocked):
+            lines.append(queue_line("change", self._device, limit, FLOOR_KBPS if blocked else LEAF_KBPS))
+            self._limit, self._blocked = limit, blocked
+        delay = (state.delay_ms, state.jitter_ms, state.loss_pct, blocked)
+        if delay != self._delay:
+            self._stage.set(state, blocked=blocked)
+            self._delay = delay
+        self._tc.write(*lines)
+
+    async def counters(self) -> Counters:
+        """tc's counters; also reports errors since the last call."""
+        if self._interface.number != self._number:
+            raise CommandError(f"the interface {self._interface} has disappeared.")
+        self._stage.check()
+        answer: list[dict[str, Any]] = json.loads(await self._tc.ask(f"qdisc show dev {self._device}", "["))
+        root = next((entry for entry in answer if entry.get("root") and entry["kind"] == "htb"), None)
+        if root is None:
+            raise CommandError(f"another program has removed the shaping of {self._device}.")
+        return Counters(root["bytes"], root["drops"], root["backlog"])
+
+
+def queue_bytes(rate_kbps: float, queue_ms: float) -> int:
+    """The length of a queue that takes `queue_ms` to drain at a rate."""
+    return max(MIN_QUEUE, round(rate_kbps * queue_ms / 8))
+
+
+def rate_line(verb: str, device: Interface, rate_kbps: float) -> str:
+    """Add the rate device's class, or change its rate; queued packets stay."""
+    rate = max(rate_kbps, FLOOR_KBPS)
+    # A timer that fires a little late may catch up; at most a millisecond of the rate goes at once.
+    burst = max(2 * FULL_PACKET, round(rate / 8))
+    return (
+        f"class {verb} dev {device} parent 1: classid 1:1 htb "
+        f"rate {round(rate * 1000)}bit burst {burst}b cburst {burst}b quantum {2 * FULL_PACKET}"
+    )
+
+
+def queue_line(verb: str, device: Interface, limit_bytes: int, rate_kbps: float) -> str:
+    """Add the queue, or change its length and how fast packets leave it."""
+    return (
+        f"qdisc {verb} dev {device} parent 1:1 handle 10: "
+        f"tbf rate {round(rate_kbps)}kbit burst {LEAF_BURST}b limit {limit_bytes}b"
+    )

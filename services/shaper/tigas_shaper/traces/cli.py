@@ -13,14 +13,14 @@ from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import TigasError
 from tigas_common.terminal import make_console
 from tigas_common.wire.shaper import MAX_RATE_KBPS
-from tigas_shaper.traces.combine import combine
 from tigas_shaper.traces.formats import FORMATS, load_trace
 from tigas_shaper.traces.text import DEFAULT_UP_KBPS
-from tigas_shaper.traces.trace import NetworkTrace
+from tigas_shaper.traces.trace import PERCENTILES, NetworkTrace, rate_percentiles
 
 if TYPE_CHECKING:
-    from tigas_shaper.traces.sources import Source
+    from tigas_shaper.traces.fetch import Source
 
+DOWN, UP, OUTAGE = "#1f6f8b", "#d1813b", "#c0392b"
 FETCHED = Path("traces/fetched")
 """Directory of downloaded traces, with a folder for each set."""
 
@@ -53,7 +53,7 @@ class Import(_RecordingCommand):
         with in_a_sentence(TigasError, OSError):
             loaded = _load(self.recording, self.up_kbps, self.format)
             if self.up:
-                loaded = combine(loaded, _load(self.up, self.up_kbps, self.format))
+                loaded = loaded.with_uplink(_load(self.up, self.up_kbps, self.format))
             if self.loss_pct is not None:
                 loaded = loaded.with_loss(self.loss_pct)
             target = self.csv or Path(f"{loaded.name}.csv")
@@ -70,15 +70,20 @@ class Import(_RecordingCommand):
 class Info(_RecordingCommand):
     """Print a trace's duration, rates and outages."""
 
+    plot: Path | None = None
+    """Plot to draw as well: .png, .svg or .pdf."""
+
     def run(self) -> None:
-        """Print two tables."""
+        """Print two tables, and draw the plot."""
         from rich.table import Table
 
-        from tigas_shaper.traces.summary import PERCENTILES, outages, rate_percentiles
-
         with in_a_sentence(TigasError, OSError):
+            if self.plot and self.plot.suffix.lower() not in (".png", ".svg", ".pdf"):
+                raise TigasError(f"{self.plot}: the file name must end in .png, .svg or .pdf.")
             loaded = _load(self.recording)
-        gaps = outages(loaded)
+            if self.plot:
+                _plot(loaded, self.plot)
+        gaps = loaded.outages
         facts = Table(show_header=False, box=None)
         facts.add_row("name", loaded.name)
         facts.add_row("duration", f"{loaded.duration_ms / 1000:g} s in {len(loaded.times_ms):,} steps")
@@ -111,39 +116,6 @@ class Info(_RecordingCommand):
         console.print(rates)
 
 
-class Plot(_RecordingCommand):
-    """Plot a trace."""
-
-    picture: Annotated[Path, POSITIONAL]
-    """Output image: .png, .svg or .pdf."""
-
-    def run(self) -> None:
-        """Draw the image."""
-        from tigas_shaper.traces.plot import plot_trace
-
-        with in_a_sentence(TigasError, OSError):
-            if self.picture.suffix.lower() not in (".png", ".svg", ".pdf"):
-                raise TigasError(f"{self.picture}: the file name must end in .png, .svg or .pdf.")
-            loaded = _load(self.recording)
-            plot_trace(loaded, self.picture)
-        print(self.picture)
-
-
-class Generate(Command):
-    """Write TIGAS's own traces, as kept in traces/network."""
-
-    directory: Annotated[Path, POSITIONAL]
-    """Output directory; existing traces are replaced."""
-
-    def run(self) -> None:
-        """Write the traces and print their paths."""
-        from tigas_shaper.traces.own_traces import write_own_traces
-
-        with in_a_sentence(TigasError, OSError):
-            for path in write_own_traces(self.directory):
-                print(path)
-
-
 class Fetch(Command):
     """Download a published set of traces; an interrupted download resumes where it stopped."""
 
@@ -152,7 +124,7 @@ class Fetch(Command):
 
     def run(self) -> None:
         """Download the set, or list all sets."""
-        from tigas_shaper.traces.sources import load_sources
+        from tigas_shaper.traces.fetch import load_sources
 
         with in_a_sentence(TigasError, OSError):
             known = load_sources()
@@ -169,8 +141,8 @@ class Fetch(Command):
 
 
 trace = Group(
-    "Inspect, convert, fetch and generate network traces.",
-    {"import": Import, "info": Info, "plot": Plot, "generate": Generate, "fetch": Fetch},
+    "Inspect, convert and fetch network traces.",
+    {"import": Import, "info": Info, "fetch": Fetch},
 )
 
 
@@ -178,8 +150,7 @@ def _fetch_files(source: Source, directory: Path) -> Iterator[Path]:
     import httpx
     from rich.progress import BarColumn, DownloadColumn, Progress, TaskID, TextColumn
 
-    from tigas_shaper.traces.download import download
-    from tigas_shaper.traces.unpack import unpack
+    from tigas_shaper.traces.fetch import download, unpack
 
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn())
     with httpx.Client(timeout=30) as client, Progress(*columns) as bars:
@@ -211,3 +182,51 @@ def _rate(kbps: float) -> str:
 def _span(values: list[float], unit: str) -> str:
     low, high = min(values), max(values)
     return f"{low:g} {unit}" if low == high else f"{low:g} to {high:g} {unit}"
+
+
+def _plot(trace: NetworkTrace, path: Path) -> None:
+    """Draw rates over time, outages, and delay and loss below where there are any. Raises OSError."""
+    from matplotlib.figure import Figure
+
+    edges = [time / 1000 for time in (*trace.times_ms, trace.duration_ms)]
+    small = _small_panels(trace)
+    figure = Figure(figsize=(10, 3.2 + 1.1 * len(small)), layout="constrained")
+    heights = [3.0, *(1.0 for _ in small)]
+    axes = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+
+    rates, mean = axes[0], trace.mean_down_kbps / 1000
+    down = [rate / 1000 for rate in trace.down_kbps]
+    rates.stairs(down, edges, baseline=0, fill=True, color=DOWN, alpha=0.2)
+    rates.stairs(down, edges, baseline=None, color=DOWN, linewidth=1, label="down")
+    up = [rate / 1000 for rate in trace.up_kbps]
+    rates.stairs(up, edges, baseline=None, color=UP, linewidth=1, label="up")
+    rates.axhline(mean, color=DOWN, linestyle="--", linewidth=0.9, label=f"mean down {mean:.3g}")
+    for index, (start, length) in enumerate(trace.outages):
+        label = "" if index else "outage"
+        rates.axvspan(start / 1000, (start + length) / 1000, color=OUTAGE, alpha=0.25, linewidth=0, label=label)
+    rates.set(title=trace.name, ylabel="Mbit/s", xlim=(0, edges[-1]))
+    for axis, (unit, series) in zip(axes[1:], small, strict=True):
+        for label, values in series.items():
+            axis.stairs(values, edges, baseline=None, label=label)
+        axis.set_ylabel(unit)
+    for axis in axes:
+        axis.set_ylim(bottom=0)
+        axis.grid(alpha=0.25)
+        axis.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False)
+    axes[-1].set_xlabel("s")
+    figure.savefig(path, dpi=130)
+
+
+def _small_panels(trace: NetworkTrace) -> list[tuple[str, dict[str, list[float]]]]:
+    """Unit and series of each panel under the rates, without those that are constantly 0."""
+    panels = [
+        (
+            "ms, one way",
+            {
+                "delay": [state.delay_ms for state in trace.states],
+                "jitter": [state.jitter_ms for state in trace.states],
+            },
+        ),
+        ("per cent", {"loss": [state.loss_pct for state in trace.states]}),
+    ]
+    return [panel for panel in panels if any(any(values) for values in panel[1].values())]

@@ -7,12 +7,10 @@ without it the last state is as long as the previous one.
 
 from __future__ import annotations
 
-import csv
 import re
 
-from tigas_shaper.traces.builder import TraceBuilder
-from tigas_shaper.traces.text import DEFAULT_UP_KBPS, lines, number, quoted
-from tigas_shaper.traces.trace import NetworkTrace, TraceError
+from tigas_shaper.traces.text import DEFAULT_UP_KBPS, cells, lines, number, quoted
+from tigas_shaper.traces.trace import NetworkTrace, TraceBuilder, TraceError
 
 VALUES = {"down_kbps": 0.0, "up_kbps": DEFAULT_UP_KBPS, "delay_ms": 0.0, "jitter_ms": 0.0, "loss_pct": 0.0}
 """The columns after `t_ms` and their defaults."""
@@ -25,17 +23,17 @@ def parse_csv(name: str, text: str, up_kbps: float = DEFAULT_UP_KBPS) -> Network
     """A trace in our format; `up_kbps` is the default uplink. Raises TraceError."""
     rows = lines(text)
     first, header = next(rows)
-    columns = _cells(header)
+    columns = cells(first, header)
     _check_header(first, columns)
     values = {**VALUES, "up_kbps": up_kbps}
     builder = TraceBuilder(name)
     start, lasts, pending = -1, ONLY_STEP_MS, 0  # `pending` is the line with an open end
     changed = True
     for line, content in rows:
-        cells = _cells(content)
-        if len(cells) != len(columns):
-            raise TraceError(f"Line {line}: {len(columns)} cells are expected, not {len(cells)}.")
-        row = dict(zip(columns, cells, strict=True))
+        found = cells(line, content)
+        if len(found) != len(columns):
+            raise TraceError(f"Line {line}: {len(columns)} cells are expected, not {len(found)}.")
+        row = dict(zip(columns, found, strict=True))
         time = _time(row.pop("t_ms"), line, start)
         if pending:
             lasts = time - start
@@ -60,11 +58,10 @@ def format_csv(trace: NetworkTrace) -> str:
     out = [",".join(("t_ms", *VALUES))]
     before: tuple[str, ...] = ("",) * len(VALUES)
     for time, state in zip(trace.times_ms, trace.states, strict=True):
-        cells = tuple(_text(getattr(state, column)) for column in VALUES)
-        out.append(
-            ",".join((str(time), *("" if cell == last else cell for cell, last in zip(cells, before, strict=True))))
-        )
-        before = cells
+        row = tuple(_text(getattr(state, column)) for column in VALUES)
+        changes = ("" if cell == last else cell for cell, last in zip(row, before, strict=True))
+        out.append(",".join((str(time), *changes)))
+        before = row
     out.append(f"{trace.duration_ms}{',' * len(VALUES)}")
     return "\n".join(out) + "\n"
 
@@ -78,13 +75,6 @@ def _check_header(line: int, columns: list[str]) -> None:
             raise TraceError(f"Line {line}: {quoted(column)} is not a column of a trace: t_ms, {', '.join(VALUES)}.")
         if columns.count(column) > 1:
             raise TraceError(f"Line {line}: the header has {column} twice.")
-
-
-def _cells(content: str) -> list[str]:
-    try:
-        return [cell.strip() for cell in next(csv.reader([content], strict=True))]
-    except csv.Error:
-        return [content]  # a stray quote: the wrong number of cells, or not a number
 
 
 def _time(cell: str, line: int, before: int) -> int:

@@ -7,22 +7,20 @@ from collections.abc import Callable
 from pathlib import Path, PurePath
 
 from tigas_shaper.traces.csv_format import parse_csv
-from tigas_shaper.traces.importers.column import holds_packet_times, parse_mahimahi, parse_plain
-from tigas_shaper.traces.importers.ghent import parse_ghent
+from tigas_shaper.traces.importers import columns
 from tigas_shaper.traces.importers.irish import parse_irish
-from tigas_shaper.traces.importers.pensieve import parse_pensieve
 from tigas_shaper.traces.importers.sabre import parse_sabre
 from tigas_shaper.traces.text import DEFAULT_UP_KBPS, decode, lines, quoted, read_bounded
 from tigas_shaper.traces.trace import NetworkTrace, TraceError
 
 FORMATS: dict[str, Callable[[str, str, float], NetworkTrace]] = {
     "tigas": parse_csv,
-    "ghent-4g": parse_ghent,
+    "ghent-4g": columns.parse_ghent,
     "sabre": parse_sabre,
-    "mahimahi": parse_mahimahi,
-    "pensieve": parse_pensieve,
+    "mahimahi": columns.parse_mahimahi,
+    "pensieve": columns.parse_pensieve,
     "irish-5g": parse_irish,
-    "plain": parse_plain,
+    "plain": columns.parse_plain,
 }
 """Parsers by the name of their format; each takes a trace's name, the text, and the uplink where none is recorded."""
 
@@ -49,15 +47,15 @@ def recognise(text: str) -> str:
     if first == "[":
         return "sabre"
     if "," in first:
-        columns = {cell.strip() for cell in first.split(",")}
-        if "t_ms" in columns:
+        names = {cell.strip() for cell in first.split(",")}
+        if "t_ms" in names:
             return "tigas"
-        if "DL_bitrate" in columns:
+        if "DL_bitrate" in names:
             return "irish-5g"
         raise TraceError(f"Line {line}: a comma-separated trace has t_ms and down_kbps, or DL_bitrate, in its header.")
     words = first.split()
     if len(words) == 1:
-        return "mahimahi" if holds_packet_times(text) else "plain"
+        return "mahimahi" if columns.holds_packet_times(text) else "plain"
     if len(words) == 2:
         return "pensieve"
     if len(words) == 6:

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from tigas_common.errors import TigasError
 from tigas_common.wire.shaper import TracePoints, TraceSummary
-from tigas_shaper.errors import TooManyTraces, UnknownTrace
 from tigas_shaper.traces.formats import load_trace, parse_trace, trace_name
-from tigas_shaper.traces.summary import outages
 from tigas_shaper.traces.trace import NetworkTrace, TraceError
 
 MAX_UPLOADS = 16
 POINTS = 600
 """Maximum number of points in a trace's outline."""
+
+
+class UnknownTrace(TigasError):
+    """No trace has this name."""
+
+    status, type, title = 404, "unknown-trace", "There is no such network trace"
+
+
+class TooManyTraces(TigasError):
+    """As many uploaded traces are kept as may be."""
+
+    status, type, title = 409, "too-many-traces", "There are too many uploaded traces"
 
 
 class TraceLibrary:
@@ -88,32 +99,24 @@ def summary(trace: NetworkTrace, *, uploaded: bool) -> TraceSummary:
         min_down_kbps=min(trace.down_kbps),
         max_down_kbps=max(trace.down_kbps),
         mean_up_kbps=trace.mean_up_kbps,
-        outages=len(outages(trace)),
+        outages=len(trace.outages),
     )
 
 
 def points(trace: NetworkTrace) -> TracePoints:
     """A trace's outline: unchanged if it is short, otherwise means over equal spans."""
-    if len(trace.states) <= POINTS:
-        return TracePoints(
-            name=trace.name,
-            duration_ms=trace.duration_ms,
-            times_ms=trace.times_ms,
-            down_kbps=trace.down_kbps,
-            up_kbps=trace.up_kbps,
-        )
-    span = trace.duration_ms / POINTS
-    down, up = [0.0] * POINTS, [0.0] * POINTS
-    for time, step, state in zip(trace.times_ms, trace.steps_ms, trace.states, strict=True):
-        end = time + step
-        for index in range(int(time / span), min(POINTS, int(end / span) + 1)):
-            overlap = max(0.0, min(end, (index + 1) * span) - max(time, index * span)) / span
-            down[index] += state.down_kbps * overlap
-            up[index] += state.up_kbps * overlap
+    times: Sequence[float] = trace.times_ms
+    down: Sequence[float] = trace.down_kbps
+    up: Sequence[float] = trace.up_kbps
+    if len(times) > POINTS:
+        span = trace.duration_ms / POINTS
+        times, down, up = [index * span for index in range(POINTS)], [0.0] * POINTS, [0.0] * POINTS
+        for time, step, state in zip(trace.times_ms, trace.steps_ms, trace.states, strict=True):
+            end = time + step
+            for index in range(int(time / span), min(POINTS, int(end / span) + 1)):
+                overlap = max(0.0, min(end, (index + 1) * span) - max(time, index * span)) / span
+                down[index] += state.down_kbps * overlap
+                up[index] += state.up_kbps * overlap
     return TracePoints(
-        name=trace.name,
-        duration_ms=trace.duration_ms,
-        times_ms=tuple(index * span for index in range(POINTS)),
-        down_kbps=tuple(down),
-        up_kbps=tuple(up),
+        name=trace.name, duration_ms=trace.duration_ms, times_ms=tuple(times), down_kbps=tuple(down), up_kbps=tuple(up)
     )

@@ -5,6 +5,7 @@ All of it raises TraceError with one sentence that names the line.
 
 from __future__ import annotations
 
+import csv
 import gzip
 import io
 import math
@@ -65,6 +66,14 @@ def lines(text: str) -> Iterator[tuple[int, str]]:
         stripped = content.strip()
         if stripped:
             yield line, stripped
+
+
+def cells(line: int, content: str) -> list[str]:
+    """The cells of a comma-separated line."""
+    try:
+        return [cell.strip() for cell in next(csv.reader([content], strict=True))]
+    except csv.Error:
+        raise TraceError(f"Line {line}: the quotes do not match.") from None
 
 
 def quoted(cell: str) -> str:

@@ -6,7 +6,7 @@ import pytest
 
 from tests.render.transport import simulated
 from tests.render.transport.simulated import Simulation, frames
-from tigas_common.rate_limit import RateLimit
+from tigas_common.limits import RateLimit
 from tigas_render.transport.aioquic_ext.quic import MAX_STREAMS, MIN_STREAMS, RAISE_S, stream_window
 
 

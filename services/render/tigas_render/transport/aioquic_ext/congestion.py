@@ -18,7 +18,7 @@ from aioquic.quic.congestion.reno import RenoCongestionControl
 from aioquic.quic.packet_builder import QuicSentPacket
 from aioquic.quic.recovery import K_MICRO_SECOND, K_SECOND, QuicPacketPacer
 
-LIMITED_RENO = "tigas-reno"
+RENO = "tigas-reno"
 """The controller's name in aioquic's configuration."""
 
 GAIN = 1.25
@@ -55,27 +55,23 @@ class LimitedReno(RenoCongestionControl):
         self.on_packets_sent((packet,))
 
     def on_packet_acked(self, *, now: float, packet: QuicSentPacket) -> None:
-        """Undo the growth for a packet that did not need it."""
-        window = self.congestion_window
-        super().on_packet_acked(now=now, packet=packet)
-        if packet.packet_number > self._full_at:
-            self.congestion_window = min(self.congestion_window, window)
+        self.on_packets_acked((packet,), now)
 
     def on_packets_sent(self, packets: Sequence[QuicSentPacket]) -> None:
-        """Like `on_packet_sent` for each of them: once the window is full, it is full for the following ones."""
+        """Count packets, in the order of their numbers, and remember whether they fill the window."""
         self.bytes_in_flight += sum(packet.sent_bytes for packet in packets)
         if self.bytes_in_flight + self._max_datagram_size > self.congestion_window:
             self._full_at = packets[-1].packet_number
 
     def on_packets_acked(self, packets: Sequence[QuicSentPacket], now: float) -> None:
-        """Like `on_packet_acked` for each of them: those sent with room to spare change only the bytes in flight."""
+        """Grow the window for those of the packets, in the order of their numbers, that were sent while it was full."""
         first_spare = bisect_right(packets, self._full_at, key=attrgetter("packet_number"))
         for packet in packets[:first_spare]:
-            self.on_packet_acked(now=now, packet=packet)
+            super().on_packet_acked(now=now, packet=packet)
         self.bytes_in_flight -= sum(packet.sent_bytes for packet in packets[first_spare:])
 
 
-register_congestion_control(LIMITED_RENO, LimitedReno)
+register_congestion_control(RENO, LimitedReno)
 
 
 class TickPacer(QuicPacketPacer):

@@ -1,0 +1,174 @@
+"""Decisions from the hosts' reports: where a viewer is sent, how many hosts there are, and which ones end. No I/O."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from tigas_cluster.fleet import HostState
+from tigas_cluster.settings import HostRange
+from tigas_common.placement import Candidate, Placement, ranked
+
+COUNTED_S = 2.0
+"""Seconds until a viewer sent to a host appears in the host's own count."""
+MOST_SENT = 1000
+"""Maximum number of assignments remembered until then."""
+LASTING_S = 2.0
+"""Seconds of pressure on most hosts before another is added: a pause of a host is not enough."""
+FILL, ROOMY = 0.85, 0.6
+"""A host is added if hosts would exceed this share of their capacity, and removed if the remaining ones would stay
+below the second share.
+"""
+SETTLED_S = 5.0
+"""Seconds within which viewers sent to a host before it began to drain have arrived."""
+
+
+class Choice:
+    """Sends viewers of a scene to as few hosts as its demand needs, and among those to the one with the fewest."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        """clock: in seconds."""
+        self._clock = clock
+        self._placement = Placement(clock)
+        self._sent: deque[tuple[float, str]] = deque(maxlen=MOST_SENT)
+        """Times of assignments that hosts may not have counted yet, by host."""
+
+    def host(
+        self, scene: str, hosts: Sequence[HostState], *, at: str | None = None, avoid: str | None = None
+    ) -> HostState | None:
+        """The host for a viewer of this scene; None if no host is up.
+
+        at: its present host, which it keeps unless that host is down or draining. avoid: the host that refused it,
+        chosen only if there is no other. If all hosts are full, one of them is returned.
+        """
+        if not hosts:
+            return None
+        staying = [host for host in hosts if not host.draining] or list(hosts)
+        for host in staying:
+            if host.name == at:
+                return host
+        places = self._placement.places(scene, [Candidate(host.name, host.pressed) for host in staying])
+        usable = [host for host in staying if host.name != avoid] or staying
+        taking = [host for host in usable if host.full is None]
+        if not taking:
+            return min(usable, key=lambda host: host.full or 0.0)
+        # Those after its places, if they cannot have it, are the same for every viewer.
+        of_scene = [host for host in taking if host.name in places]
+        order = ranked(scene, tuple(host.name for host in taking))
+        chosen = min(
+            of_scene or [host for host in taking if host.name == order[0]],
+            key=lambda host: (host.viewers + self._expected(host.name), order.index(host.name)),
+        )
+        self._sent.append((self._clock(), chosen.name))
+        return chosen
+
+    def _expected(self, name: str) -> int:
+        """Viewers sent there that may not have been counted yet."""
+        since = self._clock() - COUNTED_S
+        while self._sent and self._sent[0][0] < since:
+            self._sent.popleft()
+        return sum(sent == name for _, sent in self._sent)
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A decision."""
+
+    wanted: int
+    """Number of hosts that take viewers."""
+    draining: frozenset[str]
+    """These take no new viewers."""
+    ending: frozenset[str]
+    """Draining hosts that end now: they have no viewers left, or their time is up."""
+
+
+class Scaler:
+    """State of scaling: the wanted number of hosts, the capacity of one, and the draining ones.
+
+    Up at once: while more than half of the hosts are under pressure, or when there are more viewers than the hosts are
+    known to hold. Down slowly: after a calm period the host with the fewest viewers drains, and ends once they have
+    left.
+    """
+
+    def __init__(self, allowed: HostRange, calm_s: float, grace_s: float, clock: Callable[[], float]) -> None:
+        """calm_s: how long fewer hosts must have been enough before one drains; grace_s: how long its viewers may
+        stay; clock: seconds.
+        """
+        self._allowed = allowed
+        self._calm_s = calm_s
+        self._grace_s = grace_s
+        self._clock = clock
+        self._wanted = allowed.lowest
+        self._draining: dict[str, float] = {}
+        """When each began to."""
+        self._held = 0
+        """The most viewers that one host has had without being full."""
+        self._full_at: int | None = None
+        """Number of viewers of a host when it reported being full."""
+        self._pressed_since: float | None = None
+        self._calm_since: float | None = None
+
+    def plan(self, hosts: Sequence[HostState], starting: int = 0) -> Plan:
+        """The decision from the hosts' reports; `starting` more have not reported yet."""
+        now = self._clock()
+        names = {host.name for host in hosts}
+        self._draining = {name: since for name, since in self._draining.items() if name in names}
+        serving = [host for host in hosts if host.name not in self._draining]
+        self._learn(serving)
+        self._grow(hosts, serving, starting, now)
+        self._shrink(hosts, serving, now)
+        self._fit(serving, starting, now)
+        ending = (host.name for host in hosts if host.name in self._draining and self._is_over(host, now))
+        return Plan(self._wanted, frozenset(self._draining), frozenset(ending))
+
+    def _learn(self, serving: Sequence[HostState]) -> None:
+        """Capacity of one host."""
+        self._held = max((self._held, *(host.viewers for host in serving if host.full is None)))
+        fullest = [host.viewers for host in serving if host.full is not None and host.viewers > 0]
+        if fullest:
+            self._full_at = min(fullest)
+        elif self._full_at is not None:
+            self._full_at = max((self._full_at, *(host.viewers for host in serving)))
+
+    def _grow(self, hosts: Sequence[HostState], serving: Sequence[HostState], starting: int, now: float) -> None:
+        have, pressed = len(serving) + starting, sum(host.pressed for host in serving)
+        if 2 * pressed <= have:
+            self._pressed_since = None
+        elif self._pressed_since is None:
+            self._pressed_since = now
+        needed = have
+        if self._pressed_since is not None and now >= self._pressed_since + LASTING_S:
+            needed = have + math.ceil(pressed / 2)
+        if self._full_at is not None:
+            needed = max(needed, math.ceil(_viewers(hosts) / (FILL * self._full_at)))
+        self._wanted = self._allowed.clamp(max(self._wanted, needed))
+
+    def _shrink(self, hosts: Sequence[HostState], serving: Sequence[HostState], now: float) -> None:
+        holds = self._held if self._full_at is None else self._full_at
+        enough = _viewers(hosts) <= ROOMY * holds * (self._wanted - 1) and not any(host.pressed for host in serving)
+        if not enough or self._wanted == self._allowed.lowest:
+            self._calm_since = None
+        elif self._calm_since is None:
+            self._calm_since = now
+        elif now >= self._calm_since + self._calm_s:
+            self._wanted -= 1
+            self._calm_since = now
+
+    def _fit(self, serving: Sequence[HostState], starting: int, now: float) -> None:
+        """Drain hosts, fewest viewers first, or restore them, most recent first."""
+        excess = len(serving) - self._wanted
+        for host in sorted(serving, key=lambda host: (host.viewers, host.name))[: max(0, excess)]:
+            self._draining[host.name] = now
+        missing = self._wanted - len(serving) - starting
+        for name in sorted(self._draining, key=self._draining.__getitem__, reverse=True)[: max(0, missing)]:
+            del self._draining[name]
+
+    def _is_over(self, host: HostState, now: float) -> bool:
+        drained_s = now - self._draining[host.name]
+        return drained_s >= self._grace_s or (host.viewers == 0 and drained_s >= SETTLED_S)
+
+
+def _viewers(hosts: Sequence[HostState]) -> int:
+    return sum(host.viewers for host in hosts)

@@ -1,0 +1,149 @@
+"""Limits: of HTTP/1.1 servers, on rates and concurrent work of clients, and on slow senders."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Hashable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Generic, Self, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from tigas_common.errors import TigasError
+
+SLACK = 3.25
+"""Standard deviations above the mean that one process may take. Clients fall on processes at random: with the mean
+alone, the fullest process refuses them long before the limit. With this, 64 clients of one address are all admitted at
+6 or 12 processes in more than 99 % of cases, and no distribution admits more than two and a half times as many.
+"""
+
+Client = TypeVar("Client", bound=Hashable)
+
+
+def quota(total: int, processes: int) -> int:
+    """One process' part of a limit that several processes enforce separately."""
+    mean = total / processes
+    return min(total, math.ceil(mean + SLACK * math.sqrt(mean)))
+
+
+class ServiceHttpLimits(BaseModel):
+    """The setting `http_limits` of every service, a table in its table of `tigas.toml`.
+
+    The defaults suit some twenty viewers behind one address.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    connections: int = Field(default=512, ge=1, le=100_000)
+    """Connections at once; further ones are answered 503."""
+    connections_per_address: int = Field(default=128, ge=1, le=100_000)
+    """The same of one IPv4 address, or one /64 of IPv6."""
+    loop_share_per_address: float = Field(default=0.2, gt=0, le=1)
+    """The share of the event loop's time that one address may use in the long run, frames aside."""
+
+
+class HttpLimits(ServiceHttpLimits):
+    """All limits of a server. Those below are no settings; they let an upload through at 50 kbit/s.
+
+    Times are in seconds.
+    """
+
+    header_s: float = 10.0
+    """For a request's headers to be complete, and for TLS to begin and to end."""
+    body_s: float = 30.0
+    """For the next part of a request's body."""
+    body_bytes_per_s: float = 500.0
+    """Lasting rate below which a body is given up although its parts arrive in time."""
+    idle_s: int = 5
+    """For the next request on a connection."""
+    unread_s: float = 30.0
+    """For a client that does not read its responses (on Linux)."""
+
+    @classmethod
+    def of(cls, settings: ServiceHttpLimits) -> Self:
+        """The limits with these settings."""
+        return cls(**settings.model_dump())
+
+    def of_each(self, processes: int) -> Self:
+        """The limits of each of several processes, which count by themselves."""
+        counts = ("connections", "connections_per_address")
+        return self.model_copy(update={name: quota(getattr(self, name), processes) for name in counts})
+
+
+class RateLimit(Generic[Client]):
+    """A token bucket for each client. Full buckets are dropped.
+
+    `rate` is the amount per second in the long run, and `burst_s` the number of seconds' worth that may be used at
+    once.
+    """
+
+    def __init__(self) -> None:
+        self._full_at: dict[Client, float] = {}
+        """The time at which each bucket is full again, the least recently used first."""
+
+    def __len__(self) -> int:
+        return len(self._full_at)
+
+    def delay(self, client: Client, now: float, rate: float, burst_s: float, amount: float = 1.0) -> float:
+        """Return the seconds until a client may use this amount."""
+        return max(0.0, max(now, self._full_at.get(client, now)) + amount / rate - (now + burst_s))
+
+    def use(self, client: Client, now: float, rate: float, amount: float = 1.0) -> None:
+        """Count an amount, allowed or not; a negative one is given back."""
+        full_at = max(now, self._full_at.pop(client, now)) + amount / rate
+        self._full_at[client] = full_at
+        while self._full_at and (first := next(iter(self._full_at.items())))[1] <= now:
+            del self._full_at[first[0]]
+
+    def allows(self, client: Client, now: float, rate: float, burst_s: float) -> bool:
+        """Return whether a client may act once more now, which is then counted."""
+        if self.delay(client, now, rate, burst_s) > 0:
+            return False
+        self.use(client, now, rate)
+        return True
+
+
+class ConcurrencyLimit:
+    """Counts concurrent work, in total and for each client."""
+
+    def __init__(self, most: int, most_per_client: int) -> None:
+        self._most = most
+        self._most_per_client = most_per_client
+        self._running: Counter[str] = Counter()
+
+    @contextmanager
+    def one_more(self, client: str, refusal: TigasError) -> Iterator[None]:
+        """Count one item, as a context manager. Raises `refusal` above the limit."""
+        if self._running.total() >= self._most or self._running[client] >= self._most_per_client:
+            raise refusal
+        self._running[client] += 1
+        try:
+            yield
+        finally:
+            self._running[client] -= 1
+            if not self._running[client]:
+                del self._running[client]
+
+
+@dataclass(slots=True)
+class IdleTimeout:
+    """Expires after `seconds` without progress, or below a sustained rate of `bytes_per_s`.
+
+    A higher rate does not add up: after any amount of data, silence is limited to `seconds`.
+    """
+
+    seconds: float
+    bytes_per_s: float
+    now: float
+    """When it begins, on any clock that counts seconds."""
+    until: float = field(init=False)
+    """When it ends, on the same clock."""
+
+    def __post_init__(self) -> None:
+        self.until = self.now + self.seconds
+
+    def progress(self, size: int, now: float) -> None:
+        """Record received bytes."""
+        self.until = min(now + self.seconds, self.until + size / self.bytes_per_s)

@@ -1,0 +1,272 @@
+"""Configuration of a run: everything needed to repeat it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple, Self, get_args
+
+from pydantic import AfterValidator, Field, model_validator
+
+from tigas_common.wire.dash import RepresentationRequest
+from tigas_common.wire.model import MAX_SIDE, Entries, WireModel
+from tigas_common.wire.shaper import LinkSetting
+from tigas_experiments.wire.movement import TimedPose
+
+PerViewMode = Literal["stateless", "video"]
+"""The page requests each view, as chosen by a controller: as one JPEG, or as one frame of a video."""
+DashMode = Literal["dash-typical", "dash-tuned", "dash-edge"]
+"""DASH as live services ship it, with the lowest latency that dash.js holds, or with that of a bare player."""
+LocalMode = Literal["local-ply", "local-compressed"]
+"""The page downloads the scene and draws it: from a plain PLY, as only earlier records have, or compressed."""
+Mode = Literal[PerViewMode, DashMode, "webrtc", LocalMode]
+PER_VIEW: tuple[Mode, ...] = get_args(PerViewMode)
+DASH: tuple[Mode, ...] = get_args(DashMode)
+LOCAL: tuple[Mode, ...] = get_args(LocalMode)
+USUALLY_COMPARED: tuple[Mode, ...] = ("stateless", *DASH)
+MODE_NAMES: dict[Mode, str] = {
+    "stateless": "Stateless",
+    "video": "Video",
+    "dash-typical": "DASH, typical",
+    "dash-tuned": "DASH, tuned",
+    "dash-edge": "DASH, edge",
+    "webrtc": "WebRTC",
+    "local-ply": "Local, PLY",
+    "local-compressed": "Local, compressed",
+}
+MODES: tuple[Mode, ...] = tuple(mode for mode in MODE_NAMES if mode != "local-ply")
+"""The modes that new runs can have."""
+SOURCES = ("stateless", "video", "dash", "webrtc", "local")
+"""How the page can show a scene; one file each in web/src/sources."""
+SIDE_MODES = (*PER_VIEW, *DASH, "dash-custom", "webrtc", "local")
+"""Choices for a side of the page's comparison: a source, with the preset of a stream."""
+USUAL_SIDES = ("stateless", "dash-tuned")
+FrameRate = Literal[30, 60]
+OFF: Literal["off"] = "off"
+"""In place of a model's name."""
+UNSHAPED = "unshaped"
+USUAL_UP_KBPS = 10_000.0
+"""The uplink of a constant link unless it is given."""
+
+
+class LinkTerm(NamedTuple):
+    """One term of a constant link's label, such as `20mbit`."""
+
+    field: str
+    """Of LinkSetting."""
+    unit: str
+    scale: float
+    """The field's value per unit."""
+    usual: float | None
+    """The field's value at which the label leaves the term out."""
+
+
+LINK_TERMS = (
+    LinkTerm("down_kbps", "mbit", 1000.0, None),
+    LinkTerm("up_kbps", "mbit-up", 1000.0, USUAL_UP_KBPS),
+    LinkTerm("jitter_ms", "ms-jitter", 1.0, 0.0),
+    LinkTerm("loss_pct", "%-loss", 1.0, 0.0),
+    LinkTerm("delay_ms", "ms-rtt", 0.5, 0.0),
+)
+"""The terms of a label, in order; the round trip is two delays."""
+MAX_RTT_MS = 120_000.0
+MAX_OFFSET_S = 86_400.0
+
+
+def _page_name(name: str) -> str:
+    if not re.fullmatch("[a-z0-9][a-z0-9-]{0,23}", name):
+        raise ValueError(f"{name!r} is no name of a model or predictor")
+    return name
+
+
+PageName = Annotated[str, AfterValidator(_page_name)]
+"""A name that the page gives a model or a predictor."""
+ModelName = PageName
+"""Of the page's models; it alone knows which there are."""
+PredictorName = Literal["off", "velocity", "linear"]
+"""The page's predictors of poses."""
+Overscan = Literal["auto"] | Annotated[float, Field(ge=0, le=0.5)]
+"""How much more frames show at each side, as a share of the viewport; `auto`: the page decides."""
+AUTO: Literal["auto"] = "auto"
+
+
+class Network(WireModel):
+    """The network of a run: a constant link, a trace (of the shaper's, or from a file), or none of these."""
+
+    link: LinkSetting | None = None
+    """A constant link."""
+    trace: str | None = Field(default=None, min_length=1, max_length=100)
+    """A trace's name: the shaper's own, or its file's."""
+    trace_file: Path | None = None
+    """The trace's file, as a person named it; without it, the shaper knows the trace by its name."""
+    rtt_ms: float | None = Field(default=None, ge=0, le=MAX_RTT_MS)
+    """Replaces a trace's own delay and jitter. A constant link states its delay itself."""
+    offset_s: float = Field(default=0.0, ge=0, le=MAX_OFFSET_S)
+    """Of a trace: the position that a run begins at."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.link is not None and self.trace is not None:
+            raise ValueError("a network is a constant link or a trace, not both")
+        if self.trace is None and self.trace_file is not None:
+            raise ValueError("a trace's file needs the trace's name")
+        if self.trace is None and self.rtt_ms is not None:
+            raise ValueError("only a trace's round trip can be replaced")
+        if self.trace is None and self.offset_s:
+            raise ValueError("only a trace can begin at another position")
+        return self
+
+    @property
+    def shaped(self) -> bool:
+        """Whether it needs a shaper."""
+        return self.link is not None or self.trace is not None
+
+    @property
+    def round_trip_ms(self) -> float | None:
+        """That it adds, where it is constant and known before the run."""
+        return self.rtt_ms if self.link is None else 2 * self.link.delay_ms
+
+    @property
+    def name(self) -> str:
+        """The label without the round trip: `20mbit,0.1%-loss`, `4g-bus` or `unshaped`."""
+        return _rates(self.link) if self.link is not None else self.trace or UNSHAPED
+
+    @property
+    def label(self) -> str:
+        """The network as `tigas compare --network` reads it: `20mbit,0.1%-loss,20ms-rtt` or `4g-bus,100ms-rtt`."""
+        rtt = self.round_trip_ms
+        return self.name if rtt is None or (rtt == 0 and self.trace is None) else f"{self.name},{rtt:g}ms-rtt"
+
+    def with_rtt(self, rtt_ms: float) -> Network:
+        """The same rates at another round trip. Raises ValueError."""
+        if self.link is not None:
+            return self.model_copy(update={"link": replace(self.link, delay_ms=rtt_ms / 2)})
+        if self.trace is None:
+            raise ValueError("an unshaped network has the round trip that it has")
+        return self.model_copy(update={"rtt_ms": rtt_ms})
+
+
+class Configuration(WireModel):
+    """One run. Two runs with equal configurations get the same inputs."""
+
+    scene: str
+    movement: str
+    """A generated movement's name, or the movement trace's file, as a person named it."""
+    movement_offset_s: float = Field(default=0.0, ge=0, le=MAX_OFFSET_S)
+    """The time of the movement that a run begins at."""
+    network: Network
+    mode: Mode
+    duration_s: float = Field(ge=1, le=7200)
+    width: int = Field(ge=64, le=MAX_SIDE)
+    height: int = Field(ge=64, le=MAX_SIDE)
+    """The viewport, in CSS pixels."""
+    profile: int | str = "budget"
+    """Of the modes `stateless` and `video`: the ladder's rung, or the name of a controller."""
+    dash_frame_rate: FrameRate | None = None
+    """Of the modes with DASH, in frames a second; None: the preset's own."""
+    dash_representation: RepresentationRequest | None = None
+    """For the modes with DASH: the stream's only representation; None: all offered by the packager."""
+    restore: ModelName = OFF
+    """Of the modes `stateless` and `video`: the model that restores frames in the page, or `off`."""
+    upscale: ModelName = OFF
+    """The model that enlarges them afterwards, or `off`."""
+    reprojection: bool = False
+    """Whether the page turns the newest frame to the pose of each animation frame."""
+    prediction: PageName = OFF
+    """Predictor of the requested poses, or `off`; old runs may name a removed predictor."""
+    overscan: Overscan = AUTO
+    """Of reprojection."""
+    depth: bool = True
+    """For reprojection: whether frames include a coarse depth."""
+    surround: bool = True
+    """For reprojection, in the modes `stateless` and `video`: whether small pictures of all directions are
+    requested.
+    """
+    seed: int = Field(default=1, ge=0, le=2**53 - 1)
+    """Of generated movements, and of the controllers' random numbers."""
+    segment: int = Field(default=0, ge=0)
+    """Of an experiment that uses several parts of its traces and movements: which of them."""
+    repeat: int = Field(default=0, ge=0)
+    capture_every_ms: float = Field(default=1000.0, ge=0)
+    """A shown frame is kept so often; 0 keeps none."""
+    sample_stride: int = Field(default=0, ge=0, le=100_000)
+    """For the mode `stateless`: every n-th shown frame is sampled, with its request; 0 samples none."""
+    warm_up_s: float = Field(default=5.0, ge=0, le=600)
+    """How long the viewer stands at the first pose, with frames on the screen, before the movement begins."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if isinstance(self.profile, int) and not 0 <= self.profile <= 255:
+            raise ValueError("the profile is a rung of the ladder, counted from 0, or a controller's name")
+        return self
+
+    @property
+    def streamed(self) -> bool:
+        """Whether it plays a stream of the packager's."""
+        return self.mode == "webrtc" or self.mode.startswith("dash")
+
+    @property
+    def local(self) -> bool:
+        """Whether the page downloads the scene, and draws it itself."""
+        return self.mode in LOCAL
+
+    @property
+    def enhanced(self) -> bool:
+        """Whether the page enhances frames."""
+        return (self.restore, self.upscale) != (OFF, OFF)
+
+    @property
+    def motion(self) -> tuple[str, ...]:
+        """How the page meets movement: any of `reprojection`, `overscan-0.1`, `no-depth`, `no-surround` and
+        `prediction-linear`."""
+        words = ["reprojection"] if self.reprojection else []
+        if self.reprojection and self.overscan != AUTO:
+            words.append(f"overscan-{self.overscan:g}")
+        if self.reprojection and not self.depth:
+            words.append("no-depth")
+        if self.reprojection and not self.surround:
+            words.append("no-surround")
+        return (*words, *((f"prediction-{self.prediction}",) if self.prediction != OFF else ()))
+
+    def asks_for_the_same(self, other: Configuration) -> bool:
+        """Whether the two are equal except for the folders of files."""
+        return self._without_folders() == other._without_folders()
+
+    def _without_folders(self) -> Configuration:
+        network = self.network.model_copy(update={"trace_file": None})
+        return self.model_copy(update={"movement": Path(self.movement).name, "network": network})
+
+    @property
+    def slug(self) -> str:
+        """A name for its folder."""
+        chosen = self.profile if self.mode in PER_VIEW else self.dash_representation
+        mode = self.mode if chosen is None else f"{self.mode}-{chosen}"
+        name, label = self.network.name, self.network.label
+        network = name[:30] + label.removeprefix(name)  # a long name leaves room for the round trip
+        models = (("restore", self.restore), ("upscale", self.upscale))
+        enhanced = (f"{kind}-{name}" for kind, name in models if name != OFF)
+        segment = (f"s{self.segment}",) if self.segment else ()
+        shown = (*enhanced, *self.motion, *segment)
+        parts = (self.scene, Path(self.movement).stem, network, mode, *shown, f"{self.repeat}")
+        return "_".join(re.sub(r"[^A-Za-z0-9.-]+", "-", part).strip(".-")[:40] or "x" for part in parts)
+
+
+class RunPlan(WireModel):
+    """The part of a run that the page plays and records."""
+
+    points: Entries[TimedPose]
+    """The movement, in the order of time."""
+    duration_ms: float
+    capture_every_ms: float
+    """Interval of keeping the screen's picture; 0 keeps none."""
+    sample_stride: int
+    """For the mode `stateless`: every n-th shown frame is sampled; 0 samples none."""
+    download: bool
+    """Whether the recording begins with the mode `local`, and so with the download of the scene."""
+
+
+def _rates(link: LinkSetting) -> str:
+    """All terms but the round trip; usual values are left out."""
+    values = ((term, float(getattr(link, term.field))) for term in LINK_TERMS if term.field != "delay_ms")
+    return ",".join(f"{value / term.scale:g}{term.unit}" for term, value in values if value != term.usual)

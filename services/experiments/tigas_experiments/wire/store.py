@@ -1,0 +1,324 @@
+"""Messages between the store and the page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Field, JsonValue, StringConstraints, model_validator
+
+from tigas_common.wire.model import Entries, WireModel
+from tigas_common.wire.shaper import Backend
+from tigas_experiments.wire.figures import Figures
+from tigas_experiments.wire.movement import Anchor
+from tigas_experiments.wire.recording import LinkSample, Recording, Sample
+from tigas_experiments.wire.run import Configuration, RunPlan
+
+AROUND_MS = 600_000
+"""Maximum distance of records from a run's start and from its movement's end."""
+MOST_KBPS = 1e9
+MOST_BYTES = 10**15
+MOST_SAMPLES = 10_000
+"""Of a run."""
+MOST_FILE_CHARACTERS = 100_000
+"""Of an experiment's file."""
+LATEST_UNIX_MS = 4e12
+"""In the year 2096."""
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("a name is one line of text")
+    return text
+
+
+ExperimentName = Annotated[
+    str, StringConstraints(strip_whitespace=True, min_length=1, max_length=100), AfterValidator(_printable)
+]
+
+
+def _finite(plan: dict[str, JsonValue]) -> dict[str, JsonValue]:
+    try:
+        json.dumps(plan, allow_nan=False)
+    except ValueError:
+        raise ValueError("its numbers must be finite") from None
+    return plan
+
+
+Plan = Annotated[dict[str, JsonValue], AfterValidator(_finite)]
+"""An experiment's file, parsed."""
+PageKey = Annotated[str, Field(pattern="^[A-Za-z0-9-]{1,64}$")]
+"""A page's own name for itself, by chance."""
+
+
+class ExperimentRequest(WireModel):
+    """An experiment's file (docs/experiments.md), and the inputs that only the page has."""
+
+    file: str = Field(max_length=MOST_FILE_CHARACTERS)
+    """TOML or JSON."""
+    movements: dict[str, str] = Field(default_factory=dict)
+    """Movement traces by file name, as CSV."""
+    traces_s: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
+    """Durations of the shaper's traces by name; experiments with segments need them."""
+
+
+class PlanSummary(WireModel):
+    """An expanded experiment file."""
+
+    runs: int
+    lasting: str
+    """Approximate duration for people, such as `6 minutes`."""
+    problem: str | None
+    """Why it cannot be expanded, in one sentence."""
+
+
+class ExperimentCreated(WireModel):
+    """The answer to an ExperimentRequest."""
+
+    id: str
+
+
+class NextRequest(WireModel):
+    """A page asks for a run to perform."""
+
+    page: PageKey
+    begin: bool = False
+    """Whether the page begins, so that failed runs are tried again."""
+    allow_changes: bool = False
+    """Resume even if the commit, ladder or a scene has changed."""
+
+
+class RunJob(WireModel):
+    """A run for the page to perform."""
+
+    run: str
+    """Its folder."""
+    title: str
+    """Its display name, such as `DASH tuned, 20mbit,20ms-rtt, stroll`."""
+    configuration: Configuration
+    settings: dict[str, JsonValue]
+    """Of the viewer, with the seed; settings that are not here have their defaults."""
+    plan: RunPlan
+
+
+class NextRun(WireModel):
+    """The next run of an experiment, or why there is none."""
+
+    job: RunJob | None
+    """Reserved for the page; null if there is none left, or none now."""
+    planned: int
+    missing: int
+    """Number of incomplete runs, including the job."""
+    remaining_s: float
+    """Approximate duration of the missing runs."""
+    wait: bool
+    """Whether to ask again, since other pages perform the other runs."""
+    problem: str | None
+    """Why the experiment has ended before its last run."""
+
+
+class RunUpload(WireModel):
+    """A performed run. Figures can be computed from any valid one."""
+
+    problem: str | None = Field(default=None, min_length=1, max_length=1000)
+    """Why it failed."""
+    recording: Recording | None = None
+    """null only of a failed run."""
+    link: Entries[LinkSample] = ()
+    """The shaper's record of its link; none without one."""
+    backend: Backend | None = None
+    """Implementation of the link's delay; null without a shaper."""
+    sampling_problem: str | None = Field(default=None, min_length=1, max_length=1000)
+    """Why there are fewer samples than were asked for."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        for problem in self._problems():
+            raise ValueError(problem)
+        return self
+
+    def _problems(self) -> Iterator[str]:
+        recording, link = self.recording, self.link
+        if recording is None:
+            if self.problem is None:
+                yield "a run has a recording or a problem"
+            return
+        if not 0 <= recording.started_unix_ms <= LATEST_UNIX_MS:
+            yield "the recording started at no time of this century"
+        if recording.traffic and max(entry.bytes for entry in recording.traffic) > MOST_BYTES:
+            yield "nobody receives so many bytes"
+        if any(later.at < earlier.at or later.drops < earlier.drops for earlier, later in pairwise(link)):
+            yield "the times and the drops of link must not go back"
+        rates = (rate for at in link for rate in (at.target_kbps, at.delivered_kbps, at.up_delivered_kbps))
+        if not all(0 <= rate <= MOST_KBPS for rate in rates):
+            yield f"the rates of link must be 0 to {MOST_KBPS:g} kbit/s"
+        last = recording.duration_ms + AROUND_MS
+        lists = (recording.inputs, recording.frames, recording.replies, recording.requests, recording.traffic, link)
+        for entries in lists:  # in the order of time
+            if entries and not -AROUND_MS <= entries[0].at <= entries[-1].at <= last:
+                yield "something was recorded long before the run or long after it"
+        if recording.ended_ms > last:
+            yield "the recording ended long after the run"
+
+
+def mismatch(configuration: Configuration, recording: Recording) -> str | None:
+    """Why a recording is not of a run, in one sentence; None if it can be."""
+    if recording.scene != configuration.scene:
+        return f"The recording is of the scene {recording.scene!r}, not of {configuration.scene!r}."
+    if recording.mode != configuration.mode.partition("-")[0]:
+        return f"The recording is of the mode {recording.mode}, not of {configuration.mode}."
+    if abs(recording.duration_ms - configuration.duration_s * 1000) > 1:
+        return f"The recording lasts {recording.duration_ms:g} ms, not {configuration.duration_s:g} s."
+    return None
+
+
+class SampleCounts(WireModel):
+    """Summary of a run's samples."""
+
+    samples: int
+    identical: int
+    """Number of frames that were rendered identically, byte for byte."""
+    different: int
+    """Number of differing frames: ground truth may be of another renderer than the frames."""
+    missing: int
+    """Number of incomplete samples."""
+
+
+class SampleIndex(WireModel):
+    """All samples of a run, once their pictures are in the store."""
+
+    samples: Annotated[tuple[Sample, ...], Field(min_length=1, max_length=MOST_SAMPLES, fail_fast=True)]
+
+
+class UploadedFile(WireModel):
+    """A picture of a sample."""
+
+    name: str
+    bytes: int
+
+
+class UploadedSamples(WireModel):
+    """The store's part of a run's samples: a resumed upload sends only the others."""
+
+    complete: bool
+    """Whether their index is stored as well."""
+    files: Entries[UploadedFile]
+
+
+class RunRow(WireModel):
+    """One run of an experiment."""
+
+    folder: str
+    status: Literal["running", "complete", "failed"]
+    """The status of a killed run stays `running`."""
+    problem: str | None
+    """Why there are no figures."""
+    configuration: Configuration
+    figures: Figures | None
+    samples: SampleCounts | None
+    """null of a run without any."""
+    saturated_share: float | None = None
+    """Share of the run's time in which the machine was out of processor time, if large enough to affect latencies; null
+    otherwise, and if unknown.
+    """
+
+
+class ExperimentSummary(WireModel):
+    """One experiment in the list."""
+
+    id: str
+    name: str
+    created: str
+    """ISO 8601, UTC."""
+    source: Literal["command", "page"]
+    planned: int | None = None
+    """How many runs it has when it is complete; null if it does not say."""
+    runs: int
+    """Number of runs made, with any status."""
+    complete: int
+    """Of these."""
+    sampled: int
+    """Of these, runs that have samples."""
+
+
+class ExperimentList(WireModel):
+    """All experiments, the newest first."""
+
+    experiments: Entries[ExperimentSummary]
+
+
+class Experiment(WireModel):
+    """One experiment and its runs."""
+
+    id: str
+    name: str
+    created: str
+    source: Literal["command", "page"]
+    plan: Plan
+    """As given."""
+    complete: int
+    runs: Entries[RunRow]
+
+
+class SampleRow(WireModel):
+    """One sample of a run. Pictures are names of files (`/experiments/{id}/runs/{run}/samples/{name}`), or null."""
+
+    seq: int
+    at: float
+    """When it was on the screen, ms of the run's clock."""
+    rung: int | None
+    bytes: int
+    width: int
+    height: int
+    """Size of the shown picture in pixels."""
+    restore: str
+    upscale: str
+    enhance_ms: float | None
+    original: str | None
+    """The received frame."""
+    enhanced: str | None
+    """The shown picture."""
+    truth: str | None
+    """The same view without loss."""
+    replayed: str | None
+    """A later answer to the same request, if it differs."""
+    identical: bool | None
+    """Whether it got the same; null if that is not known."""
+    problem: str | None
+    """Why something is missing."""
+
+
+class SampleList(WireModel):
+    """The samples of a run, in the order of time."""
+
+    samples: Entries[SampleRow]
+    problem: str | None
+    """Why they cannot be read, if so."""
+
+
+class Materialisation(WireModel):
+    """How far the samples of an experiment are, rendered again."""
+
+    state: Literal["idle", "running"]
+    done: int
+    total: int
+    """Samples."""
+    problem: str | None
+    """The last problem."""
+
+
+class Movement(WireModel):
+    """A movement trace."""
+
+    name: str
+    duration_ms: float = Field(ge=0)
+    anchor: Anchor
+    description: str
+
+
+class MovementList(WireModel):
+    """All movement traces, by name."""
+
+    movements: Entries[Movement]

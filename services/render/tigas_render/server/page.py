@@ -1,0 +1,73 @@
+"""The web client's files, sent precompressed where available: `app.js.br` or `app.js.gz` for `app.js`."""
+
+from __future__ import annotations
+
+import mimetypes
+import os
+from collections.abc import Callable
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers
+from starlette.requests import Request
+from starlette.responses import FileResponse, Response
+from starlette.staticfiles import NotModifiedResponse, StaticFiles
+from starlette.types import Scope
+
+from tigas_common.web import page_policy
+from tigas_common.wire.render import ServerConfig
+
+ENCODINGS = {"br": ".br", "gzip": ".gz"}
+"""Suffixes, the smallest first."""
+
+
+class Page(StaticFiles):
+    """Hashed assets are cached for good, the page itself is revalidated."""
+
+    def __init__(self, directory: Path, config: Callable[[Request], ServerConfig]) -> None:
+        """config: the page's configuration for a request."""
+        super().__init__(directory=directory, html=True)
+        self._config = config
+
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        response = await super().get_response(path, scope)
+        hashed = path.startswith("assets/")
+        response.headers["Cache-Control"] = "max-age=31536000, immutable" if hashed else "no-cache"
+        response.headers["Content-Security-Policy"] = _policy(self._config(Request(scope)))
+        return response
+
+    def file_response(
+        self, full_path: str | os.PathLike[str], stat_result: os.stat_result, scope: Scope, status_code: int = 200
+    ) -> Response:
+        """The file in the first encoding that exists and that the client takes; 304 if the client has just that."""
+        headers = Headers(scope=scope)
+        accepted = _accepted(headers.get("accept-encoding", ""))
+        for encoding, suffix in ENCODINGS.items():
+            compressed = Path(f"{os.fspath(full_path)}{suffix}")
+            if encoding in accepted and compressed.is_file():
+                response = FileResponse(
+                    compressed,
+                    status_code,
+                    {"Content-Encoding": encoding},
+                    mimetypes.guess_type(full_path)[0] or "text/plain",
+                    stat_result=compressed.stat(),
+                )
+                break
+        else:
+            response = FileResponse(full_path, status_code, stat_result=stat_result)
+        response.headers["Vary"] = "Accept-Encoding"
+        return NotModifiedResponse(response.headers) if self.is_not_modified(response.headers, headers) else response
+
+
+def _accepted(header: str) -> set[str]:
+    """The codings in an Accept-Encoding (RFC 9110, 12.5.3), whatever the client's preference."""
+    parts = [part.replace(" ", "").partition(";") for part in header.lower().split(",")]
+    return {coding for coding, _, weight in parts if weight.rstrip("0").rstrip(".") not in ("q=0", "q=")}
+
+
+def _policy(config: ServerConfig) -> str:
+    """Content-Security-Policy of the page: its own origin, and connections to the services' hosts on any port."""
+    urls = [urlsplit(url) for url in (*config.services.values(), config.webtransport_url) if url]
+    # There is no way to write an IPv6 address.
+    sources = (f"{url.scheme}:" if "[" in url.netloc else f"{url.scheme}://{url.hostname}:*" for url in urls)
+    return page_policy(set(sources))

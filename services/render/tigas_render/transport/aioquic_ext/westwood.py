@@ -1,0 +1,154 @@
+"""Congestion control that tolerates random loss: NewReno whose window falls no lower than the path's own capacity.
+
+NewReno halves its window at each loss, so 1 % of random loss on a path of 100 ms holds it at 12 packets (Mathis et al.,
+1997), whatever the link carries. After a loss this controller keeps
+
+    max(window / 2, min(window, 1.1 · bandwidth · least round trip))
+
+as TCP Westwood does (Mascolo et al., MobiCom 2001), with the delivery rate of BBR (draft-ietf-ccwg-bbr, 4.5.2) as the
+bandwidth. With an empty queue that is about the window, so a random loss costs nothing. With a full queue it is the
+capacity of the link, so the queue drains. Growth, and therefore the share beside other flows, is NewReno's.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from aioquic.quic.congestion.base import register_congestion_control
+from aioquic.quic.packet_builder import QuicSentPacket
+
+from tigas_render.transport.aioquic_ext.congestion import LimitedReno
+
+WESTWOOD = "tigas-westwood"
+"""The controller's name in aioquic's configuration."""
+HEADROOM = 1.1
+BANDWIDTH_S = 2.0
+"""Seconds for which a delivery rate is evidence of the bandwidth."""
+ROUND_TRIP_S = 10.0
+"""Seconds for which a round trip is evidence of the path without queues. Gaps between frames drain queues."""
+LEAST_INTERVAL_S = 0.002
+"""Rates over shorter intervals are timer noise."""
+MOST_LOSS = 0.06
+"""Share of lost packets above which loss means congestion, as at a policer or a very short queue."""
+MEMORY = 500
+"""Packets over which that share is averaged, about."""
+LEAST_PACKETS = 50
+"""Acknowledged packets after which the share is known."""
+
+
+class _Burst(NamedTuple):
+    """State at the time when packets were sent together."""
+
+    number: int
+    """Of its first packet."""
+    delivered: int
+    """Bytes delivered before."""
+    delivered_at: float
+    first_sent_at: float
+
+
+class DeliveryRate:
+    """Bytes per second that the network delivers, sampled per acknowledgement."""
+
+    def __init__(self) -> None:
+        self._bursts: deque[_Burst] = deque()
+        self._delivered = 0
+        self._delivered_at = 0.0
+        self._first_sent_at = 0.0
+
+    def sent(self, number: int, now: float, idle: bool) -> None:
+        """Note a burst. number: of its first packet; idle: nothing was in flight before it."""
+        if idle:
+            self._delivered_at = self._first_sent_at = now
+        self._bursts.append(_Burst(number, self._delivered, self._delivered_at, self._first_sent_at))
+
+    def acknowledged(self, newest: QuicSentPacket, size: int, now: float) -> float | None:
+        """The rate from the newest of the packets that are acknowledged now, `size` bytes together."""
+        self._delivered += size
+        self._delivered_at = now
+        bursts = self._bursts
+        while len(bursts) > 1 and bursts[1].number <= newest.packet_number:
+            bursts.popleft()
+        if not bursts or bursts[0].number > newest.packet_number:  # reordered
+            return None
+        burst = bursts[0]
+        assert newest.sent_time is not None
+        self._first_sent_at = newest.sent_time
+        interval = max(newest.sent_time - burst.first_sent_at, now - burst.delivered_at)
+        return (self._delivered - burst.delivered) / interval if interval > LEAST_INTERVAL_S else None
+
+
+class _Recent:
+    """The greatest value of the last seconds, in amortised constant time."""
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._values: deque[tuple[float, float]] = deque()
+
+    def add(self, value: float, now: float) -> None:
+        values = self._values
+        while values and values[-1][1] <= value:
+            values.pop()
+        values.append((now, value))
+        while values[0][0] < now - self._seconds:
+            values.popleft()
+
+    @property
+    def greatest(self) -> float | None:
+        return self._values[0][1] if self._values else None
+
+
+class Westwood(LimitedReno):
+    """NewReno that tolerates up to 6 % of random loss."""
+
+    def __init__(self, *, max_datagram_size: int) -> None:
+        super().__init__(max_datagram_size=max_datagram_size)
+        self._rate = DeliveryRate()
+        self._bandwidth = _Recent(BANDWIDTH_S)
+        self._shortest = _Recent(ROUND_TRIP_S)  # negative round trips: the greatest is the least
+        self._acked = self._lost = 0.0
+
+    def on_packets_sent(self, packets: Sequence[QuicSentPacket]) -> None:
+        """As NewReno; also starts a sample of the delivery rate."""
+        first = packets[0]
+        assert first.sent_time is not None
+        self._rate.sent(first.packet_number, first.sent_time, idle=not self.bytes_in_flight)
+        super().on_packets_sent(packets)
+
+    def on_packets_acked(self, packets: Sequence[QuicSentPacket], now: float) -> None:
+        """As NewReno; also takes a sample of the delivery rate."""
+        if not packets:
+            return
+        rate = self._rate.acknowledged(packets[-1], sum(packet.sent_bytes for packet in packets), now)
+        if rate is not None:
+            self._bandwidth.add(rate, now)
+        kept = 1 - len(packets) / MEMORY if len(packets) < MEMORY else 0.0
+        self._acked = self._acked * kept + len(packets)
+        self._lost *= kept
+        super().on_packets_acked(packets, now)
+
+    def on_rtt_measurement(self, *, now: float, rtt: float) -> None:
+        """As NewReno; also keeps the least round trip, in seconds."""
+        self._shortest.add(-rtt, now)
+        super().on_rtt_measurement(now=now, rtt=rtt)
+
+    def on_packets_lost(self, *, now: float, packets: Iterable[QuicSentPacket]) -> None:
+        """Shrink the window to the path's capacity, or to half of it if more is lost than a radio loses."""
+        packets = list(packets)
+        self._lost += len(packets)
+        before = self.congestion_window
+        super().on_packets_lost(now=now, packets=packets)
+        bandwidth, shortest = self._bandwidth.greatest, self._shortest.greatest
+        if self.congestion_window >= before or bandwidth is None or shortest is None or self._is_congested:
+            return
+        capacity = int(HEADROOM * bandwidth * -shortest)
+        self.congestion_window = self.ssthresh = max(self.congestion_window, min(before, capacity))
+
+    @property
+    def _is_congested(self) -> bool:
+        return self._acked > LEAST_PACKETS and self._lost > MOST_LOSS * self._acked
+
+
+register_congestion_control(WESTWOOD, Westwood)

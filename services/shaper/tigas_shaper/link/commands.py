@@ -1,0 +1,130 @@
+"""Commands of iproute2 and nftables: safe names and filters in them, and a dialogue with a running tool."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import socket
+from asyncio.subprocess import DEVNULL, PIPE, STDOUT, Process
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager, suppress
+
+TIMEOUT_S = 5
+"""A tool that does not answer by then is taken for dead."""
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,14}")
+_LINE = re.compile(r"[ -~]+")
+MARK = 0x7469
+"""Set by the gateway on forwarded packets."""
+# Classic BPF, instructions as "code jump-true jump-false operand"; the mark is at SKF_AD_OFF + SKF_AD_MARK. One word
+# for tc, which splits its lines at blanks outside quotes.
+MARKED = f'bpf bytecode "4,32 0 0 4294963220,21 0 1 {MARK},6 0 0 4294967295,6 0 0 0"'
+EVERYTHING = 'bpf bytecode "1,6 0 0 4294967295"'
+
+
+class Interface(str):
+    """The name of a network interface. Raises ValueError if it is invalid."""
+
+    __slots__ = ()
+
+    def __new__(cls, name: str) -> Interface:
+        if not _NAME.fullmatch(name):
+            raise ValueError(f"{name!r} is not the name of a network interface")
+        return super().__new__(cls, name)
+
+    @property
+    def number(self) -> int | None:
+        """The kernel's number for it, or None if it does not exist. An interface made anew has a new number."""
+        try:
+            return socket.if_nametoindex(self)
+        except OSError:
+            return None
+
+
+class CommandError(Exception):
+    """The tool refused a line, or has exited. The message is its own."""
+
+
+class Channel:
+    """One running tool. After a CommandError the dialogue is out of step: close it.
+
+    No shell is involved: a tool gets whole lines composed by our own code from numbers and checked names.
+    """
+
+    def __init__(self, process: Process, failure: str) -> None:
+        self._process = process
+        self._failure = failure
+        self._asking = asyncio.Lock()
+        self._ended = False
+
+    @classmethod
+    @asynccontextmanager
+    async def open(cls, argv: Sequence[str], failure: str) -> AsyncIterator[Channel]:
+        """Run a tool, as a context manager. `failure` is the prefix of the last line of its error messages."""
+        # In a separate session, so that Ctrl+C reaches the shaper alone, which then ends the tool in order.
+        process = await asyncio.create_subprocess_exec(
+            *argv, stdin=PIPE, stdout=PIPE, stderr=STDOUT, start_new_session=True
+        )
+        try:
+            yield cls(process, failure)
+        finally:
+            assert process.stdin
+            process.stdin.close()
+            try:
+                async with asyncio.timeout(1):
+                    await process.wait()
+            except TimeoutError:
+                process.kill()
+                await process.wait()
+
+    def write(self, *lines: str) -> None:
+        """Send lines without waiting; the next `ask` reports errors. Raises CommandError."""
+        for line in lines:
+            if not _LINE.fullmatch(line):
+                raise CommandError(f"{line!r} is not one line of plain text.")
+        assert self._process.stdin
+        if self._ended or self._process.returncode is not None:
+            raise CommandError("The tool has ended.")
+        self._process.stdin.write("".join(line + "\n" for line in lines).encode())
+
+    async def ask(self, line: str, answer: str) -> str:
+        """Send a line and return the first line of output that begins with `answer`.
+
+        Raises CommandError if this line or one before it was refused.
+        """
+        async with self._asking:
+            self.write(line)
+            heard: list[str] = []
+            try:
+                async with asyncio.timeout(TIMEOUT_S):
+                    while (text := await self._read()) is not None:
+                        if text.startswith(answer):
+                            return text
+                        if text.startswith(self._failure):
+                            raise CommandError(" ".join((*heard, text)))
+                        if text.strip() and not text.startswith("Warning:"):
+                            heard.append(text.strip())
+            except TimeoutError:
+                raise CommandError("The tool does not answer.") from None
+            self._ended = True
+            raise CommandError(" ".join(heard) or "The tool has ended.")
+
+    async def _read(self) -> str | None:
+        assert self._process.stdout
+        line = await self._process.stdout.readline()
+        return line.decode(errors="replace").rstrip("\n") if line else None
+
+
+async def run(*argv: str, text: str = "") -> None:
+    """Run a command to its end, with `text` as its input. Raises CommandError with its complaint."""
+    process = await asyncio.create_subprocess_exec(*argv, stdin=PIPE, stdout=DEVNULL, stderr=PIPE)
+    _, complaint = await process.communicate(text.encode())
+    if process.returncode:
+        raise CommandError(" ".join(complaint.decode(errors="replace").split()) or f"{argv[0]} failed.")
+
+
+async def attempt(*argv: str, text: str = "") -> bool:
+    """Run a command that may fail; whether it succeeded."""
+    with suppress(CommandError):
+        await run(*argv, text=text)
+        return True
+    return False

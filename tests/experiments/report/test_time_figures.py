@@ -1,0 +1,93 @@
+"""Figures of times and over time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from tests.experiments.report.synthetic_results import groups, write_run
+from tigas_experiments.report.groups import Groups
+from tigas_experiments.report.plot import panel_grid, style
+from tigas_experiments.report.run_table import load
+from tigas_experiments.report.time_figures import (
+    BINS,
+    bandwidth,
+    binned,
+    distribution,
+    downloaded,
+    draw_boxes,
+    heights,
+    latencies,
+)
+
+
+def test_a_plot_takes_the_page_s_colours_and_is_well_formed(tmp_path: Path) -> None:
+    with style():
+        plot = latencies(groups(tmp_path, {"network": "a & <b>"}), "a & <b>")
+    assert plot is not None
+    ElementTree.fromstring(plot.svg)
+    assert "var(" not in plot.svg, "a file of its own has colours of its own"
+    assert "fill: var(--ink)" in plot.markup
+    assert "#1c2430" not in plot.markup
+
+
+def test_an_unshaped_network_has_no_link_to_download_over(tmp_path: Path) -> None:
+    path = write_run(tmp_path / "runs" / "a", "budget", "unshaped", None, mode="dash-tuned")
+    for name in ("link", "quality"):
+        (path / f"{name}.ndjson").write_text("")
+    plot = bandwidth(Groups.of(load(tmp_path).runs), "unshaped")
+    assert plot is not None
+    assert "DASH tuned" in plot.svg
+    assert "Full link rate" not in plot.svg
+
+
+def test_the_bandwidth_figure_compares_with_downloading_the_scene(tmp_path: Path) -> None:
+    fast = bandwidth(groups(tmp_path / "fast", {"link_kbps": 80_000, "kbps": 4000}), "bus")
+    slow = bandwidth(groups(tmp_path / "slow", {"link_kbps": 8000, "kbps": 4000}), "bus")
+    assert fast is not None
+    assert slow is not None
+    assert "Full link rate" in slow.svg
+    assert ("Scene file" in fast.svg, "Scene file" in slow.svg) == (True, False)
+
+
+def test_the_resolution_over_time_is_of_each_controller_s_first_run(tmp_path: Path) -> None:
+    found = groups(tmp_path, {"rungs": (1, 3), "hold": 50}, {"repeat": 1, "rungs": (0,)}, {"controller": "l2a"})
+    plot = heights(found, "bus")
+    assert plot is not None
+    assert plot.caption.startswith("Over bus at 20 ms round trip, first run of each controller.")
+
+
+def test_a_box_stands_over_its_controller_where_another_has_no_runs(tmp_path: Path) -> None:
+    names = (("latency", 20.0), ("budget", 20.0), ("budget", 300.0))
+    found = groups(tmp_path, *({"controller": name, "rtt_ms": rtt} for name, rtt in names))
+    _, panels = panel_grid(2, share=True)
+    for panel, rtt in zip(panels, (20.0, 300.0), strict=True):
+        draw_boxes(panel, found.at("bus", rtt), found.looks)
+    boxes = [[box.get_path().get_extents() for box in panel.patches] for panel in panels]
+    assert [[round((box.x0 + box.x1) / 2, 9) for box in panel] for panel in boxes] == [[0, 1], [1]]
+    assert [label.get_text() for label in panels[1].get_xticklabels()] == ["Latency", "Budget"]
+
+
+def test_distributions_count_what_never_came() -> None:
+    values, shares = distribution(np.array([30.0, 10.0, np.inf, 20.0]))
+    assert (values.tolist(), shares.tolist()) == ([10, 20, 30], [0.25, 0.5, 0.75])
+    values, shares = distribution(np.array([np.inf]))
+    assert (values.tolist(), shares.tolist()) == ([], [])
+    values, shares = distribution(np.arange(100_000.0))
+    assert (len(values), values[0], values[-1], shares[-1]) == (200, 0, 99_999, 1.0)
+
+
+def test_a_download_takes_what_the_link_carries() -> None:
+    link = np.array([[0.5, 8.0], [1.0, 16.0], [1.5, 0.0]])
+    assert downloaded(link).tolist() == [0.5, 1.5, 1.5]
+
+
+def test_long_series_are_drawn_by_their_medians() -> None:
+    times = np.arange(10_000) / 100
+    values = np.where(np.arange(10_000) % 10 == 0, 900.0, 40.0)
+    binned_times, medians = binned(times, values)
+    assert len(binned_times) <= BINS
+    assert set(medians.tolist()) == {40.0}
+    assert binned(times[:5], values[:5])[1].tolist() == [900, 40, 40, 40, 40]
