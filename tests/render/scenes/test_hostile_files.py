@@ -17,7 +17,7 @@ import pytest
 import zstandard
 from PIL import Image
 
-from tests.fuzz.sentences import assert_sentence
+from tests.fuzz.fuzzers import assert_sentence
 from tests.render.scenes import made_up, plys
 from tests.render.scenes.test_formats import splat_bytes, spz_bytes
 from tigas_common.errors import BrokenScene
