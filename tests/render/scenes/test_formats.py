@@ -128,7 +128,7 @@ COMMENTS: dict[tuple[str, ...], bool] = {
     ("antialiased 1", "antialiased 0"): False,
     ("antialiased as if",): False,
 }
-SAID: list[tuple[dict[str, Any], bool]] = [
+SAID: list[tuple[dict[str, object], bool]] = [
     ({}, False),
     ({"antialias": True}, True),
     ({"model": "antialiased"}, True),
