@@ -9,6 +9,7 @@ import tracemalloc
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -128,7 +129,7 @@ COMMENTS: dict[tuple[str, ...], bool] = {
     ("antialiased 1", "antialiased 0"): False,
     ("antialiased as if",): False,
 }
-SAID: list[tuple[dict[str, object], bool]] = [
+SAID: list[tuple[dict[str, Any], bool]] = [
     ({}, False),
     ({"antialias": True}, True),
     ({"model": "antialiased"}, True),
