@@ -73,7 +73,7 @@ def main() -> None:
         gaussians, pose = scenes["flowers"]
         scenes |= {f"flowers x {copies}": (densified(gaussians, copies), pose) for copies in COPIES}
     print(f"\nPose to JPEG bytes on the host, ms, quality {QUALITY}")
-    prepared = {name: rasterizer.prepare(gaussians) for name, (gaussians, _) in scenes.items()}
+    prepared = {name: rasterizer.pack(gaussians.batches()) for name, (gaussians, _) in scenes.items()}
     poses = {name: pose for name, (_, pose) in scenes.items()}
     own = latencies(rasterizer, prepared, poses)
     if arguments.gsplat:

@@ -24,27 +24,29 @@ for point in entry_points(group=COMMANDS):
     point.load()
 print(*sorted({name.partition(".")[0] for name in sys.modules}))
 """
-NOT_EVERYWHERE = {
-    "PIL",
-    "aioquic",
-    "av",
-    "filelock",
-    "httpx",
-    "jinja2",
-    "matplotlib",
-    "numba",
-    "numpy",
-    "playwright",
-    "pooch",
-    "psutil",
-    "requests",
-    "scipy",
-    "skimage",
-    "starlette",
-    "torch",
-    "uvicorn",
-    "zipstream",
-}
+NOT_EVERYWHERE = frozenset(
+    [
+        "PIL",
+        "aioquic",
+        "av",
+        "filelock",
+        "httpx",
+        "jinja2",
+        "matplotlib",
+        "numba",
+        "numpy",
+        "playwright",
+        "pooch",
+        "psutil",
+        "requests",
+        "scipy",
+        "skimage",
+        "starlette",
+        "torch",
+        "uvicorn",
+        "zipstream",
+    ]
+)
 
 
 WITHOUT_EXTRAS = """

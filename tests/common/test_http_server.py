@@ -18,7 +18,7 @@ from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 from websockets.asyncio.client import connect
 
-from tests.common.raw_client import ASK, PATIENCE_S, Answer, connected
+from tests.common.raw_client import ASK, TIMEOUT_S, Answer, connected
 from tests.prerequisites import LINUX
 from tigas_common.address import Address
 from tigas_common.limits import HttpLimits
@@ -92,7 +92,7 @@ async def test_a_client_that_does_not_end_tls_keeps_no_connection() -> None:
     async with serve_http(Response("ok"), HERE, HttpLimits(header_s=0.5), server_tls()) as port:
 
         def answer_nothing() -> None:
-            plain = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S)
+            plain = socket.create_connection(("127.0.0.1", port), timeout=TIMEOUT_S)
             with client_tls().wrap_socket(plain) as client, contextlib.suppress(ConnectionResetError):
                 while plain_read(client):
                     pass
@@ -200,7 +200,7 @@ async def test_a_client_that_reads_nothing_loses_its_connection() -> None:
             def is_served() -> bool:
                 return any(one.raddr == stuck.getsockname() for one in psutil.Process().net_connections("tcp"))
 
-            deadline = time.monotonic() + PATIENCE_S
+            deadline = time.monotonic() + TIMEOUT_S
             for wanted in (True, False):
                 while is_served() != wanted:
                     assert time.monotonic() < deadline

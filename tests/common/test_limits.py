@@ -69,12 +69,12 @@ SECONDS, RATE = 30, 500
 
 def survived_s(every_s: float, size: int, until_s: float = 10_000) -> float:
     """Seconds until a sender of this many bytes at this interval times out."""
-    patience = IdleTimeout(SECONDS, RATE, now=1000.0)
+    timeout = IdleTimeout(SECONDS, RATE, now=1000.0)
     for part in itertools.count(1):
         now = 1000.0 + part * every_s
-        if now >= min(patience.until, 1000.0 + until_s):
-            return min(patience.until - 1000.0, until_s)
-        patience.progress(size, now)
+        if now >= min(timeout.until, 1000.0 + until_s):
+            return min(timeout.until - 1000.0, until_s)
+        timeout.progress(size, now)
     raise AssertionError
 
 
@@ -95,6 +95,6 @@ def test_a_sender_times_out_by_silence_or_below_the_rate(
 
 
 def test_what_came_fast_buys_no_silence() -> None:
-    patience = IdleTimeout(SECONDS, RATE, now=0.0)
-    patience.progress(100_000_000, now=1.0)
-    assert patience.until == 1.0 + SECONDS
+    timeout = IdleTimeout(SECONDS, RATE, now=0.0)
+    timeout.progress(100_000_000, now=1.0)
+    assert timeout.until == 1.0 + SECONDS

@@ -50,11 +50,12 @@ async def test_what_nobody_takes_any_more_is_not_fetched() -> None:
 async def test_work_and_its_end_cancel_each_other_but_a_future_is_left_alone() -> None:
     cancelled: list[str] = []
 
-    async def endless(name: str) -> None:
+    async def endless(name: str) -> str:
         try:
             await asyncio.Event().wait()
         finally:
             cancelled.append(name)
+        return "never"
 
     async def work() -> str:
         await asyncio.sleep(0)

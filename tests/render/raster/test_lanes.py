@@ -6,7 +6,6 @@ import ctypes
 import os
 import select
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -34,9 +33,6 @@ class Task(Job):
     def fetched(self) -> FetchedImage | None:
         self.tries -= 1
         return None if self.tries else FetchedImage(2, 1, "png", 90, b"abcdef")
-
-    def explained(self) -> AbstractContextManager[None]:
-        return nullcontext()
 
     def close(self, *, failed: bool) -> None:
         self.closed.append(failed)

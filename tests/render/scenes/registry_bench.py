@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Self
 
 from tests.render.scenes import plys
 from tigas_render.gaussians import Batches
@@ -36,6 +37,14 @@ class Bench:
     gates: dict[str, threading.Event] = field(default_factory=dict)
     errors: dict[str, Exception] = field(default_factory=dict)
     builtin: dict[str, SceneSource] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, *ids: str) -> Self:
+        """With these scenes."""
+        bench = cls()
+        for id in ids:
+            bench.add(id)
+        return bench
 
     def add(self, id: str, count: int = 100, estimate: int | None = None) -> None:
         def open(listener: Listener) -> Batches:

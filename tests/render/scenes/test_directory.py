@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import zipfile
 from pathlib import Path
 
 import pytest
@@ -45,16 +44,19 @@ def test_a_folder_without_a_scene_says_so(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", NOT_FILES)
 def test_what_is_no_file_makes_its_scene_broken_and_no_other(tmp_path: Path, kind: str) -> None:
-    for name in ("good", "description", "preview"):
+    for name in ("good", "description", "preview", "ladder"):
         plys.write(tmp_path / name / "scene.ply", plys.binary_ply())
     (tmp_path / "scene").mkdir()
     NOT_FILES[kind](tmp_path / "scene" / "scene.ply")
     NOT_FILES[kind](tmp_path / "description" / "scene.json")
     NOT_FILES[kind](tmp_path / "preview" / "preview.jpg")
-    errors = {id: source.error for id, source in scan_directory(tmp_path).items()}
+    NOT_FILES[kind](tmp_path / "ladder" / "ladder.json")
+    sources = scan_directory(tmp_path)
+    assert sources["ladder"].ladder is None
+    errors = {id: source.error for id, source in sources.items()}
     assert str(errors.pop("scene")).startswith("The folder scene has no scene in it")
     assert str(errors.pop("description")).startswith("scene.json cannot be read: ")
-    assert errors == {"good": None, "preview": None}
+    assert errors == {"good": None, "preview": None, "ladder": None}
 
 
 @pytest.mark.parametrize("kind", NOT_FILES)
@@ -159,16 +161,21 @@ def test_a_file_by_itself_is_a_scene_by_its_name(tmp_path: Path, caplog: pytest.
 
 
 def test_a_folder_of_images_is_a_scene_whose_images_count(tmp_path: Path) -> None:
-    with zipfile.ZipFile(made_up.FILES / "shell.sog") as bundle:
-        bundle.extractall(tmp_path / "shell")
-    first = read_source(tmp_path / "shell")
-    assert (first.error, first.format, first.gaussians, first.sh_degree) == (None, "SOG folder", made_up.COUNT, 1)
-    assert first.file_bytes == sum(path.stat().st_size for path in (tmp_path / "shell").iterdir())
+    folder = made_up.unzip(tmp_path / "shell")
+    source = read_source(folder)
+    assert (source.error, source.format, source.gaussians, source.sh_degree) == (None, "SOG folder", made_up.COUNT, 1)
+    assert_part_of(folder, folder / "sh0.webp")
+
+
+def assert_part_of(folder: Path, image: Path) -> None:
+    """All of a folder's files count as the scene's, and a change of this one is a change of the scene."""
+    first = read_source(folder)
+    assert first.file_bytes == sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
     assert first.digest is not None
     digest = first.digest()
-    image = tmp_path / "shell" / "sh0.webp"
+    os.utime(image, (1, 1))
     image.write_bytes(image.read_bytes() + b"\0")
-    second = read_source(tmp_path / "shell")
+    second = read_source(folder)
     assert second.version != first.version
     assert second.digest is not None
     assert second.digest() != digest

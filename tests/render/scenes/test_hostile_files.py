@@ -294,11 +294,8 @@ def test_numbers_that_are_none_drop_their_gaussians(tmp_path: Path) -> None:
 
 
 def test_a_folder_reads_no_file_but_those_beside_its_meta_json(tmp_path: Path) -> None:
-    with zipfile.ZipFile(io.BytesIO(SOG)) as bundle:
-        bundle.extractall(tmp_path / "scene")
-    (tmp_path / "quats.webp").write_bytes((tmp_path / "scene" / "quats.webp").read_bytes())
-    meta = json.loads((tmp_path / "scene" / "meta.json").read_bytes())
-    meta["quats"]["files"] = ["../quats.webp"]
-    (tmp_path / "scene" / "meta.json").write_text(json.dumps(meta))
+    path = made_up.unzip(tmp_path / "scene") / "meta.json"
+    path.with_name("quats.webp").rename(tmp_path / "quats.webp")
+    path.write_text(path.read_text().replace('"quats.webp"', '"../quats.webp"'))
     with pytest.raises(BrokenScene, match="not a plain name of a file"):
-        read_scene_file(tmp_path / "scene" / "meta.json")
+        read_scene_file(path)

@@ -107,24 +107,6 @@ async def test_old_datagrams_are_not_looked_at() -> None:
         assert (await client.response(stream)).ended
 
 
-async def test_a_slow_reader_holds_nobody_else_up() -> None:
-    source = FakeFrames(bytes(300_000))
-    async with (
-        served(source=source) as server,
-        connect(server.port, max_data=40_000, max_stream_data=40_000) as slow,
-        connect(server.port, source=OTHER) as quick,
-    ):
-        slow_session, session = await slow.connect_webtransport(), await quick.connect_webtransport()
-        slow._quic._local_max_data.value = slow._quic._local_max_data.sent  # it never reads on
-        slow._quic._write_connection_limits = lambda **_: None  # type: ignore[method-assign]
-        for _ in range(6):
-            slow.open_stream(slow_session, request_body())
-        await eventually(lambda: len(source.requests) == 6)
-        for seq in range(10):
-            header, body = await quick.frame(session, request_body(seq=seq))
-            assert (header["status"], len(body)) == (200, 300_000)
-
-
 async def test_a_thousand_idle_sessions_cost_nothing_and_keep_nobody_out() -> None:
     waited = 0.0
     load = Load(lambda: time.monotonic() + waited)

@@ -152,6 +152,25 @@ class Viewer:
             await asyncio.sleep(max(EVERY_S, 1 / (header.get("requests_per_s") or math.inf)))
 
 
+@contextlib.asynccontextmanager
+async def watching(viewers: Sequence[Viewer]) -> AsyncIterator[None]:
+    """All watch, and have seen something."""
+    tasks = [asyncio.create_task(viewer.watch()) for viewer in viewers]
+    try:
+        await eventually(lambda: all(len(viewer.shown) >= 5 for viewer in viewers))
+        yield
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def gap(viewers: Sequence[Viewer], since: float) -> float:
+    """The longest that any of them has seen nothing new, in seconds."""
+    seen = [[at for at in viewer.shown if at >= since] for viewer in viewers]
+    return max(late - early for each in seen for early, late in zip([since, *each], each, strict=False))
+
+
 def _heed_resets(client: Client) -> None:
     """Let a stateless reset (RFC 9000, 10.3) end the connection, as in browsers; aioquic's clients do not know it."""
     take, quic = client.datagram_received, client._quic

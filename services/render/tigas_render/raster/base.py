@@ -103,8 +103,7 @@ class Image(ABC):
     def to_host(self) -> NDArray[np.uint8]:
         """The pixels, RGB [H, W, 3]; the caller may modify them until the image is closed."""
 
-    @abstractmethod
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027 - not every image holds any
         """Return the image's memory to its rasteriser; closing twice does nothing."""
 
     def __enter__(self) -> Self:

@@ -14,7 +14,7 @@ import signal
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,9 +64,6 @@ class FetchedImage(Image):
         self._check("png")
         return np.frombuffer(self.content, np.uint8).reshape(self.height, self.width, 3).copy()
 
-    def close(self) -> None:
-        """Do nothing: the image holds no memory of its rasteriser."""
-
     def _check(self, format: FrameFormat) -> None:
         if format != self.format:
             raise ValueError(f"the image was encoded as {self.format}, not {format}")
@@ -83,12 +80,11 @@ class Job(ABC):
     def fetched(self) -> FetchedImage | None:
         """The image, after all calls; None if the buffers were too small and have been enlarged for a new attempt."""
 
-    @abstractmethod
     def explained(self) -> AbstractContextManager[None]:
         """A context that translates the device's errors into the service's."""
+        return nullcontext()
 
-    @abstractmethod
-    def close(self, *, failed: bool) -> None:
+    def close(self, *, failed: bool) -> None:  # noqa: B027 - not every job holds any
         """Release the resources. failed: the device may still be using them."""
 
     def run(self) -> FetchedImage:

@@ -171,7 +171,6 @@ class Supervisor:
                 quic=tuple(sock.fileno() for sock in public.quic[number]) if public.quic else (),
                 relay=public.relays[number][0].fileno() if public.relays else None,
                 relays=tuple(outbox.fileno() for _, outbox in public.relays),
-                others=public.fds_of_others(number),
                 certificate=self._certificate,
                 reset_key=self._reset_key,
                 retry_key=self._retry_key,

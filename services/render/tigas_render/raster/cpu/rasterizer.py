@@ -12,7 +12,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import FrameFormat
-from tigas_render.gaussians import Batches, Gaussians
+from tigas_render.gaussians import Batches
 from tigas_render.raster.base import (
     Camera,
     Pause,
@@ -103,11 +103,7 @@ class CpuRasterizer(Rasterizer):
         self._turn = np.zeros(1, np.int64)
 
     def pack(self, scene: Batches) -> CpuScene:
-        """Pack a scene; see `scene.pack`."""
         return pack(scene)
-
-    def prepare(self, gaussians: Gaussians) -> CpuScene:
-        return pack(gaussians.batches())
 
     def render(
         self,
@@ -151,7 +147,6 @@ class CpuRasterizer(Rasterizer):
             tiles = max(job.tiles_x, int(tiles * min(2.0, PAUSE_EVERY_S / seconds)))
 
     def warm_up(self) -> None:
-        """Compile every kernel, or load it from the cache."""
         pose = Pose((0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
         camera = Camera(pose, Intrinsics(16.0, 16.0, 8.0, 8.0, 16, 16))
         for depth in (False, True):
@@ -231,7 +226,7 @@ class CpuRasterizer(Rasterizer):
         """Draw the listed tiles into the image."""
         accumulators = self._per_thread("accumulators", TILE_FLOATS, np.float32)
         blend(
-            job.splats, job.starts, job.begin, job.end, job.in_order, job.background, job.image.pixels, job.cells,
+            job.splats, job.starts, job.begin, job.end, job.in_order, job.background, job.image.to_host(), job.cells,
             accumulators, self._turn_from(job.begin),
         )  # fmt: skip
 
