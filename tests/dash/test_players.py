@@ -12,7 +12,6 @@ from urllib.request import Request, urlopen
 
 import pytest
 from playwright.sync_api import Page, sync_playwright
-from websockets.sync.client import ClientConnection, connect
 
 from tests import prerequisites
 from tests.dash.conftest import session_request
@@ -112,31 +111,3 @@ def test_plays_in_ffmpeg(stream: str) -> None:
     assert done.returncode == 0, done.stderr
     rows = [line.split(",") for line in done.stdout.splitlines() if not line.startswith("#")]
     assert len(rows) == 45
-
-
-def test_a_stream_goes_on_while_its_render_service_is_dead_and_recovers(
-    stream: str, render: RenderServer, packager: Packager
-) -> None:
-    name = stream.rstrip("/").rpartition("/")[2]
-
-    def status() -> dict[str, Any]:
-        with urlopen(f"{packager.url}/sessions/{name}") as answer:
-            found: dict[str, Any] = json.load(answer)
-        return found
-
-    def show(socket: ClientConnection, seq: int) -> None:
-        socket.send(json.dumps({"seq": seq, "position": [0, 0, 0.01 * seq], "quaternion": [0, 0, 0, 1]}))
-
-    address = f"{packager.url.replace('http', 'ws')}/sessions/{name}/poses"
-    with connect(address, max_queue=None) as socket:
-        show(socket, 1)
-        while json.loads(socket.recv(30))["pose"] != 1:
-            pass
-        render.kill()
-        show(socket, 2)
-        while not status()["render_problem"]:
-            assert json.loads(socket.recv(30))["pose"] == 1, "the stream goes on with its last frame"
-        render.start()
-        while json.loads(socket.recv(30))["pose"] != 2:
-            pass
-    assert status()["render_problem"] is None

@@ -80,7 +80,7 @@ async def test_a_viewer_who_never_comes_or_falls_silent_is_given_up() -> None:
         assert answer.status_code == 201
         await packager.until_idle()
         async with watching(packager.http) as (viewer, _):
-            await eventually(lambda: viewer.told)
+            await eventually(lambda: len(viewer.told) > 75)  # longer than it may be silent
             (stream,) = packager.sessions.all()
             assert isinstance(stream, WebRtcStream)
             vars(stream._port)["datagram_received"] = lambda *_: None  # as if its link were cut

@@ -209,6 +209,7 @@ def test_sabre_is_in_kbits_and_its_latency_is_a_round_trip() -> None:
         ('[{"duration_ms": ' * 1000, "Line 1: the JSON is damaged"),
         ('[{"duration_ms": ' * 50 + "}", "Line 1: the JSON is damaged"),
         ('[{"a":' * 100_000, "Line 1: the JSON is damaged"),
+        ('[{"a":' + "[" * 990 + "}]", "Line 1: the JSON is damaged"),
         ("[\n{}\n]", "Line 2: duration_ms must be a number"),
         ('[{"duration_ms": 1000}]', "Line 1: bandwidth_kbps must be a number"),
         ('[{"duration_ms": 0, "bandwidth_kbps": 1}]', "Line 1: duration_ms must not be 0."),

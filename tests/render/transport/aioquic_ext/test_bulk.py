@@ -26,6 +26,52 @@ def test_the_oldest_frame_arrives_first() -> None:
     assert packets.count(1452) > 0.98 * len(packets), "packets are full"
 
 
+def test_a_lost_packet_holds_up_its_own_frame_only() -> None:
+    simulation = Simulation()
+    lost: list[bytes] = []
+
+    def lose_one(sender: str, data: bytes) -> bool:
+        if sender == "client" or len(data) < 1452 or lost:
+            return False
+        lost.append(data)
+        return True
+
+    simulation.drop = lose_one
+    first, second, third = answer_all(simulation, frames(3, 3000))
+    simulation.run()
+    assert simulation.ended == [second, third, first]
+
+
+def test_with_requests_in_flight_the_frame_rate_does_not_depend_on_the_round_trip(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("tests.render.transport.simulated.DELAY", 0.15)
+    (body,) = frames(1, 25_000)
+
+    def per_second(in_flight: int) -> float:
+        simulation = Simulation()
+        answered: set[int] = set()
+        opened = 0
+
+        def go_on() -> None:
+            nonlocal opened
+            for stream_id in simulation.uploads.keys() - answered:
+                answered.add(stream_id)
+                simulation.server.send_stream_data(stream_id, body, end_stream=True)
+            while opened - len(simulation.ended) < in_flight:
+                simulation.open()
+                opened += 1
+
+        go_on()
+        simulation.run(until=simulation.now + 3, step=go_on)
+        before = len(simulation.ended)
+        simulation.run(until=simulation.now + 3, step=go_on)
+        return (len(simulation.ended) - before) / 3
+
+    assert per_second(1) < 4
+    assert per_second(16) > 25
+
+
 def test_an_end_without_data_arrives() -> None:
     simulation = Simulation()
     stream_id = simulation.open()

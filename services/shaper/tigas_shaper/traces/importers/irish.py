@@ -25,13 +25,12 @@ def parse_irish(name: str, text: str, up_kbps: float) -> NetworkTrace:
     begun: tuple[int, datetime] | None = None
     down_kbps: float | None = None
     for stamp, rows in groupby(_rows(text), key=lambda row: row[1]):
-        measured = list(rows)
-        rates = [rate for _, _, rate in measured if rate is not None]
+        second = list(rows)
+        rates = [rate for _, _, rate in second if rate is not None]
         if begun is not None and down_kbps is not None:
             builder.add(begun[0], (stamp - begun[1]) / timedelta(milliseconds=1), down_kbps, up_kbps)
-        if rates or down_kbps is not None:
-            begun = measured[0][0], stamp
-            down_kbps = fmean(rates) if rates else down_kbps
+        begun = second[0][0], stamp
+        down_kbps = fmean(rates) if rates else down_kbps
     if begun is None or down_kbps is None:
         raise TraceError("No row has a DL_bitrate.")
     builder.add(begun[0], 1000, down_kbps, up_kbps)
