@@ -62,7 +62,6 @@ class Point:
 
     @property
     def psnr_db(self) -> float:
-        """In mean squared error."""
         return 10 * math.log10(255**2 / max(self.mse, 1e-6))
 
 
