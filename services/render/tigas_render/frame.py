@@ -68,7 +68,6 @@ class Frame:
 
     @property
     def content_type(self) -> str:
-        """The body's media type."""
         return CONTENT_TYPES[self.format]
 
 

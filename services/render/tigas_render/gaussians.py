@@ -45,7 +45,6 @@ class Gaussians:
 
     @property
     def nbytes(self) -> int:
-        """Bytes that the arrays take."""
         return sum(array.nbytes for array in self.arrays)
 
     def batches(self) -> Batches:

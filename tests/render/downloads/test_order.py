@@ -7,7 +7,7 @@ import torch
 
 from tests.render.arrays import gaussians_of
 from tests.render.scenes import plys
-from tigas_render.downloads.order import MULTIPLE, SHARES, Order
+from tigas_render.downloads.order import MULTIPLE, SHARES, download_order
 from tigas_render.gaussians import Gaussians
 
 N = 10_000
@@ -27,15 +27,15 @@ def wall(radii: torch.Tensor | float = 0.1, opacities: torch.Tensor | float = 0.
 
 def share_of_even(gaussians: Gaussians) -> float:
     """How many of the first tenth have an even number."""
-    first = Order.of(gaussians, (0, 0, 0)).indices[: N // 10]
+    first = download_order(gaussians, (0, 0, 0)).indices[: N // 10]
     return float(np.mean(first % 2 == 0))
 
 
 def test_every_gaussian_is_there_once_and_always_at_the_same_place() -> None:
     gaussians = wall()
-    order = Order.of(gaussians, (0, 0, 0))
+    order = download_order(gaussians, (0, 0, 0))
     assert sorted(order.indices) == list(range(N))
-    assert (order.indices == Order.of(gaussians, (0, 0, 0)).indices).all()
+    assert (order.indices == download_order(gaussians, (0, 0, 0)).indices).all()
 
 
 def test_what_is_large_opaque_and_near_comes_early_and_the_rest_is_not_left_out() -> None:
@@ -54,7 +54,7 @@ def test_what_covers_nothing_comes_last() -> None:
 
 
 def test_parts_are_of_whole_chunks_and_grow_less_the_more_there_is() -> None:
-    parts = Order.of(wall(), (0, 0, 0)).parts
+    parts = download_order(wall(), (0, 0, 0)).parts
     assert len(parts) == len(SHARES)
     assert all(part.count % MULTIPLE == 0 for part in parts)
     growths = [part.growth for part in parts]
@@ -64,19 +64,15 @@ def test_parts_are_of_whole_chunks_and_grow_less_the_more_there_is() -> None:
 
 
 def test_a_small_scene_has_no_parts() -> None:
-    assert Order.of(plys.gaussians(100), (0, 0, 0)).parts == ()
-    assert len(Order.of(plys.gaussians(1), (0, 0, 0)).with_neighbours_together(plys.gaussians(1)).indices) == 1
+    assert download_order(plys.gaussians(100), (0, 0, 0)).parts == ()
+    assert len(download_order(plys.gaussians(1), (0, 0, 0)).indices) == 1
 
 
 def test_neighbours_come_together_within_each_part() -> None:
     gaussians = wall()
-    order = Order.of(gaussians, (0, 0, 0))
-    packed = order.with_neighbours_together(gaussians)
-    for part in order.parts:
-        assert sorted(packed.indices[: part.count]) == sorted(order.indices[: part.count])
 
     def extent(indices: np.ndarray[tuple[int], np.dtype[np.int64]]) -> float:
         chunks = gaussians.means[indices[-MULTIPLE * 10 :], :2].reshape(10, MULTIPLE, 2)
         return float(np.ptp(chunks, axis=1).mean())
 
-    assert extent(packed.indices) < extent(order.indices) / 2
+    assert extent(download_order(gaussians, (0, 0, 0)).indices) < extent(np.arange(N)) / 2

@@ -23,11 +23,17 @@ def part(offset: int) -> dict[str, str]:
     return {**TUS, "Upload-Offset": str(offset), "Content-Type": "application/offset+octet-stream"}
 
 
+async def begun(client: httpx.AsyncClient, name: str, length: int, content: bytes = b"") -> str:
+    """The address of an upload that was begun and has received this."""
+    answer = await client.post("/uploads", headers=begin(name, length))
+    assert answer.status_code == 201, answer.text
+    at = "/" + answer.headers["location"]
+    if content:
+        sent = await client.patch(at, headers=part(0), content=content)
+        assert sent.status_code == 204, sent.text
+    return at
+
+
 async def upload(client: httpx.AsyncClient, name: str, content: bytes) -> httpx.Response:
     """A whole file, and its outcome."""
-    begun = await client.post("/uploads", headers=begin(name, len(content)))
-    assert begun.status_code == 201, begun.text
-    at = "/" + begun.headers["location"]
-    sent = await client.patch(at, headers=part(0), content=content)
-    assert sent.status_code == 204, sent.text
-    return await client.post(f"{at}/scene")
+    return await client.post(f"{await begun(client, name, len(content), content)}/scene")

@@ -27,7 +27,7 @@ from tigas_common.limits import ConcurrencyLimit
 from tigas_common.parsing import parse
 from tigas_common.web import has_already
 from tigas_common.wire.render import SceneDownload
-from tigas_render.downloads.order import Order
+from tigas_render.downloads.order import download_order
 from tigas_render.local_files import write_to_cache
 from tigas_render.scenes.compressed_ply import write_compressed_ply
 from tigas_render.scenes.ply import ANTIALIASED
@@ -76,7 +76,7 @@ def make(source: SceneSource, path: Path) -> SceneDownload:
     gaussians = source.load()
     metadata = source.metadata
     camera = metadata.camera or derive_camera(gaussians, metadata.up)
-    order = Order.of(gaussians, camera.position).with_neighbours_together(gaussians)
+    order = download_order(gaussians, camera.position)
     comments = [*(part.comment for part in order.parts), *([ANTIALIASED] if gaussians.antialiased else ())]
     write_compressed_ply(path, gaussians, order.indices, comments)
     with path.open("rb") as file:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Self
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,29 +40,25 @@ class Order:
     indices: NDArray[np.int64]
     parts: tuple[Part, ...]
 
-    @classmethod
-    def of(cls, gaussians: Gaussians, viewpoint: Point) -> Self:
-        """A random permutation weighted by the square root of each Gaussian's importance to a viewer near `viewpoint`.
 
-        Importance is opacity × area / squared distance: the covered area of the picture. In a strictly sorted order,
-        the small Gaussians of some surfaces would all be missing for a long time, and leave holes. Weighted sampling
-        assigns each Gaussian an exponential arrival time divided by its weight and sorts by it (Efraimidis and Spirakis
-        2006, "Weighted random sampling with a reservoir"). The seed is fixed.
-        """
-        importance = _importance(gaussians, viewpoint)
-        arrivals = np.random.default_rng(0).exponential(size=len(gaussians))
-        indices = np.argsort(arrivals / np.sqrt(importance), kind="stable")
-        covered = np.cumsum(importance[indices])
-        counts = sorted({round(share * len(indices) / MULTIPLE) * MULTIPLE for share in SHARES} - {0})
-        parts = (Part(count, float((covered[-1] / covered[count - 1]) ** GROWTH)) for count in counts)
-        return cls(indices, tuple(part for part in parts if part.count < len(indices)))
+def download_order(gaussians: Gaussians, viewpoint: Point) -> Order:
+    """A random permutation weighted by the square root of each Gaussian's importance to a viewer near `viewpoint`.
 
-    def with_neighbours_together(self, gaussians: Gaussians) -> Self:
-        """The same parts; between their ends, neighbours in space are neighbours in the file."""
-        codes = morton_codes(gaussians.means)
-        ends = (0, *(part.count for part in self.parts), len(self.indices))
-        runs = (self.indices[start:end] for start, end in pairwise(ends))
-        return replace(self, indices=np.concatenate([run[np.argsort(codes[run], kind="stable")] for run in runs]))
+    Importance is opacity × area / squared distance: the covered area of the picture. In a strictly sorted order, the
+    small Gaussians of some surfaces would all be missing for a long time, and leave holes. Weighted sampling assigns
+    each Gaussian an exponential arrival time divided by its weight and sorts by it (Efraimidis and Spirakis 2006,
+    "Weighted random sampling with a reservoir"). The seed is fixed. Within a part, neighbours in space are neighbours.
+    """
+    importance = _importance(gaussians, viewpoint)
+    arrivals = np.random.default_rng(0).exponential(size=len(gaussians))
+    indices = np.argsort(arrivals / np.sqrt(importance), kind="stable")
+    covered = np.cumsum(importance[indices])
+    counts = sorted({round(share * len(indices) / MULTIPLE) * MULTIPLE for share in SHARES} - {0})
+    parts = [Part(count, float((covered[-1] / covered[count - 1]) ** GROWTH)) for count in counts]
+    parts = [part for part in parts if part.count < len(indices)]
+    codes = morton_codes(gaussians.means)
+    runs = np.split(indices, [part.count for part in parts])
+    return Order(np.concatenate([run[np.argsort(codes[run], kind="stable")] for run in runs]), tuple(parts))
 
 
 def _importance(gaussians: Gaussians, viewpoint: Point) -> NDArray[np.float64]:

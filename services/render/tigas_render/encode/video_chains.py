@@ -98,7 +98,6 @@ class VideoChains:
             self._chains.pop(client, None)
 
     def forget_idle(self) -> None:
-        """Drop idle viewers."""
         with self._lock:
             while self._chains:
                 client, chain = next(iter(self._chains.items()))

@@ -62,7 +62,6 @@ class Point:
 
     @property
     def psnr_db(self) -> float:
-        """In mean squared error."""
         return 10 * math.log10(255**2 / max(self.mse, 1e-6))
 
 
@@ -86,13 +85,21 @@ def measure(
     totals = np.zeros((len(settings), 2))
     sizes = sorted({setting[:2] for setting in settings}, reverse=True)
     number = 0
+
+    def rendered(pose: Pose, size: tuple[int, int]) -> Pixels:
+        """As the service renders it for the display."""
+        enlarged = math.sqrt(DISPLAY[0] * DISPLAY[1] / (size[0] * size[1]))
+        camera = Camera(pose, intrinsics(*DISPLAY).resized(*size), background, max(1.0, enlarged))
+        with rasterizer.render(scene, camera, "png") as image:
+            return image.to_host().copy()
+
     with ThreadPoolExecutor(usable_processors()) as pool:
         for pose in islice(poses, views * TRIES):
-            truth = _rendered(rasterizer, scene, Camera(pose, intrinsics(*DISPLAY), background))
+            truth = rendered(pose, DISPLAY)
             if not _shows_something(truth, background):
                 continue
             exact = truth.astype(np.float32)
-            frames = {size: _frame(rasterizer, scene, pose, size, background) for size in sizes}
+            frames = {size: rendered(pose, size) for size in sizes}
             outcomes = [pool.submit(_outcome, frames[setting[:2]], setting[2], exact) for setting in settings]
             for done, outcome in enumerate(outcomes, 1):
                 totals[done - 1] += outcome.result()
@@ -102,29 +109,10 @@ def measure(
                 break
     if number == 0:
         raise StartError("No view about the scene's start camera shows anything.")
-    means = totals / number
     return [
         Point(*setting, kb=float(size) / 1000, mse=float(error))
-        for setting, (size, error) in zip(settings, means, strict=True)
+        for setting, (size, error) in zip(settings, totals / number, strict=True)
     ]
-
-
-def _frame(
-    rasterizer: Rasterizer,
-    scene: PreparedScene,
-    pose: Pose,
-    size: tuple[int, int],
-    background: tuple[float, float, float],
-) -> Pixels:
-    """As the service renders it for the display."""
-    enlarged = math.sqrt(DISPLAY[0] * DISPLAY[1] / (size[0] * size[1]))
-    lens = intrinsics(*DISPLAY).resized(*size)
-    return _rendered(rasterizer, scene, Camera(pose, lens, background, max(1.0, enlarged)))
-
-
-def _rendered(rasterizer: Rasterizer, scene: PreparedScene, camera: Camera) -> Pixels:
-    with rasterizer.render(scene, camera, "png") as image:
-        return image.to_host().copy()
 
 
 def _shows_something(picture: Pixels, background: tuple[float, float, float]) -> bool:

@@ -163,19 +163,13 @@ class Rasterizer(ABC):
 
 
 def footprint(display_scale: float, antialiased: bool = False) -> tuple[float, float]:
-    """Growth of a Gaussian on screen: dilation, and variance of the low-pass filter, both in the picture's
-    pixels².
+    """Growth of a Gaussian on screen: dilation, and variance of the low-pass filter, both in the picture's pixels².
 
     The projected covariance Σ becomes Σ' = Σ + dilation · I, which makes it as large on the display as in training, and
-    then Σ" = Σ' + low_pass · I, with the opacity times √(det Σ' / det Σ"), so that its coverage is unchanged.
-
-    Mip-Splatting (Yu et al., CVPR 2024, "2D Mip filter") integrates over a pixel's area by a Gaussian in place of
-    a box, and compensates opacity as above. A box one pixel wide has a variance of 1/12. With s = display_scale, a
-    pixel of the display, 1/s wide, already has its own box: scenes are trained with its samples. Variances add, so
-    the picture's pixel is 1/12 - 1/(12 s²) wider: just the variance of s equally spaced samples. Scaling up to the
-    display is a low-pass filter as well. With one filter before sampling and one after, each takes the square root
-    of the desired response; a Gaussian's square root has half its variance, so half is ours. By measurement this
-    is near the least error on the display (docs/architecture.md). At s = 1 nothing is left: 3DGS's picture.
+    then Σ" = Σ' + low_pass · I, with the opacity times √(det Σ' / det Σ"), so that its coverage is unchanged: the 2D
+    filter of Mip-Splatting (Yu et al., CVPR 2024). A box one pixel wide has a variance of 1/12. With s = display_scale,
+    a pixel of the picture is 1/12 - 1/(12 s²) wider than one of the display, with which scenes are trained; half of
+    that is left to the scaling up (docs/architecture.md). At s = 1 nothing is left: 3DGS's picture.
 
     For a scene trained with that filter (`antialiased`), the dilation is one as well: it costs opacity.
     """

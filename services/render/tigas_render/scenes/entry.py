@@ -30,7 +30,6 @@ class LoadedScene:
 
     @property
     def ladder(self) -> tuple[Rung, ...] | None:
-        """The scene's own, if it has one."""
         return self.source.ladder
 
 

@@ -84,11 +84,10 @@ class SceneRegistry:
         for id, source in sorted(self._offered({**self._builtin, **found}).items()):
             entry = old.pop(id, None)
             if entry is not None and entry.source.version == source.version and not (entry.error or source.error):
-                entry.source = source
-                entry.camera = source.metadata.camera or entry.camera
+                entry.source, entry.camera = source, source.metadata.camera or entry.camera
                 if entry.loaded is not None:
                     camera = source.metadata.camera or entry.loaded.camera
-                    entry.loaded = LoadedScene(source, entry.loaded.prepared, entry.loaded.gaussians, camera)
+                    entry.loaded = replace(entry.loaded, source=source, camera=camera)
                 self._entries[id] = entry
                 continue
             if entry is not None:
@@ -115,7 +114,6 @@ class SceneRegistry:
         return taken
 
     def has(self, scene_id: str) -> bool:
-        """Whether a scene is on offer, broken or not."""
         return scene_id in self._entries
 
     def info(self, scene_id: str) -> SceneInfo:

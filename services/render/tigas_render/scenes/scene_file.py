@@ -98,7 +98,7 @@ class SceneFile:
             pass
 
     def load(self) -> Gaussians:
-        """All of its Gaussians. Raises BrokenScene."""
+        """Raises BrokenScene."""
         return self.open(lambda _: None).gathered()
 
     @property
@@ -131,11 +131,9 @@ class Table:
 
     @property
     def end(self) -> int:
-        """Bytes up to the end of the last."""
         return self.offset + self.count * self.dtype.itemsize
 
     def rows(self, file: io.BufferedReader, start: int, stop: int) -> Rows:
-        """Some of them."""
         # a mapping each time: pages of earlier ones do not stay resident, as they would with one mapping of the file
         return np.memmap(file, self.dtype, "r", self.offset + start * self.dtype.itemsize, (stop - start,))
 

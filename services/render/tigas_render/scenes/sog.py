@@ -80,8 +80,6 @@ class Means(_Part):
 
 
 class Quaternions(_Part):
-    """Rotations."""
-
     files: tuple[Name]
 
 
@@ -122,7 +120,6 @@ class SogMeta(_Part):
 
     @property
     def sh_degree(self) -> int:
-        """0 to 3."""
         return self.shN.bands if self.shN else 0
 
     @property
@@ -132,7 +129,6 @@ class SogMeta(_Part):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All images."""
         palette = self.shN.files if self.shN else ()
         return (*self.means.files, *self.scales.files, *self.quats.files, *self.sh0.files, *palette)
 

@@ -140,7 +140,6 @@ class SceneSource:
 
     @property
     def name(self) -> str:
-        """For people."""
         return self.metadata.name or self.id
 
     def read(self, listener: Listener) -> Batches:

@@ -52,7 +52,6 @@ class Nodes:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the arrays."""
         return self.chunks.nbytes + self.edges.nbytes + self.bounds.nbytes
 
 

@@ -217,13 +217,11 @@ class CpuRasterizer(Rasterizer):
         )  # fmt: skip
 
     def sort(self, job: FrameJob) -> None:
-        """Sort the lists by depth."""
         histograms = self._per_thread("histograms", DIGITS << DIGIT, np.int64)
         turn = self._turn_from(job.begin)
         sort_lists(job.starts, job.begin, job.end, job.entries, job.in_order, histograms, turn)
 
     def blend(self, job: FrameJob) -> None:
-        """Draw the listed tiles into the image."""
         accumulators = self._per_thread("accumulators", TILE_FLOATS, np.float32)
         blend(
             job.splats, job.starts, job.begin, job.end, job.in_order, job.background, job.image.to_host(), job.cells,

@@ -41,7 +41,6 @@ class CpuScene(PreparedScene):
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the packed arrays."""
         return self.geometry.nbytes + self.sh.nbytes + self.bounds.nbytes + self.nodes.nbytes
 
 

@@ -43,7 +43,6 @@ class CudaScene(PreparedScene):
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the packed tensors."""
         return sum(t.nbytes for t in (self.means, self.shapes, self.sh, self.bounds))
 
 

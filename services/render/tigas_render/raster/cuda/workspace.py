@@ -56,7 +56,6 @@ class Parameters:
         """That of the arguments of a kernel which takes nothing but where the parameters are stored."""
 
     def write(self, scene: CudaScene, camera: Camera, format: PixelFormat, plan: Plan) -> None:
-        """Describe the next frame."""
         write_frame(self._content, scene, camera, plan.layout, format, plan.addresses, plan.capacity)
 
 
@@ -222,7 +221,6 @@ class Workspace:
         return *picture, encode_depth, fetch, fetch_depth
 
     def wait(self) -> None:
-        """Wait for all queued work."""
         self._wait.make()
 
     def output(self) -> bytes:
