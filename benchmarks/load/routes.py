@@ -13,8 +13,7 @@ import numpy as np
 from benchmarks.load.plan import Plan, Transport
 from tigas_common.sample_cameras import intrinsics
 from tigas_common.wire.render import RenderRequest, SceneInfo
-from tigas_experiments.movement.placement import placed
-from tigas_experiments.movement.trace import MovementTrace
+from tigas_experiments.movement.trace import MovementTrace, placed
 
 WIDTH, HEIGHT = 1280, 720
 """Of every viewer's display, in pixels."""
