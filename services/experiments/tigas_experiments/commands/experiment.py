@@ -15,15 +15,11 @@ from tigas_experiments.commands.rerender import Rerender
 
 
 class _RunsCommand(Command):
-    """A command about a folder of runs."""
-
     out: Path | None = None
     """Folder for the runs; named after the experiment, in results, unless given."""
 
 
 class _ExperimentCommand(_RunsCommand):
-    """A command about an experiment's file."""
-
     file: Annotated[Path, POSITIONAL]
     """Experiment's TOML file."""
 
@@ -32,7 +28,6 @@ class Plan(_ExperimentCommand):
     """List an experiment's runs, which are complete, and how long the missing ones take."""
 
     def run(self) -> None:
-        """Print one line per run, and a summary."""
         from tigas_experiments.run.plan import lasting
         from tigas_experiments.run.runner import Experiment
 
@@ -52,7 +47,6 @@ class Import(_RunsCommand):
     """JSON file saved by the page."""
 
     def run(self) -> None:
-        """Write the runs and their report."""
         from tigas_experiments.report.cli import Report
         from tigas_experiments.store.saved import import_saved
 
@@ -69,7 +63,6 @@ class Run(_ExperimentCommand, Measure):
     """Resume even if the commit, browser, ladder or a scene has changed."""
 
     def run(self) -> None:
-        """Make the runs and write the report."""
         from tigas_experiments.commands.options import end_as_ctrl_c
         from tigas_experiments.report.cli import Report
         from tigas_experiments.report.controllers import run_names

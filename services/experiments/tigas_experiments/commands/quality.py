@@ -31,7 +31,6 @@ class Score(SamplesCommand):
     """Render service that renders missing ground truth first."""
 
     def run(self) -> None:
-        """Compute the scores and print their means."""
         from tigas_experiments.commands.options import end_as_ctrl_c
 
         end_as_ctrl_c()
@@ -59,7 +58,6 @@ class Ladder(RenderCommand):
     """Experiment's folder."""
 
     def run(self) -> None:
-        """Render the view and write the files."""
         from tigas_experiments.quality.picture import BrokenPicture
         from tigas_experiments.report.ladder import Step, middle_view, write_ladder
         from tigas_experiments.report.ladder import ladder as steps
@@ -78,7 +76,6 @@ class Fetch(Command):
     """Fetch the weights of LPIPS and DISTS into the user's cache, and the pictures that tests check them with."""
 
     def run(self) -> None:
-        """Download missing files."""
         from tigas_experiments.quality.weights import SOURCES, Source
         from tigas_experiments.quality.weights import fetch as fetched
 
@@ -196,7 +193,6 @@ def _condition(run: Path) -> Condition | None:
 
 
 def _doubts(run: Path, scoring: Scoring) -> Iterator[str]:
-    """Warnings about a run's scores."""
     from tigas_experiments.records.samples import sampled_run
 
     for name, why in scoring.problems.items():

@@ -42,7 +42,6 @@ class Rerender(SamplesCommand, RenderCommand):
     """
 
     def run(self) -> None:
-        """Render the samples and print a table of runs."""
         from rich.table import Table
 
         from tigas_experiments.commands.options import end_as_ctrl_c

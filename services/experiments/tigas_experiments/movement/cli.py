@@ -32,7 +32,6 @@ class Make(Command):
     """Random seed."""
 
     def run(self) -> None:
-        """Generate the movement and write it."""
         from tigas_experiments.movement.generated import KINDS, generate
 
         with in_a_sentence(StartError, OSError):
@@ -61,7 +60,6 @@ class Import(Command):
     """Units per metre in the scene to walk in; unless given, the start camera's subject is 4 m away."""
 
     def run(self) -> None:
-        """Convert the recording and write the movement."""
         from dataclasses import replace
 
         from tigas_experiments.movement import eyenavgs
@@ -101,7 +99,6 @@ class Show(Command):
     """Plot to draw as well: .png, .svg or .pdf."""
 
     def run(self) -> None:
-        """Print tables and draw the plot."""
         from rich.table import Table
 
         from tigas_experiments.movement.summary import Summary, plot_movement
@@ -143,7 +140,6 @@ movement = Group("Generate, import and inspect movement traces.", {"make": Make,
 
 
 def _axis(text: str) -> list[float]:
-    """Three finite numbers, not all of them 0."""
     import math
 
     try:

@@ -118,7 +118,6 @@ def read_settings(path: Path, scene: str) -> SceneSettings:
 
 
 def scene_of(path: Path) -> str:
-    """The scene's name, from that of a recording: user3_train.csv."""
     return path.stem.partition("_")[2]
 
 

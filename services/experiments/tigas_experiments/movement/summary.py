@@ -44,8 +44,6 @@ class Pace(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """A trace's figures."""
-
     poses: int
     duration_s: float
     median_rate_hz: float

@@ -108,22 +108,18 @@ class MovementTrace:
 
     @property
     def duration_ms(self) -> float:
-        """Duration from the first pose to the last."""
         return float(self.times_ms[-1])
 
     @property
     def description(self) -> str:
-        """The file's description, or an empty string."""
         return self.comments.get("description", "")
 
     @property
     def gaps_ms(self) -> Floats:
-        """The lengths of the steps that are gaps."""
         steps = np.diff(self.times_ms)
         return steps[steps > GAP_MS]
 
     def gap_notes(self) -> list[str]:
-        """A sentence on its gaps, if it has any."""
         gaps = self.gaps_ms
         if not len(gaps):
             return []

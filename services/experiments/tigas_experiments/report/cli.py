@@ -30,7 +30,6 @@ class Report(Command):
     """Archive (.tar.xz) to pack the raw runs into as well, from which the report can be made again."""
 
     def run(self) -> None:
-        """Write the report and print its tables."""
         from tigas_experiments.report.archive import Options, pack, read_options, unpack
         from tigas_experiments.report.report import write_report
 
@@ -49,7 +48,6 @@ class Report(Command):
 
 
 def _print(made: Written) -> None:
-    """Print the tables of networks, the warnings, and where the report is."""
     from tigas_experiments.report.run_listing import by_network, in_terminal
 
     console = make_console()
