@@ -43,12 +43,13 @@ help:
 # The Python side, including the rasteriser's kernels, is prepared while the page is built.
 demo:
 	@$(MAKE) --no-print-directory -j2 kernels $(STATIC)
-	@if $(VENV)/tigas lab check $(ARGS); then \
+	@export TIGAS_SHAPER_TRACES=traces/network $(if $(SCENES),TIGAS_RENDER_SCENES=$(SCENES)); \
+	if $(VENV)/tigas lab check $(ARGS); then \
 		echo "== behind a shaped link: replay traces from the page's network panel"; \
-		exec $(VENV)/tigas lab up --traces traces/network $(if $(SCENES),--scenes $(SCENES)) $(ARGS); \
+		exec $(VENV)/tigas lab up $(ARGS); \
 	else \
 		echo "== without the shaped link; everything else works"; \
-		exec $(VENV)/tigas demo -- $(if $(SCENES),--scenes $(SCENES)) $(ARGS); \
+		exec $(VENV)/tigas demo -- $(ARGS); \
 	fi
 
 PYTEST = $(VENV)/python -m pytest
@@ -126,7 +127,6 @@ compare: .venv/.lab $(STATIC)
 bench: .venv/.ready
 	@$(VENV)/python -m benchmarks.raster
 	@$(VENV)/python -m benchmarks.transport
-	@$(VENV)/python -m benchmarks.quic_cost
 	@$(VENV)/python -m benchmarks.memory
 	@$(VENV)/python -m benchmarks.dash
 

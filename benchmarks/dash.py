@@ -15,15 +15,16 @@ import argparse
 import asyncio
 import json
 import math
-import os
+import socket
 import statistics
 import struct
-import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager, contextmanager
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
@@ -32,30 +33,12 @@ import httpx
 import psutil
 from websockets.asyncio.client import connect
 
-from tigas_common.processes import running, tigas
+from benchmarks.services import free_ports, started
 
 RATE = 30
 WARM_UP_S = 10
 ROUNDS = 16
 LIMIT_MB = 5
-
-
-@contextmanager
-def service(*arguments: str, **environment: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Run a `tigas` command, as a context manager."""
-    with running(tigas(*arguments), 10, stdout=subprocess.DEVNULL, env=os.environ | environment) as process:
-        yield process
-
-
-async def answers(http: httpx.AsyncClient) -> None:
-    """Until a service is healthy."""
-    async with asyncio.timeout(120):
-        while True:
-            try:
-                if (await http.get("/healthz")).is_success:
-                    return
-            except httpx.HTTPError:
-                await asyncio.sleep(0.2)
 
 
 def session_request(width: int, height: int) -> dict[str, Any]:
@@ -154,19 +137,19 @@ async def main() -> int:
     parser.add_argument("--width", type=int, default=640, choices=(1280, 960, 640, 320))
     parser.add_argument("--height", type=int, default=360)
     arguments = parser.parse_args()
-    render_port, port = 18080, 18081
+    render_port, port = free_ports(socket.SOCK_STREAM, socket.SOCK_STREAM)
+    render_listens = ("--http", f"127.0.0.1:{render_port}", "--quic", "off")
+    dash_listens = ("--http", f"127.0.0.1:{port}", "--render", f"http://127.0.0.1:{render_port}")
+    settings = {"TIGAS_DASH_IDLE_S": "2", "TIGAS_DASH_ENCODER": "libx264"}
     with (
-        service("render", "--http", f"127.0.0.1:{render_port}", "--quic", "off"),
-        service("dash", "--render", f"http://127.0.0.1:{render_port}", "--http", f"127.0.0.1:{port}",
-                "--max-sessions", "20", TIGAS_DASH_IDLE_S="2", TIGAS_DASH_ENCODER="libx264") as packager,
-    ):  # fmt: skip
-        async with (
-            httpx.AsyncClient(base_url=f"http://127.0.0.1:{render_port}") as render,
-            httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=60) as http,
-        ):
-            await answers(render)
-            await answers(http)
-            memory = psutil.Process(packager.pid)
+        tempfile.TemporaryDirectory() as folder,
+        started("render", *render_listens, log=Path(folder, "render.log")) as render,
+        started("dash", *dash_listens, "--max-sessions", "20", log=Path(folder, "dash.log"), **settings) as packager,
+    ):
+        render.wait_until_healthy(render_port)
+        packager.wait_until_healthy(port)
+        async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=60) as http:
+            memory = psutil.Process(packager.process.pid)
             wanted = session_request(arguments.width, arguments.height)
             session = (await http.post("/sessions", json=wanted)).json()
             async with walking(port, session):

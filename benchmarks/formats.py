@@ -24,8 +24,7 @@ from benchmarks.views import centred_lens, chosen, look
 from tigas_common.command import POSITIONAL, Command, Metavar, parse
 from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_experiments.quality.picture import compare
-from tigas_render.encode.jpeg import encode_jpeg
-from tigas_render.encode.webp import encode_webp
+from tigas_render.encode.images import encode_jpeg, encode_webp
 from tigas_render.raster.base import Camera
 from tigas_render.raster.cpu import CpuRasterizer
 

@@ -29,15 +29,15 @@ from PIL import Image as PillowImage
 from benchmarks.gpu_load import throughput
 from benchmarks.views import centred_lens, look, start_view
 from tigas_common.pose import Pose
-from tigas_render.cache import cache_directory
 from tigas_render.gaussians import Gaussians
+from tigas_render.local_files import cache_directory
 from tigas_render.raster.base import Camera
 from tigas_render.raster.calls import Calls
 from tigas_render.raster.cuda.rasterizer import CudaRasterizer
 from tigas_render.raster.cuda.scene import CudaScene
 from tigas_render.raster.devices import why_no_cuda
 from tigas_render.scenes.demo import DEMO_SOURCE
-from tigas_render.scenes.ply import load_ply
+from tigas_render.scenes.directory import read_scene_file
 
 SHARED = Path(os.environ.get("TIGAS_SHARED", Path(__file__).resolve().parents[2] / "shared"))
 SOURCES = {
@@ -73,7 +73,7 @@ def main() -> None:
         gaussians, pose = scenes["flowers"]
         scenes |= {f"flowers x {copies}": (densified(gaussians, copies), pose) for copies in COPIES}
     print(f"\nPose to JPEG bytes on the host, ms, quality {QUALITY}")
-    prepared = {name: rasterizer.prepare(gaussians) for name, (gaussians, _) in scenes.items()}
+    prepared = {name: rasterizer.pack(gaussians.batches()) for name, (gaussians, _) in scenes.items()}
     poses = {name: pose for name, (_, pose) in scenes.items()}
     own = latencies(rasterizer, prepared, poses)
     if arguments.gsplat:
@@ -104,7 +104,7 @@ def load_scenes(folder: Path) -> dict[str, tuple[Gaussians, Pose]]:
         sources = [str(SHARED / "scenes" / file) for file in files]
         command = [sys.executable, str(SHARED / "tools" / "splat_convert.py"), str(ply), *sources, "--deg", degree]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-        scenes[name] = load_ply(ply), look(cameras[name])
+        scenes[name] = read_scene_file(ply).load(), look(cameras[name])
         ply.unlink()
     return scenes
 

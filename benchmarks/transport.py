@@ -1,28 +1,41 @@
-"""200 KB frames to headless Chromium over WebTransport: our server against a stock aioquic server, in the same run.
+"""Our transport against a stock aioquic server, in the same run: processor time of a frame, and frames to Chromium.
 
-    python -m benchmarks.transport [--seconds 3] [--rounds 3] [--in-flight 1 4] [--servers ours stock]
+    python -m benchmarks.transport [--blocks 5] [--seconds 1] [--bytes 23000 197000] [--over webtransport post browser]
 
-Both servers (`benchmarks.servers`) answer from memory, each in its own process, and take turns round by round.
+Both servers answer from memory, each in its own process (`benchmarks.servers`), and take turns block by block. Over
+`webtransport` and `post`, one client process requests frames over loopback, one at a time for each of four viewers; the
+server's time is its process's own clock (user and system) over the frames of a block. `browser` is headless Chromium
+over WebTransport, with one request and with four in flight.
 """
 
 from __future__ import annotations
 
 import argparse
+import asyncio
 import contextlib
 import http.server
+import json
+import random
 import statistics
 import threading
-from collections.abc import Iterator
-from typing import Any
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from functools import partial
 
+import uvloop
 from playwright.sync_api import sync_playwright
 
-from benchmarks.hostile.client import request
-from benchmarks.servers import NAMES, running
+from benchmarks.hostile.client import Client, connect, request
+from benchmarks.servers import NAMES, Server, running
 from tigas_experiments.run.browser import find_chromium
 
-FRAME_BYTES = 200_000
-REQUEST = request(1280, 720, profile=0)
+VIEWERS = 4
+WARM_UP_FRAMES = 30
+"""Of each viewer, until the congestion window has grown."""
+IN_FLIGHT = (1, 4)
+"""Requests of the browser."""
+REQUEST = request(1280, 720, profile=0, deadline_ms=1000)
+BODY = json.dumps(REQUEST).encode()
 CHROMIUM_ARGUMENTS = [
     "--no-sandbox",
     "--disable-background-networking",
@@ -32,7 +45,7 @@ CHROMIUM_ARGUMENTS = [
     "--no-first-run",
 ]
 PAGE_SCRIPT = """
-async ({ port, hash, request, inFlight, milliseconds }) => {
+async ({ port, hash, request, size, warmUp, inFlight, milliseconds }) => {
   const bytes = Uint8Array.from(atob(hash), (c) => c.charCodeAt(0));
   const transport = new WebTransport(`https://127.0.0.1:${port}/render`, {
     serverCertificateHashes: [{ algorithm: "sha-256", value: bytes }],
@@ -46,17 +59,17 @@ async ({ port, hash, request, inFlight, milliseconds }) => {
     const writer = stream.writable.getWriter();
     writer.write(encoder.encode(JSON.stringify({ ...request, seq: seq++ })));
     writer.close();
-    let size = 0;
+    let received = 0;
     const reader = stream.readable.getReader();
     for (;;) {
       const { value, done } = await reader.read();
       if (done) break;
-      size += value.byteLength;
+      received += value.byteLength;
     }
-    if (size < 200000) throw new Error(`a frame of ${size} bytes`);
+    if (received < size) throw new Error(`a frame of ${received} bytes`);
     return performance.now() - start;
   };
-  for (let i = 0; i < 30; i++) await frame();  // warm-up: congestion window, caches
+  for (let i = 0; i < warmUp; i++) await frame();
   const times = [];
   const start = performance.now();
   const worker = async () => {
@@ -70,6 +83,57 @@ async ({ port, hash, request, inFlight, milliseconds }) => {
 """
 
 
+async def view(client: Client, session: int) -> None:
+    """A frame over WebTransport."""
+    assert await client.frame_status(session, BODY) == 200
+
+
+async def post(client: Client) -> None:
+    """A frame by POST, through our HTTP application."""
+    assert (await client.post("localhost", "/render", BODY)).status_code == 200
+
+
+@contextlib.asynccontextmanager
+async def viewers(server: Server, over: str) -> AsyncIterator[list[Callable[[], Awaitable[None]]]]:
+    """Viewers that request a frame and read it."""
+    async with contextlib.AsyncExitStack() as stack:
+        asks: list[Callable[[], Awaitable[None]]] = []
+        for _ in range(VIEWERS):
+            window = {"max_data": 1 << 24, "max_stream_data": 1 << 24}
+            client = await stack.enter_async_context(connect(server.port, "127.0.0.1", **window))
+            asks.append(partial(post, client) if over == "post" else partial(view, client, await client.session()))
+        yield asks
+
+
+async def frames(asks: list[Callable[[], Awaitable[None]]], go_on: Callable[[int], bool]) -> int:
+    """Let each ask while it may, by its number of frames; returns the total."""
+
+    async def repeat(ask: Callable[[], Awaitable[None]]) -> int:
+        count = 0
+        while go_on(count):
+            await ask()
+            count += 1
+        return count
+
+    return sum(await asyncio.gather(*map(repeat, asks)))
+
+
+async def processor_us(servers: dict[str, Server], over: str, blocks: int, seconds: float) -> dict[str, list[float]]:
+    """Microseconds a frame in each block."""
+    costs: dict[str, list[float]] = {name: [] for name in servers}
+    async with contextlib.AsyncExitStack() as stack:
+        asks = {name: await stack.enter_async_context(viewers(server, over)) for name, server in servers.items()}
+        for each in asks.values():
+            await frames(each, lambda count: count < WARM_UP_FRAMES)
+        for _ in range(blocks):
+            for name, server in servers.items():
+                until = time.monotonic() + seconds
+                before = server.cpu_seconds()
+                count = await frames(asks[name], lambda _, until=until: time.monotonic() < until)  # type: ignore[misc]
+                costs[name].append((server.cpu_seconds() - before) / count * 1e6)
+    return costs
+
+
 @contextlib.contextmanager
 def blank_page() -> Iterator[str]:
     """A secure context: an empty page on http://localhost."""
@@ -80,7 +144,7 @@ def blank_page() -> Iterator[str]:
             self.send_header("Content-Type", "text/html")
             self.end_headers()
 
-        def log_message(self, *_: Any) -> None:
+        def log_message(self, *_: object) -> None:
             pass
 
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
@@ -89,44 +153,67 @@ def blank_page() -> Iterator[str]:
         server.shutdown()
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--seconds", type=float, default=3)
-    parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--in-flight", type=int, nargs="+", default=[1, 4])
-    parser.add_argument("--servers", nargs="+", choices=NAMES, default=NAMES)
-    parser.add_argument("--chromium", help="the browser; one that is installed by default")
-    arguments = parser.parse_args()
-    with contextlib.ExitStack() as stack:
-        servers = {name: stack.enter_context(running(name, FRAME_BYTES)) for name in arguments.servers}
-        url = stack.enter_context(blank_page())
-        playwright = stack.enter_context(sync_playwright())
-        browser = playwright.chromium.launch(
-            executable_path=arguments.chromium or find_chromium(), args=CHROMIUM_ARGUMENTS
-        )
+def browse(servers: dict[str, Server], size: int, blocks: int, seconds: float) -> None:
+    """Print frames/s and milliseconds of a browser."""
+    options = {"request": REQUEST, "size": size, "warmUp": WARM_UP_FRAMES, "milliseconds": seconds * 1000}
+    with blank_page() as url, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=find_chromium(), args=CHROMIUM_ARGUMENTS)
         page = browser.new_page()
         page.goto(url)
-        print(
-            f"{FRAME_BYTES:,} bytes a frame, {arguments.rounds} rounds of {arguments.seconds:g} s, one stream a frame"
-        )
-        for in_flight in arguments.in_flight:
+        for in_flight in IN_FLIGHT:
             rates: dict[str, list[float]] = {name: [] for name in servers}
             times: dict[str, list[float]] = {name: [] for name in servers}
-            for _ in range(arguments.rounds):
+            for _ in range(blocks):
                 for name, server in servers.items():
-                    options = {"request": REQUEST, "inFlight": in_flight, "milliseconds": arguments.seconds * 1000}
-                    result = page.evaluate(PAGE_SCRIPT, {**options, "port": server.port, "hash": server.hash})
+                    where = {"port": server.port, "hash": server.hash, "inFlight": in_flight}
+                    result = page.evaluate(PAGE_SCRIPT, options | where)
                     rates[name].append(len(result["times"]) / result["seconds"])
                     times[name] += result["times"]
-            for name in servers:
-                p50, p95 = statistics.median(times[name]), statistics.quantiles(times[name], n=20)[18]
-                rate = statistics.median(rates[name])
-                print(f"{in_flight} in flight  {name:6} {rate:6.1f} frames/s   p50 {p50:5.1f} ms   p95 {p95:5.1f} ms")
-            if len(servers) == 2:
-                ratios = [ours / stock for ours, stock in zip(rates["ours"], rates["stock"], strict=True)]
-                rounds = ", ".join(f"{ratio:.2f}" for ratio in ratios)
-                print(f"{in_flight} in flight  ratio  {statistics.median(ratios):6.2f}x  (rounds: {rounds})")
+            about = f"{size:9,} bytes, browser, {in_flight} in flight"
+            report(about, "frames/s", rates)
+            for name, each in times.items():
+                p50, p95 = statistics.median(each), statistics.quantiles(each, n=20)[18]
+                print(f"{about}  {name:5} p50 {p50:5.1f}, p95 {p95:5.1f} ms")
         browser.close()
+
+
+def report(about: str, unit: str, values: dict[str, list[float]]) -> None:
+    """Print the mean over blocks of each server, and of their ratios."""
+    for name, each in values.items():
+        print(f"{about}  {name:5} {interval(each)} {unit}")
+    if len(values) == 2:
+        ratios = [ours / stock for ours, stock in zip(values["ours"], values["stock"], strict=True)]
+        print(f"{about}  ratio {interval(ratios)}", flush=True)
+
+
+def interval(values: list[float]) -> str:
+    """The mean, and its 95 % interval by the bootstrap over blocks."""
+    generator = random.Random(0)
+    means = sorted(statistics.fmean(generator.choices(values, k=len(values))) for _ in range(2000))
+    three = statistics.fmean(values), means[50], means[-51]
+    mean, low, high = (f"{value:.0f}" if value >= 100 else f"{value:.2f}" for value in three)
+    return f"{mean:>5} ({low} to {high})"
+
+
+def main() -> None:
+    ways = ("webtransport", "post", "browser")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--blocks", type=int, default=5)
+    parser.add_argument("--seconds", type=float, default=1, help="of a block")
+    parser.add_argument("--bytes", type=int, nargs="+", default=[23_000, 197_000], help="of a frame")
+    parser.add_argument("--over", nargs="+", choices=ways, default=ways)
+    parser.add_argument("--servers", nargs="+", choices=NAMES, default=NAMES)
+    arguments = parser.parse_args()
+    print(f"Means of {arguments.blocks} blocks of {arguments.seconds:g} s (95 %)")
+    for size in arguments.bytes:
+        with contextlib.ExitStack() as stack:
+            servers = {name: stack.enter_context(running(name, size)) for name in arguments.servers}
+            for over in arguments.over:
+                if over == "browser":
+                    browse(servers, size, arguments.blocks, arguments.seconds)
+                else:
+                    costs = uvloop.run(processor_us(servers, over, arguments.blocks, arguments.seconds))
+                    report(f"{size:9,} bytes, {over}", "µs of the processor a frame", costs)
 
 
 if __name__ == "__main__":

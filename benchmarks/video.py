@@ -32,8 +32,7 @@ from tigas_common.pose import Pose
 from tigas_common.wire.render import SceneInfo, StartCamera
 from tigas_experiments.movement.trace import MovementTrace, placed
 from tigas_render.encode.h264 import PRESET, H264Encoder, Preset
-from tigas_render.encode.jpeg import encode_jpeg
-from tigas_render.encode.yuv420p import KB, KR, encode_yuv420p
+from tigas_render.encode.images import KB, KR, encode_jpeg, encode_yuv420p
 from tigas_render.raster.base import Camera, PreparedScene
 from tigas_render.raster.cpu import CpuRasterizer
 

@@ -12,8 +12,8 @@ import numpy as np
 from tigas_common.pose import Intrinsics, Pose, Vector3
 from tigas_render.gaussians import Gaussians
 from tigas_render.scenes.demo import DEMO_SOURCE
-from tigas_render.scenes.metadata import DEFAULT_UP
-from tigas_render.scenes.ply import load_ply
+from tigas_render.scenes.directory import read_scene_file
+from tigas_render.scenes.source import DEFAULT_UP
 from tigas_render.scenes.start_camera import derive_camera
 
 View = dict[str, list[float]]
@@ -29,7 +29,7 @@ def centred_lens(width: int, height: int) -> Intrinsics:
 def start_view(gaussians: Gaussians, *, builtin: bool) -> View:
     """Where a visitor of a scene would start; `builtin`: of the demo scene."""
     camera = DEMO_SOURCE.metadata.camera if builtin else None
-    camera = camera or derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, DEFAULT_UP)
+    camera = camera or derive_camera(gaussians, DEFAULT_UP)
     return {"position": list(camera.position), "look_at": list(camera.look_at), "up": list(DEFAULT_UP)}
 
 
@@ -50,7 +50,7 @@ def chosen(scenes: list[str] | None, cameras: Path | None) -> Iterator[tuple[str
     views = json.loads(cameras.read_text()) if cameras else {}
     for argument in scenes or ["courtyard="]:
         name, _, path = argument.partition("=")
-        gaussians = load_ply(Path(path)) if path else DEMO_SOURCE.load()
+        gaussians = read_scene_file(Path(path)).load() if path else DEMO_SOURCE.load()
         yield name, gaussians, views.get(name) or start_view(gaussians, builtin=not path)
 
 

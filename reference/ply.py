@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from tigas_render.gaussians import Gaussians
-from tigas_render.scenes.columns import BLOCK
-from tigas_render.scenes.ply import ply_header, rest_names
-from tigas_render.scenes.ply_header import REQUIRED
+from tigas_render.scenes.ply import REQUIRED, ply_header, rest_names
+from tigas_render.scenes.scene_file import BLOCK
 
 
 def write_ply(path: Path, gaussians: Gaussians, comments: Iterable[str] = ()) -> None:

@@ -27,9 +27,10 @@ from tigas_render.raster.base import (
     Pause,
     PreparedScene,
     Rasterizer,
+    depth_size,
     footprint,
+    inverse_depth,
 )
-from tigas_render.raster.depth import depth_size, inverse_depth
 from tigas_render.raster.host_image import HostImage
 
 TILE = 32

@@ -1,21 +1,25 @@
-"""Each service's application over stand-ins: no rasteriser, no render service, no link, an empty directory."""
+"""Each service's application over stand-ins: a fake rasteriser, render service and link, in an empty directory."""
 
 from __future__ import annotations
 
+import string
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
+from typing import Any
+from urllib.parse import quote
 
 import httpx
-from starlette.applications import Starlette
 from starlette.types import ASGIApp
 
 from tests.cluster.hosts import FakeFleet, load
+from tests.dash.fakes import FakeRender
 from tests.experiments.made_up import MACHINE
-from tests.experiments.store.conftest import NOBODY, in_a_thread
+from tests.experiments.store.conftest import NOBODY, in_a_thread, services
 from tests.render.fakes import FakeRasterizer
-from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime
+from tests.render.scenes import plys
+from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, trace
 from tigas_cluster.director import create_director
 from tigas_cluster.fleet import HostAddress, HostState
 from tigas_common.address import Address
@@ -31,6 +35,7 @@ from tigas_experiments.store.app import Store
 from tigas_experiments.store.app import create_app as store_app
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.movements import Movements
+from tigas_experiments.store.planner import Planner
 from tigas_experiments.store.reports import Reports
 from tigas_experiments.store.rerendering import Rerendering
 from tigas_experiments.store.workspace import Workspace
@@ -40,6 +45,7 @@ from tigas_render.settings import RenderSettings
 from tigas_shaper.api import create_app as shaper_app
 from tigas_shaper.player import Player
 from tigas_shaper.service import Shaper
+from tigas_shaper.traces.csv_format import format_csv
 from tigas_shaper.traces.library import TraceLibrary
 
 Service = Callable[[Path], AbstractAsyncContextManager[ASGIApp]]
@@ -48,25 +54,31 @@ LONG_S = 600
 
 @asynccontextmanager
 async def render(folder: Path) -> AsyncIterator[ASGIApp]:
-    """Without a rasteriser."""
-    async with RenderService.open(RenderSettings(cache=folder / "cache"), FakeRasterizer()) as service:
+    """With one scene, which takes no time."""
+    models = folder / "models"
+    plys.write(models / "scene" / "scene.ply", plys.binary_ply())
+    rasterizer = FakeRasterizer()
+    rasterizer.gate.set()
+    async with RenderService.open(RenderSettings(scenes=models, cache=folder / "cache"), rasterizer) as service:
         yield render_app(service)
 
 
 @asynccontextmanager
 async def dash(folder: Path) -> AsyncIterator[ASGIApp]:
-    """Before a render service that is not there."""
+    """Before a fake render service."""
+    transport = httpx.ASGITransport(FakeRender().app, raise_app_exceptions=False)
     async with (
-        httpx.AsyncClient(base_url="http://127.0.0.1:9", trust_env=False) as nobody,
-        Sessions(RenderClient(nobody), "libx264", Clock(), limit=1, idle_s=LONG_S).running() as sessions,
-        WebRtc.running(RenderClient(nobody), Address("127.0.0.1", 0), Clock()) as webrtc,
+        httpx.AsyncClient(transport=transport, base_url="http://render") as upstream,
+        Sessions(RenderClient(upstream), "libx264", Clock(), limit=2, idle_s=LONG_S).running() as sessions,
+        WebRtc.running(RenderClient(upstream), Address("127.0.0.1", 0), Clock()) as webrtc,
     ):
         yield dash_app(sessions, OriginPolicy(), webrtc)
 
 
 @asynccontextmanager
 async def shaper(folder: Path) -> AsyncIterator[ASGIApp]:
-    """Over a link that is made up, with the traces of a directory."""
+    """Over a link that is made up, with one trace."""
+    (folder / "steps.csv").write_text(format_csv(trace(4_000, 0, 8_000, name="steps")))
     link = FakeLink(time := FakeTime())
     player = Player(link, LinkSetting(100_000, 50_000), clock=time.clock, sleep=time.sleep)
     running = Shaper(link, FakeGateway(), player, TraceLibrary(folder))  # type: ignore[arg-type]
@@ -83,17 +95,47 @@ async def store(folder: Path) -> AsyncIterator[ASGIApp]:
         experiments = Experiments(folder, workspace)
         reports, kept = Reports(experiments, workspace, in_a_thread), Movements(folder)
         materialisations = Rerendering(experiments, NOBODY)
-        made = Store(workspace, experiments, reports, kept, (), MACHINE, in_a_thread, materialisations)
+        planner = Planner(
+            experiments,
+            workspace,
+            in_a_thread,
+            movements=folder,
+            render=NOBODY,
+            services=services,
+            machine=MACHINE,
+            load=(),
+        )
+        made = Store(workspace, experiments, reports, kept, planner, materialisations)
         yield store_app(made, OriginPolicy())
 
 
 @asynccontextmanager
 async def director(folder: Path) -> AsyncIterator[ASGIApp]:
-    """Before a host that has nothing."""
-    fleet = FakeFleet(HostState(HostAddress("nobody", "http://127.0.0.1:9"), load()))
-    nothing = httpx.ASGITransport(Starlette())
-    async with create_director(fleet, origins=OriginPolicy(), clock=time.monotonic, transport=nothing) as app:
+    """Before one host."""
+    fleet = FakeFleet(HostState(HostAddress("here", "http://127.0.0.1:8080"), load()))
+    async with (
+        render(folder) as host,
+        create_director(fleet, origins=OriginPolicy(), clock=time.monotonic, transport=_Host(host)) as app,
+    ):
         yield app
 
 
+class _Host(httpx.ASGITransport):
+    """Hands on the target that the proxy names, as a real transport does."""
+
+    async def handle_async_request(self, request: httpx.Request) -> httpx.Response:
+        target = quote(request.extensions.get("target", request.url.raw_path), safe=string.punctuation.replace("#", ""))
+        request.url = request.url.copy_with(raw_path=target.encode())
+        return await super().handle_async_request(request)
+
+
 SERVICES: dict[str, Service] = {"render": render, "dash": dash, "shaper": shaper, "store": store, "director": director}
+
+
+@asynccontextmanager
+async def client_of(service: str, folder: Path, **options: Any) -> AsyncIterator[httpx.AsyncClient]:
+    """A client of a service, which gets 500 for what the application raises."""
+    async with SERVICES[service](folder) as app:
+        transport = httpx.ASGITransport(app, raise_app_exceptions=False)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost:8080", **options) as client:
+            yield client

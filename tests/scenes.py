@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from tigas_common.wire.render import SceneInfo, StartCamera
 
 
-def scene(up: tuple[float, float, float] = (0.0, -1.0, 0.0), camera: StartCamera | None = None) -> SceneInfo:
-    """A loaded one."""
-    return SceneInfo(
+def scene(
+    up: tuple[float, float, float] = (0.0, -1.0, 0.0), camera: StartCamera | None = None, **changes: Any
+) -> SceneInfo:
+    """A loaded one, with changes."""
+    made = SceneInfo(
         id="s",
         name="s",
         state="loaded",
@@ -22,3 +26,4 @@ def scene(up: tuple[float, float, float] = (0.0, -1.0, 0.0), camera: StartCamera
         camera=camera,
         background=(0, 0, 0),
     )
+    return made.model_copy(update=changes)

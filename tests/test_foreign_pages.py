@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Mapping
-from contextlib import asynccontextmanager
+from collections.abc import Mapping
 from pathlib import Path
 
-import httpx
 import pytest
 
-from tests.every_service import SERVICES
+from tests.every_service import SERVICES, client_of
 
 pytestmark = pytest.mark.anyio
 
@@ -40,6 +38,8 @@ REQUESTS = {
         "GET /experiments/a/zip",
         "GET /movements",
         "POST /experiments",
+        "POST /plans",
+        "POST /experiments/a/next",
         "DELETE /experiments/a",
     ),
 }
@@ -52,18 +52,10 @@ def attacks(method: str) -> list[tuple[Mapping[str, str], int]]:
     return [(EVIL, 403), (NOBODY, 403), (REBOUND, 421), *embedded]
 
 
-@asynccontextmanager
-async def asking(service: str, folder: Path) -> AsyncIterator[httpx.AsyncClient]:
-    async with SERVICES[service](folder) as app:
-        transport = httpx.ASGITransport(app, raise_app_exceptions=False)
-        async with httpx.AsyncClient(transport=transport, base_url="http://localhost:8080") as http:
-            yield http
-
-
 @pytest.mark.parametrize(("service", "request_line"), CASES)
 async def test_a_foreign_page_reads_changes_and_opens_nothing(service: str, request_line: str, tmp_path: Path) -> None:
     method, path = request_line.split()
-    async with asking(service, tmp_path) as http:
+    async with client_of(service, tmp_path) as http:
         for headers, status in attacks(method):
             answer = await http.request(method, path, headers=headers)
             assert answer.status_code == status, headers
@@ -75,7 +67,7 @@ async def test_a_foreign_page_reads_changes_and_opens_nothing(service: str, requ
 
 @pytest.mark.parametrize("service", SERVICES)
 async def test_the_viewers_page_reads_and_every_answer_is_protected(service: str, tmp_path: Path) -> None:
-    async with asking(service, tmp_path) as http:
+    async with client_of(service, tmp_path) as http:
         for path, status in (("/healthz", 200), ("/nowhere", 404)):
             answer = await http.get(path, headers={"Origin": "http://localhost:9999"})
             assert (answer.status_code, answer.headers["access-control-allow-origin"]) == (

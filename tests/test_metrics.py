@@ -8,24 +8,21 @@ from importlib.metadata import version
 from pathlib import Path
 
 import anyio
-import httpx
 import pytest
 
-from tests.every_service import SERVICES
+from tests.every_service import SERVICES, client_of
 from tests.prerequisites import PROMTOOL
 from tests.prometheus import figures
 from tests.render.fakes import render_request
+from tigas_common.metrics import MOST_SCENES, OTHER, SceneNames
 
 pytestmark = pytest.mark.anyio
 DOCS = (Path(__file__).parents[1] / "docs/deploy.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", SERVICES)
-async def test_a_service_tells_its_build_its_process_and_its_requests(name: str, tmp_path: Path) -> None:
-    async with (
-        SERVICES[name](tmp_path) as app,
-        httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://localhost") as http,
-    ):
+async def test_a_service_tells_its_build_its_process_and_its_requests_as_documented(name: str, tmp_path: Path) -> None:
+    async with client_of(name, tmp_path) as http:
         health = await http.get("/healthz")
         await http.get("/healthz", headers={"Origin": "https://evil.example"})
         told = await figures(http)
@@ -40,16 +37,13 @@ async def test_a_service_tells_its_build_its_process_and_its_requests(name: str,
     assert told("tigas_http_response_seconds_count", route="/healthz") == 1
     assert told("tigas_http_requests_in_flight") == 1, "not this very request"
     assert not [family for family in told.families if family.endswith("_created")]
+    documented = set(re.findall(r"`((?:tigas|process)_\w+)`", DOCS))
+    assert {re.sub("_(bucket|count|sum)$", "", name) for name in told.names} <= documented
 
 
 @pytest.mark.parametrize("name", SERVICES)
 async def test_nothing_that_a_request_says_becomes_a_label(name: str, tmp_path: Path) -> None:
-    async with (
-        SERVICES[name](tmp_path) as app,
-        httpx.AsyncClient(
-            transport=httpx.ASGITransport(app, raise_app_exceptions=False), base_url="http://localhost"
-        ) as http,
-    ):
+    async with client_of(name, tmp_path) as http:
         for method, path in (
             ("GET", "/hostile"),
             ("HOSTILE", "/healthz"),
@@ -70,26 +64,18 @@ async def test_nothing_that_a_request_says_becomes_a_label(name: str, tmp_path: 
     assert told("tigas_http_requests_total", method="other", route="/healthz") == 1
 
 
-@pytest.mark.parametrize("name", SERVICES)
-async def test_every_metric_is_documented(name: str, tmp_path: Path) -> None:
-    async with (
-        SERVICES[name](tmp_path) as app,
-        httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://localhost") as http,
-    ):
-        told = await figures(http)
-    documented = set(re.findall(r"`((?:tigas|process)_\w+)`", DOCS))
-    assert {
-        name.removesuffix("_bucket").removesuffix("_count").removesuffix("_sum") for name in told.names
-    } <= documented
-
-
 @PROMTOOL.mark
 @pytest.mark.parametrize("name", SERVICES)
 async def test_names_follow_prometheus_conventions(name: str, tmp_path: Path) -> None:
-    async with (
-        SERVICES[name](tmp_path) as app,
-        httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://localhost") as http,
-    ):
+    async with client_of(name, tmp_path) as http:
         told = await figures(http)
     lint = await anyio.run_process(["promtool", "check", "metrics"], input=told.text.encode(), check=False)
     assert (lint.returncode, lint.stdout + lint.stderr) == (0, b"")
+
+
+async def test_the_first_scenes_keep_their_names_and_the_rest_share_one() -> None:
+    names = SceneNames()
+    scenes = [f"scene {number}" for number in range(MOST_SCENES + 50)]
+    first = [names.label(scene) for scene in scenes]
+    assert first == [*scenes[:MOST_SCENES], *[OTHER] * 50]
+    assert [names.label(scene) for scene in scenes] == first

@@ -1,4 +1,4 @@
-"""The release works alone: a fresh environment with the wheel and no other file of ours."""
+"""The release works alone, and its dependencies are locked: by digest, from public indexes."""
 
 from __future__ import annotations
 
@@ -6,9 +6,12 @@ import re
 import subprocess
 import sys
 import tarfile
+import tomllib
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
 from zipfile import ZipFile
 
 import pytest
@@ -48,10 +51,11 @@ def run(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
     return run
 
 
-def uv(*arguments: str) -> None:
+def uv(*arguments: str) -> str:
     argv = [sys.executable, "-m", "uv", *arguments]
     done = subprocess.run(argv, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
 def test_wheel_and_source_archive_have_the_page_and_the_demo_scene(built: Path) -> None:
@@ -89,3 +93,36 @@ def test_there_is_an_sbom_of_what_each_image_installs() -> None:
     described = re.search(r"^SBOM_EXTRAS := (.+)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
     assert described
     assert set(described[1].split()) == installed
+
+
+PACKAGES: list[dict[str, Any]] = tomllib.loads((ROOT / "uv.lock").read_text())["package"]
+DEPENDENCIES = [package for package in PACKAGES if package["name"] != "tigas"]
+HOSTS = {"files.pythonhosted.org", "pypi.org"}
+
+
+def test_the_lock_is_newer_than_the_project_file() -> None:
+    uv("lock", "--offline", "--check")  # else `make lock`
+
+
+def test_every_file_is_on_a_public_host_and_has_a_digest() -> None:
+    assert len(DEPENDENCIES) > 100
+    for package in DEPENDENCIES:
+        files = [*package["wheels"], *([package["sdist"]] if "sdist" in package else [])]
+        assert urlsplit(package["source"]["registry"]).hostname in HOSTS
+        assert files, package["name"]
+        assert {urlsplit(file["url"]).hostname for file in files} <= HOSTS
+        assert all(file["hash"].startswith("sha256:") for file in files)
+
+
+def test_the_demo_has_neither_pytorch_nor_scipy() -> None:
+    extras = ("--extra", "render", "--extra", "dash", "--extra", "shaper")
+    demo = uv("export", "--frozen", "--no-default-groups", "--no-emit-project", "--no-hashes", *extras)
+    assert "numba==" in demo
+    without = ("torch", "ray", "scipy", "matplotlib", "mypy", "nvidia-cublas")
+    assert not [name for name in without if f"{name}==" in demo]
+
+
+def test_what_builds_the_package_is_installed_from_the_lock() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    assert set(project["build-system"]["requires"]) <= set(project["dependency-groups"]["build"])
+    assert project["tool"]["uv"]["no-build-isolation-package"] == ["tigas"]

@@ -7,7 +7,6 @@ import itertools
 import json
 import socket
 import time
-from collections.abc import Awaitable, Callable
 from contextlib import AsyncExitStack
 
 from aioquic.asyncio.protocol import QuicConnectionProtocol
@@ -15,8 +14,8 @@ from aioquic.buffer import encode_uint_var
 from aioquic.h3.connection import FrameType, StreamType, encode_frame
 from aioquic.quic.connection import QuicConnection
 
-from benchmarks.hostile.attacker import ADDRESS, Attacker
-from benchmarks.hostile.client import Client, connect_as, request
+from benchmarks.hostile.attacker import ADDRESS, Attacker, attack
+from benchmarks.hostile.client import connect_as, request
 from tigas.http3 import configuration
 
 LOW = json.dumps(request(profile=3)).encode()
@@ -30,240 +29,174 @@ FIELDS = b"\xd1\xd7\xc1" + b"\x50\x09localhost"
 DYNAMIC_BOMB = b"\x02\x00" + FIELDS + b"\x80" * 1000
 STATIC_BOMB = b"\x00\x00" + FIELDS + b"\xfa" * 1000
 """The same with an entry of the static table, which every server has: one byte for 69."""
+BOMBS = itertools.cycle((DYNAMIC_BOMB, STATIC_BOMB))
+SIZES = itertools.cycle((GIBIBYTE, 16 * 1024))
+OPENING = asyncio.Semaphore(8)
+"""Handshakes of a hoard: more at once, and none is complete in time."""
 
 
+@attack()
 async def qpack_bomb(attacker: Attacker) -> None:
     """Header sections that are a kilobyte on the wire and megabytes in memory."""
-    bombs = itertools.cycle((DYNAMIC_BOMB, STATIC_BOMB))
-
-    async def attempt() -> None:
-        bomb = next(bombs)
-        async with attacker.connect() as client:
-            attacker.done["connections"] += 1
-            if bomb is DYNAMIC_BOMB:
-                assert client.h3._local_encoder_stream_id is not None
-                client.raw(client.h3._local_encoder_stream_id, ENTRY)
-            while True:
-                client.raw(client.quic.get_next_available_stream_id(), encode_frame(FrameType.HEADERS, bomb))
-                attacker.done["bombs"] += 1
-                await asyncio.sleep(0.01)
-
-    await attacker.again(attempt)
+    bomb = next(BOMBS)
+    async with attacker.connect() as client:
+        if bomb is DYNAMIC_BOMB:
+            assert client.h3._local_encoder_stream_id is not None
+            client.raw(client.h3._local_encoder_stream_id, ENTRY)
+        while True:
+            client.raw(client.quic.get_next_available_stream_id(), encode_frame(FrameType.HEADERS, bomb))
+            attacker.done["bombs"] += 1
+            await asyncio.sleep(0.01)
 
 
+@attack(copies=8)
 async def endless_frames(attacker: Attacker) -> None:
     """Frames that promise a gibibyte, or as much as is allowed, and never end."""
-    sizes = itertools.cycle((GIBIBYTE, 16 * 1024))
-
-    async def attempt() -> None:
-        size = next(sizes)
-        async with attacker.connect() as client:
-            attacker.done["connections"] += 1
-            start = encode_uint_var(FrameType.HEADERS) + encode_uint_var(size)
-            streams = []
-            for _ in range(60):
-                streams.append(client.quic.get_next_available_stream_id())
-                client.raw(streams[-1], start + bytes(size - 200 if size < GIBIBYTE else 32_000))
-                attacker.done["frames"] += 1
-                await asyncio.sleep(0)
-            for stream_id in itertools.cycle(streams):
-                client.raw(stream_id, b"\x00")
-                await asyncio.sleep(0.01)
-
-    await attacker.again(attempt, copies=8)
+    size = next(SIZES)
+    async with attacker.connect() as client:
+        start = encode_uint_var(FrameType.HEADERS) + encode_uint_var(size)
+        streams = []
+        for _ in range(60):
+            streams.append(client.quic.get_next_available_stream_id())
+            client.raw(streams[-1], start + bytes(size - 200 if size < GIBIBYTE else 32_000))
+            attacker.done["frames"] += 1
+            await asyncio.sleep(0)
+        for stream_id in itertools.cycle(streams):
+            client.raw(stream_id, b"\x00")
+            await asyncio.sleep(0.01)
 
 
+@attack(copies=8)
 async def endless_settings(attacker: Attacker) -> None:
     """Control streams with a first frame that announces a gibibyte and never ends."""
-
-    async def attempt() -> None:
-        async with connect_as(QuicConnectionProtocol, attacker.ports.quic, ADDRESS) as connection:
-            attacker.done["connections"] += 1
-            control = connection._quic.get_next_available_stream_id(is_unidirectional=True)
-            start = (
-                encode_uint_var(StreamType.CONTROL) + encode_uint_var(FrameType.SETTINGS) + encode_uint_var(GIBIBYTE)
-            )
-            connection._quic.send_stream_data(control, start)
-            while connection._quic._close_event is None:
-                connection._quic.send_stream_data(control, bytes(16_000))
-                connection.transmit()
-                attacker.done["parts of 16 kB"] += 1
-                await asyncio.sleep(0.05)
-
-    await attacker.again(attempt, copies=8)
+    async with connect_as(QuicConnectionProtocol, attacker.ports.quic, ADDRESS) as connection:
+        attacker.done["connections"] += 1
+        control = connection._quic.get_next_available_stream_id(is_unidirectional=True)
+        start = encode_uint_var(StreamType.CONTROL) + encode_uint_var(FrameType.SETTINGS) + encode_uint_var(GIBIBYTE)
+        connection._quic.send_stream_data(control, start)
+        while connection._quic._close_event is None:
+            connection._quic.send_stream_data(control, bytes(16_000))
+            connection.transmit()
+            attacker.done["parts of 16 kB"] += 1
+            await asyncio.sleep(0.05)
 
 
+@attack(copies=8)
 async def request_flood(attacker: Attacker) -> None:
     """Eight viewers that ask for frames as fast as they can."""
-
-    async def attempt() -> None:
-        async with attacker.connect() as client:
-            session = await client.session()
-
-            async def ask() -> None:
-                attacker.done[f"status {await client.frame_status(session, LOW)}"] += 1
-
-            await asyncio.gather(*(_until_closed(client, ask) for _ in range(60)))
-
-    await attacker.again(attempt, copies=8)
+    async with attacker.connect() as client:
+        session = await client.session()
+        await asyncio.gather(*(attacker.ask(client, session, LOW) for _ in range(60)))
 
 
+@attack(copies=4)
 async def datagram_flood(attacker: Attacker) -> None:
     """Requests by datagram, as many as leave the machine."""
-
-    async def attempt() -> None:
-        async with attacker.connect() as client:
-            session = await client.session()
-
-            async def ask() -> None:
-                for _ in range(10):
-                    client.h3.send_datagram(session, LOW)
-                client.transmit()
-                attacker.done["requests"] += 10
-                await asyncio.sleep(0.005)
-
-            await _until_closed(client, ask)
-
-    await attacker.again(attempt, copies=4)
+    async with attacker.connect() as client:
+        session = await client.session()
+        while not client.is_closed:
+            for _ in range(10):
+                client.h3.send_datagram(session, LOW)
+            client.transmit()
+            attacker.done["requests"] += 10
+            await asyncio.sleep(0.005)
 
 
+@attack(copies=8)
 async def slow_readers(attacker: Attacker) -> None:
     """Large pictures that are requested and not read."""
-
-    async def attempt() -> None:
-        async with attacker.connect(max_data=GIBIBYTE, max_stream_data=4096) as client:
-            client.quic._write_stream_limits = lambda *_, **__: None  # type: ignore[method-assign]
-            session = await client.session()
-            for _ in range(60):
-                client.open_stream(session, PICTURE)
-                attacker.done["requests"] += 1
-                await asyncio.sleep(0.1)
-            await _until_closed(client, lambda: asyncio.sleep(1))
-
-    await attacker.again(attempt, copies=8)
+    async with attacker.connect(max_data=GIBIBYTE, max_stream_data=4096) as client:
+        client.quic._write_stream_limits = lambda *_, **__: None  # type: ignore[method-assign]
+        session = await client.session()
+        for _ in range(60):
+            client.open_stream(session, PICTURE)
+            attacker.done["requests"] += 1
+            await asyncio.sleep(0.1)
+        await client.until(lambda: client.is_closed)
 
 
+@attack(name="16-megapixels")
 async def sixteen_megapixels(attacker: Attacker) -> None:
     """One viewer with four requests for the largest frames that there are."""
-
-    async def attempt() -> None:
-        async with attacker.connect() as client:
-            session = await client.session()
-
-            async def ask() -> None:
-                attacker.done[f"status {await client.frame_status(session, LARGEST)}"] += 1
-
-            await asyncio.gather(*(_until_closed(client, ask) for _ in range(4)))
-
-    await attacker.again(attempt)
+    async with attacker.connect() as client:
+        session = await client.session()
+        await asyncio.gather(*(attacker.ask(client, session, LARGEST) for _ in range(4)))
 
 
+@attack(copies=34, guests=("newcomer",))
 async def many_sessions(attacker: Attacker) -> None:
     """34 connections with four sessions each, every one of which asks for large frames."""
+    async with attacker.connect() as client:
 
-    async def attempt() -> None:
-        async with attacker.connect() as client:
-            attacker.done["connections"] += 1
+        async def watch() -> None:
+            session = await client.session()
+            attacker.done["sessions"] += 1
+            await attacker.ask(client, session, HIGH)
 
-            async def watch() -> None:
-                session = await client.session()
-                attacker.done["sessions"] += 1
-
-                async def ask() -> None:
-                    attacker.done[f"status {await client.frame_status(session, HIGH)}"] += 1
-
-                await _until_closed(client, ask)
-
-            await asyncio.gather(*(watch() for _ in range(4)))
-
-    await attacker.again(attempt, copies=34)
+        await asyncio.gather(*(watch() for _ in range(4)))
 
 
+@attack(copies=4)
 async def abandoned_streams(attacker: Attacker) -> None:
     """Requests that are taken back at once."""
-
-    async def attempt() -> None:
-        async with attacker.connect() as client:
-            session = await client.session()
-
-            async def ask() -> None:
-                streams = [client.open_stream(session, HIGH) for _ in range(10)]
-                await asyncio.sleep(0.01)
-                for stream_id in streams:
-                    client.stop(stream_id)
-                attacker.done["cancelled"] += len(streams)
-
-            await _until_closed(client, ask)
-
-    await attacker.again(attempt, copies=4)
+    async with attacker.connect() as client:
+        session = await client.session()
+        while not client.is_closed:
+            streams = [client.open_stream(session, HIGH) for _ in range(10)]
+            await asyncio.sleep(0.01)
+            for stream_id in streams:
+                client.stop(stream_id)
+            attacker.done["cancelled"] += len(streams)
 
 
+@attack(copies=8, guests=("newcomer",))
 async def stream_resets(attacker: Attacker) -> None:
     """Streams that are opened and reset at once, so that they may be opened again."""
-
-    async def attempt() -> None:
-        async with attacker.connect() as client:
-            session = await client.session()
-            attacker.done["connections"] += 1
-
-            async def ask() -> None:
-                client.reset(client.open_stream(session, b"", end=False))
-                attacker.done["reset"] += 1
-                await asyncio.sleep(0.001)
-
-            await _until_closed(client, ask)
-
-    await attacker.again(attempt, copies=8)
+    async with attacker.connect() as client:
+        session = await client.session()
+        while not client.is_closed:
+            client.reset(client.open_stream(session, b"", end=False))
+            attacker.done["reset"] += 1
+            await asyncio.sleep(0.001)
 
 
+@attack(copies=4)
 async def datagram_pictures(attacker: Attacker) -> None:
     """Large pictures by datagram, to clients that take only small datagrams."""
-
-    async def attempt() -> None:
-        async with attacker.connect(max_datagram_frame_size=128) as client:
-            session = await client.session()
-
-            async def ask() -> None:
-                client.h3.send_datagram(session, PICTURE)
-                client.transmit()
-                attacker.done["requests"] += 1
-                await asyncio.sleep(0.01)
-
-            await _until_closed(client, ask)
-
-    await attacker.again(attempt, copies=4)
+    async with attacker.connect(max_datagram_frame_size=128) as client:
+        session = await client.session()
+        while not client.is_closed:
+            client.h3.send_datagram(session, PICTURE)
+            client.transmit()
+            attacker.done["requests"] += 1
+            await asyncio.sleep(0.01)
 
 
+@attack(copies=6)
 async def new_videos(attacker: Attacker) -> None:
     """Sessions that ask for key frames at bit rates that change, and are given up for new ones."""
-
-    async def attempt() -> None:
-        async with attacker.connect() as client:
-            for _ in range(4):
-                session = await client.session()
-                attacker.done["sessions"] += 1
-                for seq in range(1, 61):
-                    video = {"bitrate_kbps": 50 if seq % 2 else 100_000, "key": True}
-                    body = json.dumps(request(1280, 720, format="h264", profile=0, seq=seq, video=video)).encode()
-                    attacker.done[f"status {await client.frame_status(session, body)}"] += 1
-
-    await attacker.again(attempt, copies=6)
+    async with attacker.connect() as client:
+        for _ in range(4):
+            session = await client.session()
+            attacker.done["sessions"] += 1
+            for seq in range(1, 61):
+                video = {"bitrate_kbps": 50 if seq % 2 else 100_000, "key": True}
+                body = json.dumps(request(1280, 720, format="h264", profile=0, seq=seq, video=video)).encode()
+                attacker.done[f"status {await client.frame_status(session, body)}"] += 1
 
 
+@attack(copies=8)
 async def unfinished_requests(attacker: Attacker) -> None:
     """Requests of which the last byte never comes."""
-
-    async def attempt() -> None:
-        async with attacker.connect() as client:
-            session = await client.session()
-            while True:
-                client.open_stream(session, LOW[:-1] + b" " * 12_000, end=False)
-                attacker.done["requests"] += 1
-                await asyncio.sleep(0.05)
-
-    await attacker.again(attempt, copies=8)
+    async with attacker.connect() as client:
+        session = await client.session()
+        while True:
+            client.open_stream(session, LOW[:-1] + b" " * 12_000, end=False)
+            attacker.done["requests"] += 1
+            await asyncio.sleep(0.05)
 
 
+@attack(guests=("newcomer",))
 async def handshake_flood(attacker: Attacker) -> None:
     """First packets of abandoned connections, from a thousand ports."""
     sockets = []
@@ -287,25 +220,13 @@ async def handshake_flood(attacker: Attacker) -> None:
         await asyncio.sleep(0.0005)
 
 
+@attack(copies=600, guests=("newcomer",))
 async def connection_hoard(attacker: Attacker) -> None:
     """Six hundred connections that are kept and not used."""
-
-    opening = asyncio.Semaphore(8)  # more at once, and none is opened in time
-
-    async def attempt() -> None:
-        async with AsyncExitStack() as stack:
-            async with opening:
-                client = await stack.enter_async_context(attacker.connect())
-            attacker.done["connections"] += 1
-            while not client.is_closed:
-                client.quic.send_ping(1)
-                client.transmit()
-                await asyncio.sleep(5)
-
-    await attacker.again(attempt, copies=600)
-
-
-async def _until_closed(client: Client, action: Callable[[], Awaitable[object]]) -> None:
-    """Do something again and again while there is a connection."""
-    while not client.is_closed:
-        await action()
+    async with AsyncExitStack() as stack:
+        async with OPENING:
+            client = await stack.enter_async_context(attacker.connect())
+        while not client.is_closed:
+            client.quic.send_ping(1)
+            client.transmit()
+            await asyncio.sleep(5)

@@ -10,17 +10,26 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import httpx
+
 from benchmarks.hostile.attacks import Attack
-from benchmarks.hostile.services import START_S, Ports, running
-from benchmarks.hostile.warm_up import warm_up
+from benchmarks.hostile.client import request
+from benchmarks.hostile.services import Name, Ports, running
+from benchmarks.services import START_S
 
 WARM_UP_S = 5.0
+STREAMS, STREAM_S = 4, 3.0
+"""As many streams as the packager allows, and how long they run."""
+LINK = ("at", "position_ms", "target_kbps", "delivered_kbps", "queue_ms", "drops", "up_delivered_kbps")
+LINKS = 8_000
+"""A megabyte of them."""
+STREAM = {**request(1280, 720), "frame_rate": 30}
 RECOVERY_S = 30.0
 """After the attack, until memory must be back."""
 SAMPLE_S = 0.25
@@ -162,6 +171,30 @@ def measure(attack: Attack, seconds: float, cores: Cores, device: str, now: Call
             died,
             _done(folder / "attacker"),
         )
+
+
+def warm_up(services: Iterable[Name], ports: Ports) -> None:
+    """Use these services: memory left by the first use is no harm of an attack. The viewer uses the render service."""
+    for name in services:
+        with httpx.Client(base_url=f"http://127.0.0.1:{getattr(ports, name)}", trust_env=False, timeout=60) as http:
+            if name == "dash":
+                _streams(http)
+            elif name == "store":
+                _upload(http)
+
+
+def _streams(http: httpx.Client) -> None:
+    opened = [http.post("/sessions", json=STREAM).raise_for_status().json()["id"] for _ in range(STREAMS)]
+    time.sleep(STREAM_S)
+    for session in opened:
+        http.delete(f"/sessions/{session}").raise_for_status()
+
+
+def _upload(http: httpx.Client) -> None:
+    """An upload of usual size that is refused: it has started the checking process."""
+    made = http.post("/experiments", json={"name": "warm-up", "plan": {"seed": 1}}).raise_for_status().json()["id"]
+    run = {"link": [dict.fromkeys(LINK, 1.0)] * LINKS}
+    assert http.post(f"/experiments/{made}/runs", json=run).status_code == 400
 
 
 Span = tuple[float, float]

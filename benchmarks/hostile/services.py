@@ -7,27 +7,22 @@ import os
 import resource
 import socket
 import subprocess
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal, Self
 
-import httpx
 import numpy as np
-import psutil
 
+from benchmarks.services import Service, free_ports, started
 from reference.ply import write_ply
-from tigas_common.processes import end, tigas
 from tigas_render.gaussians import Gaussians
 
 Name = Literal["render", "dash", "store", "shaper"]
 GAUSSIANS = 5_000
 SCENE = "ball"
-START_S = 120
 OPEN_FILES = 1024
-"""Of a process, as most systems begin it."""
 ACCESS, SERVICE = "10.9.1.1/24", "10.9.2.1/24"
 """The addresses of the shaper's two interfaces; there are no hosts behind them."""
 
@@ -45,13 +40,7 @@ class Ports:
     @classmethod
     def free(cls) -> Self:
         """Free ports."""
-        with ExitStack() as stack:
-            numbers = []
-            for kind in (socket.SOCK_DGRAM, *[socket.SOCK_STREAM] * 4):
-                sock = stack.enter_context(socket.socket(socket.AF_INET, kind))
-                sock.bind(("127.0.0.1", 0))
-                numbers.append(int(sock.getsockname()[1]))
-        return cls(*numbers)
+        return cls(*free_ports(socket.SOCK_DGRAM, *[socket.SOCK_STREAM] * 4))
 
     @classmethod
     def parse(cls, text: str) -> Self:
@@ -62,45 +51,22 @@ class Ports:
         return json.dumps(asdict(self))
 
 
-@dataclass(frozen=True, slots=True)
-class Service:
-    """One running service."""
-
-    name: Name
-    process: subprocess.Popen[bytes]
-
-    @property
-    def runs(self) -> bool:
-        """Whether it has not ended."""
-        return self.process.poll() is None
-
-    @property
-    def megabytes(self) -> float:
-        """Resident memory of the service and the processes that it has started; 0 once it has ended."""
-        try:
-            family = [top := psutil.Process(self.process.pid), *top.children(recursive=True)]
-        except psutil.NoSuchProcess:
-            return 0.0
-        total = 0
-        for process in family:
-            try:
-                total += process.memory_info().rss
-            except psutil.NoSuchProcess:
-                continue
-        return total / 1e6
-
-
 @contextmanager
 def running(
     wanted: Sequence[Name], ports: Ports, folder: Path, cores: set[int], device: str
 ) -> Iterator[dict[Name, Service]]:
     """Run the render service on a device, and the other wanted services, on these cores, as a context manager."""
     write_scene(folder / "models" / SCENE / f"{SCENE}.ply")
-    commands = _commands(ports, folder, device)
+    arguments = _arguments(ports, folder, device)
+    variables = {"TIGAS_DASH_ENCODER": "libx264", "TIGAS_STORE_MOVEMENTS": str(folder / "models")}
     with ExitStack() as stack:
-        services = {name: stack.enter_context(_service(name, commands[name], folder, cores)) for name in wanted}
-        for name, service in services.items():
-            _healthy(service, getattr(ports, name))
+        services = {}
+        with _restricted(cores):
+            for name in wanted:
+                service = started(name, *arguments[name], log=folder / f"{name}.log", **variables)
+                services[name] = stack.enter_context(service)
+        for name in wanted:
+            services[name].wait_until_healthy(getattr(ports, name))
         yield services
 
 
@@ -120,53 +86,31 @@ def write_scene(path: Path) -> None:
     write_ply(path, Gaussians(*(np.ascontiguousarray(array, np.float32) for array in arrays)))
 
 
-def _commands(ports: Ports, folder: Path, device: str) -> dict[Name, list[str]]:
+def _arguments(ports: Ports, folder: Path, device: str) -> dict[Name, tuple[str, ...]]:
     def listens(port: int) -> tuple[str, str]:
         return "--http", f"127.0.0.1:{port}"
 
     models, results = str(folder / "models"), str(folder / "results")
-    render = f"http://127.0.0.1:{ports.render}"
     return {
-        "render": tigas("render", "--scenes", models, "--device", device, "--quic", f"127.0.0.1:{ports.quic}",
-                        *listens(ports.render)),
-        "dash": tigas("dash", "--render", render, *listens(ports.dash)),
-        "store": tigas("store", "--results", results, *listens(ports.store)),
-        "shaper": tigas("shaper", "--access", "access", "--service", "service", "--forward", "tcp:8080=10.9.2.2:8080",
-                        *listens(ports.shaper)),
+        "render": ("--scenes", models, "--device", device, "--quic", f"127.0.0.1:{ports.quic}", *listens(ports.render)),
+        "dash": ("--render", f"http://127.0.0.1:{ports.render}", *listens(ports.dash)),
+        "store": ("--results", results, *listens(ports.store)),
+        "shaper": ("--access", "access", "--service", "service", "--forward", "tcp:8080=10.9.2.2:8080",
+                   *listens(ports.shaper)),
     }  # fmt: skip
 
 
 @contextmanager
-def _service(name: Name, command: list[str], folder: Path, cores: set[int]) -> Iterator[Service]:
+def _restricted(cores: set[int]) -> Iterator[None]:
+    """Processes that are started meanwhile have these cores, and as few open files as most systems allow."""
     mine, files = os.sched_getaffinity(0), resource.getrlimit(resource.RLIMIT_NOFILE)
-    with (folder / f"{name}.log").open("ab") as log:
-        os.sched_setaffinity(0, cores)  # child processes inherit both
-        resource.setrlimit(resource.RLIMIT_NOFILE, (min(OPEN_FILES, files[1]), files[1]))
-        try:
-            environment = os.environ | {
-                "TIGAS_DASH_ENCODER": "libx264",
-                "TIGAS_STORE_MOVEMENTS": str(folder / "models"),
-            }
-            process = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True, env=environment)
-        finally:
-            os.sched_setaffinity(0, mine)
-            resource.setrlimit(resource.RLIMIT_NOFILE, files)
-        try:
-            yield Service(name, process)
-        finally:
-            end(process, 10)
-
-
-def _healthy(service: Service, port: int) -> None:
-    """Wait until a service answers. Raises RuntimeError if it ends instead."""
-    late = time.monotonic() + START_S
-    while service.runs and time.monotonic() < late:
-        try:
-            if httpx.get(f"http://127.0.0.1:{port}/healthz", trust_env=False).is_success:
-                return
-        except httpx.HTTPError:
-            time.sleep(0.2)
-    raise RuntimeError(f"tigas {service.name} does not start.")
+    os.sched_setaffinity(0, cores)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(OPEN_FILES, files[1]), files[1]))
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, mine)
+        resource.setrlimit(resource.RLIMIT_NOFILE, files)
 
 
 def isolate(command: list[str]) -> None:

@@ -28,8 +28,8 @@ from rich.progress import Progress, TextColumn, TimeElapsedColumn
 
 from benchmarks.load.crowd import Crowds
 from benchmarks.load.measure import Capacity, Subject, Timing, compare, measure_capacity
+from benchmarks.load.plan import Plan
 from benchmarks.load.report import comparison_lines, draw, line, table, verdict, write_json
-from benchmarks.load.routes import make_plan
 from benchmarks.load.server import Server, started
 from benchmarks.load.step import Step
 from tigas_common.errors import StartError
@@ -54,7 +54,7 @@ def main() -> int:
     viewers.add_argument("--transport", choices=["webtransport", "post", "mixed"], default="webtransport")
     viewers.add_argument("--movement", type=Path, nargs="+", default=MOVEMENTS, help="instead of the repository's own")
     viewers.add_argument("--deadline-ms", type=float, help="of each request; none, if left out, as in the page")
-    viewers.add_argument("--processes", type=int, default=max(1, (os.cpu_count() or 1) // 3), help="of viewers")
+    viewers.add_argument("--processes", type=int, default=max(1, (os.cpu_count() or 1) // 2), help="of viewers")
     steps = parser.add_argument_group("the steps")
     steps.add_argument("--viewers", type=int, nargs="+", help="measure so many, and look for nothing")
     steps.add_argument("--first", type=int, default=4, help="how many the search begins with (default: 4)")
@@ -140,7 +140,7 @@ def subjects(arguments: argparse.Namespace, stack: ExitStack) -> tuple[Subject, 
     """The service that is measured, and the baseline, each with its viewers."""
 
     def subject(server: Server) -> Subject:
-        plan = make_plan(
+        plan = Plan.of(
             server.address(), server.scene(arguments.scene), arguments.movement, transport=arguments.transport,
             frames_per_s=arguments.fps, profile=arguments.profile, depth=arguments.depth,
             deadline_ms=arguments.deadline_ms,

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
 
 from benchmarks.load.crowd import Crowds
-from benchmarks.load.search import search
 from benchmarks.load.server import Server
 from benchmarks.load.step import Interval, Step
 from tigas_experiments.report.estimates import Estimate
@@ -16,6 +15,9 @@ BEYOND = (1.5, 2.0)
 """Loads offered after the search, relative to the capacity."""
 LEAST_SERVED = 0.9995
 """Share of served frames that rounds to 100.0 %."""
+
+PRECISION = 0.05
+"""Within which the number is found, as a share of it."""
 
 Told = Callable[[Step], None]
 Waits = Callable[[str, float], None]
@@ -46,7 +48,7 @@ class Subject:
 
         def measured(until: float) -> None:
             wait(f"{viewers} viewers", until)
-            cpu.append(self.server.cpu_s())
+            cpu.append(self.server.cpu_s)
 
         observed = self.crowds.measure(viewers, timing.warm_up_s, timing.seconds, measured)
         before, after = cpu
@@ -71,6 +73,22 @@ class Capacity:
     def holds(self, step: Step) -> bool:
         """Whether all were served, and in time."""
         return step.served >= LEAST_SERVED and not step.outside and step.p95_ms <= self.limit_ms
+
+
+def search(first: int, most: int) -> Generator[int, bool, int]:
+    """Yields numbers of viewers to try, and is sent whether each is served properly.
+
+    Returns the largest served number, 0 if there was none. Tries none above `most`, and none twice.
+    """
+    good, bad, count = 0, most + 1, min(first, most)
+    doubling = True
+    while bad - good > max(1, round(PRECISION * good)):
+        if (yield count):
+            good = count
+        else:
+            bad, doubling = count, False
+        count = min(2 * good, most) if doubling else (good + bad) // 2
+    return good
 
 
 def measure_capacity(

@@ -1,10 +1,18 @@
-"""Parameters of the viewers of a measurement, passed to their processes."""
+"""What the viewers of a measurement request, passed to their processes."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
-from typing import Literal, Self
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, Self
+
+import numpy as np
+
+from tigas_common.sample_cameras import intrinsics
+from tigas_common.wire.render import RenderRequest, SceneInfo
+from tigas_experiments.movement.trace import MovementTrace, placed
 
 Transport = Literal["webtransport", "post", "mixed"]
 
@@ -12,6 +20,8 @@ ARRIVALS_PER_S = 40.0
 """New viewers per second, in all processes together."""
 PATIENCE_S = 1.0
 """How long after the end of a measurement the last frames are waited for."""
+WIDTH, HEIGHT = 1280, 720
+"""Of every viewer's display, in pixels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +40,30 @@ class Plan:
     routes: tuple[tuple[str, ...], ...]
     """For each movement, the poses of its frames: fields in the same way."""
 
+    @classmethod
+    def of(
+        cls,
+        address: tuple[str, int],
+        scene: SceneInfo,
+        movements: Sequence[Path],
+        *,
+        transport: Transport,
+        frames_per_s: float,
+        profile: int,
+        depth: bool = False,
+        deadline_ms: float | None = None,
+    ) -> Self:
+        """Viewers that walk along movements in a scene of a service. Raises MovementError."""
+        view: dict[str, Any] = {"scene": scene.id, **asdict(intrinsics(WIDTH, HEIGHT)), "profile": profile}
+        if depth:
+            view["depth"] = True
+        if deadline_ms is not None:
+            view["deadline_ms"] = deadline_ms
+        routes = tuple(_route(MovementTrace.read(path), scene, frames_per_s) for path in movements)
+        plan = cls(*address, transport, frames_per_s, _fields(view), routes)
+        RenderRequest.model_validate_json(plan.request(0, 0, 0))
+        return plan
+
     def request(self, route: int, frame: int, seq: int) -> bytes:
         """For a frame of a route, which begins anew at its end."""
         poses = self.routes[route]
@@ -44,3 +78,17 @@ class Plan:
         """Parse the output of `to_json`."""
         given = json.loads(text)
         return cls(**{**given, "routes": tuple(map(tuple, given["routes"]))})
+
+
+def _route(movement: MovementTrace, scene: SceneInfo, frames_per_s: float) -> tuple[str, ...]:
+    times = np.arange(0, max(movement.duration_ms, 1), 1000 / frames_per_s)
+    positions, quaternions = movement.poses_at(times)
+    points = placed(replace(movement, times_ms=times, positions=positions, quaternions=quaternions), scene)
+    return tuple(
+        _fields({name: [round(value, 6) for value in point[name]] for name in ("position", "quaternion")})
+        for point in points
+    )
+
+
+def _fields(fields: dict[str, Any]) -> str:
+    return json.dumps(fields)[1:-1]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import subprocess
+import socket
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,19 +11,13 @@ from pathlib import Path
 from urllib.parse import quote, urlsplit
 
 import httpx
-import psutil
 
+from benchmarks.services import Service, free_ports
+from benchmarks.services import started as started_service
 from tigas_common.errors import StartError
-from tigas_common.processes import running, tigas
 from tigas_common.wire.render import SceneInfo, ServerConfig
 
-START_S = 180
-"""The first start on a machine compiles the rasteriser."""
 LOAD_S = 300
-STOP_S = 10
-OPEN = "Open "
-"""Prefix of the line with the service's URL."""
-HERE = ("--http", "127.0.0.1:0", "--quic", "127.0.0.1:0")
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +28,7 @@ class Server:
     """As the report calls it."""
     url: str
     """Its API's, without a slash at the end."""
-    process: psutil.Process | None = None
+    service: Service | None = None
     """If it was started here."""
 
     @contextmanager
@@ -52,11 +45,11 @@ class Server:
             return ServerConfig.model_validate_json(http.get("/config.json").raise_for_status().content)
 
     def address(self) -> tuple[str, int]:
-        """Host and port of HTTP/3. Raises StartError."""
+        """IP address and port of HTTP/3. Raises StartError."""
         url = urlsplit(self.config().webtransport_url or "")
         if not (url.hostname and url.port):
             raise StartError(f"{self.url} has no HTTP/3 for this machine.")
-        return url.hostname, url.port
+        return socket.gethostbyname(url.hostname), url.port
 
     def scene(self, scene_id: str | None) -> SceneInfo:
         """A scene, or the first, loaded. Raises StartError."""
@@ -66,39 +59,20 @@ class Server:
             loaded = http.post(f"/scenes/{quote(scene_id)}/load").raise_for_status()
             return SceneInfo.model_validate_json(loaded.content)
 
+    @property
     def cpu_s(self) -> float | None:
-        """Seconds that its processes have computed, in user and kernel mode; None if it runs elsewhere."""
-        if self.process is None:
-            return None
-        total = 0.0
-        for process in (self.process, *self.process.children(recursive=True)):
-            try:
-                times = process.cpu_times()
-            except psutil.NoSuchProcess:
-                continue
-            total += times.user + times.system
-        return total
+        """Seconds that its processes have computed; None if it runs elsewhere."""
+        return None if self.service is None else self.service.cpu_s
 
 
 @contextmanager
 def started(name: str, options: Sequence[str]) -> Iterator[Server]:
     """`tigas render` on free ports of this machine, until the context ends. Raises StartError."""
+    http, quic = free_ports(socket.SOCK_STREAM, socket.SOCK_DGRAM)
+    listens = ("--http", f"127.0.0.1:{http}", "--quic", f"127.0.0.1:{quic}")
     with (
         tempfile.NamedTemporaryFile(prefix="tigas-load-", suffix=".log") as log,
-        running(tigas("render", *HERE, *options), STOP_S, stdout=log, stderr=log) as process,
+        started_service("render", *listens, *options, log=Path(log.name)) as service,
     ):
-        yield Server(name, _url(process, Path(log.name)), psutil.Process(process.pid))
-
-
-def _url(process: subprocess.Popen[bytes], log: Path) -> str:
-    """The service's output once it serves. Raises StartError."""
-    late = time.monotonic() + START_S
-    while time.monotonic() < late:
-        lines = log.read_text(errors="replace").splitlines()
-        for line in lines:
-            if line.startswith(OPEN):
-                return line.removeprefix(OPEN).strip().rstrip("/")
-        if process.poll() is not None:
-            raise StartError("tigas render does not start: " + " ".join(lines[-3:]))
-        time.sleep(0.1)
-    raise StartError(f"tigas render has not started within {START_S} s.")
+        service.wait_until_healthy(http)
+        yield Server(name, f"http://127.0.0.1:{http}", service)

@@ -1,17 +1,21 @@
-"""One step of a measurement: a number of viewers, their observations, and whether their own processes kept up."""
+"""One step of a measurement: observations of a number of viewers, figures, and whether their processes kept up."""
 
 from __future__ import annotations
 
+import json
 import math
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.load.observed import Observed
-from benchmarks.load.viewer import SERVED
+from benchmarks.load.viewer import SERVED, Due
 
+MISSING = "missing"
+"""The fate of a frame that has no other a while after the end."""
 LEAST_SPANS = 6
 """Minimum spans of an interval: with fewer, all of them have the same sign by chance in more than 5 % of all cases."""
 SPAN_MS = 500.0
@@ -22,13 +26,73 @@ MOST_CPU = 0.85
 """A viewers' process that is busy for a larger share of the time is itself the bottleneck."""
 MOST_LAG_MS, MOST_LAG_SHARE = 5.0, 0.1
 """So late the viewers' processes may be, as a 95th percentile: in milliseconds, or as a share of the frames' own."""
-MOST_DROPPED = 0.002
-DATAGRAM = 1400
-"""Bytes of an answer that a datagram holds, about."""
 
 Floats = NDArray[np.float64]
 Interval = tuple[float, float]
 """The 95 % interval of the value, by a bootstrap over spans; nan with too few."""
+
+
+@dataclass(frozen=True, slots=True)
+class Observed:
+    """Of the frames that were due from its begin to its end; times are in milliseconds."""
+
+    fates: dict[str, int]
+    """How many ended how."""
+    served: list[tuple[float, float]]
+    """When each frame that was served was due, from the begin, and how long it took."""
+    there: list[float]
+    """Arrival times of frames' last bytes since the start, for any due time."""
+    bytes: int
+    """Of all that was served."""
+    outside: int
+    """Viewers without a session at the end."""
+    lags: list[float]
+    """How late the viewers' process was itself with each frame that was served."""
+    cpu: list[float]
+    """Of each process: seconds that it computed."""
+
+    @classmethod
+    def of(
+        cls, ended: Sequence[Due], waiting: Sequence[float], span: tuple[float, float], outside: int, cpu: float
+    ) -> Self:
+        """By one process. span: begin and end; as in `ended`, seconds of the monotonic clock."""
+        begin, end = span
+        due = [one for one in ended if begin <= one.at < end]
+        served = [one for one in due if one.fate == SERVED]
+        fates = Counter(one.fate for one in due)
+        fates[MISSING] = sum(begin <= at < end for at in waiting)
+        return cls(
+            dict(+fates),
+            [(_ms(one.at - begin), _ms(one.took)) for one in served],
+            [_ms(one.there - begin) for one in ended if one.fate == SERVED and begin <= one.there < end],
+            sum(one.size for one in served),
+            outside,
+            [_ms(one.lag) for one in served],
+            [cpu],
+        )
+
+    @classmethod
+    def together(cls, parts: Sequence[Self]) -> Self:
+        """By several processes in the same time."""
+        return cls(
+            dict(sum((Counter(part.fates) for part in parts), Counter[str]())),
+            [each for part in parts for each in part.served],
+            [each for part in parts for each in part.there],
+            sum(part.bytes for part in parts),
+            sum(part.outside for part in parts),
+            [lag for part in parts for lag in part.lags],
+            [seconds for part in parts for seconds in part.cpu],
+        )
+
+    def to_json(self) -> str:
+        """One line, for `from_json`."""
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """Parse the output of `to_json`."""
+        given = json.loads(text)
+        return cls(**{**given, "served": [(at, took) for at, took in given["served"]]})
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +104,7 @@ class Generator:
     cpu_ms: float
     """Processor time of all of them for a frame, in milliseconds."""
     lag_p95_ms: float
-    """Delays of sending requests, and of reading received data."""
-    dropped: float
-    """Approximate share of received datagrams that were dropped by the socket."""
+    """Delays of sending requests."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,8 +150,6 @@ class Step:
             return f"a process of viewers computed {self.generator.cpu:.0%} of the time"
         if self.generator.lag_p95_ms > max(MOST_LAG_MS, MOST_LAG_SHARE * self.p95_ms):
             return f"the viewers' processes were {self.generator.lag_p95_ms:.0f} ms late themselves (p95)"
-        if self.generator.dropped > MOST_DROPPED:
-            return f"{self.generator.dropped:.1%} of what came was not read in time by the viewers' processes"
         return None
 
     @classmethod
@@ -118,10 +178,13 @@ class Step:
                 max(observed.cpu) / seconds,
                 1000 * sum(observed.cpu) / served if served else math.nan,
                 float(np.percentile(observed.lags, 95)) if served else 0.0,
-                observed.dropped / max(1, observed.dropped + observed.bytes // DATAGRAM),
             ),
             server_cores=None if server_cpu_s is None else server_cpu_s / seconds,
         )
+
+
+def _ms(seconds: float) -> float:
+    return round(1000 * seconds, 3)
 
 
 def _by_span(served: list[tuple[float, float]], spans: int, length_ms: float) -> list[Floats]:

@@ -1,18 +1,26 @@
-"""One viewer: a movement at its own pace, and the outcome of every due frame."""
+"""One viewer: a movement at its own pace over HTTP/3, and the outcome of every due frame."""
 
 from __future__ import annotations
 
 import asyncio
 import math
+import socket
 import time
+from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks.load.client import Client
+from aioquic.quic.connection import QuicConnection
+
 from benchmarks.load.plan import Plan
+from tigas import http3
+from tigas.http3 import Http3Connection, Http3Failed, configuration
 
 IN_FLIGHT = 8
 """Maximum frames in flight of a viewer; a frame that is due beyond it is not requested."""
+CONNECT_S = 10.0
+IDLE_S = 10.0
+"""A connection without packets is over after this many seconds."""
 COMES_AGAIN_S = 1.0
 """Seconds until a refused or disconnected viewer returns, unless the service sets another time."""
 SERVED = "served"
@@ -23,6 +31,10 @@ AFTER_REFUSAL_S = 0.15
 """A viewer refused for another reason pauses for this many seconds, like the page."""
 GOLDEN = 0.618034
 """Multiples of it, modulo 1, are spread evenly, however many there are."""
+CONNECTION_WINDOW, STREAM_WINDOW = 15 << 20, 6 << 20
+"""Bytes that the server may send ahead, as to Chromium."""
+BUFFER = 4 << 20
+"""Requested receive buffer of the socket, in bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,18 +44,17 @@ class Due:
     at: float
     fate: str
     """`served`; `overtaken` by a newer frame, and cancelled by the viewer; `superseded`, `late`, `overloaded`,
-    `refused` or `failed`, as reported by the service; `reset`, or `lost` with the connection; or not requested: too
-    many are `waiting`, the viewer was `paced` by the service's rate or just refused, or it was `outside`, without a
-    session.
+    `refused` or `failed`, as reported by the service; `lost` with the connection; or not requested: too many are
+    `waiting`, the viewer was `paced` by the service's rate or just refused, or it was `outside`, without a session.
     """
     took: float = math.nan
     """From sending the request to the last byte, if there was an answer."""
     there: float = math.nan
     """When that was."""
     size: int = 0
-    """Bytes of the answer."""
+    """Bytes of the frame."""
     lag: float = 0.0
-    """How much of it is this process's own doing: sent late, or read late from the socket."""
+    """How late this process sent the request."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +64,31 @@ class _Asked:
     sent: float
 
 
+class ViewerConnection(Http3Connection):
+    """Transmits once for all datagrams that were read together, and so acknowledges them together."""
+
+    _soon: asyncio.Handle | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        super().connection_made(transport)
+        transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+
+    def transmit(self) -> None:
+        if self._soon is None:
+            self._soon = asyncio.get_running_loop().call_soon(self._transmit)
+
+    def close(self, *arguments: Any, **named: Any) -> None:
+        super().close(*arguments, **named)
+        self._transmit()
+
+    def _transmit(self) -> None:
+        if self._soon is not None:
+            self._soon.cancel()
+            self._soon = None
+        if self._transport is not None and not self._transport.is_closing():
+            super().transmit()
+
+
 class Viewer:
     """A viewer of the scene from its arrival until it leaves."""
 
@@ -60,8 +96,6 @@ class Viewer:
         """number: of all viewers, from 0; gives an address, a movement and a place in it."""
         self.ended: list[Due] = []
         """Outcomes since the list was last cleared."""
-        self.is_inside = False
-        """Whether it may ask for frames."""
         self._plan = plan
         self._posts = plan.transport == "post" or (plan.transport == "mixed" and number % 2 == 1)
         self._source = _address(number) if plan.host.startswith("127.") else None
@@ -69,113 +103,133 @@ class Viewer:
         self._frame = int(number * GOLDEN % 1 * len(plan.routes[self._route]))
         self._interval = 1 / plan.frames_per_s
         self._phase = number * GOLDEN % 1 * self._interval
-        self._asked: dict[int, _Asked] = {}
-        """By stream, the oldest first."""
+        self._asked: dict[asyncio.Task[None], _Asked] = {}
+        """The oldest first."""
         self._seq = 0
         self._spacing = 0.0
         """Of requests, that the service asks for, in seconds."""
         self._not_before = 0.0
-        self._client: Client | None = None
-        self._next: asyncio.TimerHandle | None = None
-        self._again: asyncio.TimerHandle | None = None
-        self._loop = asyncio.get_running_loop()
+        self._connection: ViewerConnection | None = None
+        """While it may ask for frames."""
+        self._session = -1
+        """Of WebTransport."""
+        self._running: list[asyncio.Task[None]] = []
 
     def come(self) -> None:
         """Connect, and begin to move."""
-        now = time.monotonic()
-        self._due = now + self._phase
-        self._next = self._loop.call_later(self._phase, self._frame_due)
-        self._connect()
+        self._running = [asyncio.create_task(self._visit_again_and_again()), asyncio.create_task(self._move())]
 
     def leave(self) -> None:
         """Close the connection."""
-        for timer in (self._next, self._again):
-            if timer is not None:
-                timer.cancel()
-        if self._client is not None:
-            self._client.close()
-        self.is_inside = False
+        for task in (*self._running, *self._asked):
+            task.cancel()
         self._asked.clear()
 
     @property
-    def dropped(self) -> int:
-        """Datagrams received over this connection and dropped by the socket."""
-        return 0 if self._client is None else self._client.dropped
+    def is_inside(self) -> bool:
+        """Whether it may ask for frames."""
+        return self._connection is not None
 
     def waiting(self) -> list[float]:
         """Due times of the frames in flight."""
         return [asked.due for asked in self._asked.values()]
 
-    def _connect(self) -> None:
-        try:
-            self._client = Client((self._plan.host, self._plan.port), self._source, self._posts, self)
-        except OSError:
-            self.closed(None)
+    # -- connecting --------------------------------------------------------------------------------------------------
+
+    async def _visit_again_and_again(self) -> None:
+        while True:
+            retry_after_s = COMES_AGAIN_S
+            with suppress(OSError, TimeoutError):
+                retry_after_s = await self._visit()
+            self.ended += [Due(asked.due, "lost") for asked in self._asked.values()]
+            for task in self._asked:
+                task.cancel()
+            self._asked.clear()
+            self._spacing = 0.0
+            await asyncio.sleep(retry_after_s)
+
+    async def _visit(self) -> float:
+        """One connection to its end; returns after how many seconds to come again."""
+        quic = QuicConnection(
+            configuration=configuration(max_data=CONNECTION_WINDOW, max_stream_data=STREAM_WINDOW, idle_timeout=IDLE_S)
+        )
+        address = self._plan.host, self._plan.port
+        async with AsyncExitStack() as stack:
+            async with asyncio.timeout(CONNECT_S):
+                connecting = http3.connect(ViewerConnection, address, quic, source=self._source)
+                connection = await stack.enter_async_context(connecting)
+                if not self._posts:
+                    self._session = await connection.connect_webtransport(authority=f"{address[0]}:{address[1]}")
+                    answer = connection.responses[self._session]
+                    if answer.status != 200:
+                        return float(answer.headers.get(b"retry-after", COMES_AGAIN_S)) or COMES_AGAIN_S
+            self._connection = connection
+            try:
+                await connection.until(lambda: connection.is_closed or connection.responses[self._session].done)
+            finally:
+                self._connection = None
+        return COMES_AGAIN_S
 
     # -- asking ------------------------------------------------------------------------------------------------------
 
-    def _frame_due(self) -> None:
-        due, now = self._due, time.monotonic()
-        self._due += self._interval
-        self._next = self._loop.call_later(max(0.0, self._due - now), self._frame_due)
-        self._frame += 1
-        if not self.is_inside or self._client is None:
-            self.ended.append(Due(due, "outside"))
-        elif now < self._not_before:
-            self.ended.append(Due(due, "paced"))
-        elif len(self._asked) >= IN_FLIGHT:
-            self.ended.append(Due(due, "waiting"))
-        else:
-            self._seq += 1
-            self._not_before = max(self._not_before, now - self._interval) + self._spacing
-            request = self._plan.request(self._route, self._frame, self._seq)
-            stream_id = self._client.ask(request)
-            if self.is_inside:  # sending has not failed
-                self._asked[stream_id] = _Asked(self._seq, due, now)
+    async def _move(self) -> None:
+        """Request a frame at each tick, unless the viewer has to wait."""
+        due = time.monotonic() + self._phase
+        while True:
+            await asyncio.sleep(due - time.monotonic())
+            now = time.monotonic()
+            self._frame += 1
+            if self._connection is None:
+                self.ended.append(Due(due, "outside"))
+            elif now < self._not_before:
+                self.ended.append(Due(due, "paced"))
+            elif len(self._asked) >= IN_FLIGHT:
+                self.ended.append(Due(due, "waiting"))
+            else:
+                self._seq += 1
+                self._not_before = max(self._not_before, now - self._interval) + self._spacing
+                asked = _Asked(self._seq, due, now)
+                body = self._plan.request(self._route, self._frame, self._seq)
+                self._asked[asyncio.create_task(self._ask(self._connection, asked, body))] = asked
+            due += self._interval
 
-    # -- hearing of the connection -----------------------------------------------------------------------------------
-
-    def opened(self) -> None:
-        """Frames may be requested."""
-        self.is_inside = True
-
-    def answered(self, stream_id: int, status: int, header: dict[str, Any], size: int, arrived: float) -> None:
-        """An answer is there, whole."""
-        asked = self._asked.pop(stream_id, None)
-        if asked is None:  # overtaken
+    async def _ask(self, connection: ViewerConnection, asked: _Asked, body: bytes) -> None:
+        try:
+            status, rate, size = await self._answer(connection, body)
+        except Http3Failed:  # with the connection, whose end counts it as lost, or reset
+            if not connection.is_closed:
+                self._ended(Due(asked.due, "failed"))
             return
         now = time.monotonic()
-        rate = header.get("requests_per_s")
-        self._spacing = 1 / rate if rate else 0.0
         fate = FATES.get(status, "failed")
-        self.ended.append(Due(asked.due, fate, now - asked.sent, now, size, asked.sent - asked.due + now - arrived))
+        self._ended(Due(asked.due, fate, now - asked.sent, now, size, asked.sent - asked.due))
+        self._spacing = 1 / rate if rate else 0.0
         if fate == SERVED:
             self._overtake(asked.seq)
         elif fate not in LATE:
             self._not_before = now + AFTER_REFUSAL_S
 
+    async def _answer(self, connection: ViewerConnection, body: bytes) -> tuple[int, float | None, int]:
+        """Status, the rate that the service asks for, and size of a frame."""
+        if not self._posts:
+            header, frame = await connection.frame(self._session, body)
+            return int(header["status"]), header.get("requests_per_s"), len(frame)
+        answer = await connection.post(f"{self._plan.host}:{self._plan.port}", "/render", body)
+        about = dict(part.split("=") for part in answer.headers.get("tigas-frame", "").split(", ") if part)
+        return answer.status_code, float(about.get("requests_per_s", 0)) or None, len(answer.content)
+
+    def _ended(self, due: Due) -> None:
+        task = asyncio.current_task()
+        if task is not None and self._asked.pop(task, None) is not None:
+            self.ended.append(due)
+
     def _overtake(self, seq: int) -> None:
         """Cancel the frames before the received one."""
-        assert self._client is not None
-        for stream_id, asked in list(self._asked.items()):
-            if asked.seq < seq and self._asked.pop(stream_id, None) is not None:
+        for task, asked in list(self._asked.items()):
+            if asked.seq < seq:
+                del self._asked[task]
                 self.ended.append(Due(asked.due, "overtaken"))
-                self._client.cancel(stream_id)
-
-    def failed(self, stream_id: int) -> None:
-        """The service has reset a stream."""
-        asked = self._asked.pop(stream_id, None)
-        if asked is not None:
-            self.ended.append(Due(asked.due, "reset"))
-
-    def closed(self, retry_after_s: float | None) -> None:
-        """The connection is over, or was never made."""
-        self.is_inside = False
-        self.ended += [Due(asked.due, "lost") for asked in self._asked.values()]
-        self._asked.clear()
-        self._spacing = 0.0
-        known = retry_after_s is not None and math.isfinite(retry_after_s)
-        self._again = self._loop.call_later(retry_after_s if known and retry_after_s else COMES_AGAIN_S, self._connect)
+                task.cancel()
 
 
 def _address(number: int) -> str:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.frame_cost import viewers
 from benchmarks.servers import NAMES, running
+from benchmarks.transport import viewers
 
 
 @pytest.mark.anyio

@@ -53,9 +53,7 @@ async def test_a_viewer_stays_where_it_is_while_that_is_well(client: httpx.Async
     assert await served_by(client, at="a") == "b"
 
 
-async def test_a_viewer_that_hears_nothing_stays_with_a_host_that_answers_and_has_room(
-    client: httpx.AsyncClient, fleet: FakeFleet
-) -> None:
+async def test_a_viewer_leaves_a_silent_host(client: httpx.AsyncClient, fleet: FakeFleet) -> None:
     assert await served_by(client, silent=SECOND) == SECOND
     assert fleet.suspected == [SECOND]
     fleet.dead = {SECOND}
@@ -103,9 +101,7 @@ async def test_names_of_any_length_and_other_hosts_names_are_refused(client: htt
         assert (await client.get("/config.json", **asked)).status_code == status  # type: ignore[arg-type]
 
 
-async def test_metrics_tell_of_hosts_and_of_where_viewers_were_sent(
-    client: httpx.AsyncClient, fleet: FakeFleet
-) -> None:
+async def test_metrics_of_hosts_and_viewers(client: httpx.AsyncClient, fleet: FakeFleet) -> None:
     fleet.states = [host("a", viewers=3, queue_age_s=0.02), host("b", full=5.0)]
     for viewer in ({}, {"at": "a"}, {"lost": "b"}, {"silent": "b"}):
         await served_by(client, **viewer)

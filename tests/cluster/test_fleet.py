@@ -77,7 +77,7 @@ async def test_a_suspected_host_that_does_not_answer_is_gone_at_once(
     assert up(fleet, "b")()
 
 
-async def test_a_host_that_has_kept_its_director_waiting_already_is_gone_without_another_question(
+async def test_a_suspect_with_a_late_answer_is_gone(
     fleet: Fleet, hosts: Hosts, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "ANSWER_S", 60.0)
@@ -90,7 +90,7 @@ async def test_a_host_that_has_kept_its_director_waiting_already_is_gone_without
     assert hosts.count("a") == 1
 
 
-async def test_a_host_that_has_just_failed_to_answer_is_gone_once_a_viewer_suspects_it(
+async def test_a_suspect_that_has_just_failed_is_gone(
     fleet: Fleet, hosts: Hosts, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "GONE_S", 60.0)

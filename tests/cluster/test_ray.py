@@ -203,7 +203,7 @@ def test_hosts_outlive_a_second_up_and_a_killed_one_and_the_next_finds_them_and_
 
 @pytest.mark.timeout(300)
 def test_wrong_options_end_it_with_the_hosts_own_sentence(machines: Machines) -> None:
-    command = tigas("cluster", "up", "--http=127.0.0.1:0", "--scenes=/nowhere")
+    command = tigas("cluster", "up", "--http=127.0.0.1:0", "--", "--scenes=/nowhere")
     run = subprocess.run(command, env=os.environ | machines.environment | A_HOST, capture_output=True, text=True)
     assert run.returncode == 1
     assert run.stderr.splitlines()[-1].startswith("The models directory /nowhere does not exist")

@@ -151,9 +151,7 @@ async def test_hosts_outlive_the_fleet_unless_they_are_ended(hosts: RayFleet, cl
     assert cluster.asked_for[-1] == 0
 
 
-async def test_a_host_that_is_created_while_the_others_end_is_ended_too(
-    cluster: FakeCluster, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_host_that_still_starts_is_ended_too(cluster: FakeCluster, monkeypatch: pytest.MonkeyPatch) -> None:
     starting, stopping = threading.Event(), threading.Event()
     start, stop = cluster.start, cluster.stop
 
@@ -200,9 +198,7 @@ async def test_machines_are_asked_for_that_are_not_there(cluster: FakeCluster) -
         await eventually(up(hosts, "host-1", "host-2", "host-3"))
 
 
-async def test_another_host_comes_when_all_are_full_drains_when_nobody_needs_it_and_ends(
-    hosts: RayFleet, cluster: FakeCluster
-) -> None:
+async def test_a_host_comes_and_goes_with_demand(hosts: RayFleet, cluster: FakeCluster) -> None:
     cluster.full, cluster.viewers = {"red", "green"}, {"red": 70, "green": 70}
     await eventually(up(hosts, "host-1", "host-2"))
     await cluster.looked_at()

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
-PATIENCE_S = 20
+TIMEOUT_S = 20
 ASK = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n"
 
 
@@ -38,7 +38,7 @@ class RawClient:
 
     async def answer(self) -> Answer:
         """The next response. Raises EOFError if the connection ends first."""
-        async with asyncio.timeout(PATIENCE_S):
+        async with asyncio.timeout(TIMEOUT_S):
             head = (await self.reader.readuntil(b"\r\n\r\n")).decode().split("\r\n")
             fields = dict(line.lower().split(": ", 1) for line in head[1:-2])
             body = await self.reader.readexactly(int(fields["content-length"]))
@@ -46,7 +46,7 @@ class RawClient:
 
     async def ended(self) -> bytes:
         """Wait until the server has closed the connection; returns the bytes received before that."""
-        async with asyncio.timeout(PATIENCE_S):
+        async with asyncio.timeout(TIMEOUT_S):
             try:
                 return await self.reader.read()
             except ConnectionResetError:
@@ -56,7 +56,7 @@ class RawClient:
 @asynccontextmanager
 async def connected(port: int, source: str = "127.0.0.1") -> AsyncIterator[RawClient]:
     """A connection from this address, as a context manager."""
-    async with asyncio.timeout(PATIENCE_S):
+    async with asyncio.timeout(TIMEOUT_S):
         reader, writer = await asyncio.open_connection("127.0.0.1", port, local_addr=(source, 0))
     try:
         yield RawClient(reader, writer)

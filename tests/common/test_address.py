@@ -20,6 +20,27 @@ HOME, EVERYWHERE = Address("127.0.0.1", 80), Address("0.0.0.0", 80)
 
 
 @pytest.mark.parametrize(
+    ("text", "address"),
+    [
+        ("127.0.0.1:8080", Address("127.0.0.1", 8080)),
+        ("[::]:4433", Address("::", 4433)),
+        ("localhost:0", Address("localhost", 0)),
+    ],
+)
+def test_addresses_are_read_and_written_alike(text: str, address: Address) -> None:
+    assert Address.parse(text) == address
+    assert str(address) == text
+
+
+@pytest.mark.parametrize(
+    "text", ["", "8080", "host:", "host:port", "host:70000", "host:-1", ":8080", "host:٣", "host:" + "9" * 5000]
+)
+def test_a_wrong_address_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"HOST:PORT|no host"):
+        Address.parse(text)
+
+
+@pytest.mark.parametrize(
     ("addresses", "isolated", "said"),
     [
         ((HOME,), False, ""),

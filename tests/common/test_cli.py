@@ -24,27 +24,29 @@ for point in entry_points(group=COMMANDS):
     point.load()
 print(*sorted({name.partition(".")[0] for name in sys.modules}))
 """
-NOT_EVERYWHERE = {
-    "PIL",
-    "aioquic",
-    "av",
-    "filelock",
-    "httpx",
-    "jinja2",
-    "matplotlib",
-    "numba",
-    "numpy",
-    "playwright",
-    "pooch",
-    "psutil",
-    "requests",
-    "scipy",
-    "skimage",
-    "starlette",
-    "torch",
-    "uvicorn",
-    "zipstream",
-}
+NOT_EVERYWHERE = frozenset(
+    [
+        "PIL",
+        "aioquic",
+        "av",
+        "filelock",
+        "httpx",
+        "jinja2",
+        "matplotlib",
+        "numba",
+        "numpy",
+        "playwright",
+        "pooch",
+        "psutil",
+        "requests",
+        "scipy",
+        "skimage",
+        "starlette",
+        "torch",
+        "uvicorn",
+        "zipstream",
+    ]
+)
 
 
 WITHOUT_EXTRAS = """
@@ -76,7 +78,7 @@ NEEDS = {
     "scene info no-such.ply": "render",
     "scene ladder courtyard": "render",
     "store": "lab",
-    "trace plot traces/network/dsl.csv no-such.png": "lab",
+    "trace info traces/network/dsl.csv --plot no-such.png": "lab",
 }
 
 
@@ -138,13 +140,7 @@ def test_help_describes_every_parameter(name: str) -> None:
 
 
 def test_commands_have_few_parameters() -> None:
-    """A parameter that several commands inherit counts once."""
-    declared = {
-        (next(base for base in reversed(command.__mro__) if name in getattr(base, "model_fields", {})), name)
-        for command in commands().values()
-        for name, _ in parameters(command)
-    }
-    assert len(declared) <= MAX_PARAMETERS
+    assert sum(len(list(parameters(command))) for command in commands().values()) <= MAX_PARAMETERS
 
 
 @pytest.mark.parametrize(
@@ -152,12 +148,11 @@ def test_commands_have_few_parameters() -> None:
     [
         (["render", "--memory-gb", "-1"], "--memory-gb: Input should be greater than 0"),
         (["render", "--device", "tpu"], "--device: 'tpu' is none of auto, cpu, cuda"),
-        (["render", "--upstream", "dash"], "--upstream: 'dash' is not NAME=VALUE."),
         (["render", "--wheels"], "unrecognized arguments: --wheels; `tigas render --help` lists the options."),
         (["render", "--scene", "x"], "unrecognized arguments: --scene x"),
         (["shaper"], "--access is missing."),
         (["scene", "info"], "the following arguments are required: SCENE"),
-        (["lab", "check", "--scenes", "x"], "unrecognized arguments: --scenes x"),
+        (["lab", "check", "--store", "x"], "unrecognized arguments: --store x"),
         (["lab", "exec", "client"], "COMMAND is missing."),
         (["lab", "wheels"], "tigas lab has no command 'wheels'; `tigas lab --help` lists them."),
         (["wheels"], "tigas has no command 'wheels'; `tigas --help` lists them."),

@@ -11,13 +11,15 @@ from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
 from datetime import UTC, datetime
 
+import psutil
 import pytest
 from starlette.responses import Response, StreamingResponse
 from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 from websockets.asyncio.client import connect
 
-from tests.common.raw_client import ASK, PATIENCE_S, Answer, connected
+from tests.common.raw_client import ASK, TIMEOUT_S, Answer, connected
+from tests.prerequisites import LINUX
 from tigas_common.address import Address
 from tigas_common.limits import HttpLimits
 from tigas_common.runner import serve_http
@@ -59,6 +61,19 @@ async def test_all_addresses_together_have_a_limit_and_a_place_that_is_left_is_f
             assert (await admitted.answer()).status == 200
 
 
+async def test_a_thousand_connections_of_one_address_leave_room_for_others() -> None:
+    assert HttpLimits().connections_per_address <= HttpLimits().connections / 4
+    limits = HttpLimits(connections_per_address=20, header_s=LONG_S, idle_s=LONG_S)
+    async with serve_http(Response("ok"), HERE, limits) as port, AsyncExitStack() as stack:
+        crowd = [await stack.enter_async_context(connected(port)) for _ in range(1000)]
+        refused = [await client.answer() for client in crowd[20:]]
+        assert {(answer.status, answer.problem) for answer in refused} == {(503, "tigas:too-many-connections")}
+        polite = await stack.enter_async_context(connected(port, "127.0.0.2"))
+        for client in (polite, *crowd[:20]):
+            client.say(ASK)
+            assert (await client.answer()).status == 200
+
+
 async def test_a_tls_handshake_takes_a_place_and_not_for_ever() -> None:
     limits = HttpLimits(connections_per_address=2, header_s=1)
     async with serve_http(Response("ok"), HERE, limits, server_tls()) as port, AsyncExitStack() as stack:
@@ -77,7 +92,7 @@ async def test_a_client_that_does_not_end_tls_keeps_no_connection() -> None:
     async with serve_http(Response("ok"), HERE, HttpLimits(header_s=0.5), server_tls()) as port:
 
         def answer_nothing() -> None:
-            plain = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S)
+            plain = socket.create_connection(("127.0.0.1", port), timeout=TIMEOUT_S)
             with client_tls().wrap_socket(plain) as client, contextlib.suppress(ConnectionResetError):
                 while plain_read(client):
                     pass
@@ -152,14 +167,44 @@ async def test_a_connection_on_which_nothing_was_said_ends_without_a_word() -> N
         assert await client.ended() == b""
 
 
-async def test_the_second_requests_headers_are_waited_for_no_longer_than_the_firsts() -> None:
+@pytest.mark.parametrize("number", [1, 2])
+async def test_headers_that_never_end_are_given_up_of_the_first_request_and_the_second(number: int) -> None:
     limits = HttpLimits(header_s=0.3, idle_s=LONG_S)
+    async with serve_http(Response("ok"), HERE, limits) as port, connected(port) as client:
+        for _ in range(number - 1):
+            client.say(ASK)
+            assert (await client.answer()).status == 200
+        client.say(ASK[:-2])
+        answer = await client.answer()
+        assert (answer.status, answer.problem) == (408, "tigas:request-timeout")
+        assert await client.ended() == b""
+
+
+async def test_a_connection_that_asks_nothing_more_is_closed() -> None:
+    limits = HttpLimits(header_s=LONG_S, idle_s=1)
     async with serve_http(Response("ok"), HERE, limits) as port, connected(port) as client:
         client.say(ASK)
         assert (await client.answer()).status == 200
-        client.say(b"G")
-        assert (await client.answer()).problem == "tigas:request-timeout"
         assert await client.ended() == b""
+
+
+@LINUX.mark
+async def test_a_client_that_reads_nothing_loses_its_connection() -> None:
+    limits = HttpLimits(header_s=LONG_S, body_s=LONG_S, idle_s=LONG_S, unread_s=0.5)
+    async with serve_http(Response(bytes(10_000)), HERE, limits) as port:
+        with socket.socket() as stuck:
+            stuck.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)  # the least that the system gives
+            stuck.connect(("127.0.0.1", port))
+            stuck.sendall(ASK * 100)
+
+            def is_served() -> bool:
+                return any(one.raddr == stuck.getsockname() for one in psutil.Process().net_connections("tcp"))
+
+            deadline = time.monotonic() + TIMEOUT_S
+            for wanted in (True, False):
+                while is_served() != wanted:
+                    assert time.monotonic() < deadline
+                    await asyncio.sleep(0.05)
 
 
 async def test_an_answer_may_take_longer_than_its_request() -> None:

@@ -47,37 +47,25 @@ async def test_what_nobody_takes_any_more_is_not_fetched() -> None:
     assert body.closed
 
 
-async def test_work_is_cancelled_once_its_end_comes_first() -> None:
-    gone: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-    cancelled = asyncio.Event()
+async def test_work_and_its_end_cancel_each_other_but_a_future_is_left_alone() -> None:
+    cancelled: list[str] = []
 
-    async def work() -> str:
+    async def endless(name: str) -> str:
         try:
             await asyncio.Event().wait()
         finally:
-            cancelled.set()
+            cancelled.append(name)
         return "never"
-
-    asyncio.get_running_loop().call_soon(gone.set_result, None)
-    assert await unless(gone, work()) is None
-    await cancelled.wait()
-
-
-async def test_work_that_is_done_first_leaves_a_future_alone_and_cancels_a_coroutine() -> None:
-    gone: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-    cancelled = asyncio.Event()
-
-    async def leave() -> None:
-        try:
-            await asyncio.Event().wait()
-        finally:
-            cancelled.set()
 
     async def work() -> str:
         await asyncio.sleep(0)
         return "done"
 
+    gone: asyncio.Future[None] = asyncio.get_running_loop().create_future()
     assert await unless(gone, work()) == "done"
     assert not gone.done()
-    assert await unless(leave(), work()) == "done"
-    await cancelled.wait()
+    assert await unless(endless("end"), work()) == "done"
+    asyncio.get_running_loop().call_soon(gone.set_result, None)
+    await unless(gone, endless("work"))
+    await asyncio.sleep(0)
+    assert cancelled == ["end", "work"]

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import ClassVar
 
 import pytest
-from pydantic import Field
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 from pydantic_settings import SettingsConfigDict
 
-from tigas_common.address import Address
+from tigas_cluster.settings import ClusterSettings
 from tigas_common.command import load, parse
 from tigas_common.errors import UsageError
+from tigas_common.limits import HttpLimits
 from tigas_common.settings import ServiceSettings
+from tigas_dash.settings import DashSettings
+from tigas_experiments.store.settings import StoreSettings
+from tigas_render.settings import RenderSettings
+from tigas_shaper.settings import ShaperSettings
 
 
 class Example(ServiceSettings):
@@ -69,22 +76,42 @@ def test_a_file_for_other_services_sets_nothing(tmp_path: Path, monkeypatch: pyt
     assert load(Example, {}).a == 1
 
 
-@pytest.mark.parametrize(
-    ("text", "address"),
-    [
-        ("127.0.0.1:8080", Address("127.0.0.1", 8080)),
-        ("[::]:4433", Address("::", 4433)),
-        ("localhost:0", Address("localhost", 0)),
-    ],
-)
-def test_addresses_are_read_and_written_alike(text: str, address: Address) -> None:
-    assert Address.parse(text) == address
-    assert str(address) == text
+# -- every service's settings ------------------------------------------------------------------------------------------
+
+SERVICES = (ClusterSettings, RenderSettings, DashSettings, ShaperSettings, StoreSettings)
 
 
-@pytest.mark.parametrize(
-    "text", ["", "8080", "host:", "host:port", "host:70000", "host:-1", ":8080", "host:٣", "host:" + "9" * 5000]
-)
-def test_a_wrong_address_is_refused(text: str) -> None:
-    with pytest.raises(ValueError, match=r"HOST:PORT|no host"):
-        Address.parse(text)
+def numbers(model: type[BaseModel]) -> Iterator[tuple[type[BaseModel], str]]:
+    """Every field of a model that is a number, and of the models in it."""
+    for name, field in model.model_fields.items():
+        if field.annotation is float:
+            yield model, name
+        elif isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            yield from numbers(field.annotation)
+
+
+@pytest.mark.parametrize("value", ["inf", "-inf", "nan", "1e999"])
+@pytest.mark.parametrize("settings", SERVICES)
+def test_every_number_is_finite(settings: type[ServiceSettings], value: str) -> None:
+    found = list(numbers(settings))
+    assert found
+    for model, name in found:
+        with pytest.raises(ValidationError) as refused:
+            TypeAdapter(model).validate_python({name: value})
+        assert any(error["loc"] == (name,) for error in refused.value.errors()), name
+
+
+def test_limits_are_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tigas.toml").write_text("[dash.http_limits]\nconnections = 3\n[render]\nidle_minutes = 1\n")
+    assert HttpLimits.of(load(DashSettings, {}).http_limits) == HttpLimits(connections=3)
+    monkeypatch.setenv("TIGAS_RENDER_HTTP_LIMITS", '{"connections": 9}')
+    assert HttpLimits.of(load(RenderSettings, {}).http_limits) == HttpLimits(connections=9)
+
+
+@pytest.mark.parametrize("table", ["http_limits.header_s", "quic_limits.idle_timeout"])
+def test_constants_are_no_settings(table: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tigas.toml").write_text(f"[render]\n{table} = 3\n")
+    with pytest.raises(UsageError, match=f"^{re.escape(table)}: Extra inputs are not permitted"):
+        load(RenderSettings, {})

@@ -14,12 +14,12 @@ from tigas_common.errors import BodyTooLarge, RequestTimeout
 from tigas_common.web import read_body
 
 pytestmark = pytest.mark.anyio
-PATIENCE_S = 0.5
+TIMEOUT_S = 0.5
 
 
 @pytest.fixture(autouse=True)
-def little_patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(web, "BODY_S", PATIENCE_S)
+def short_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(web, "BODY_S", TIMEOUT_S)
 
 
 def request(parts: AsyncIterator[bytes]) -> Request:
@@ -40,8 +40,8 @@ async def every(seconds: float, count: int, size: int) -> AsyncIterator[bytes]:
 
 
 async def test_a_slow_body_is_waited_for_as_long_as_it_comes() -> None:
-    parts, apart = 10, PATIENCE_S / 5
-    assert parts * apart > PATIENCE_S
+    parts, apart = 10, TIMEOUT_S / 5
+    assert parts * apart > TIMEOUT_S
     assert len(await read_body(request(every(apart, parts, 1000)), 100_000)) == parts * 1000
 
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
-import safetensors.torch
 import torch
 
+from tigas_common.weights import GENERAL, Weights
 from tigas_common.wire.render import DEFAULT_LADDER as LADDER
-from tigas_common.wire.render import Rung
-from tigas_enhance.network import Network
+from tigas_enhance.network import Network, described, rounded, to_tensors
 
 __all__ = ["LADDER", "random_networks", "weights_file"]
 
@@ -28,31 +26,11 @@ def random_networks(
                 torch.nn.init.normal_(parameter, std=0.05)
             elif name == last:
                 torch.nn.init.normal_(parameter, std=0.2 / (9 * channels) ** 0.5)
-        network.load_state_dict({name: tensor.half().float() for name, tensor in network.state_dict().items()})
-    return networks
+    return {rung: rounded(network) for rung, network in networks.items()}
 
 
-def weights_file(
-    networks: Mapping[int, Network], ladder: Sequence[Rung] = LADDER, scene_sha256: str = "general"
-) -> bytes:
-    """Their file, as if trained for that ladder and that scene."""
-    described = [
-        {
-            **ladder[rung].model_dump(include={"width", "height", "quality"}),
-            **{"rung": rung, "scale": network.scale, "layers": network.layers, "channels": network.channels},
-        }
-        for rung, network in networks.items()
-    ]
-    tensors = {
-        f"rung{rung}.{name.replace('convolutions.', 'conv')}": tensor.half()
-        for rung, network in networks.items()
-        for name, tensor in network.state_dict().items()
-    }
-    metadata = {
-        "architecture": "tigas-sr-1",
-        "scene_sha256": scene_sha256,
-        "networks": json.dumps(described),
-        "created": "2026-11-22T12:00:00Z",
-        "version": "0.2.0",
-    }
-    return safetensors.torch.save(tensors, metadata)
+def weights_file(networks: Mapping[int, Network], scene_sha256: str = GENERAL) -> bytes:
+    """Their file, as if trained for the default ladder and that scene."""
+    infos = tuple(described(network, rung, LADDER[rung], 1.0) for rung, network in networks.items())
+    tensors = {name: each for rung, network in networks.items() for name, each in to_tensors(rung, network).items()}
+    return Weights(scene_sha256, infos, tensors, "2026-11-22T12:00:00Z", "0.2.0").to_bytes()

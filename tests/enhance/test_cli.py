@@ -14,22 +14,17 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from tests.cluster.hosts import load
 from tests.command import tigas as in_process
 from tests.enhance.synthetic import HEIGHT, LOW, QUALITY, WIDTH, as_jpeg, view
 from tests.enhance.test_pairs import scene
 from tigas_common.processes import tigas
 from tigas_common.weights import FILE, read_weights
-from tigas_common.wire.render import RenderRequest, Rung, ServerConfig
+from tigas_common.wire.render import RenderRequest, Rung
 
 RUNGS = ((WIDTH, HEIGHT), *LOW.values())
-CONFIG = ServerConfig(
-    version="0",
-    ladder=tuple(Rung(name=str(w), width=w, height=h, quality=QUALITY, expected_kb=1) for w, h in RUNGS),
-    certificate_sha256=None,
-    webtransport_url=None,
-    https_url=None,
-    services={},
-)
+LADDER = tuple(Rung(name=str(w), width=w, height=h, quality=QUALITY, expected_kb=1) for w, h in RUNGS)
+CONFIG = load().config.model_copy(update={"ladder": LADDER})
 DIGEST = "ab" * 32
 
 
@@ -80,9 +75,10 @@ def server() -> Iterator[ThreadingHTTPServer]:
 
 
 @pytest.fixture
-def options(server: ThreadingHTTPServer, tmp_path: Path) -> list[str]:
+def options(server: ThreadingHTTPServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     (tmp_path / "garden").mkdir()
-    return ["--scenes", str(tmp_path), "--render", f"http://127.0.0.1:{server.server_port}", "--device", "cpu"]
+    monkeypatch.setenv("TIGAS_RENDER_SCENES", str(tmp_path))
+    return ["--render", f"http://127.0.0.1:{server.server_port}", "--device", "cpu"]
 
 
 def run(*arguments: str) -> tuple[int, str]:
@@ -90,15 +86,13 @@ def run(*arguments: str) -> tuple[int, str]:
     return outcome.exit_code, outcome.output
 
 
-def test_networks_are_trained_and_those_of_another_scene_file_are_not_evaluated(
-    server: ThreadingHTTPServer, options: list[str], tmp_path: Path
-) -> None:
+def test_networks_are_trained_and_evaluated(server: ThreadingHTTPServer, options: list[str], tmp_path: Path) -> None:
     file = tmp_path / "garden" / FILE
     status, said = run("train", "garden", *options, "--seconds", "3", "--out", str(file))
     assert status == 0, said
     weights = read_weights(file)
     assert weights.scene_sha256 == DIGEST
-    assert weights.misfit(DIGEST, CONFIG.ladder) is None
+    assert weights.misfit(DIGEST, LADDER) is None
     assert [path.name for path in file.parent.iterdir()] == [FILE]
 
     status, said = run("evaluate", "garden", *options)

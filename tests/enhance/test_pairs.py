@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from itertools import islice
+from typing import Any
 
 import pytest
 
+from tests import scenes
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
 from tigas_common.sample_cameras import NEAR, NEAR_DEGREES
@@ -14,25 +16,12 @@ from tigas_common.wire.render import SceneInfo, StartCamera
 from tigas_enhance.pairs import MOST_HELD_OUT, held_out_views, training_views
 
 
-def scene(up: tuple[float, float, float] = (0.0, -1.0, 0.0), **changes: object) -> SceneInfo:
+def scene(up: tuple[float, float, float] = (0.0, -1.0, 0.0), **changes: Any) -> SceneInfo:
     """Seen from ten units away, or some more."""
     across = (up[1], up[2], up[0])
     camera = StartCamera(position=(1.0, 2.0, 3.0), look_at=tuple(p + 10 * a for p, a in zip((1, 2, 3), across)))  # type: ignore[arg-type] # noqa: B905
-    fields = {
-        "id": "garden",
-        "name": "Garden",
-        "state": "loaded",
-        "error": None,
-        "gaussians": 1,
-        "sh_degree": 0,
-        "file_bytes": 1,
-        "memory_bytes": 1,
-        "preview": "",
-        "up": up,
-        "camera": camera,
-        "background": (0.0, 0.0, 0.0),
-    }
-    return SceneInfo.model_validate(fields | changes)
+    fields: dict[str, Any] = {"camera": camera, "id": "garden"}
+    return scenes.scene(up, **(fields | changes))
 
 
 def angle(one: Pose, other: Pose) -> float:

@@ -15,7 +15,7 @@ from tigas_enhance.renderer import RenderFailed, render_service
 TRAINING = """
 import time
 from tigas_enhance.renderer import render_service
-with render_service(None, "cpu") as url:
+with render_service("cpu") as url:
     print(url, flush=True)
     time.sleep(600)
 """
@@ -39,9 +39,10 @@ def test_it_ends_with_a_training_that_is_killed() -> None:
                 service.kill()
 
 
-def test_one_that_does_not_start_says_why(tmp_path: Path) -> None:
+def test_one_that_does_not_start_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TIGAS_RENDER_SCENES", str(tmp_path / "nowhere"))
     with (
         pytest.raises(RenderFailed, match=r"^The render service did not start: .*nowhere"),
-        render_service(tmp_path / "nowhere", "cpu"),
+        render_service("cpu"),
     ):
         pass

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 import torch
 
 from tests.common.test_weights import NETWORK, made
+from tests.enhance.networks import random_networks, weights_file
 from tigas_common.weights import parse_weights
 from tigas_common.wire.render import DEFAULT_LADDER, Rung
-from tigas_enhance.network import Network, rounded, to_network, to_tensors
+from tigas_enhance.network import to_network
 from tigas_enhance.pairs import NothingToLearn
 from tigas_enhance.tuning import gaining, training_rungs
 
@@ -24,21 +23,19 @@ def test_networks_that_make_nothing_better_are_left_out() -> None:
 
 
 def test_a_network_is_the_same_after_it_was_written_and_read() -> None:
-    torch.manual_seed(0)
-    network = Network(NETWORK.scale, NETWORK.layers, NETWORK.channels)
-    torch.nn.init.normal_(network.convolutions[-1].weight, std=0.1)  # type: ignore[arg-type]
-    network = rounded(network)
-    written = replace(made(NETWORK), tensors=to_tensors(NETWORK.rung, network))
+    networks = random_networks({1: 1, 3: 2}, layers=3, channels=8)
+    read = parse_weights(weights_file(networks))
     pictures = torch.rand(1, 3, 12, 16)
-    assert torch.equal(to_network(NETWORK, parse_weights(written.to_bytes()))(pictures), network(pictures))
+    for info in read.networks:
+        assert torch.equal(to_network(info, read)(pictures), networks[info.rung](pictures))
 
 
-def test_of_many_rungs_those_are_trained_for_that_serve_the_most() -> None:
-    def ladder(*heights: int) -> list[Rung]:
-        return [Rung(name=f"{i}", width=640, height=h, quality=50, expected_kb=9) for i, h in enumerate(heights)]
-
+@pytest.mark.parametrize(
+    ("heights", "rungs"), [((720, 630, 540, 468, 300, 220, 200, 180, 144), (2, 4, 7)), ((720, 540), (1,))]
+)
+def test_rungs_that_serve_the_most_are_trained(heights: tuple[int, ...], rungs: tuple[int, ...]) -> None:
     assert training_rungs(DEFAULT_LADDER) == (1, 2, 3)
-    assert training_rungs(DEFAULT_LADDER[:2]) == (1,)
-    assert training_rungs(ladder(720, 630, 540, 468, 300, 220, 200, 180, 144)) == (2, 4, 7)
+    named = [Rung(name=f"{i}", width=640, height=h, quality=50, expected_kb=9) for i, h in enumerate(heights)]
+    assert training_rungs(named) == rungs
     with pytest.raises(NothingToLearn, match="one rung only"):
-        training_rungs(DEFAULT_LADDER[:1])
+        training_rungs(named[:1])

@@ -18,7 +18,7 @@ from tigas_experiments.records.machine import Server
 from tigas_experiments.report.cli import Report
 from tigas_experiments.run import measure as run_module
 from tigas_experiments.run import runner
-from tigas_experiments.run.environment import MadeWith
+from tigas_experiments.run.checks import MadeWith
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.wire.run import Configuration
 

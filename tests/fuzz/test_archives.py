@@ -15,9 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.fuzz.byte_edits import edited
-from tests.fuzz.corpus import found
-from tests.fuzz.effort import effort
-from tests.fuzz.sentences import assert_sentence
+from tests.fuzz.fuzzers import assert_sentence, effort, found
 from tigas_common.errors import StartError
 from tigas_experiments.report.archive import unpack as unpack_runs
 from tigas_shaper.traces.fetch import FetchError
@@ -107,22 +105,14 @@ def unpacked(content: bytes, name: str, unpack: Callable[[Path], Path]) -> None:
 
 
 @effort(150)
-@given(tars() | edited(tars()))
+@given(content=tars() | edited(tars()))
+@found("tar.xz", content=bytes)
 def test_any_archive_of_runs_is_unpacked_or_refused(content: bytes) -> None:
     unpacked(content, "runs.tar.xz", unpack_runs)
 
 
-@found("tar.xz")
-def test_an_archive_of_runs_that_was_found_is_unpacked_or_refused(content: bytes) -> None:
-    unpacked(content, "runs.tar.xz", unpack_runs)
-
-
 @effort(150)
-@given(zips() | edited(zips()))
+@given(content=zips() | edited(zips()))
+@found("zip", content=bytes)
 def test_any_zip_of_traces_is_unpacked_or_refused(content: bytes) -> None:
-    unpacked(content, "traces.zip", unpack_traces)
-
-
-@found("zip")
-def test_a_zip_of_traces_that_was_found_is_unpacked_or_refused(content: bytes) -> None:
     unpacked(content, "traces.zip", unpack_traces)

@@ -25,8 +25,7 @@ from starlette.types import Receive, Scope, Send
 
 from tests.fuzz.asgi import LONGEST_S, opened
 from tests.fuzz.byte_edits import chunked, edited
-from tests.fuzz.corpus import found
-from tests.fuzz.effort import effort
+from tests.fuzz.fuzzers import effort, found
 from tests.render.transport.client import CERTIFICATE, Client, FakeFrames, connect, request_body
 from tigas.http3 import Response
 from tigas_render.admission.limits import Limits
@@ -227,25 +226,18 @@ def test_how_streams_are_cut_changes_nothing(data: st.DataObject) -> None:
         assert whole == cut
 
 
+def opening(kind: int) -> Callable[[bytes], list[tuple[int, bytes, bool]]]:
+    """A stream of the client's own before many requests."""
+    requests = [(4 * n, STREAMS[0], True) for n in range(50)]
+    return lambda content: [(2, encode_uint_var(kind) + content, False), *requests]
+
+
 @effort(100)
-@given(st.data())
-def test_what_a_client_sends_costs_no_memory_beyond_it(data: st.DataObject) -> None:
-    assert_cheap(data.draw(orders(data.draw(conversations()))))
-
-
-@found("http3-request")
-def test_a_request_that_was_found_is_cheap(content: bytes) -> None:
-    assert_cheap([(0, content, False)])
-
-
-@pytest.mark.parametrize("kind", [StreamType.CONTROL, StreamType.QPACK_ENCODER])
-@found("http3-control")
-def test_a_control_stream_that_was_found_is_cheap(kind: int, content: bytes) -> None:
-    assert_cheap([(2, encode_uint_var(kind) + content, False), *((4 * n, STREAMS[0], True) for n in range(50))])
-
-
-def assert_cheap(pieces: list[tuple[int, bytes, bool]]) -> None:
-    """A client's bytes are understood or refused in bounded memory."""
+@given(pieces=conversations().flatmap(orders))
+@found("http3-request", pieces=lambda content: [(0, content, False)])
+@found("http3-control", pieces=opening(StreamType.CONTROL))
+@found("http3-control", pieces=opening(StreamType.QPACK_ENCODER))
+def test_what_a_client_sends_costs_no_memory_beyond_it(pieces: list[tuple[int, bytes, bool]]) -> None:
     endless = [
         (stream_id, b"\x21" * FILL, False)
         for stream_id in (0, 2)
@@ -291,14 +283,22 @@ def server() -> Iterator[tuple[Client, Callable[..., Any]]]:
         yield polite, run
 
 
+Sent = list[tuple[str, bytes, bool]]
+"""Kinds of streams, their bytes, and whether they end."""
+
+
+def sending(kinds: tuple[str, ...], data: st.SearchStrategy[bytes]) -> st.SearchStrategy[tuple[str, bytes, bool]]:
+    return st.tuples(st.sampled_from(kinds), data, st.booleans())
+
+
 sendings = st.lists(
     st.one_of(
-        st.tuples(st.just("request"), requests()),
-        st.tuples(st.just("request"), st.sampled_from([STREAMS[0], STREAMS[4], STREAMS[8]]).flatmap(damaged)),
-        st.tuples(st.just("control"), damaged(GREASE)),
-        st.tuples(st.just("encoder") | st.just("decoder"), damaged(b"\x3f\xe1\x1f")),
-        st.tuples(st.just("unidirectional"), damaged(STREAMS[14])),
-        st.tuples(st.just("datagram"), damaged(request_body(seq=9))),
+        sending(("request",), requests()),
+        sending(("request",), st.sampled_from([STREAMS[0], STREAMS[4], STREAMS[8]]).flatmap(damaged)),
+        sending(("control",), damaged(GREASE)),
+        sending(("encoder", "decoder"), damaged(b"\x3f\xe1\x1f")),
+        sending(("unidirectional",), damaged(STREAMS[14])),
+        sending(("datagram",), damaged(request_body(seq=9))),
     ),
     min_size=1,
     max_size=8,
@@ -307,11 +307,11 @@ OWN_STREAMS = {"control": 2, "encoder": 6, "decoder": 10}
 """Streams opened by the client."""
 
 
-async def attack(port: int, sent: list[tuple[str, bytes]], ends: list[bool], failed: list[str]) -> int | None:
+async def attack(port: int, sent: Sent, failed: list[str]) -> int | None:
     """The error code with which the server ends the connection, or None; given up once something has `failed`."""
     async with connect(port) as client:
         session = await client.connect_webtransport()
-        for (kind, data), end in zip(sent, ends, strict=True):
+        for kind, data, end in sent:
             quic = client._quic
             match kind:
                 case "datagram":
@@ -332,38 +332,18 @@ async def attack(port: int, sent: list[tuple[str, bytes]], ends: list[bool], fai
         return client.terminated.error_code if client.terminated else None
 
 
-@found("http3-request")
-def test_a_request_that_was_found_ends_at_most_its_own_connection(
-    server: tuple[Client, Callable[..., Any]], content: bytes
-) -> None:
-    assert_others_are_served(server, [("request", content)], [True])
-
-
-@found("http3-control")
-def test_a_control_stream_that_was_found_ends_at_most_its_own_connection(
-    server: tuple[Client, Callable[..., Any]], content: bytes
-) -> None:
-    assert_others_are_served(server, [("control", content), ("encoder", content)], [False] * 2)
-
-
 @effort(60)
-@given(sendings, st.data())
-def test_an_attack_ends_at_most_its_own_connection(
-    server: tuple[Client, Callable[..., Any]], sent: list[tuple[str, bytes]], data: st.DataObject
+@given(sent=sendings)
+@found("http3-request", sent=lambda content: [("request", content, True)])
+@found("http3-control", sent=lambda content: [("control", content, False), ("encoder", content, False)])
+def test_an_attack_ends_at_most_its_own_connection_in_the_protocol_s_way(
+    server: tuple[Client, Callable[..., Any]], sent: Sent
 ) -> None:
-    ends = data.draw(st.lists(st.booleans(), min_size=len(sent), max_size=len(sent)))
-    assert_others_are_served(server, sent, ends)
-
-
-def assert_others_are_served(
-    server: tuple[Client, Callable[..., Any]], sent: list[tuple[str, bytes]], ends: list[bool]
-) -> None:
-    """A client that sends this ends its own connection, at most, in the protocol's way."""
     polite, run = server
 
     async def attacked(failed: list[str]) -> tuple[int | None, Response]:
         async with asyncio.timeout(LONGEST_S):
-            code = await attack(polite.server_port, sent, ends, failed)  # type: ignore[attr-defined]
+            code = await attack(polite.server_port, sent, failed)  # type: ignore[attr-defined]
             return code, await polite.fetch("GET", "/")
 
     with failures() as logged:

@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.fuzz.byte_edits import edited
-from tests.fuzz.effort import effort
-from tests.fuzz.sentences import assert_sentence
+from tests.fuzz.fuzzers import assert_sentence, effort
 from tigas_experiments.movement import eyenavgs
 from tigas_experiments.movement.generated import KINDS, generate
 from tigas_experiments.movement.summary import Summary

@@ -11,8 +11,7 @@ from pathlib import Path
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invariant, rule
 
-from tests.fuzz.effort import effort
-from tests.fuzz.sentences import assert_sentence
+from tests.fuzz.fuzzers import assert_sentence, effort
 from tests.render.scenes import plys
 from tests.render.scenes.registry_bench import Bench
 from tigas_common.errors import BrokenScene, Overloaded, UnknownScene

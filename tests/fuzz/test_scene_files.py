@@ -13,20 +13,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.fuzz.byte_edits import edited
-from tests.fuzz.corpus import found
-from tests.fuzz.effort import effort
+from tests.fuzz.fuzzers import assert_sentence, effort, found
 from tests.fuzz.json_texts import bodies
-from tests.fuzz.sentences import assert_sentence
 from tests.fuzz.wire_examples import EXAMPLES
 from tests.render.scenes import made_up, plys
 from tests.render.scenes import test_streamed_sog as streamed
 from tests.render.scenes.test_formats import splat_bytes
 from tigas_common.errors import BrokenScene
-from tigas_render.scenes.directory import scan_directory
-from tigas_render.scenes.formats import load_scene
-from tigas_render.scenes.lod_meta import LodMeta
-from tigas_render.scenes.metadata import SceneMetadata
+from tigas_render.scenes.directory import read_scene_file, scan_directory
+from tigas_render.scenes.source import SceneMetadata
 from tigas_render.scenes.start_camera import derive_camera
+from tigas_render.scenes.streamed_sog import LodMeta
 from tigas_render.server.preview import HEIGHT, WIDTH, preview_camera
 
 PIECES = (
@@ -81,15 +78,10 @@ def absurd_gaussians(draw: st.DrawFn) -> bytes:
 
 
 @effort(150)
-@given(files | absurd_gaussians())
+@given(content=files | absurd_gaussians())
+@found("ply", content=bytes)
 def test_any_ply_loads_or_is_broken(content: bytes) -> None:
     assert_loads_or_is_broken(content)
-
-
-@found("ply")
-def test_a_ply_that_was_found_loads_or_is_broken(content: bytes) -> None:
-    assert_loads_or_is_broken(content)
-    assert_no_other_is_broken(b"{}", content)
 
 
 @pytest.mark.filterwarnings("ignore:Generating overly large repr")
@@ -115,7 +107,7 @@ def assert_file_loads_or_is_broken(path: Path) -> None:
     """It becomes finite Gaussians that can be looked at, or a sentence, in bounded memory."""
     tracemalloc.start()
     try:
-        gaussians = load_scene(path)
+        gaussians = read_scene_file(path).load()
     except BrokenScene as error:
         assert_sentence(error.detail)
         return
@@ -125,18 +117,14 @@ def assert_file_loads_or_is_broken(path: Path) -> None:
         assert peak < MOST_MEMORY + 300 * path.stat().st_size
     assert len(gaussians) > 0
     assert all(np.isfinite(array).all() for array in gaussians.arrays)
-    camera = derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, (0.0, -1.0, 0.0))
+    camera = derive_camera(gaussians, (0.0, -1.0, 0.0))
     preview_camera(camera, (0.0, -1.0, 0.0), WIDTH, HEIGHT)
 
 
 @effort(100)
-@given(bodies(SceneMetadata, EXAMPLES[SceneMetadata]), files)
+@given(description=bodies(SceneMetadata, EXAMPLES[SceneMetadata]), content=files)
+@found("ply", description=lambda _: b"{}", content=bytes)
 def test_a_broken_scene_takes_no_other_with_it(description: bytes, content: bytes) -> None:
-    assert_no_other_is_broken(description, content)
-
-
-def assert_no_other_is_broken(description: bytes, content: bytes) -> None:
-    """A scan finds the scene, and a valid one next to it."""
     with tempfile.TemporaryDirectory() as folder:
         models = Path(folder)
         plys.write(models / "odd" / "scene.json", description)
@@ -152,18 +140,9 @@ def assert_no_other_is_broken(description: bytes, content: bytes) -> None:
 
 
 @effort(100)
-@given(bodies(SceneMetadata, EXAMPLES[SceneMetadata]))
+@given(description=bodies(SceneMetadata, EXAMPLES[SceneMetadata]))
+@found("scene-json", description=bytes)
 def test_whatever_a_description_says_there_is_a_view_to_begin_with(description: bytes) -> None:
-    assert_view(description)
-
-
-@found("scene-json")
-def test_a_description_that_was_found_gives_a_view(content: bytes) -> None:
-    assert_view(content)
-
-
-def assert_view(description: bytes) -> None:
-    """A scene with this scene.json is broken, or has a camera to begin with."""
     with tempfile.TemporaryDirectory() as folder:
         models = Path(folder)
         plys.write(models / "scene" / "scene.json", description)
@@ -172,7 +151,7 @@ def assert_view(description: bytes) -> None:
     if source.error is not None:
         return
     gaussians, metadata = plys.gaussians(10), source.metadata
-    derived = derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, metadata.up)
+    derived = derive_camera(gaussians, metadata.up)
     for camera in (derived, metadata.camera or derived):
         pose = preview_camera(camera, metadata.up, WIDTH, HEIGHT).pose
         assert abs(sum(part * part for part in pose.quaternion) - 1) < 1e-6

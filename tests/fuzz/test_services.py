@@ -3,50 +3,27 @@
 from __future__ import annotations
 
 import json
-import time
-from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import asynccontextmanager
-from pathlib import Path
+from collections.abc import Callable, Iterator
 from typing import Any
 
-import httpx
 import psutil
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from starlette.types import ASGIApp
 
-from tests import every_service
-from tests.cluster.hosts import FakeFleet, load
-from tests.dash.fakes import FakeRender
+from tests.every_service import SERVICES
+from tests.experiments.store.conftest import slug
 from tests.fuzz.asgi import HOST, Answer, ask, assert_answered, opened
 from tests.fuzz.byte_edits import chunked
-from tests.fuzz.corpus import found
-from tests.fuzz.effort import effort
+from tests.fuzz.fuzzers import effort, found
 from tests.fuzz.json_texts import bodies, dumps
 from tests.fuzz.targets import METHODS, headers, paths
 from tests.fuzz.test_traces import files as trace_files
 from tests.fuzz.wire_examples import EXAMPLES
-from tests.render.fakes import FakeRasterizer
-from tests.render.scenes import plys
-from tests.shaper.fakes import trace
-from tigas_cluster.director import create_director
-from tigas_cluster.fleet import HostAddress, HostState
-from tigas_common.address import Address
-from tigas_common.origins import OriginPolicy
 from tigas_common.wire.dash import SessionRequest
 from tigas_common.wire.render import RenderRequest
 from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest
-from tigas_dash.app import create_app as create_dash
-from tigas_dash.clock import Clock
-from tigas_dash.sessions import Sessions
-from tigas_dash.source import RenderClient
-from tigas_dash.webrtc.service import WebRtc
-from tigas_experiments.wire.store import ExperimentRequest, InterruptedRun, RunUpload, SampleIndex
-from tigas_render.server.app import create_app as create_render
-from tigas_render.server.service import RenderService
-from tigas_render.settings import RenderSettings
-from tigas_shaper.traces.csv_format import format_csv
+from tigas_experiments.wire.store import ExperimentRequest, NextRequest, RunUpload, SampleIndex
 
 PAGE = (b"origin", b"http://localhost:8080")
 MOST_GROWTH = 300_000_000
@@ -70,23 +47,17 @@ def asking(context: Any) -> Iterator[Ask]:
         assert psutil.Process().memory_info().rss - before < MOST_GROWTH
 
 
-# -- render ------------------------------------------------------------------------------------------------------------
+def service(name: str) -> Any:
+    """A fixture that asks a service."""
+
+    @pytest.fixture(scope="module", name=name)
+    def asked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ask]:
+        yield from asking(SERVICES[name](tmp_path_factory.mktemp(name)))
+
+    return asked
 
 
-@asynccontextmanager
-async def rendering(directory: Path) -> AsyncIterator[ASGIApp]:
-    models = directory / "models"
-    plys.write(models / "scene" / "scene.ply", plys.binary_ply())
-    settings = RenderSettings(scenes=models, cache=directory / "cache")
-    rasterizer = FakeRasterizer()
-    rasterizer.gate.set()
-    async with RenderService.open(settings, rasterizer) as service:
-        yield create_render(service)
-
-
-@pytest.fixture(scope="module")
-def render(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ask]:
-    yield from asking(rendering(tmp_path_factory.mktemp("render")))
+render, director, dash, shaper, store = map(service, ("render", "director", "dash", "shaper", "store"))
 
 
 @effort(100)
@@ -97,55 +68,10 @@ def test_any_render_request_is_answered(render: Ask, body: bytes) -> None:
     assert answer.status < 400 or answer.status == 504 or b"tigas:" in answer.body
 
 
-# -- the director ------------------------------------------------------------------------------------------------------
-
-
-@asynccontextmanager
-async def directing(directory: Path) -> AsyncIterator[ASGIApp]:
-    async with rendering(directory) as render:
-        hosts = httpx.ASGITransport(render)
-        fleet = FakeFleet(HostState(HostAddress("here", "http://127.0.0.1:8080"), load()))
-        async with create_director(fleet, origins=OriginPolicy(), clock=time.monotonic, transport=hosts) as app:
-            yield app
-
-
-@pytest.fixture(scope="module")
-def director(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ask]:
-    yield from asking(directing(tmp_path_factory.mktemp("director")))
-
-
-# -- dash --------------------------------------------------------------------------------------------------------------
-
-
-@asynccontextmanager
-async def packaging(directory: Path) -> AsyncIterator[ASGIApp]:
-    transport = httpx.ASGITransport(FakeRender().app, raise_app_exceptions=False)
-    async with (
-        httpx.AsyncClient(transport=transport, base_url="http://render") as upstream,
-        Sessions(RenderClient(upstream), "libx264", Clock(), limit=2, idle_s=600).running() as sessions,
-        WebRtc.running(RenderClient(upstream), Address("127.0.0.1", 0), Clock()) as webrtc,
-    ):
-        yield create_dash(sessions, OriginPolicy(), webrtc)
-
-
-@pytest.fixture(scope="module")
-def dash(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ask]:
-    yield from asking(packaging(tmp_path_factory.mktemp("dash")))
-
-
 @effort(30)
-@given(bodies(SessionRequest, EXAMPLES[SessionRequest]))
-def test_any_session_is_opened_or_refused(dash: Ask, body: bytes) -> None:
-    assert_opened_or_refused(dash, body)
-
-
-@found("session")
-def test_a_session_that_was_found_is_opened_or_refused(dash: Ask, content: bytes) -> None:
-    assert_opened_or_refused(dash, content)
-
-
-def assert_opened_or_refused(dash: Ask, body: bytes) -> None:
-    """The packager opens a stream that can be played and ended, or says why not and keeps none."""
+@given(body=bodies(SessionRequest, EXAMPLES[SessionRequest]))
+@found("session", body=bytes)
+def test_any_session_is_opened_played_and_ended_or_refused_and_forgotten(dash: Ask, body: bytes) -> None:
     answer = dash("POST", "/sessions", chunks=[body])
     assert_answered(answer, "encoder-unavailable")
     if answer.status == 201:
@@ -155,16 +81,6 @@ def assert_opened_or_refused(dash: Ask, body: bytes) -> None:
             assert_answered(dash("GET", f"/sessions/{session['id']}/{one['id']}/init.mp4"))
         assert dash("DELETE", f"/sessions/{session['id']}").status == 204
     assert json.loads(dash("GET", "/sessions").body) == []
-
-
-# -- shaper ------------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def shaper(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ask]:
-    traces = tmp_path_factory.mktemp("traces")
-    (traces / "steps.csv").write_text(format_csv(trace(4_000, 0, 8_000, name="steps")))
-    yield from asking(every_service.shaper(traces))
 
 
 @pytest.mark.parametrize(
@@ -191,14 +107,6 @@ def test_any_trace_is_taken_or_refused(shaper: Ask, data: bytes, path: str) -> N
     assert_answered(shaper("GET", "/traces"))
 
 
-# -- store -------------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ask]:
-    yield from asking(every_service.store(tmp_path_factory.mktemp("store")))
-
-
 @pytest.fixture(scope="module")
 def experiment(store: Ask) -> str:
     """The path of an experiment."""
@@ -223,9 +131,9 @@ def test_any_experiment_is_begun_or_refused(store: Ask, body: bytes) -> None:
 @given(st.data())
 def test_any_run_is_kept_or_refused(store: Ask, experiment: str, data: st.DataObject) -> None:
     body = data.draw(bodies(RunUpload, EXAMPLES[RunUpload]))
-    answer = store("POST", f"{experiment}/runs", chunks=data.draw(chunked(body)))
+    answer = store("PUT", f"{experiment}/runs/{slug('dash-tuned')}", chunks=data.draw(chunked(body)))
     assert_answered(answer)
-    if answer.status == 201:
+    if answer.status == 200:
         assert_answered(store("GET", experiment))
         assert_answered(store("GET", "/experiments"))
         assert store("GET", f"{experiment}/zip").body[:2] == b"PK"
@@ -234,9 +142,9 @@ def test_any_run_is_kept_or_refused(store: Ask, experiment: str, data: st.DataOb
 @pytest.fixture(scope="module")
 def run(store: Ask, experiment: str) -> str:
     """The path of a run that has no samples yet."""
-    answer = store("POST", f"{experiment}/runs", chunks=[dumps(EXAMPLES[RunUpload][0]).encode()])
-    assert answer.status == 201
-    return f"{experiment}/runs/{json.loads(answer.body)['folder']}"
+    run = f"{experiment}/runs/{slug()}"
+    assert store("PUT", run, chunks=[dumps(EXAMPLES[RunUpload][0]).encode()]).status == 200
+    return run
 
 
 @effort(50)
@@ -247,58 +155,22 @@ def test_any_picture_of_a_sample_is_kept_or_refused(store: Ask, run: str, name: 
 
 
 @effort(50)
-@given(st.sampled_from([SampleIndex, InterruptedRun]), st.data())
-def test_any_word_about_samples_is_kept_or_refused(
-    store: Ask, experiment: str, run: str, kind: Any, data: st.DataObject
-) -> None:
-    body = data.draw(bodies(kind, EXAMPLES[kind]))
-    if kind is SampleIndex:
-        assert_answered(store("PUT", f"{run}/samples", chunks=[body]))
-    else:
-        assert_answered(store("POST", f"{experiment}/interrupted-runs", chunks=[body]))
+@given(st.sampled_from([SampleIndex, NextRequest, ExperimentRequest]), st.data())
+def test_any_other_message_is_answered(store: Ask, experiment: str, run: str, kind: Any, data: st.DataObject) -> None:
+    method, path = {
+        SampleIndex: ("PUT", f"{run}/samples"),
+        NextRequest: ("POST", f"{experiment}/next"),
+        ExperimentRequest: ("POST", "/plans"),
+    }[kind]
+    assert_answered(store(method, path, chunks=[data.draw(bodies(kind, EXAMPLES[kind]))]))
 
-
-# -- all of them -------------------------------------------------------------------------------------------------------
 
 TARGETS = {
-    "render": [
-        "/",
-        "/render",
-        "/scenes",
-        "/scenes/{}",
-        "/scenes/scene/{}",
-        "/scenes/{}/{}",
-        "/config.json",
-        "/assets/{}",
-        "/{}",
-    ],
-    "director": [
-        "/",
-        "/render",
-        "/scenes",
-        "/scenes/scene/{}",
-        "/scenes/{}/unload",
-        "/config.json?scene={}&{}={}",
-        "/metrics",
-        "/{}",
-    ],
-    "dash": [
-        "/sessions",
-        "/sessions/{}",
-        "/sessions/{}/{}",
-        "/sessions/{}/{}/init.mp4",
-        "/sessions/{}/{}/{}.m4s",
-        "/time",
-    ],
-    "shaper": ["/traces", "/traces/{}", "/start", "/stop", "/pause", "/resume", "/status", "/healthz", "/{}"],
-    "store": [
-        "/experiments",
-        "/experiments/{}",
-        "/experiments/{}/{}",
-        "/experiments/{}/report",
-        "/movements/{}",
-        "/{}",
-    ],
+    "render": "/ /render /scenes /scenes/{} /scenes/scene/{} /scenes/{}/{} /config.json /assets/{} /{}",
+    "director": "/ /render /scenes /scenes/scene/{} /scenes/{}/unload /config.json?scene={}&{}={} /metrics /{}",
+    "dash": "/sessions /sessions/{} /sessions/{}/{} /sessions/{}/{}/init.mp4 /sessions/{}/{}/{}.m4s /time",
+    "shaper": "/traces /traces/{} /start /stop /pause /resume /status /healthz /{}",
+    "store": "/experiments /experiments/{} /experiments/{}/{} /experiments/{}/report /movements/{} /{}",
 }
 
 
@@ -306,10 +178,10 @@ TARGETS = {
 def test_any_target_is_answered(service: str, request: pytest.FixtureRequest) -> None:
     asked: Ask = request.getfixturevalue(service)
 
+    page = [PAGE] if service == "shaper" else []
+
     @effort(100)
-    @given(
-        st.sampled_from(METHODS), paths(TARGETS[service]), headers(HOST[1], *([PAGE] if service == "shaper" else []))
-    )
+    @given(st.sampled_from(METHODS), paths(TARGETS[service].split()), headers(HOST[1], *page))
     def fuzz(method: str, path: str, fields: list[tuple[bytes, bytes]]) -> None:
         assert_answered(asked(method, path, headers=fields))
 

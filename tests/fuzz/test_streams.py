@@ -18,9 +18,8 @@ from starlette.types import ASGIApp, Message
 from tests.dash.conftest import session_request
 from tests.dash.fakes import FakeRender
 from tests.fuzz.asgi import LONGEST_S, ask, assert_answered
-from tests.fuzz.effort import effort
+from tests.fuzz.fuzzers import assert_sentence, effort
 from tests.fuzz.json_texts import bodies
-from tests.fuzz.sentences import assert_sentence
 from tests.fuzz.wire_examples import EXAMPLES
 from tigas_common.errors import Overloaded
 from tigas_common.origins import OriginPolicy

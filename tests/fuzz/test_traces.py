@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.fuzz.byte_edits import edited
-from tests.fuzz.effort import effort
-from tests.fuzz.sentences import assert_sentence
+from tests.fuzz.fuzzers import assert_sentence, effort
 from tests.shaper.traces.recordings import GHENT, IRISH, SABRE
 from tigas_shaper.traces.csv_format import format_csv, parse_csv
 from tigas_shaper.traces.formats import FORMATS, parse_trace, trace_name

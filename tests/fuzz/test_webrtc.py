@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from tests.dash.webrtc.viewer import offer_of_nobody
 from tests.fuzz.byte_edits import edited
-from tests.fuzz.effort import effort
-from tests.fuzz.sentences import assert_sentence
+from tests.fuzz.fuzzers import assert_sentence, effort
 from tigas_common.address import Address
 from tigas_common.errors import InvalidRequest
 from tigas_dash.clock import Clock

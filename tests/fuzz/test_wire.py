@@ -9,16 +9,11 @@ from typing import Any
 import pytest
 from hypothesis import given
 
-from tests.fuzz.corpus import found
-from tests.fuzz.effort import effort
+from tests.fuzz.fuzzers import assert_sentence, effort, found
 from tests.fuzz.json_texts import bodies, dumps
-from tests.fuzz.sentences import assert_sentence
 from tests.fuzz.wire_examples import EXAMPLES
 from tigas_common.errors import BodyTooLarge, InvalidRequest
 from tigas_common.parsing import MAX_BODY, parse
-from tigas_common.wire.render import RenderRequest
-from tigas_common.wire.shaper import LinkSetting
-from tigas_experiments.wire.store import RunUpload
 
 MOST_MEMORY = 400
 """Bytes that a body's byte may take while it is checked."""
@@ -31,34 +26,24 @@ def test_the_examples_are_accepted(kind: Any) -> None:
 
 
 @pytest.mark.parametrize("kind", EXAMPLES, ids=lambda kind: kind.__name__)
-def test_any_body_is_read_or_refused_in_a_sentence(kind: Any) -> None:
+def test_any_body_is_read_or_refused_in_a_sentence_in_bounded_memory(kind: Any) -> None:
     @effort()
-    @given(bodies(kind, EXAMPLES[kind]))
+    @given(body=bodies(kind, EXAMPLES[kind]))
+    @found("body", body=bytes)
     def fuzz(body: bytes) -> None:
-        assert_read_or_refused(kind, body)
+        tracemalloc.start()
+        try:
+            message = parse(kind, body, limit=10 * MAX_BODY)
+        except (InvalidRequest, BodyTooLarge) as error:
+            assert_sentence(error.detail)
+        else:
+            properties(message)
+        finally:
+            _, peak = tracemalloc.get_traced_memory()
+            tracemalloc.stop()
+        assert peak < MOST_MEMORY * (len(body) + 1000)
 
     fuzz()
-
-
-@pytest.mark.parametrize("kind", [LinkSetting, RenderRequest, RunUpload], ids=lambda kind: kind.__name__)
-@found("body")
-def test_a_body_that_was_found_is_read_or_refused(kind: Any, content: bytes) -> None:
-    assert_read_or_refused(kind, content)
-
-
-def assert_read_or_refused(kind: Any, body: bytes) -> None:
-    """The result is an instance with readable properties, or a sentence, in bounded memory."""
-    tracemalloc.start()
-    try:
-        message = parse(kind, body, limit=10 * MAX_BODY)
-    except (InvalidRequest, BodyTooLarge) as error:
-        assert_sentence(error.detail)
-    else:
-        properties(message)
-    finally:
-        _, peak = tracemalloc.get_traced_memory()
-        tracemalloc.stop()
-    assert peak < MOST_MEMORY * (len(body) + 1000)
 
 
 def properties(message: Any) -> None:

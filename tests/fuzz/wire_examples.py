@@ -7,15 +7,15 @@ from typing import Any
 
 from tests.dash.conftest import pose, session_request
 from tests.experiments.made_up import STREAM, configuration, frame, inputs, recording, reply, sampled
-from tests.experiments.store.conftest import upload
+from tests.experiments.store.conftest import plan, upload
 from tests.render.fakes import render_request
 from tigas_common.wire.dash import PoseUpdate, SessionRequest
 from tigas_common.wire.render import RenderRequest
 from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest
 from tigas_experiments.wire.recording import Recording, Sample
 from tigas_experiments.wire.run import Configuration
-from tigas_experiments.wire.store import ExperimentRequest, InterruptedRun, RunUpload, SampleIndex
-from tigas_render.scenes.metadata import SceneMetadata
+from tigas_experiments.wire.store import ExperimentRequest, NextRequest, RunUpload, SampleIndex
+from tigas_render.scenes.source import SceneMetadata
 
 EULER = render_request().model_dump(mode="json", exclude_none=True)
 QUATERNION = {name: EULER[name] for name in ("scene", "fx", "fy", "cx", "cy", "width", "height")} | {
@@ -48,16 +48,19 @@ EXAMPLES: dict[Any, list[Any]] = {
     StartRequest: [{"trace": "steps"}, {"trace": "steps", "loop": False, "delay_ms": 20}],
     SeekRequest: [{"position_ms": 100}],
     LoopRequest: [{"loop": True}],
-    ExperimentRequest: [{"name": "abr", "plan": {"seed": 1}}, {"name": "x", "plan": {}, "planned": 3}],
+    ExperimentRequest: [
+        plan(),
+        {"file": 'name = "x"', "movements": {"walk.csv": "t_ms,x"}, "traces_s": {"4g-bus": 30.0}},
+    ],
+    NextRequest: [{"page": "a"}, {"page": "b", "begin": True, "allow_changes": True}],
     Configuration: [
         configuration().model_dump(mode="json"),
         configuration(profile=2, network=TRACE_RUN).model_dump(mode="json"),
     ],
     Recording: [RUN_UPLOAD["recording"]],
-    RunUpload: [RUN_UPLOAD],
+    RunUpload: [RUN_UPLOAD, {"problem": "The connection was lost."}],
     Sample: [SAMPLE],
     SampleIndex: [{"samples": [SAMPLE]}],
-    InterruptedRun: [{"configuration": configuration().model_dump(mode="json"), "started_unix_ms": 1e12}],
     SceneMetadata: [
         {},
         {"name": "A wall", "camera": {"position": [0, 0, 0], "look_at": [0, 0, 3]}, "background": [0, 0, 1]},

@@ -173,9 +173,6 @@ class FakeJob(Job):
         except CallError as error:
             raise self.rasterizer.error or error from None
 
-    def close(self, *, failed: bool) -> None:
-        """Do nothing: the job holds no resources."""
-
 
 @dataclass(frozen=True)
 class FakeLoaded:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tigas_render.cache import cache_directory, kept_key, write_to_cache
+from tigas_render.local_files import cache_directory, kept_key, write_to_cache
 
 
 def test_a_file_replaces_another_and_nothing_else_stays(tmp_path: Path) -> None:

@@ -97,9 +97,7 @@ def test_the_server_says_what_it_serves_and_stops_at_once_when_told(tmp_path: Pa
         assert time.monotonic() - stopping < 2
 
 
-def test_by_default_only_this_machine_is_served_and_the_network_when_asked_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_network_is_served_on_request(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("TIGAS_CONFIG", raising=False)
     local, lan = RenderSettings(), RenderSettings(lan=True)
     assert all(address.is_loopback for address in local.addresses)

@@ -67,12 +67,14 @@ def test_the_newest_wins_when_a_clients_queue_is_full() -> None:
     assert len(schedule) == 0
 
 
-def test_withdrawn_work_is_not_served() -> None:
-    schedule = waiting("a1", "b1")
-    assert schedule.remove(A, "a1")
-    assert not schedule.remove(A, "a1")
-    assert not schedule.remove(C, "a1")
-    assert drain(schedule) == ["b1"]
+def test_withdrawn_and_obsolete_work_is_not_served() -> None:
+    schedule = waiting("a1", "b1", "a2", "a3", "a4")
+    assert schedule.remove(A, "a4")
+    assert not schedule.remove(A, "a4")
+    assert not schedule.remove(C, "a4")
+    assert sorted(schedule.remove_if(A, lambda work: work != "a2")) == ["a1", "a3"]
+    assert schedule.remove_if(C, lambda work: True) == []
+    assert sorted(drain(schedule)) == ["a2", "b1"]
     assert schedule.pop() is None
 
 
@@ -108,26 +110,20 @@ def test_a_session_for_every_request_is_no_way_to_jump_the_queue(address: str) -
     pytest.fail("it was never served")
 
 
-def test_time_that_was_used_while_nobody_else_waited_is_not_owed() -> None:
+@pytest.mark.parametrize(
+    ("before", "work", "first"),
+    [([A] * 100, "abab", "ab"), ([B, *[A] * 100], "ababab", "aabb")],
+    ids=["time used alone is not owed", "unused time is not saved up"],
+)
+def test_only_clients_that_wait_compete(before: list[Client], work: str, first: str) -> None:
     schedule = waiting()
-    for _ in range(100):
-        schedule.push(A, "a", 1.0)
-        schedule.pop()
-        schedule.begin(A, 1.0)
-    for work in "abab":
-        schedule.push(CLIENTS[work], work, 1.0)
-    assert sorted(drain(schedule)[:2]) == ["a", "b"]
-
-
-def test_time_that_was_not_used_is_not_saved_up() -> None:
-    schedule = waiting()
-    for client in (B, *[A] * 100):
+    for client in before:
         schedule.push(client, "x", 1.0)
         schedule.pop()
         schedule.begin(client, 1.0)
-    for work in "ababab":
-        schedule.push(CLIENTS[work], work, 1.0)
-    assert sorted(drain(schedule)[:4]) == ["a", "a", "b", "b"]
+    for each in work:
+        schedule.push(CLIENTS[each], each, 1.0)
+    assert sorted(drain(schedule)[: len(first)]) == list(first)
 
 
 def test_work_that_is_refused_costs_no_turn() -> None:
@@ -135,18 +131,13 @@ def test_work_that_is_refused_costs_no_turn() -> None:
     assert [schedule.pop(), schedule.pop()] == ["a2", "a1"]
 
 
-def test_how_much_of_an_address_waits() -> None:
-    schedule = waiting("a1", "a2", "b1")
-    schedule.push(Client("a", "other"), "a3", 1.0)
-    assert (schedule.waiting("a"), schedule.waiting("b"), schedule.waiting("c")) == (3, 1, 0)
-
-
-def test_whether_anybody_else_waits() -> None:
+def test_how_much_waits_and_whether_others_wait() -> None:
     schedule = waiting("a1", "a2")
     assert not schedule.others_wait(A)
     assert schedule.others_wait(B)
     schedule.push(Client("a", "other"), "a3", 1.0)
     assert schedule.others_wait(A)
+    assert (schedule.waiting("a"), schedule.waiting("b")) == (3, 0)
 
 
 def test_clients_that_have_gone_are_forgotten() -> None:
@@ -175,13 +166,6 @@ def test_some_addresses_and_costly_work_can_be_passed_over() -> None:
     assert schedule.pop(at_most=0.5) == "c1"
     assert schedule.pop({"a"}) == "b1"
     assert drain(schedule) == ["a1"]
-
-
-def test_what_a_client_has_no_use_for_is_taken_out() -> None:
-    schedule = waiting("a1", "b1", "a2", "a3")
-    assert sorted(schedule.remove_if(A, lambda work: work != "a2")) == ["a1", "a3"]
-    assert schedule.remove_if(C, lambda work: True) == []
-    assert sorted(drain(schedule)) == ["a2", "b1"]
 
 
 def test_among_an_addresss_sessions_the_next_ones_cost_counts() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tigas_render.locked_directory import YOUNG_S, locked_directory
+from tigas_render.local_files import YOUNG_S, locked_directory
 
 PREFIX = "tigas-render-"
 

@@ -17,9 +17,8 @@ sys.modules["torch"] = None  # an ImportError for whoever imports it
 from pkgutil import walk_packages
 import tigas_render
 from tigas_common.cli import main
-FOR_GPUS = ("tigas_render.raster.count_gpus", "tigas_render.raster.cuda.")
 for module in walk_packages(tigas_render.__path__, "tigas_render."):
-    if not module.name.startswith(FOR_GPUS):
+    if not module.name.startswith("tigas_render.raster.cuda."):
         __import__(module.name)
 main()
 """

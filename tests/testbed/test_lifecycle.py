@@ -94,7 +94,8 @@ def test_an_interface_that_disappears_closes_the_link(own_lab: Lab, interface: s
 STATUS = f"import urllib.request as u; print(u.urlopen('http://{SHAPER.loopback}/status').read().decode())"
 
 
-def test_wrong_settings_get_one_sentence(own_lab: Lab) -> None:
+def test_wrong_settings_get_one_sentence(own_lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TIGAS_SHAPER_TRACE", "nothing")
     for change, sentence in (
         (("--access", "nope0"), "There is no network interface nope0."),
         (("--access", "x; rm -rf /"), "'x; rm -rf /' is not the name of a network interface."),
@@ -102,7 +103,7 @@ def test_wrong_settings_get_one_sentence(own_lab: Lab) -> None:
         (("--service", "10.99.0.0/16"), "No network interface has an address in 10.99.0.0/16."),
         (("--forward", "tcp:99999=a:1"), "is not tcp:PORT=HOST:PORT"),
         (("--traces", "/nowhere"), "The directory /nowhere does not exist"),
-        (("--trace", "nothing"), "There is no trace named 'nothing'."),
+        ((), "There is no trace named 'nothing'."),
     ):
         command = own_lab.command("gateway", shaper_command(*change))
         run = subprocess.run(command, capture_output=True, text=True)

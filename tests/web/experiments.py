@@ -15,6 +15,8 @@ from tests.prerequisites import BUILT_PAGE
 from tests.web.fake_shaper import FakeShaper
 from tests.web.server import RenderServer, Store
 
+STORED_MS = 90_000
+"""How long the last run and its upload may take; the store's first check starts a process."""
 WALK = "# anchor: start\nt_ms,x,y,z,qx,qy,qz,qw\n" + "".join(
     f"{t},{t / 8000:.4f},0,{t / 8000:.4f},0,0,0,1\n" for t in range(0, 2001, 50)
 )
@@ -44,22 +46,47 @@ def page_lab(models: Path, directory: Path) -> Iterator[PageLab]:
     movements.mkdir()
     results.mkdir()
     (movements / "walk.csv").write_text(WALK)
-    with Store("--results", str(results), movements=movements) as store, FakeShaper() as shaper:
+    store = Store("--results", str(results), movements=movements)
+    with FakeShaper() as shaper:
         services = {"TIGAS_RENDER_SERVICES": json.dumps({"store": store.url, "shaper": shaper.url})}
         with RenderServer("--scenes", str(models), environment=services) as render:
-            yield PageLab(render.url, shaper, results)
+            store.configure(render=render.url)
+            with store:
+                yield PageLab(render.url, shaper, results)
 
 
-def fill(page: Page, *, name: str, movement: str, seconds: str) -> None:
-    """The form, as far as all tests fill it in: frames as they come, which software keeps up with."""
-    form = page.get_by_role("dialog")
+def dialog(page: Page) -> Locator:
+    """The experiment's dialog."""
+    return page.locator("dialog.experiment")
+
+
+def progress(page: Page) -> Locator:
+    """The display of a running experiment."""
+    return page.get_by_role("region", name="Experiment")
+
+
+outcome = progress
+"""The display of an experiment that has ended, in the same place."""
+
+
+def fill(page: Page, *, name: str, movement: str, seconds: str, network: str = "") -> None:
+    """Open the form and fill it in, as far as all tests do: frames as they come, which software keeps up with."""
+    page.locator(".stage").focus()
+    page.keyboard.press("x")
+    form = dialog(page)
     form.get_by_role("checkbox", name="Reprojection", exact=True).uncheck()
     form.get_by_role("combobox", name="Prediction").select_option("off")
-    page.get_by_role("textbox", name="Name").fill(name)
-    page.get_by_role("combobox", name="Movement").select_option(movement)
-    page.get_by_role("textbox", name="Each run lasts").fill(seconds)
+    form.get_by_role("textbox", name="Name").fill(name)
+    form.get_by_role("combobox", name="Movement").select_option(movement)
+    form.get_by_role("textbox", name="Each run lasts").fill(seconds)
+    form.get_by_role("combobox", name="Network").select_option(network)
 
 
-def remarks(dialog: Locator) -> Locator:
-    """Notices about single runs, except that this machine was busy, which tests cannot avoid."""
-    return dialog.get_by_role("listitem").filter(has_not_text="out of processor time")
+def start(page: Page) -> None:
+    """Press the form's button."""
+    dialog(page).get_by_role("button", name="Start").click()
+
+
+def remarks(page: Page) -> Locator:
+    """Notices about single runs."""
+    return page.get_by_role("listitem")

@@ -19,11 +19,11 @@ def with_settings(url: str, **chosen: object) -> dict[str, Any]:
 
 
 def wait_for_stream(page: Page, at_least: int = 1) -> None:
-    """Wait until the stream plays and this many of its frames have been shown."""
+    """Wait until the stream, which is the last picture on the stage, plays and has shown this many frames."""
     page.wait_for_function(
         """n => {
-          const stage = document.querySelector('.stage')?.dataset;
-          return stage?.stream === 'playing' && Number(stage.streamFrames) >= n;
+          const { sources = '', shown = '' } = document.querySelector('.stage')?.dataset ?? {};
+          return sources.split(' ').at(-1) === 'playing' && Number(shown.split(' ').at(-1)) >= n;
         }""",
         arg=at_least,
     )

@@ -135,8 +135,7 @@ class Packager(_Service):
 
     def __init__(self, *, idle_s: float = 15) -> None:
         super().__init__("dash", environment={"TIGAS_DASH_IDLE_S": str(idle_s)})
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            self._http = f"127.0.0.1:{free.getsockname()[1]}"
+        self._http = _free_address()
         self.url = f"http://{self._http}"
         self.render = ""
 
@@ -151,14 +150,25 @@ class Packager(_Service):
 
 
 class Store(_Service):
-    """`tigas store`, on a free port; pages of every port of this machine may use it."""
+    """`tigas store`, for the render service that is at a URL when it starts; its own port is known before."""
 
     announces = r"Experiments in .* on (http://\S+)/"
 
-    def __init__(self, *arguments: str, movements: Path | None = None) -> None:
-        super().__init__(
-            "store", *arguments, environment={"TIGAS_STORE_MOVEMENTS": str(movements)} if movements else None
-        )
+    def __init__(self, *arguments: str, **settings: object) -> None:
+        super().__init__("store", *arguments)
+        self._http = _free_address()
+        self.url = f"http://{self._http}"
+        self.configure(**settings)
+
+    def configure(self, **settings: object) -> None:
+        """Change settings for the next start."""
+        known = {name: str(value) for name, value in settings.items() if value is not None}
+        self._environment |= {f"TIGAS_STORE_{name.upper()}": value for name, value in known.items()}
 
     def _addresses(self) -> list[str]:
-        return ["--http", "127.0.0.1:0"]
+        return ["--http", self._http]
+
+
+def _free_address() -> str:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return f"127.0.0.1:{free.getsockname()[1]}"

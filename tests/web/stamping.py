@@ -54,7 +54,7 @@ class StampingRasterizer(CpuRasterizer):
 
     def render(self, scene: PreparedScene, camera: Camera, *arguments: Any, **options: Any) -> HostImage:
         image = super().render(scene, camera, *arguments, **options)
-        _draw(image.pixels, heading(camera.pose))
+        _draw(image.to_host(), heading(camera.pose))
         return image
 
 

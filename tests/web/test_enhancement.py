@@ -367,8 +367,9 @@ def test_the_url_chooses_models_and_says_which_there_are_not(open_page: OpenPage
     wait_until_enhanced(page)
     assert json.loads(page.evaluate("() => localStorage['tigas.settings']"))["upscale"] == "lanczos"
     page.goto(server.url + SCENE + "?upscale=magic")
-    expect(page.locator(NOTE)).to_contain_text("There is no model “magic” to upscale with, only off, bicubic, lanczos,")
-    wait_for_canvases(page, 1)
+    note = page.locator("[data-stat=link-note]")
+    expect(note).to_contain_text("The link sets upscale to “magic”, which it cannot be; choose one of off, bicubic, ")
+    assert json.loads(page.evaluate("() => localStorage['tigas.settings']"))["upscale"] == "lanczos"
 
 
 def test_the_panel_chooses_models_and_tells_how_they_do(open_page: OpenPage, server: RenderServer) -> None:

@@ -1,4 +1,4 @@
-"""Experiments from the page: results, records, cancelling, and a missing store."""
+"""Experiments from the page: planned by the store, performed here, interrupted, resumed; and the command's twin."""
 
 from __future__ import annotations
 
@@ -11,16 +11,12 @@ from typing import Any
 import pytest
 from playwright.sync_api import expect
 
-from tests.prerequisites import BUILT_PAGE
+from tests.experiments.processes import finished, started
 from tests.web.conftest import OpenPage
-from tests.web.experiments import WALK, PageLab, fill, page_lab, remarks
-from tests.web.fake_shaper import FakeShaper
-from tests.web.server import RenderServer
-from tests.web.stage import SCENE, frames, wait_for_frames
-from tigas_experiments.run.parsing import parse_network
-from tigas_experiments.wire.run import Network
-
-FIGURES = ("p50", "p95", "interactive", "newViewsPerSecond", "meanHeight", "switches", "received")
+from tests.web.experiments import STORED_MS, WALK, PageLab, dialog, fill, outcome, page_lab, progress, remarks, start
+from tests.web.stage import SCENE, wait_for_frames
+from tigas_experiments.records.folder import StoredRun
+from tigas_experiments.records.summary import summarise
 
 
 @pytest.fixture(scope="module")
@@ -30,61 +26,37 @@ def lab(models: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page
         yield running
 
 
-@pytest.fixture
-def storeless(models: Path) -> Iterator[tuple[str, FakeShaper]]:
-    """A viewer with an unreachable store, and its shaper."""
-    BUILT_PAGE.require()
-    with FakeShaper() as shaper:
-        services = {"TIGAS_RENDER_SERVICES": json.dumps({"store": "http://127.0.0.1:9", "shaper": shaper.url})}
-        with RenderServer("--scenes", str(models), environment=services) as running:
-            yield running.url, shaper
-
-
 def test_two_controllers_are_compared_and_kept(open_page: OpenPage, lab: PageLab) -> None:
     page = open_page(SCENE, url=lab.url)
     wait_for_frames(page)
-    adaptation = page.get_by_label("Adaptation")
-    adaptation.select_option("l2a")
-    page.locator(".stage").focus()
-    page.keyboard.press("x")
-    dialog = page.locator("dialog.experiment")
-    fill(page, name="Two <b> controllers", movement="store/walk", seconds="1.5")
-    dialog.get_by_role("combobox", name="Network").select_option("stairs")
-    dialog.get_by_role("textbox", name="Round trip").fill("80")
-    dialog.get_by_label("Save all files at the end").check()
-    expect(dialog.locator("[data-experiment=estimate]")).to_contain_text("2 runs, about 0:19 min")
+    page.get_by_label("Adaptation").select_option("l2a")
+    fill(page, name="Two (b) controllers", movement="store/walk", seconds="1.5", network="stairs")
+    dialog(page).get_by_role("textbox", name="Round trip").fill("80")
+    expect(dialog(page).locator("[data-experiment=estimate]")).to_have_text("2 runs, about 13 seconds.")
     lab.shaper.asked.clear()
+    start(page)
+    expect(progress(page)).to_contain_text("Run 1 of 2")
+    expect(progress(page)).to_contain_text("Warms up")
+    expect(page.locator(".run-stage .stage")).to_have_css("width", "1000px")
+    expect(progress(page)).to_contain_text("Run 2 of 2")
+    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
+    expect(remarks(page)).to_have_count(0)
     with page.expect_download() as download:
-        dialog.get_by_role("button", name="Start").click()
-        expect(page.get_by_role("region", name="Experiment")).to_contain_text("Run 1 of 2 · Latency")
-        expect(dialog).to_be_hidden()
-        expect(page.get_by_role("region", name="Experiment")).to_contain_text("Warms up")
-        page.keyboard.press("p")
-        page.keyboard.press("m")
-        assert page.locator(".viewer").get_attribute("data-sidebar") == "closed", "the input is not locked"
-        expect(page.get_by_role("region", name="Experiment")).to_contain_text("Run 2 of 2 · Budget")
-
-    expect(dialog.get_by_role("heading")).to_have_text("Two <b> controllers")
-    rows = dialog.locator("tbody tr")
-    expect(rows).to_have_count(2)
-    for index, name in enumerate(("Latency", "Budget")):
-        expect(rows.nth(index).get_by_role("rowheader")).to_have_text(name)
-        figures = {figure: rows.nth(index).locator(f"[data-figure={figure}]").inner_text() for figure in FIGURES}
-        assert "–" not in figures.values(), f"{name} lacks a figure: {figures}"
-        assert 5 < float(figures["p50"]) < 5000
-    expect(dialog.locator(".chart canvas")).to_have_count(2)
-
+        outcome(page).get_by_role("link", name="Save as ZIP").click()
     with zipfile.ZipFile(download.value.path()) as archive:
         names = archive.namelist()
     assert sum(name.endswith("frames.ndjson") for name in names) == 2, names
-    (folder,) = lab.results.glob("*controllers*")
-    run = lab.runs(folder.name)["latency"]
-    assert run["status"] == "complete"
-    network = run["configuration"]["network"]
-    assert (network["trace"], network["rtt_ms"]) == ("stairs", 80)
-    assert run["configuration"]["movement"] == "walk"
-    assert (next(folder.glob("runs/*latency*")) / "link.ndjson").read_text().count("\n") > 2, "the link was not watched"
+    report = outcome(page).get_by_role("link", name="Report").get_attribute("href")
+    assert report is not None
+    assert "Two (b) controllers" in page.request.get(report).text()
 
+    (folder,) = lab.results.glob("Two*controllers*")
+    for run in lab.runs(folder.name).values():
+        assert run["status"] == "complete"
+        configuration = run["configuration"]
+        assert (configuration["network"]["trace"], configuration["network"]["rtt_ms"]) == ("stairs", 80)
+        assert (configuration["movement"], configuration["width"], configuration["height"]) == ("walk.csv", 1000, 640)
+    assert (next(folder.glob("runs/*latency*")) / "link.ndjson").read_text().count("\n") > 2, "the link was not watched"
     held = [
         ("/start", {"trace": "stairs", "loop": True, "delay_ms": 40}),
         ("/pause", {}),
@@ -92,139 +64,134 @@ def test_two_controllers_are_compared_and_kept(open_page: OpenPage, lab: PageLab
     ]
     assert lab.shaper.asked == [*held, ("/seek", {"position_ms": 0}), ("/resume", {}), ("/stop", {})] * 2
 
-    dialog.get_by_role("button", name="Close").click()
-    expect(adaptation, "the person's settings are back").to_have_value("l2a")
-    shown = frames(page)
-    page.locator(".stage").focus()
-    page.keyboard.press("ArrowRight", delay=200)
-    wait_for_frames(page, shown + 1)
-    page.keyboard.press("x")
-    report = dialog.get_by_role("link", name="Report").get_attribute("href")
-    assert report is not None
-    assert "Two &lt;b&gt; controllers" in page.request.get(report).text()
-    dialog.get_by_role("link", name="All experiments").click()
-    row = page.get_by_role("row", name="Two <b> controllers")
+    page.get_by_role("link", name="Experiments").click()
+    row = page.get_by_role("row", name="Two (b) controllers")
     expect(row.get_by_role("cell").first).to_have_text("2")
     expect(row.get_by_role("link", name="Report")).to_have_attribute("href", report)
+    page.goto(lab.url + SCENE)
+    expect(page.get_by_label("Adaptation"), "the person's settings are back").to_have_value("l2a")
 
 
-def test_what_fails_or_is_cancelled(storeless: tuple[str, FakeShaper], open_page: OpenPage, tmp_path: Path) -> None:
-    url, shaper = storeless
-    file = tmp_path / "my walk.csv"
-    file.write_text(WALK)
+def test_a_file_of_this_visit_and_what_makes_no_sense(open_page: OpenPage, lab: PageLab, tmp_path: Path) -> None:
+    (tmp_path / "my walk.csv").write_text(WALK)
     (tmp_path / "broken.csv").write_text("t_ms,x\n1,2\n")
-    page = open_page(SCENE, url=url, expected_errors="ERR_")
+    page = open_page(SCENE, url=lab.url, expected_errors="400")
     wait_for_frames(page)
     page.get_by_role("toolbar").get_by_role("button", name="Experiment").click()
-    dialog = page.locator("dialog.experiment")
-    expect(dialog).to_contain_text("The store at http://127.0.0.1:9 does not answer")
-    dialog.get_by_role("button", name="Start").click()
-    expect(dialog.get_by_role("alert")).to_contain_text("Choose a movement.")
-    movement = dialog.get_by_label("Movement file of the experiment")
+    movement = dialog(page).get_by_label("Movement file of the experiment")
     movement.set_input_files(tmp_path / "broken.csv")
-    expect(dialog.get_by_role("alert")).to_contain_text("broken.csv")
-    movement.set_input_files(file)
-    fill(page, name="No store", movement="file/my walk.csv", seconds="1.5")
-    dialog.get_by_role("combobox", name="Network").select_option("stairs")
-    dialog.get_by_label("LoL+").check()
-    dialog.get_by_role("button", name="Start").click()
-
-    progress = page.get_by_role("region", name="Experiment")
-    expect(progress).to_contain_text("Run 2 of 3 · Budget")
-    expect(progress).to_contain_text("Plays the movement")
-    page.set_viewport_size({"width": 900, "height": 640})
-    expect(progress).to_contain_text("Run 3 of 3 · LoL+")
-    page.get_by_role("button", name="Cancel").click()
-    expect(dialog).to_contain_text("The results stay in this page.")
-    expect(dialog.locator("tbody tr").nth(0).locator("[data-figure=p50]")).not_to_have_text("–")
-    expect(remarks(dialog)).to_have_text(
-        [
-            "Run 2, Budget: Settings or the window's size were changed during the run.",
-            "Run 3, LoL+: It was cancelled before its end.",
-        ]
-    )
-    assert shaper.asked[-1] == ("/stop", {}), "the link was not given back"
-    dialog.get_by_role("button", name="Close").click()
-    page.get_by_role("link", name="Back to all scenes").click()
-    page.get_by_role("link", name="Pebbles").first.click()
-    page.get_by_role("toolbar").get_by_role("button", name="Experiment").click()
-    expect(dialog.get_by_role("button", name="Discard and start over"), "a visit lost results").to_be_visible()
-    with page.expect_download() as download:
-        dialog.get_by_role("button", name="Save as JSON").click()
-    expect(dialog.get_by_role("button", name="New experiment")).to_be_visible()
-    assert download.value.suggested_filename == "No-store.json"
-    saved: dict[str, Any] = json.loads(download.value.path().read_text())
-    assert saved["plan"]["movement"] == "my walk.csv"
-    assert [run["status"] for run in saved["runs"]] == ["complete", "failed", "cancelled"]
-    assert len(saved["runs"][0]["recording"]["frames"]) > 5
-    assert saved["runs"][0]["configuration"]["width"] == 1000, "the sidebar was beside the stage"
+    expect(dialog(page).get_by_role("alert")).to_contain_text("broken.csv")
+    movement.set_input_files(tmp_path / "my walk.csv")
+    expect(dialog(page).get_by_role("combobox", name="Movement")).to_have_value("file/my walk.csv")
+    expect(dialog(page).get_by_role("button", name="Start"), "it has to be looked for").to_be_in_viewport(ratio=1)
+    repeats = dialog(page).get_by_role("textbox", name="Runs of each")
+    repeats.fill("two")
+    start(page)
+    expect(dialog(page).get_by_role("alert")).to_contain_text("repeats: input should be a valid integer")
+    expect(repeats, "what was typed is lost").to_have_value("two")
+    repeats.fill("1")
+    dialog(page).get_by_role("textbox", name="Each run lasts").fill("3")
+    start(page)
+    expect(dialog(page).get_by_role("alert")).to_contain_text("lasts 2.0 s, less than a run's 3 s")
+    assert list(lab.results.glob("Pebbles-*")) == []
 
 
-@pytest.mark.parametrize(
-    ("field", "typed", "sentence"),
-    [
-        ("Name", " ", "The experiment needs a name."),
-        ("Runs of each", "", "“Runs of each” must be a whole number from 1 to 100."),
-        ("Runs of each", "two", "“Runs of each” must be a whole number from 1 to 100."),
-        ("Runs of each", "101", "“Runs of each” must be a whole number from 1 to 100."),
-        ("Each run lasts", "0.5", "“Each run lasts” must be a number from 1 to 7,200 s."),
-    ],
-)
-def test_a_field_that_makes_no_sense_is_named_and_nothing_is_started(
-    open_page: OpenPage, tmp_path: Path, field: str, typed: str, sentence: str
-) -> None:
-    file = tmp_path / "walk.csv"
-    file.write_text(WALK)
-    page = open_page(SCENE)
+def test_cancelling_keeps_what_was_finished_and_gives_the_link_back(open_page: OpenPage, lab: PageLab) -> None:
+    page = open_page(SCENE, url=lab.url)
     wait_for_frames(page)
-    page.get_by_role("toolbar").get_by_role("button", name="Experiment").click()
-    dialog = page.locator("dialog.experiment")
-    dialog.get_by_label("Movement file of the experiment").set_input_files(file)
-    expect(dialog.get_by_role("combobox", name="Movement")).to_have_value("file/walk.csv")
-    expect(dialog.get_by_role("button", name="Start"), "it has to be looked for").to_be_in_viewport(ratio=1)
-    dialog.get_by_role("textbox", name=field).fill(typed)
-    dialog.get_by_role("button", name="Start").click()
-    expect(dialog.get_by_role("alert")).to_have_text(sentence)
-    expect(page.get_by_role("region", name="Experiment")).to_have_count(0)
-    expect(dialog.get_by_role("textbox", name=field), "what was typed is lost").to_have_value(typed)
-    dialog.get_by_role("textbox", name=field).fill("7")
-    expect(dialog.get_by_text(sentence), "it is being mended").to_have_count(0)
+    fill(page, name="Cancelled", movement="store/walk", seconds="1.5", network="stairs")
+    start(page)
+    expect(progress(page)).to_contain_text("Run 2 of 2")
+    expect(progress(page)).to_contain_text("Plays the movement")
+    page.get_by_role("button", name="Cancel").click()
+    expect(outcome(page)).to_contain_text("It was cancelled.", timeout=STORED_MS)
+    assert len(lab.runs("Cancelled-*")) == 1
+    expect(page.locator(".run-stage .stage")).to_have_count(0)
+    assert lab.shaper.asked[-1] == ("/stop", {}), "the link was not given back"
+    outcome(page).get_by_role("button", name="Continue").click()
+    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
+    assert {run["status"] for run in lab.runs("Cancelled-*").values()} == {"complete"}
 
 
 @pytest.mark.slow
 @pytest.mark.extended
-def test_an_experiment_whose_page_was_closed_is_incomplete_and_gets_the_run_that_is_missing(
-    open_page: OpenPage, lab: PageLab
-) -> None:
+def test_an_experiment_whose_page_was_closed_is_resumed_by_another(open_page: OpenPage, lab: PageLab) -> None:
     page = open_page(SCENE, url=lab.url)
     wait_for_frames(page)
-    page.locator(".stage").focus()
-    page.keyboard.press("x")
-    fill(page, name="Closed", movement="store/walk", seconds="1.5")
-    page.locator("dialog.experiment").get_by_role("button", name="Start").click()
-    expect(page.get_by_role("region", name="Experiment")).to_contain_text("Run 2 of 2 · Budget")
+    fill(page, name="Closed", movement="store/walk", seconds="1.5", network="stairs")
+    start(page)
+    expect(progress(page)).to_contain_text("Run 2 of 2")
     page.close()
-
     page = open_page("#/experiments", url=lab.url)
     row = page.get_by_role("row", name="Closed")
     expect(row.get_by_role("cell").first).to_have_text("1 of 2, incomplete")
-    row.get_by_role("button", name="Continue").click()
-    dialog = page.locator("dialog.experiment")
-    expect(dialog.get_by_role("heading")).to_have_text("Closed")
-    expect(dialog).to_contain_text(
-        "1 of 2 runs are missing, with the movement walk over the network 100mbit,50mbit-up."
-    )
-    expect(dialog.get_by_role("combobox", name="Movement")).to_have_value("store/walk")
-    dialog.get_by_role("button", name="Continue").click()
-    expect(page.get_by_role("region", name="Experiment")).to_contain_text("Run 1 of 1 · Budget")
-    expect(dialog.locator("tbody tr").get_by_role("rowheader")).to_have_text("Budget")
-    expect(remarks(dialog)).to_have_count(0)
-    dialog.get_by_role("link", name="All experiments").click()
+    row.get_by_role("link", name="Continue").click()
+    expect(progress(page)).to_contain_text("Run 2 of 2")
+    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
+    assert {run["status"] for run in lab.runs("Closed-*").values()} == {"complete"}
+    page.get_by_role("link", name="Experiments").click()
     expect(row.get_by_role("cell").first).to_have_text("2")
-    expect(row.get_by_role("button", name="Continue")).to_have_count(0)
+    expect(row.get_by_role("link", name="Continue")).to_have_count(0)
 
-    runs = lab.runs("Closed-*")
-    assert {profile: run["status"] for profile, run in runs.items()} == {"latency": "complete", "budget": "complete"}
-    for run in runs.values():
-        network = Network.model_validate(run["configuration"]["network"])
-        assert network == parse_network("100mbit,50mbit-up"), "the link as it was"
+
+FILE = """name = "Twin"
+scenes = ["pebbles"]
+movements = ["stroll"]
+networks = ["20mbit,20ms-rtt"]
+controllers = [3]
+duration_s = 1.5
+warm_up_s = 0.5
+viewport = "320x180"
+capture_every_s = 0.5
+sample_stride = 5
+"""
+
+
+@pytest.mark.slow
+def test_page_and_command_write_identical_folders(open_page: OpenPage, lab: PageLab, tmp_path: Path) -> None:
+    file, out = tmp_path / "twin.toml", tmp_path / "out"
+    file.write_text(FILE)
+    status, _, errors = finished(started("experiment", "run", str(file), "--url", lab.url, "--out", str(out)))
+    assert status == 0, errors
+    page = open_page(SCENE, url=lab.url)
+    wait_for_frames(page)
+    page.get_by_role("toolbar").get_by_role("button", name="Experiment").click()
+    dialog(page).get_by_text("As a file").click()
+    dialog(page).get_by_label("Experiment’s file").fill(FILE)
+    start(page)
+    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
+    (performed,) = lab.results.glob("Twin-*")
+    (command,), (uploaded,) = out.glob("runs/*"), performed.glob("runs/*")
+    assert command.name == uploaded.name
+    assert files(command) == files(uploaded)
+    ours, theirs = (StoredRun(folder).record for folder in (command, uploaded))
+    assert theirs.configuration == ours.configuration
+    assert theirs.model_dump().keys() == ours.model_dump().keys()
+    for name in ("points_sha256", "inputs_sha256", "server", "scene_bytes", "scene_sha256", "backend", "machine"):
+        assert getattr(theirs, name) == getattr(ours, name) is not None, name
+    for name in ("browser", "load", "recording"):
+        assert getattr(theirs, name) is not None, name
+    summaries = [summarise(folder).figures for folder in (command, uploaded)]
+    assert known(summaries[0]) == known(summaries[1]), "a figure is missing on one side"
+    plans = [json.loads((folder / "experiment.json").read_text()) for folder in (out, performed)]
+    assert plans[0]["plan"] == plans[1]["plan"]
+    assert plans[0].keys() == plans[1].keys()
+
+
+def files(run: Path) -> set[str]:
+    """Without the numbers of requests and captures, which differ by chance."""
+    names = {str(path.relative_to(run)) for path in run.rglob("*")}
+    return {name if "/" not in name else f"{Path(name).parent}/*{''.join(Path(name).suffixes)}" for name in names}
+
+
+def known(figures: Any) -> set[str]:
+    """Names of figures that are there."""
+
+    def walk(value: Any, path: str) -> Iterator[str]:
+        if isinstance(value, dict):
+            for key, inside in value.items():
+                yield from walk(inside, f"{path}.{key}" if path != ".rungs" else path)
+        elif value is not None:
+            yield path
+
+    return set(walk(figures.model_dump(), ""))

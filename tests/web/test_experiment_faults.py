@@ -9,8 +9,10 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.web.conftest import OpenPage
-from tests.web.experiments import PageLab, fill, page_lab, remarks
+from tests.web.experiments import STORED_MS, WALK, PageLab, dialog, fill, outcome, page_lab, progress, remarks, start
 from tests.web.stage import SCENE, wait_for_frames
+from tigas_experiments.run.parsing import parse_network
+from tigas_experiments.wire.run import Network
 
 HIDE = """() => {
   const draw = window.requestAnimationFrame;
@@ -33,27 +35,27 @@ HIDE = """() => {
 @pytest.fixture(scope="module")
 def lab(models: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageLab]:
     """A viewer with a store and a shaper."""
-    with page_lab(models, tmp_path_factory.mktemp("lab")) as running:
+    directory = tmp_path_factory.mktemp("lab")
+    with page_lab(models, directory) as running:
+        (directory / "movements" / "long.csv").write_text(WALK + "4000,0.5,0,0.5,0,0,0,1\n")
         yield running
 
 
 def begun(page: Page, *, name: str, network: str) -> None:
     """An experiment of three runs of three seconds, the first of which plays."""
     wait_for_frames(page)
-    page.locator(".stage").focus()
-    page.keyboard.press("x")
-    dialog = page.locator("dialog.experiment")
-    fill(page, name=name, movement="store/walk", seconds="3")
-    dialog.get_by_role("combobox", name="Network").select_option(network)
-    dialog.get_by_label("LoL+").check()
-    dialog.get_by_role("button", name="Start").click()
-    wait_until_played(page, "Run 1 of 3 · Latency")
+    fill(page, name=name, movement="store/long", seconds="3", network=network)
+    dialog(page).get_by_label("LoL+").check()
+    start(page)
+    wait_until_played(page, "Run 1 of 3")
 
 
 def wait_until_played(page: Page, run: str) -> None:
-    progress = page.get_by_role("region", name="Experiment")
-    expect(progress).to_contain_text(run)
-    expect(progress).to_contain_text("Plays the movement")
+    expect(progress(page)).to_contain_text(run)
+    expect(progress(page)).to_contain_text("Plays the movement")
+
+
+CHANGED = "The link was changed from outside during the run."
 
 
 @pytest.mark.slow
@@ -62,34 +64,37 @@ def test_somebody_else_at_the_link_and_a_hidden_page_spoil_a_run(open_page: Open
     page = open_page(SCENE, url=lab.url)
     begun(page, name="Disturbed", network="stairs")
     assert page.request.post(f"{lab.shaper.url}/seek", data={"position_ms": 15_000}).ok
-    wait_until_played(page, "Run 2 of 3 · Budget")
+    expect(remarks(page)).to_have_count(1)
+    expect(progress(page)).to_contain_text("Plays the movement")
     page.evaluate(HIDE)
     page.wait_for_timeout(1500)
     page.evaluate("show()")
-    expect(page.get_by_role("region", name="Experiment")).to_contain_text("Run 3 of 3 · LoL+")
-
-    dialog = page.locator("dialog.experiment")
-    expect(remarks(dialog)).to_have_text(
-        [
-            "Run 1, Latency: The link was changed from outside during the run.",
-            "Run 2, Budget: The page was hidden, so that not all of the run could be shown.",
-        ]
-    )
-    assert list(lab.runs("Disturbed-*")) == ["lol+"]
+    expect(outcome(page)).to_contain_text("2 runs are incomplete.", timeout=STORED_MS)
+    expect(remarks(page).nth(0)).to_contain_text(CHANGED)
+    expect(remarks(page).nth(1)).to_contain_text("The page was hidden, so that not all of the run could be shown.")
+    statuses = [run["status"] for run in lab.runs("Disturbed-*").values()]
+    assert sorted(statuses) == ["complete", "failed", "failed"]
 
 
-def test_the_link_as_it_is_must_stay_as_it_is(open_page: OpenPage, lab: PageLab) -> None:
+def test_the_present_link_is_held_and_must_stay(open_page: OpenPage, lab: PageLab) -> None:
     page = open_page(SCENE, url=lab.url)
     begun(page, name="As it is", network="")
-    link = {"down_kbps": 5000, "up_kbps": 5000}
-    assert page.request.post(f"{lab.shaper.url}/link", data=link).ok
-    changed = "The link is not 100mbit,50mbit-up any more, as it was when the experiment began."
-    expect(remarks(page.locator("dialog.experiment"))).to_have_text(
-        [
-            "Run 1, Latency: The link was changed from outside during the run.",
-            f"Run 2, Budget: {changed}",
-            f"Run 3, LoL+: {changed}",
-        ]
-    )
-    assert lab.runs("As-it-is-*") == {}
-    assert page.request.post(f"{lab.shaper.url}/stop", data={}).ok
+    assert ("/link", {"down_kbps": 100_000, "up_kbps": 50_000, "delay_ms": 0, "jitter_ms": 0, "loss_pct": 0}) in [
+        (path, body) for path, body in lab.shaper.asked
+    ]
+    assert page.request.post(f"{lab.shaper.url}/link", data={"down_kbps": 5000, "up_kbps": 5000}).ok
+    expect(outcome(page)).to_contain_text("1 runs are incomplete.", timeout=STORED_MS)
+    expect(remarks(page)).to_have_count(1)
+    expect(remarks(page)).to_contain_text(CHANGED)
+    labels = [Network.model_validate(run["configuration"]["network"]) for run in lab.runs("As-it-is-*").values()]
+    assert labels == [parse_network("100mbit,50mbit-up")] * 3
+
+
+def test_two_pages_share_an_experiment_and_a_link(open_page: OpenPage, lab: PageLab) -> None:
+    page = open_page(SCENE, url=lab.url)
+    begun(page, name="Shared", network="stairs")
+    other = open_page(page.url.removeprefix(lab.url), url=lab.url)
+    expect(progress(other)).to_contain_text("Waits for other pages")
+    page.close(run_before_unload=False)
+    expect(outcome(other)).to_contain_text("All runs are complete.", timeout=STORED_MS)
+    assert [run["status"] for run in lab.runs("Shared-*").values()] == ["complete"] * 3

@@ -113,7 +113,7 @@ def recorded(page: Page, **changes: object) -> Recording:
 
 def wait_until_complete(page: Page) -> None:
     """Until all of the scene is on the screen."""
-    page.wait_for_function("() => document.querySelector('.stage')?.dataset.localComplete === 'true'")
+    wait_until_settled(page)
 
 
 def shown(page: Page) -> NDArray[np.float64]:

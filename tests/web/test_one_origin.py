@@ -28,10 +28,9 @@ def secure_url(models: Path, packager: Packager, tmp_path_factory: pytest.TempPa
     with Store("--results", str(tmp_path_factory.mktemp("results"))) as store:
         known = {"dash": packager.url, "store": store.url}
         behind = {name: f":{urlsplit(url).port}" for name, url in known.items()}
-        options = [f"--upstream={name}={url}" for name, url in known.items()]
-        environment = {"TIGAS_RENDER_SERVICES": json.dumps(behind)}
+        environment = {"TIGAS_RENDER_SERVICES": json.dumps(behind), "TIGAS_RENDER_UPSTREAMS": json.dumps(known)}
         secure = ("--https", "127.0.0.1:0")
-        with RenderServer("--scenes", str(models), *secure, *options, environment=environment) as render:
+        with RenderServer("--scenes", str(models), *secure, environment=environment) as render:
             packager.render = render.url.rstrip("/")
             with urlopen(f"{render.url}config.json") as answer, packager:
                 yield json.load(answer)["https_url"]

@@ -13,7 +13,7 @@ from tests.web.modes import with_settings
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, frames, picture, wait_for_frames
 from tigas_render.encode.depth_segment import coded, with_depth
-from tigas_render.encode.webp import encode_webp
+from tigas_render.encode.images import encode_webp
 
 KILOBYTES_PER_S = 120
 

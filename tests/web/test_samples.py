@@ -13,8 +13,8 @@ from PIL import Image
 from playwright.sync_api import Locator, Page, Route, expect
 
 from tests.web.conftest import OpenPage
-from tests.web.experiments import PageLab, fill, page_lab, remarks
-from tests.web.stage import SCENE, frames, wait_for_frames
+from tests.web.experiments import STORED_MS, PageLab, dialog, fill, outcome, page_lab, progress, remarks, start
+from tests.web.stage import SCENE, wait_for_frames
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.samples import read_sample_file, sample_path
 
@@ -34,23 +34,19 @@ def lab(models: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page
         yield running
 
 
-def start(page: Page, name: str, seconds: str = "1.5") -> Locator:
-    """An experiment of one run that samples frames; its dialog."""
+def begin(page: Page, name: str, seconds: str = "1.5") -> None:
+    """An experiment of one run that samples frames."""
     wait_for_frames(page)
-    page.locator(".stage").focus()
-    page.keyboard.press("x")
     fill(page, name=name, movement="store/turn", seconds=seconds)
-    dialog = page.locator("dialog.experiment")
-    dialog.get_by_label("Budget").uncheck()
-    dialog.get_by_role("textbox", name="Save every n-th frame").fill(str(EVERY))
-    dialog.get_by_role("button", name="Start").click()
-    return dialog
+    dialog(page).get_by_label("Budget").uncheck()
+    dialog(page).get_by_role("textbox", name="Save every n-th frame").fill(str(EVERY))
+    start(page)
 
 
 def play(page: Page, shown: int) -> None:
-    """Until the movement has shown so many frames."""
-    expect(page.get_by_role("region", name="Experiment")).to_contain_text("Plays the movement")
-    wait_for_frames(page, frames(page) + shown)
+    """Until the movement has had the time for so many frames."""
+    expect(progress(page)).to_contain_text("Plays the movement")
+    page.wait_for_timeout(100 * shown)
 
 
 def left(page: Page) -> Locator:
@@ -79,9 +75,10 @@ def check(lab: PageLab, run: StoredRun) -> None:
 
 def test_samples_follow_their_run_to_the_store(open_page: OpenPage, lab: PageLab) -> None:
     page = open_page(SCENE, url=lab.url)
-    dialog = start(page, "Followed")
-    expect(dialog.locator("tbody tr")).to_have_count(1)
-    expect(remarks(dialog)).to_have_count(0)
+    begin(page, "Followed")
+    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
+    expect(remarks(page)).to_have_count(0)
+    expect(outcome(page).get_by_role("link", name="Samples")).to_be_visible()
     run = the_run(lab, "Followed")
     assert run.record.configuration.sample_stride == EVERY
     assert [sample.at for sample in run.samples()] == [frame.at for frame in run.frames()][::EVERY]
@@ -102,15 +99,15 @@ def test_an_upload_that_is_cut_off_survives_a_reload_and_sends_only_the_rest(ope
         return route.continue_()
 
     page.route(PICTURES, cut_off_after_two)
-    dialog = start(page, "Cut off")
-    remark = remarks(dialog)
+    begin(page, "Cut off")
+    remark = remarks(page)
     expect(remark).to_contain_text("Its samples are in this browser only. The store at")
     assert the_run(lab, "Cut-off").samples() == []
     page.unroute(PICTURES)
     page.goto(f"{lab.url}#/experiments")
     page.reload()
     expect(left(page)).to_have_count(1)
-    expect(left(page).get_by_role("rowheader")).to_contain_text("Cut off, Latency")
+    expect(left(page).get_by_role("rowheader")).to_contain_text("Stateless latency")
     count, size = (left(page).get_by_role("cell").nth(cell).inner_text() for cell in (0, 1))
     assert int(count) > 2
     assert "B" in size
@@ -129,7 +126,7 @@ def test_a_tab_that_was_closed_leaves_samples_that_another_may_upload_or_delete(
     open_page: OpenPage, lab: PageLab
 ) -> None:
     page = open_page(SCENE, url=lab.url)
-    start(page, "Closed", "20")
+    begin(page, "Closed", "20")
     play(page, 4 * EVERY)
     other = page.context.new_page()
     other.goto(f"{lab.url}#/experiments")
@@ -158,8 +155,9 @@ def limit_storage(page: Page, lab: PageLab, size: int) -> None:
 def test_a_run_that_finds_no_room_goes_on_without_samples(open_page: OpenPage, lab: PageLab) -> None:
     page = open_page(SCENE, url=lab.url)
     limit_storage(page, lab, 1)
-    dialog = start(page, "No room")
-    expect(remarks(dialog)).to_have_text("Run 1, Latency: The browser’s storage is full. Nothing was sampled.")
+    begin(page, "No room")
+    expect(remarks(page)).to_contain_text("The browser’s storage is full. Nothing was sampled.")
+    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
     run = the_run(lab, "No-room")
     assert (run.record.status, run.samples()) == ("complete", [])
 
@@ -170,11 +168,12 @@ def test_a_disk_that_fills_up_ends_sampling_and_neither_the_run_nor_what_was_kep
     open_page: OpenPage, lab: PageLab
 ) -> None:
     page = open_page(SCENE, url=lab.url)
-    dialog = start(page, "Filled up", "5")
+    begin(page, "Filled up", "5")
     play(page, 2 * EVERY)
     limit_storage(page, lab, 1)
-    remark = remarks(dialog)
+    remark = remarks(page)
     expect(remark).to_contain_text("The browser’s storage is full. Sampling ended after")
+    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
     run = the_run(lab, "Filled-up")
     assert run.record.status == "complete"
     assert f"after {len(run.samples())} frames." in remark.inner_text()

@@ -38,7 +38,7 @@ def lab(server: RenderServer, models: Path, tmp_path: Path) -> Iterator[Lab]:
     sample_run(server, runs / "second", repeat=2)
     write_sample_file(runs / "second", 3, JPEG, sample_path(runs / "second", 40, JPEG).read_bytes())
     render = server.url.rstrip("/")
-    with Store("--results", str(tmp_path / "results"), "--render", render) as store:
+    with Store("--results", str(tmp_path / "results"), render=render) as store:
         services = {"TIGAS_RENDER_SERVICES": json.dumps({"store": store.url})}
         with RenderServer("--scenes", str(models), environment=services) as viewer:
             yield Lab(viewer.url, runs)

@@ -3,8 +3,8 @@ import { unsaved } from "./movement/movement-deck";
 import { outdated, route } from "./state/app";
 import type { Route } from "./state/route";
 import { Dashboard } from "./ui/dashboard/dashboard";
-import { experimentAtRisk } from "./ui/experiment/experiment-dialog";
 import { ExperimentList } from "./ui/experiment/experiment-list";
+import { RunPage } from "./ui/experiment/run-page";
 import { SamplesPage } from "./ui/experiment/samples-page";
 import { useLeavingWarning } from "./ui/use-leaving-warning";
 import { Viewer } from "./ui/viewer/viewer";
@@ -12,7 +12,7 @@ import { isUploading } from "./uploads/uploads";
 
 export function App() {
   const current = route.value;
-  useLeavingWarning(experimentAtRisk.value || unsaved.value.size > 0 || isUploading.value);
+  useLeavingWarning(unsaved.value.size > 0 || isUploading.value);
   return (
     <>
       {outdated.value && (
@@ -30,6 +30,7 @@ export function App() {
 
 function Page({ current }: { readonly current: Route }) {
   if (current.page === "experiments") return <ExperimentList />;
+  if (current.page === "run") return <RunPage key={current.experiment} id={current.experiment} />;
   if (current.page === "samples") return <SamplesPage key={current.experiment} id={current.experiment} />;
   return current.page === "viewer" ? (
     <Viewer key={current.scene} sceneId={current.scene} asked={current.asked} unknown={current.unknown} />

@@ -44,6 +44,13 @@ test("nor does any with the folders that it holds", () => {
   expect(cycles(top)).toEqual([]);
 });
 
+test("only the page and its experiments know the page's state: a viewer has its own", () => {
+  const page = /^(ui|state|experiment|samples|uploads)\/|^[^/]+$|fake-|\.test\./;
+  const engine = Object.entries(SOURCES).filter(([path]) => !page.test(path.slice(2)));
+  const knowing = engine.filter(([path, source]) => importsOf(path, source).includes("state/app"));
+  expect(knowing.map(([path]) => path)).toEqual([]);
+});
+
 test.each([
   ["a type", 'import type { B } from "../b/b"'],
   ["a name that is a type", 'import { type B } from "../b/b"'],

@@ -71,6 +71,8 @@ class Http3Connection(QuicConnectionProtocol):
         self.responses: dict[int, Response] = defaultdict(Response)
         self.is_closed = False
         self._webtransport_streams: set[int] = set()
+        self._withdrawn: set[int] = set()
+        """Streams whose answers are no longer wanted, until their end."""
         self._news = asyncio.Event()
 
     @property
@@ -82,6 +84,10 @@ class Http3Connection(QuicConnectionProtocol):
     def quic_event_received(self, event: QuicEvent) -> None:
         """Collect an event's data, and wake waiting requests."""
         match event:
+            case StreamDataReceived() | StreamReset() if event.stream_id in self._withdrawn:
+                if isinstance(event, StreamReset) or event.end_stream:
+                    self._withdrawn.remove(event.stream_id)
+                return
             case ConnectionTerminated():
                 self.is_closed = True
             case StreamReset():
@@ -154,9 +160,7 @@ class Http3Connection(QuicConnectionProtocol):
         try:
             response = await self.response(stream_id)
         except asyncio.CancelledError:
-            if not self.is_closed:
-                self._quic.stop_stream(stream_id, ErrorCode.H3_REQUEST_CANCELLED)
-                self.transmit()
+            self._withdraw(stream_id, ErrorCode.H3_REQUEST_CANCELLED)
             raise
         finally:
             self.responses.pop(stream_id, None)
@@ -198,16 +202,26 @@ class Http3Connection(QuicConnectionProtocol):
         self.transmit()
 
     async def frame(self, session: int, request: bytes) -> tuple[dict[str, Any], bytes]:
-        """A FrameHeader's fields, and the body of the frame. Raises Http3Failed."""
+        """A FrameHeader's fields, and the frame's body. Raises Http3Failed. If it is cancelled, so is the request."""
         stream_id = self.open_stream(session, request)
         try:
             response = await self.response(stream_id)
+        except asyncio.CancelledError:
+            self._withdraw(stream_id, WEBTRANSPORT_CANCELLED)
+            raise
         finally:
             self.responses.pop(stream_id, None)
             self._webtransport_streams.discard(stream_id)
         if response.reset is not None:
             raise Http3Failed("The server has reset the stream.")
         return split_frame(bytes(response.body))
+
+    def _withdraw(self, stream_id: int, code: int) -> None:
+        """Refuse the rest of a response, if there is any."""
+        if not self.is_closed and not self.responses[stream_id].done:
+            self._withdrawn.add(stream_id)
+            self._quic.stop_stream(stream_id, code)
+            self.transmit()
 
     def _check(self) -> None:
         if self.is_closed:

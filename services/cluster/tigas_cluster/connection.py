@@ -54,10 +54,7 @@ class AnotherUp(StartError):
 
 
 class OwnRay:
-    """A private Ray, for users without a cluster: at most one for each user. It outlives the process that started it.
-
-    Its token is readable by the user only.
-    """
+    """A private Ray, at most one for each user, whose token only the user can read. It outlives its starter."""
 
     def __init__(self, folder: Path | None = None) -> None:
         """folder: its files; short, since the paths of Unix sockets below it are."""
@@ -173,9 +170,7 @@ def named_cluster() -> str | None:
 
 @contextmanager
 def connected(own: OwnRay | None, address: str) -> Iterator[None]:
-    """Connect to this cluster as a driver, as a context manager; own: the private one, if it is that. Raises
-    StartError.
-    """
+    """Connect to this cluster, which may be the private one, as a context manager. Raises StartError."""
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
     if own is not None:
         os.environ.update(own.environment)

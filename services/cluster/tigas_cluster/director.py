@@ -110,10 +110,9 @@ class Director:
     async def place(
         self, scene: str, *, at: str | None = None, silent: str | None = None, lost: str | None = None
     ) -> HostState:
-        """The host for a viewer of this scene: the reported one, unless it must leave.
+        """The host for a viewer of this scene: the reported one, unless it must leave. Raises NoHost.
 
-        at: its present host. silent: its present host, which does not answer. lost: a host that refused it. Raises
-        NoHost.
+        at: its present host. silent: its present host, which does not answer. lost: a host that refused it.
         """
         if doubted := silent or lost:
             await self.fleet.suspect(doubted)

@@ -42,10 +42,7 @@ class NoHost(Overloaded):
 
 
 class HostProxy:
-    """An ASGI application that hands a request on to a host: the one in `?host=NAME`, or the likeliest for its scene.
-
-    Its methods ask all hosts.
-    """
+    """An ASGI application that hands requests on to a host: the one in `?host=NAME`, or the likeliest for the scene."""
 
     def __init__(self, fleet: Fleet, transport: httpx.AsyncBaseTransport | None = None) -> None:
         """transport: another than HTTP, for tests."""
@@ -78,10 +75,7 @@ class HostProxy:
         return merged_scenes(answered)
 
     async def unload(self, scene: str) -> httpx.Response:
-        """Unload a scene wherever it is loaded, and return the answer of a host that refused, or else the last one.
-
-        Raises NoHost if a host does not answer.
-        """
+        """Unload a scene wherever it is loaded; the answer of a host that refused, or the last one. Raises NoHost."""
         hosts, answer = self._fleet.hosts(), None
         for host in [each for each in hosts if scene in each.load.scenes] or hosts[:1]:
             url = f"{host.address.api_url}/scenes/{quote(scene, safe='')}/unload"

@@ -54,10 +54,7 @@ class RayCluster(Cluster):
         return {each["host"]: each["node"] for each in found if each}
 
     def start(self, name: str, node: Node) -> None:
-        """Make a machine a host. It stays one if this process ends, and Ray starts its process again if that dies.
-
-        Raises StartError if its process does not start there.
-        """
+        """Make a machine a host, which stays one if this process ends; Ray restarts it. Raises StartError."""
         own = {} if self._resource == GPU else {self._resource: node.amount}
         try:
             actor = _actor(
@@ -107,10 +104,7 @@ class Holder:
 
 @contextmanager
 def leased(clock: Callable[[], float] = time.monotonic) -> Iterator[None]:
-    """Look after the cluster alone, as a context manager: two would start and end each other's hosts.
-
-    Raises AnotherUp.
-    """
+    """Keep hosts alone, as a context manager: two would start and end each other's. Raises AnotherUp."""
     deadline = clock() + FREED_S
     here = ray.get_runtime_context().get_node_id()
     while True:

@@ -1,6 +1,4 @@
-"""The hosts of a Ray cluster: as many as are wanted, on the machines that may be hosts. Ray starts and supervises them;
-the director's fleet polls them.
-"""
+"""The hosts of a Ray cluster: as many as are wanted, on the machines that may be hosts."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ class ClusterSettings(ServiceSettings):
     """Address of the page and the API."""
     hosts: Hosts = HostRange(1, 64)
     """Number of hosts."""
-    scenes: Path | None = None
+    scenes: Annotated[Path | None, NO_FLAG] = None
     """Models directory, at the same path on every machine."""
     resource: Annotated[str | None, NO_FLAG] = None
     """Ray resource of the machines that may be hosts; a host takes all of it. GPU unless named."""

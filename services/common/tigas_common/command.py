@@ -86,8 +86,7 @@ def parse(model: type[Model], prog: str, arguments: Sequence[str]) -> Model:
     tail: Sequence[str] = ()
     if rest:
         arguments, tail = _split(arguments, sum(POSITIONAL in field.metadata for field in fields.values()))
-    given = vars(_parser(model, prog).parse_intermixed_args(arguments))
-    values = {name: _pairs(name, value) if _is_table(fields[name]) else value for name, value in given.items()}
+    values = vars(_parser(model, prog).parse_intermixed_args(arguments))
     return load(model, values | ({rest: list(tail)} if rest and tail else {}))
 
 
@@ -182,7 +181,7 @@ def _help(model: type[BaseModel], name: str, field: FieldInfo, default: Any) -> 
     notes = []
     if isinstance(default, tuple | list):
         default = ",".join(map(str, default))
-    if default not in (None, False, "", {}):
+    if default not in (None, False, ""):
         notes.append(f"default: {default:g}" if isinstance(default, float) else f"default: {default}")
     if prefix := model.model_config.get("env_prefix"):
         notes.append(f"{prefix}{name}".upper())
@@ -222,14 +221,4 @@ def _alternatives(annotation: Any) -> tuple[Any, ...]:
 
 
 def _is_several(field: FieldInfo) -> bool:
-    return any(get_origin(each) in (tuple, list, dict) for each in _alternatives(field.annotation))
-
-
-def _is_table(field: FieldInfo) -> bool:
-    return get_origin(field.annotation) is dict
-
-
-def _pairs(name: str, values: Sequence[str]) -> dict[str, str]:
-    if wrong := next((each for each in values if "=" not in each), None):
-        raise UsageError(f"--{name.removesuffix('s')}: {wrong[:100]!r} is not NAME=VALUE.")
-    return dict(each.split("=", 1) for each in values)
+    return any(get_origin(each) in (tuple, list) for each in _alternatives(field.annotation))

@@ -118,14 +118,14 @@ class LimitedServer(uvicorn.Server):
     async def _open(self, connection: socket.socket) -> None:
         task = asyncio.current_task()
         assert task is not None
-        patience_s = self._limits.header_s if self._tls else None
+        handshake_s = self._limits.header_s if self._tls else None
         with suppress(OSError):  # the client has left, or does not speak TLS
             await asyncio.get_running_loop().connect_accepted_socket(
                 lambda: LimitedProtocol(self.config, self.server_state, self._limits, lambda: self._opened(task)),
                 connection,
                 ssl=self._tls,
-                ssl_handshake_timeout=patience_s,
-                ssl_shutdown_timeout=patience_s,
+                ssl_handshake_timeout=handshake_s,
+                ssl_shutdown_timeout=handshake_s,
             )
 
     def _opened(self, task: asyncio.Task[None]) -> None:
@@ -146,8 +146,8 @@ class LimitedProtocol(H11Protocol):
         self._began = False
         """Whether anything has ever come."""
         self._awaited: object = None
-        """The state of the client that `_patience` is for."""
-        self._patience: IdleTimeout | None = None
+        """The state of the client that `_timeout` is for."""
+        self._timeout: IdleTimeout | None = None
         self._timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
@@ -176,8 +176,8 @@ class LimitedProtocol(H11Protocol):
         now, state = self.loop.time(), self.conn.their_state
         if self.transport.get_protocol() is not self:  # it is a WebSocket now
             state = h11.SWITCHED_PROTOCOL
-        if state is self._awaited and self._patience is not None:
-            self._patience.progress(received, now)
+        if state is self._awaited and self._timeout is not None:
+            self._timeout.progress(received, now)
             return
         self._awaited = state
         if state is h11.SEND_BODY:
@@ -185,24 +185,24 @@ class LimitedProtocol(H11Protocol):
         elif state is h11.IDLE and self.timeout_keep_alive_task is None:
             self._begin(self._limits.header_s, math.inf)  # received data does not extend it
         else:
-            self._patience = None
+            self._timeout = None
 
     def _begin(self, seconds: float, bytes_per_s: float) -> None:
-        self._patience = IdleTimeout(seconds, bytes_per_s, self.loop.time())
+        self._timeout = IdleTimeout(seconds, bytes_per_s, self.loop.time())
         if self._timer is not None:
             self._timer.cancel()
-        self._timer = self.loop.call_at(self._patience.until, self._expired)
+        self._timer = self.loop.call_at(self._timeout.until, self._expired)
 
     def _resumed(self) -> None:
         """The application reads on: until now it was late, and not the client."""
-        if self._patience is not None:
-            self._begin(self._patience.seconds, self._patience.bytes_per_s)
+        if self._timeout is not None:
+            self._begin(self._timeout.seconds, self._timeout.bytes_per_s)
 
     def _expired(self) -> None:
-        if self._patience is None or self.flow.read_paused or self.transport.is_closing():
+        if self._timeout is None or self.flow.read_paused or self.transport.is_closing():
             return
-        if self.loop.time() < self._patience.until:
-            self._timer = self.loop.call_at(self._patience.until, self._expired)
+        if self.loop.time() < self._timeout.until:
+            self._timer = self.loop.call_at(self._timeout.until, self._expired)
         else:
             what = "body" if self._awaited is h11.SEND_BODY else "headers"
             self._give_up(RequestTimeout(f"The request's {what} did not come in time."))

@@ -1,4 +1,4 @@
-"""The installation: its commit, its extras and how to add them, and the versions of packages that it supports."""
+"""The installation: its commit, its extras and how to add them, and the supported versions of packages."""
 
 from __future__ import annotations
 
@@ -19,23 +19,6 @@ REQUIREMENT = re.compile(r"""(?P<name>[\w.-]+)[^;]*; extra == ['"](?P<extra>[\w-
 """A package that the extra has on every platform, in wheel spelling."""
 COMMIT_VARIABLE = "TIGAS_COMMIT"
 """Names the commit where there is no repository: images are built with it."""
-SUPPORTED = {
-    "aioice": ("0.13", "0.14"),
-    "aioquic": ("1.7", "1.8"),
-    "aiortc": ("1.16", "1.17"),
-    "cuda-core": ("1.0", "1.3"),
-    "uvicorn": ("0.35", "0.55"),
-}
-"""The first minor version that is supported, and the first that is not, as in pyproject.toml, of packages whose private
-names are used. Upstream could accept these as patches, after which the private uses can go:
-
-- aioquic: a receive window that grows, a limit on the size of header sections, congestion control that ignores
-  application-limited rounds, and sending packets in batches;
-- uvicorn: limits on connections per client, on the time that headers and bodies take, and a hook for refused ones;
-- aiortc: bit-rate limits of its encoders as arguments, and complete checks of an offer;
-- aioice: one UDP port for several connections;
-- cuda-core: a public name for `CUDAError`.
-"""
 
 
 def this_commit() -> str | None:
@@ -56,13 +39,16 @@ def this_commit() -> str | None:
 
 
 def check_versions(*packages: str) -> None:
-    """Raise StartError if an unsupported version of a package is installed. Call it before the package is imported."""
+    """Raise StartError if an unsupported version of a package is installed. Call it before the package is imported.
+
+    Another minor version of a package whose private names are used may have renamed them.
+    """
     for package in packages:
         try:
             installed = version(package)
         except PackageNotFoundError:
             continue  # imports report missing packages
-        first, end = SUPPORTED[package]
+        first, end = _supported(package)
         if not _numbers(first) <= _numbers(installed) < _numbers(end):
             needed = f"{package}>={first},<{end}"
             raise StartError(f"{package} {installed} is installed, but TIGAS needs {needed}: pip install '{needed}'.")
@@ -102,6 +88,14 @@ def explained(error: ModuleNotFoundError, extras: Sequence[str]) -> StartError |
     if not module or module.startswith(PROJECT) or not extras:
         return None
     return StartError(f"{module} is not installed: {install_command(*extras)}")
+
+
+def _supported(package: str) -> tuple[str, str]:
+    """The first version that is supported and the first that is not, by the narrowest requirement in pyproject.toml."""
+    pattern = re.compile(rf"{package}(?:\[\w+\])?([<>=][^;]*)")
+    requirements = filter(None, map(pattern.match, distribution(PROJECT).requires or ()))
+    found = (dict(re.findall(r"(>=|<)([\d.]+)", requirement[1])) for requirement in requirements)
+    return min(((bounds[">="], bounds["<"]) for bounds in found), key=lambda bounds: _numbers(bounds[1]))
 
 
 def _numbers(text: str) -> tuple[int, ...]:

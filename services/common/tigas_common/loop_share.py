@@ -22,7 +22,7 @@ EXPECTED_S = 0.002
 """Assumed use of a request until it ends."""
 OUTSIDE_S = 0.0005
 """A request's use outside of the application: parsing, and writing the answer."""
-PATIENCE_S = 2.0
+MAX_WAIT_S = 2.0
 """Seconds for which a request waits for its address's share before it is refused. Refusals are delayed by as much, to
 slow down clients that retry at once.
 """
@@ -59,8 +59,8 @@ class LoopShare:
             return await self._app(scope, receive, send)
         address = client_network(scope["client"][0]) if scope["client"] else ""
         delay = self._used.delay(address, self._clock(), self._share, BURST_S / self._share, EXPECTED_S)
-        if delay > PATIENCE_S:
-            await self._sleep(PATIENCE_S)
+        if delay > MAX_WAIT_S:
+            await self._sleep(MAX_WAIT_S)
             error = AskedTooOften("Your address asks for more than its share; ask less often.", delay)
             return await refuse(error, self._origins, scope, receive, send)
         self._use(address, EXPECTED_S)

@@ -81,19 +81,19 @@ class OriginPolicy:
         """
         name = host_of(host)
         if name is None or not self._is_own(name):
-            raise ForeignHost(f"This service does not answer under the name {host[:60]!r}; --allow-host allows it.")
+            raise ForeignHost(f"This service does not answer under the name {host[:60]!r} (setting allow_hosts).")
         if origin is None:
             if changes and not self.programs:
                 raise ForeignOrigin("A request that changes something must have an allowed Origin; this one has none.")
         elif origin not in self.pages and not _same(host_of_origin(origin), name):
-            raise ForeignOrigin(f"Pages of {origin[:60]!r} may not use this service; --allow-origin allows them.")
+            raise ForeignOrigin(f"Pages of {origin[:60]!r} may not use this service (setting allow_origins).")
 
     def check_request(self, method: str, headers: Headers) -> None:
         """The same for an HTTP request, using the browser's other headers if it has no Origin."""
         origin = headers.get("origin")
         self.check(headers.get("host", ""), origin, changes=method not in SAFE_METHODS)
         if origin is None and headers.get("sec-fetch-site") == "cross-site" and not self._is_visit(method, headers):
-            raise ForeignOrigin("Pages of another site may not use this service; --allow-origin allows them.")
+            raise ForeignOrigin("Pages of another site may not use this service (setting allow_origins).")
 
     @property
     def frame_ancestors(self) -> str:

@@ -38,27 +38,27 @@ def with_parent(argv: list[str]) -> list[str]:
     return ["setpriv", "--pdeathsig", "TERM", *argv] if shutil.which("setpriv") else argv
 
 
-def end(process: subprocess.Popen[bytes], patience_s: float) -> None:
-    """Terminate the leader of a session, and kill its whole process group if it takes longer than `patience_s`."""
+def end(process: subprocess.Popen[bytes], timeout_s: float) -> None:
+    """Terminate the leader of a session, and kill its whole process group if it takes longer than `timeout_s`."""
     process.terminate()
     try:
-        process.wait(patience_s)
+        process.wait(timeout_s)
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
 
 
 @contextmanager
-def running(argv: list[str], patience_s: float, **options: Any) -> Iterator[subprocess.Popen[bytes]]:
+def running(argv: list[str], timeout_s: float, **options: Any) -> Iterator[subprocess.Popen[bytes]]:
     """Run a process until the context ends, or this process is killed.
 
-    patience_s: as of `end`. options: further arguments of Popen.
+    timeout_s: as of `end`. options: further arguments of Popen.
     """
     process = subprocess.Popen(with_parent(argv), start_new_session=True, **options)
     try:
         yield process
     finally:
-        end(process, patience_s)
+        end(process, timeout_s)
         for output in (process.stdout, process.stderr):
             if output is not None:
                 output.close()
@@ -116,12 +116,12 @@ class Supervised(ABC):
         finally:
             self._ended.set()
 
-    async def end(self, patience_s: float) -> None:
-        """Terminate a process that is being kept, and kill it if it takes longer than `patience_s`."""
+    async def end(self, timeout_s: float) -> None:
+        """Terminate a process that is being kept, and kill it if it takes longer than `timeout_s`."""
         self._stopping.set()
         self._signal(signal.SIGTERM)
         with suppress(TimeoutError):
-            async with asyncio.timeout(patience_s):
+            async with asyncio.timeout(timeout_s):
                 await self._ended.wait()
         self._signal(signal.SIGKILL)
         await self._ended.wait()

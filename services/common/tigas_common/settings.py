@@ -18,7 +18,7 @@ from pydantic_settings import (
 )
 
 from tigas_common.address import Address, host_of, host_of_origin
-from tigas_common.command import Metavar
+from tigas_common.command import NO_FLAG, Metavar
 from tigas_common.limits import ServiceHttpLimits
 
 FILE_VARIABLE = "TIGAS_CONFIG"
@@ -61,6 +61,8 @@ ListenOrOff = Annotated[Address | None, NoDecode, BeforeValidator(_address_or_of
 """An address, or `off` for None."""
 Url = Annotated[str, AfterValidator(_base_url), Metavar("URL")]
 """Base URL of a service."""
+HostNames = tuple[Annotated[str, AfterValidator(_host), Metavar("NAME")], ...]
+"""Names of hosts."""
 Origins = tuple[Annotated[str, AfterValidator(_page), Metavar("URL")], ...]
 """Pages, as browsers name them in `Origin`."""
 
@@ -73,10 +75,10 @@ class ServiceSettings(BaseSettings):
 
     http_limits: ServiceHttpLimits = ServiceHttpLimits()
     """Limits on HTTP/1.1 connections; a nested table in the settings file, JSON in the environment."""
-    allow_hosts: tuple[Annotated[str, AfterValidator(_host), Metavar("NAME")], ...] = ()
-    """Host name that the service answers to, in addition to addresses and names of the local network."""
-    allow_origins: Origins = ()
-    """Origin of another host's pages that may use the service and embed it."""
+    allow_hosts: Annotated[HostNames, NO_FLAG] = ()
+    """Host names that the service answers to, in addition to addresses and names of the local network."""
+    allow_origins: Annotated[Origins, NO_FLAG] = ()
+    """Origins of other hosts' pages that may use the service and embed it."""
 
     @classmethod
     def settings_customise_sources(

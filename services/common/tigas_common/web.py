@@ -124,15 +124,15 @@ async def read_body(request: Request, limit: int) -> bytes:
     """
     body = bytearray()
     loop = asyncio.get_running_loop()
-    patience = IdleTimeout(BODY_S, BODY_BYTES_PER_S, loop.time())
+    idle = IdleTimeout(BODY_S, BODY_BYTES_PER_S, loop.time())
     try:
-        async with asyncio.timeout_at(patience.until) as timeout:
+        async with asyncio.timeout_at(idle.until) as timeout:
             async for part in request.stream():
                 body += part
                 if len(body) > limit:
                     raise BodyTooLarge(f"The body is larger than {limit} bytes.")
-                patience.progress(len(part), loop.time())
-                timeout.reschedule(patience.until)
+                idle.progress(len(part), loop.time())
+                timeout.reschedule(idle.until)
     except TimeoutError:
         raise RequestTimeout("The request's body did not come in time.") from None
     except ClientDisconnect:

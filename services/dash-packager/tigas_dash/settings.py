@@ -22,7 +22,7 @@ class DashSettings(ServiceSettings):
     """Base URL of the render service."""
     http: Listen = DASH.loopback
     """Address of the streams and the API."""
-    max_sessions: int = Field(default=4, ge=1, le=1000)
+    max_sessions: Annotated[int, NO_FLAG] = Field(default=4, ge=1, le=1000)
     """Maximum number of simultaneous streams."""
     idle_s: Annotated[float, NO_FLAG] = Field(default=15, gt=0, le=86_400)
     """Seconds after which a stream without a viewer is ended."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
-from tigas_common.cli import in_a_sentence
+from tigas_common.cli import in_a_sentence, settings_of
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import StartError, TigasError
 from tigas_common.processes import terminated_as_interrupted
@@ -29,22 +29,21 @@ EVALUATED_VIEWS = 12
 class _EnhanceCommand(Command):
     """A command that compares renderings of scenes."""
 
-    scenes: Path | None = None
-    """Models directory."""
     render: Annotated[str | None, Metavar("URL")] = None
     """Running render service; without it, one is started."""
     device: Annotated[str, Metavar("auto|cpu|cuda[:N]")] = "auto"
     """Device to train on, and to render on if a service is started."""
 
     def _file(self, name: str | None) -> Path:
-        """Path of a scene's weights: next to its file, in the models directory."""
+        """Path of a scene's weights: next to its file, in the render service's models directory."""
         from tigas_common.weights import FILE
 
-        if self.scenes is None or name is None:
-            raise StartError("Say where the networks' file is: --out (or --weights), or a scene's folder by --scenes.")
-        folder = self.scenes / name
+        if name is None:
+            raise StartError("Networks for any scene need the path of a file: --out.")
+        scenes: Path = settings_of("render").scenes
+        folder = scenes / name
         if Path(name).name != name or not folder.is_dir():
-            raise StartError(f"{self.scenes} has no folder {name!r}.")
+            raise StartError(f"{scenes} has no folder {name!r}.")
         return folder / FILE
 
     def _device(self) -> torch.device:
@@ -66,7 +65,7 @@ class _EnhanceCommand(Command):
         from tigas_enhance.renderer import Renderer, render_service
 
         with ExitStack() as stack:
-            started = render_service(self.scenes, self.device, own_ladders=own_ladders)
+            started = render_service(self.device, own_ladders=own_ladders)
             yield stack.enter_context(closing(Renderer(self.render or stack.enter_context(started))))
 
 

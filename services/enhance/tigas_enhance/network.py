@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from tigas_common.weights import NetworkInfo, Weights
+from tigas_common.wire.render import Rung
 
 NEGATIVE_SLOPE = 0.1
 """Slope of the leaky ReLU after every convolution but the last."""
@@ -95,6 +96,20 @@ def to_tensors(rung: int, network: Network) -> dict[str, NDArray[np.float16]]:
         _name_in_file(rung, name): value.detach().cpu().contiguous().half().numpy()
         for name, value in network.state_dict().items()
     }
+
+
+def described(network: Network, number: int, rung: Rung, gain_db: float) -> NetworkInfo:
+    """The description of a rung's network in a file; gain_db: on held-out views."""
+    return NetworkInfo(
+        rung=number,
+        width=rung.width,
+        height=rung.height,
+        quality=rung.quality,
+        scale=2 if network.scale == 2 else 1,
+        layers=network.layers,
+        channels=network.channels,
+        gain_db=round(gain_db, 3),
+    )
 
 
 def to_network(info: NetworkInfo, weights: Weights) -> Network:

@@ -8,7 +8,6 @@ import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TypeVar
 from urllib.parse import quote
 
@@ -80,16 +79,14 @@ class Renderer:
 
 
 @contextmanager
-def render_service(scenes: Path | None, device: str, *, own_ladders: bool = True) -> Iterator[str]:
-    """Run a render service on this machine until the context ends, and give its URL.
+def render_service(device: str, *, own_ladders: bool = True) -> Iterator[str]:
+    """Run a render service on this machine until the context ends, and give its URL. Raises RenderFailed.
 
     own_ladders: whether scenes have their own ladders, or all have the paper's.
-    Raises RenderFailed with its last line of output if it does not start.
     """
     ladder = "scene" if own_ladders else "paper"
     options = ["--http", "127.0.0.1:0", "--quic", "off", "--device", device, "--ladder", ladder]
-    command = tigas("render", *options, *(["--scenes", str(scenes)] if scenes else []))
-    with running(command, STOP_S, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
+    with running(tigas("render", *options), STOP_S, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
         assert process.stdout is not None
         last = "it says nothing"
         for line in process.stdout:

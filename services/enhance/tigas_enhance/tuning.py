@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tigas_common.weights import GENERAL, NEAR, NetworkInfo, Weights, distance
 from tigas_common.wire.render import Rung
 from tigas_enhance.evaluate import gains
-from tigas_enhance.network import rounded, to_tensors
+from tigas_enhance.network import described, rounded, to_tensors
 from tigas_enhance.pairs import NothingToLearn, Pair, ScenePairs
 from tigas_enhance.renderer import Renderer
 from tigas_enhance.train import Recipe, train
@@ -72,17 +72,8 @@ def tune(
 
         share = max(remaining / (len(rungs) - number), 0.01)
         network = rounded(train(training, rung, RECIPES[device.type], share, device, report, varied=general))
-        info = NetworkInfo(
-            rung=rung,
-            width=named.width,
-            height=named.height,
-            quality=named.quality,
-            scale=2 if network.scale == 2 else 1,
-            layers=network.layers,
-            channels=network.channels,
-            gain_db=round(float(np.mean([gains(pairs, rung, network, device) for pairs in tests])), 3),
-        )
-        networks.append(info)
+        gain_db = float(np.mean([gains(pairs, rung, network, device) for pairs in tests]))
+        networks.append(described(network, rung, named, gain_db))
         tensors |= to_tensors(rung, network)
     digest = GENERAL if general else scenes[0].file_sha256
     assert digest is not None, "the service knows it of every scene that it has loaded"

@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tigas_common.cli import in_a_sentence, log_to_stdout
-from tigas_common.command import POSITIONAL, Command, Group, Metavar
+from tigas_common.command import POSITIONAL, Command, Group, Metavar, load
 from tigas_common.errors import StartError, TigasError
 from tigas_common.installation import check_versions
 from tigas_common.processes import terminated_as_interrupted
-from tigas_common.settings import MODELS
 from tigas_common.terminal import make_console, progress_bar
 from tigas_render.settings import RenderSettings
 
@@ -64,13 +63,13 @@ class Info(_SceneCommand):
         import numpy as np
         from rich.table import Table
 
-        from tigas_render.scenes.directory import scene_file
-        from tigas_render.scenes.metadata import read_metadata
-        from tigas_render.scenes.scene_statistics import SceneStatistics
+        from tigas_render.scenes.directory import read_scene_file
+        from tigas_render.scenes.source import read_metadata
+        from tigas_render.scenes.start_camera import SceneStatistics
 
         statistics = SceneStatistics()
         with in_a_sentence(TigasError, OSError), _bar(f"reading {self.scene}") as listener:
-            metadata, file = read_metadata(self.scene), scene_file(self.scene)
+            metadata, file = read_metadata(self.scene), read_scene_file(self.scene)
             for _ in statistics.collect(file.open(listener)).parts:
                 pass
         camera, sample = metadata.camera or statistics.camera(metadata.up), statistics.sample
@@ -93,12 +92,10 @@ class Info(_SceneCommand):
 
 
 class Add(Command):
-    """Check a scene, and put it into the models directory."""
+    """Check a scene, and put it into the models directory, the render service's setting `scenes`."""
 
     source: Annotated[str, POSITIONAL, Metavar("FILE|URL")]
     """Scene file or folder, or its URL."""
-    scenes: Path = MODELS
-    """Models directory."""
     id: Annotated[str | None, Metavar("NAME")] = None
     """Name of the scene; the file's name unless given."""
 
@@ -110,7 +107,7 @@ class Add(Command):
             terminated_as_interrupted(),
             _bar(f"fetching {shown(self.source)}") as listener,
         ):
-            id, file = add_scene(self.source, self.scenes, self.id, listener, MAX_DOWNLOAD_BYTES)
+            id, file = add_scene(self.source, load(RenderSettings, {}).scenes, self.id, listener, MAX_DOWNLOAD_BYTES)
         what = f"{file.format}, {file.count:,} Gaussians, SH degree {file.sh_degree}, {file.file_bytes / 1e6:.1f} MB"
         print(f"{file.files[0]}: {what}. A running service offers it as {id} once it has looked for new scenes.")
 
@@ -123,14 +120,15 @@ class Preview(_SceneCommand):
 
     def run(self) -> None:
         from tigas_render.raster.devices import create_rasterizer
-        from tigas_render.scenes.directory import scene_file
-        from tigas_render.scenes.metadata import read_metadata
-        from tigas_render.scenes.scene_statistics import SceneStatistics
+        from tigas_render.scenes.directory import read_scene_file
+        from tigas_render.scenes.source import read_metadata
+        from tigas_render.scenes.start_camera import SceneStatistics
         from tigas_render.server.preview import preview_camera
 
         statistics = SceneStatistics()
         with in_a_sentence(TigasError, OSError):
-            metadata, file, rasterizer = read_metadata(self.scene), scene_file(self.scene), create_rasterizer("auto")
+            metadata, file = read_metadata(self.scene), read_scene_file(self.scene)
+            rasterizer = create_rasterizer("auto")
             with _bar(f"reading {self.scene}") as listener:
                 scene = rasterizer.pack(statistics.collect(file.open(listener)))
             start = metadata.camera or statistics.camera(metadata.up)
@@ -151,8 +149,7 @@ class Ladder(Command):
     """Plot to draw as well: .png or .svg."""
 
     def run(self) -> None:
-        from tigas_render.ladder.make import find_scene, make, place_of, write_ladder
-        from tigas_render.ladder.plot import check_plot, draw
+        from tigas_render.ladder.make import check_plot, draw, find_scene, make, place_of, write_ladder
         from tigas_render.raster.devices import create_rasterizer
 
         with in_a_sentence(StartError, TigasError, OSError, ValueError):
@@ -185,7 +182,7 @@ def _print_ladder(made: Made) -> None:
     """The rungs, and below them the paper's, each with the hull's quality at the same bytes."""
     from rich.table import Table
 
-    from tigas_render.ladder.choose import hull, psnr_at
+    from tigas_render.ladder.make import hull, psnr_at
 
     table = Table("rung", "kB", "PSNR, dB", "the scene's at as many kB", box=None)
     for rung in made.file.rungs:

@@ -11,11 +11,11 @@ from pydantic_settings import NoDecode, SettingsConfigDict
 
 from tigas_common.address import Address, reached_by_others
 from tigas_common.command import NO_FLAG, Metavar
-from tigas_common.settings import MODELS, Listen, ListenOrOff, ServiceSettings
+from tigas_common.settings import MODELS, HostNames, Listen, ListenOrOff, Origins, ServiceSettings
 from tigas_common.topology import PAGE, PAGE_HTTPS, WEBTRANSPORT, ServiceName
 from tigas_common.wire.render import CongestionControl, LadderName
 from tigas_render.admission.limits import QuicLimits
-from tigas_render.cache import cache_directory
+from tigas_render.local_files import cache_directory
 
 MAX_EDGES = 64
 
@@ -49,6 +49,10 @@ class RenderSettings(ServiceSettings):
     model_config = SettingsConfigDict(env_prefix="TIGAS_RENDER_")
     table: ClassVar[str] = "render"
 
+    allow_hosts: HostNames = ()
+    """Host name that the service answers to, in addition to addresses and names of the local network."""
+    allow_origins: Origins = ()
+    """Origin of another host's pages that may use the service and embed it."""
     scenes: Path = MODELS
     """Models directory: a folder or a file for each scene."""
     lan: bool = False
@@ -83,8 +87,8 @@ class RenderSettings(ServiceSettings):
     """Let pages add, rename and delete scenes; by default only if the service is limited to this machine."""
     services: Annotated[dict[str, str], NO_FLAG] = Field(default_factory=dict)
     """Base URLs of other services for the page, by name; a bare `:PORT` means the page's own host."""
-    upstreams: Annotated[dict[ServiceName, Upstream], Metavar("NAME=URL")] = Field(default_factory=dict)
-    """Service (dash, store or shaper) to proxy under `/services/NAME/`, for pages that cannot reach it directly."""
+    upstreams: Annotated[dict[ServiceName, Upstream], NO_FLAG] = Field(default_factory=dict)
+    """URLs of services (dash, store, shaper) to proxy under `/services/NAME/`, for pages that cannot reach them."""
 
     @property
     def addresses(self) -> list[Address]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine, Hashable
+from collections.abc import Callable, Coroutine, Hashable
 from typing import Any, Generic, TypeVar
 
 Key = TypeVar("Key", bound=Hashable)
@@ -31,21 +31,3 @@ class SingleFlight(Generic[Key, Value]):
         del self._tasks[key]
         if not task.cancelled():
             task.exception()  # unhandled if all callers were cancelled
-
-
-class Repeated:
-    """Work with a result that depends on its start: calls during a run share the next run."""
-
-    def __init__(self, work: Callable[[], Awaitable[None]]) -> None:
-        self._work = work
-        self._running = asyncio.Lock()
-        self._asked = self._done = 0
-
-    async def run(self) -> None:
-        """Return after a run that started after this call. Raises the work's errors."""
-        self._asked = mine = self._asked + 1
-        async with self._running:
-            if self._done < mine:
-                latest = self._asked
-                await self._work()
-                self._done = latest

@@ -28,11 +28,11 @@ class ShaperSettings(ServiceSettings):
     """Port to forward, such as tcp:8080=render:8080."""
     traces: Path | None = None
     """Directory of network traces."""
-    trace: str | None = None
+    trace: Annotated[str | None, NO_FLAG] = None
     """Trace to play at start-up; without one, the link is constant."""
     http: Listen = SHAPER.loopback
     """Address of the API."""
-    allow_origins: Origins = PAGE_ORIGINS
+    allow_origins: Annotated[Origins, NO_FLAG] = PAGE_ORIGINS
     """Origins of other hosts' pages that may use the service."""
     down_kbps: Annotated[float, NO_FLAG] = Field(default=100_000, gt=0, le=MAX_RATE_KBPS)
     """Rate towards the clients while no trace plays, in kbit/s."""

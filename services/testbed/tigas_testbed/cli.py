@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import threading
-from pathlib import Path
 from queue import SimpleQueue
 from typing import Annotated
 
@@ -34,19 +33,17 @@ class Check(Command):
 
 
 class Up(Check):
-    """Start the services behind the shaped link until Ctrl+C. The page is at http://localhost:8080."""
+    """Start the services behind the shaped link until Ctrl+C. The page is at http://localhost:8080.
 
-    scenes: Path | None = None
-    """Models directory; the render service's setting unless given."""
-    traces: Path | None = None
-    """Directory of network traces; the shaper's setting unless given."""
+    The services have their own settings, such as TIGAS_RENDER_SCENES and TIGAS_SHAPER_TRACES.
+    """
 
     def run(self) -> None:
         """Run the services until the process is told to stop."""
         stop = _told_to_stop()
         with in_a_sentence(StartError, subprocess.CalledProcessError):
             require("dash", "render", "shaper")
-            run_lab(scenes=self.scenes, traces=self.traces, https=self.https, store=_has_store(), stop=stop)
+            run_lab(https=self.https, store=_has_store(), stop=stop)
 
 
 class Down(Command):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import socket
 import subprocess
@@ -131,9 +132,7 @@ def check_free(ports: Sequence[Port]) -> None:
                 raise StartError(f"The lab needs {port.protocol} port {port.loopback} ({error.strerror}).") from None
 
 
-def run_lab(
-    *, scenes: Path | None, traces: Path | None, https: Address | None, store: bool, stop: threading.Event
-) -> None:
+def run_lab(*, https: Address | None, store: bool, stop: threading.Event) -> None:
     """Run the whole lab, with or without the experiment store, until `stop` is set.
 
     Raises StartError if it cannot start, or if a service ends too often.
@@ -143,8 +142,10 @@ def run_lab(
     ports = (*PORTS, *((secure,) if secure else ()))
     check_free(ports)
     results: Path = settings_of("store").results
-    models: Path = scenes or settings_of("render").scenes
-    traces = traces or settings_of("shaper", access="access", service="service", forward=("tcp:1=localhost:1",)).traces
+    models: Path = settings_of("render").scenes
+    traces: Path | None = settings_of(
+        "shaper", access="access", service="service", forward=("tcp:1=localhost:1",)
+    ).traces
     lent = (results, *((models,) if models == MODELS else ()))  # a directory that was named keeps its owner
     caller, user = User.caller(os.environ), User.of_services(os.environ, Path.cwd())
     options = ("--traces", str(traces)) if traces else ()
@@ -176,24 +177,24 @@ def run_demo(render_options: Sequence[str], stop: threading.Event, *, store: boo
     """Run the services without a shaped link until `stop` is set. Raises StartError as `run_lab` does."""
     services = page_services(shaped=False, store=store)
     environment = {SERVICES_VARIABLE: services, UPSTREAMS_VARIABLE: upstreams(store=store)} | os.environ
-    dash = tigas("dash", *_own_names("dash"))
+    dash = tigas("dash")
     if "--lan" in render_options:
         dash += ("--http", str(DASH.everywhere))  # nothing forwards WebRTC traffic
 
-    def start(argv: Sequence[str]) -> subprocess.Popen[bytes]:
-        return subprocess.Popen(argv, start_new_session=True, env=environment)
+    def start(argv: Sequence[str], more: Mapping[str, str] = MappingProxyType({})) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(argv, start_new_session=True, env={**environment, **more})
 
     running = [
-        Service("DASH packager", lambda: start(dash)),
+        Service("DASH packager", lambda: start(dash, _own_names("dash"))),
         Service("render service", lambda: start(tigas("render", *render_options))),
     ]
     if store:
-        running.insert(0, Service("experiment store", lambda: start(tigas("store", *_own_names("store")))))
+        running.insert(0, Service("experiment store", lambda: start(tigas("store"), _own_names("store"))))
     keep_running(running, stop)
 
 
-def _own_names(service: str) -> list[str]:
-    """Options with which a service also answers to this machine's names on the network."""
+def _own_names(service: str) -> dict[str, str]:
+    """The environment in which a service also answers to this machine's names on the network."""
     own = socket.gethostname().lower()
     hosts = (*settings_of(service).allow_hosts, *((own, f"{own}.local") if host_of(own) == own else ()))
-    return [f"--allow-host={host}" for host in hosts]
+    return {f"TIGAS_{service.upper()}_ALLOW_HOSTS": json.dumps(hosts)}

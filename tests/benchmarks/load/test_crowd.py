@@ -8,8 +8,8 @@ import time
 import pytest
 
 from benchmarks.load.crowd import Crowds
-from benchmarks.load.observed import Observed
 from benchmarks.load.plan import Plan
+from benchmarks.load.step import Observed
 from tests.benchmarks.load.test_viewer import POSES, VIEW
 from tests.render.transport.client import FakeFrames
 from tests.render.transport.serving import served

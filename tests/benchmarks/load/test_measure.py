@@ -1,4 +1,4 @@
-"""The capacity search, with made-up steps."""
+"""The capacity, found in few tries, and the comparison of services, with made-up steps."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from typing import Any, cast
 
 import pytest
 
-from benchmarks.load.measure import Capacity, Subject, Timing, compare, measure_capacity
+from benchmarks.load.measure import Capacity, Subject, Timing, compare, measure_capacity, search
 from benchmarks.load.report import comparison_lines, verdict
 from benchmarks.load.step import Generator, Step
 
-GOOD = Step(
-    1, 0, 300, {"served": 300}, 10, (9, 11), 20, (19, 21), 30, (29, 31), 5.5, 23, Generator(0.1, 0.5, 1, 0), 1.0
-)
+GOOD = Step(1, 0, 300, {"served": 300}, 10, (9, 11), 20, (19, 21), 30, (29, 31), 5.5, 23, Generator(0.1, 0.5, 1), 1.0)
 TIMING = Timing(5, 1)
 
 
@@ -30,9 +28,7 @@ class Made:
     def step(self, viewers: int, timing: Timing, wait: object) -> Step:
         late = 0.0 if viewers <= self.generator else 50.0
         slow = viewers > min(self.capacity, self.generator)
-        return replace(
-            GOOD, viewers=viewers, p95_ms=400 if slow else self.p95_ms, generator=Generator(0.1, 0.5, late, 0)
-        )
+        return replace(GOOD, viewers=viewers, p95_ms=400 if slow else self.p95_ms, generator=Generator(0.1, 0.5, late))
 
 
 def measured(made: Made, steps: int = 14) -> tuple[Capacity, list[int]]:
@@ -88,3 +84,28 @@ def test_two_services_are_measured_in_turns() -> None:
     assert ratio is not None
     assert ratio.value == pytest.approx(1.5)
     assert comparison_lines(comparison)[1] == "4 viewers, p95: 1.500 times the baseline's [1.500, 1.500]"
+
+
+def found(capacity: int, first: int = 4, most: int = 400) -> tuple[int, list[int]]:
+    """The result of a search for `capacity`, and the numbers tried."""
+    looking, tried = search(first, most), []
+    try:
+        viewers = next(looking)
+        while True:
+            tried.append(viewers)
+            viewers = looking.send(viewers <= capacity)
+    except StopIteration as end:
+        return end.value, tried
+
+
+@pytest.mark.parametrize("capacity", [*range(20), 71, 100, 150, 399, 400])
+def test_it_is_found_within_a_twentieth(capacity: int) -> None:
+    value, tried = found(capacity)
+    assert 0.95 * capacity - 1 <= value <= capacity
+    assert len(tried) == len(set(tried)) <= 14
+    assert max(tried) <= 400
+
+
+def test_nothing_above_the_most_is_tried_and_nothing_twice() -> None:
+    assert found(1000, most=50) == (50, [4, 8, 16, 32, 50])
+    assert found(0) == (0, [4, 2, 1])

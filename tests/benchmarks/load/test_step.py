@@ -7,8 +7,7 @@ import math
 import pytest
 
 from benchmarks.load.measure import Capacity, Ratio
-from benchmarks.load.observed import Observed
-from benchmarks.load.step import Step
+from benchmarks.load.step import Observed, Step
 from benchmarks.load.viewer import Due
 
 
@@ -17,10 +16,8 @@ def frames(count: int = 300, took: float = 0.02, lag: float = 0.0) -> list[Due]:
     return [Due(100 + 10 * n / count, "served", took, 100 + 10 * n / count + took, 23_000, lag) for n in range(count)]
 
 
-def step(
-    ended: list[Due], waiting: list[float] | None = None, outside: int = 0, cpu: float = 1.0, dropped: int = 0
-) -> Step:
-    return Step.of(1, 10.0, Observed.of(ended, waiting or [], (100.0, 110.0), outside, cpu, dropped), 5.0)
+def step(ended: list[Due], waiting: list[float] | None = None, outside: int = 0, cpu: float = 1.0) -> Step:
+    return Step.of(1, 10.0, Observed.of(ended, waiting or [], (100.0, 110.0), outside, cpu), 5.0)
 
 
 def test_figures_of_a_service_that_keeps_up() -> None:
@@ -66,8 +63,6 @@ def test_viewers_that_are_too_slow_themselves_say_nothing_of_the_service() -> No
     assert "computed 90% of the time" in (step(frames(), cpu=9.0).bottleneck or "")
     assert "8 ms late" in (step(frames(lag=0.008)).bottleneck or "")
     assert step(frames(took=0.2, lag=0.008)).bottleneck is None
-    assert "1.0% of what came" in (step(frames(), dropped=50).bottleneck or "")
-    assert step(frames(), dropped=5).bottleneck is None
 
 
 def test_several_processes_count_together() -> None:

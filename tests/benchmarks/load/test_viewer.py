@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import random
 from collections import Counter
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from typing import Any
 
 import pytest
 
 from benchmarks.load.plan import Plan, Transport
 from benchmarks.load.viewer import IN_FLIGHT, Viewer
-from tests.render.transport.client import FakeFrames
-from tests.render.transport.serving import eventually, served
+from tests.render.transport.client import FakeFrames, eventually
+from tests.render.transport.serving import served
 from tigas_common.errors import Overloaded, Superseded
 from tigas_render.transport.server import Http3Server
 
@@ -40,11 +40,11 @@ def fates(viewer: Viewer) -> Counter[str]:
 
 
 async def test_frames_are_counted_to_their_last_byte() -> None:
-    source = FakeFrames(random.Random(1).randbytes(200_000))
+    source = FakeFrames(bytes(200_000))
     async with viewing(source, frames_per_s=50) as (viewer, _):
         await eventually(lambda: fates(viewer)["served"] >= 10)
     served_frames = [due for due in viewer.ended if due.fate == "served"]
-    assert all(200_000 < due.size < 201_000 for due in served_frames)
+    assert all(due.size == 200_000 for due in served_frames)
     assert all(0 < due.took < 10 and 0 <= due.lag < 10 for due in served_frames)
     assert set(fates(viewer)) <= {"served", "overtaken", "outside", "waiting"}
 
@@ -62,7 +62,7 @@ async def test_a_viewer_walks_along_its_movement_and_begins_anew() -> None:
 async def test_frames_over_post() -> None:
     async with viewing(FakeFrames(), "post") as (viewer, _):
         await eventually(lambda: fates(viewer)["served"] >= 10)
-    assert {due.size > 10 for due in viewer.ended if due.fate == "served"} == {True}
+    assert {due.size for due in viewer.ended if due.fate == "served"} == {len("/render")}
 
 
 async def test_what_a_newer_frame_has_overtaken_is_cancelled() -> None:
@@ -78,18 +78,18 @@ async def test_a_viewer_keeps_to_the_rate_that_it_is_told() -> None:
     source = FakeFrames()
     async with viewing(source) as (viewer, _):
         await eventually(lambda: fates(viewer)["served"])
-        viewer.answered = _told(viewer, 50)  # type: ignore[method-assign]
-        await eventually(lambda: fates(viewer)["served"] > 1)
+        answer = viewer._answer
+
+        async def limited(*arguments: Any) -> tuple[int, float | None, int]:
+            status, _, size = await answer(*arguments)
+            return status, 50.0, size
+
+        viewer._answer = limited  # type: ignore[method-assign, assignment]
+        await eventually(lambda: fates(viewer)["paced"])
         viewer.ended.clear()
         await eventually(lambda: len(viewer.ended) >= 40)
     asked = fates(viewer).total() - fates(viewer)["paced"]
     assert asked == pytest.approx(fates(viewer).total() * 50 / 200, rel=0.3)
-
-
-def _told(viewer: Viewer, rate: float) -> Callable[..., None]:
-    """Answers in which the service names a rate."""
-    answered = viewer.answered
-    return lambda stream_id, status, header, *rest: answered(stream_id, status, {"requests_per_s": rate}, *rest)
 
 
 @pytest.mark.parametrize(("error", "fate"), [(Superseded("new"), "superseded"), (Overloaded("full"), "overloaded")])
@@ -110,28 +110,28 @@ async def test_a_viewer_waits_for_so_many_frames_and_asks_for_no_more() -> None:
     assert len(source.requests) == IN_FLIGHT
 
 
-async def test_whoever_is_thrown_out_comes_again() -> None:
-    source = FakeFrames()
-    async with viewing(source) as (viewer, server):
-        await eventually(lambda: fates(viewer)["served"])
-        for connection in list(server._connections):
-            connection.close()
-        await eventually(lambda: not viewer.is_inside)
-        viewer.ended.clear()
-        await eventually(lambda: fates(viewer)["outside"] and fates(viewer)["served"])
-
-
-async def test_a_viewer_learns_that_the_service_knows_nothing_of_it_any_more() -> None:
+async def test_a_viewer_that_is_thrown_out_comes_again() -> None:
     source = FakeFrames()
     async with viewing(source) as (viewer, server):
         await eventually(lambda: fates(viewer)["served"])
         source.held = True
         await eventually(viewer.waiting)
         for connection in list(server._connections):
-            connection.abandon()
-            server._connections.remove(connection)
+            connection.close()
         await eventually(lambda: not viewer.is_inside)
         assert fates(viewer)["lost"]
         source.held = False
+        viewer.ended.clear()
+        await eventually(lambda: fates(viewer)["outside"] and fates(viewer)["served"])
+
+
+async def test_a_viewer_leaves_a_service_that_is_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("benchmarks.load.viewer.IDLE_S", 0.5)
+    async with viewing(FakeFrames()) as (viewer, server):
+        await eventually(lambda: fates(viewer)["served"])
+        for connection in list(server._connections):
+            connection.abandon()
+            server._connections.remove(connection)
+        await eventually(lambda: not viewer.is_inside)
         viewer.ended.clear()
         await eventually(lambda: fates(viewer)["served"])

@@ -19,7 +19,7 @@ from tests.command import Result, tigas
 from tests.experiments.conftest import Services
 from tests.experiments.processes import finished, started, until
 from tests.experiments.stub import Stub, fails
-from tigas_experiments.records.folder import RunRecord, StoredRun, read_experiment
+from tigas_experiments.records.folder import StoredRun, read_experiment
 from tigas_experiments.records.summary import summarise
 from tigas_experiments.report.run_table import load
 from tigas_experiments.wire.run import USUALLY_COMPARED
@@ -124,7 +124,7 @@ def test_a_stream_may_have_a_single_representation(services: Services, out: Path
 def test_who_ends_it_ends_everything_and_keeps_what_was_finished(
     services: Services, out: Path, end_it: Callable[[subprocess.Popen[str]], None]
 ) -> None:
-    modes = ("--modes", "stateless", "--repeats", "2")
+    modes = ("--modes", "stateless", "--profile", "2")
     process = compare("--url", services.url, "--network", "unshaped", *modes, "--out", str(out), *SHORT)
     until(process, lambda: len(list((out / "runs").glob("*"))) == 2, "the second run never began")
     children = psutil.Process(process.pid).children(recursive=True)
@@ -144,7 +144,7 @@ def test_who_ends_it_ends_everything_and_keeps_what_was_finished(
 def test_a_run_that_somebody_else_spoils_is_named(services: Services, out: Path) -> None:
     held = ("/link", {"down_kbps": 20_000, "up_kbps": 10_000, "delay_ms": 10, "jitter_ms": 0, "loss_pct": 0})
     asked = len(services.shaper.asked)
-    arguments = ("--url", services.url, "--modes", "stateless", "--repeats", "2", "--out", str(out))
+    arguments = ("--url", services.url, "--modes", "stateless", "--profile", "2", "--out", str(out))
     process = compare(*arguments, "--network", "20mbit,20ms-rtt", *SHORT)
     begun = lambda: services.shaper.asked[asked:].count(held) == 2  # noqa: E731 - the first time, it is only tried
     until(process, begun, "the first run never began")
@@ -218,13 +218,6 @@ def test_its_options_are_the_plan_of_an_experiment(stub: Stub, out: Path, monkey
     assert f"{out} already exists; choose another folder with --out." in again.output
 
 
-def test_reprojection_is_an_option(stub: Stub, out: Path) -> None:
-    result = tigas_compare("--out", str(out), "--reprojection", "--modes", "stateless")
-    assert result.exit_code == 0, result.output
-    (run,) = (RunRecord.model_validate_json(path.read_text()) for path in out.glob("runs/*/run.json"))
-    assert run.configuration.motion == ("reprojection",)
-
-
 def test_a_run_that_fails_costs_the_exit_status_and_no_other_run(stub: Stub, out: Path) -> None:
     stub.happenings = [None, fails]
     result = tigas_compare("--out", str(out))
@@ -241,7 +234,7 @@ def test_a_run_that_fails_costs_the_exit_status_and_no_other_run(stub: Stub, out
 
 def test_when_nothing_works_there_is_a_report_of_that_too(stub: Stub, out: Path) -> None:
     stub.happenings = [fails] * 5
-    result = tigas_compare("--out", str(out), "--repeats", "3")
+    result = tigas_compare("--out", str(out), "--network", "unshaped", "--network", "20mbit")
     assert result.exit_code == 1
     assert "5 runs in a row failed" in result.output
     assert stub.reported == [out]

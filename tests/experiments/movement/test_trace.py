@@ -21,7 +21,8 @@ from tests.scenes import scene
 from tigas_common.pose import Pose
 from tigas_common.wire.render import SceneInfo, StartCamera
 from tigas_experiments.movement.table import MovementError
-from tigas_experiments.movement.trace import MovementTrace, TimedPose, metre, placed
+from tigas_experiments.movement.trace import MovementTrace, metre, placed
+from tigas_experiments.wire.movement import TimedPose
 
 KEPT: dict[str, Any] = json.loads(FILE.read_text(encoding="utf-8"))
 HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n"

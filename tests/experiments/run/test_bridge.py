@@ -20,6 +20,7 @@ from tigas_common.pose import Pose
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.run.browser import SampleList, Viewer, chromium
 from tigas_experiments.wire.recording import Recording
+from tigas_experiments.wire.run import RunPlan
 
 pytestmark = pytest.mark.alone
 
@@ -41,6 +42,12 @@ def services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Services]:
         yield found
 
 
+def plan(**changes: float) -> RunPlan:
+    """Turn for two seconds."""
+    fields = {"duration_ms": 2000, "capture_every_ms": 0, "sample_stride": 0, "download": False, "points": TURN}
+    return RunPlan.model_validate(fields | changes, strict=False)
+
+
 def recorded(url: str, settings: dict[str, Any]) -> tuple[Recording, list[int | None]]:
     """A run, and the headings that its pictures show."""
 
@@ -53,7 +60,7 @@ def recorded(url: str, settings: dict[str, Any]) -> tuple[Recording, list[int | 
             with pytest.raises(RunFailed):
                 await viewer.prepare({"seed": -1}, TURN[0])
             await viewer.prepare({"seed": 7, **settings, **AS_THEY_COME, "hud": False, "sidebar": False}, TURN[0])
-            recording = await viewer.record({"points": TURN, "duration_ms": 2000, "capture_every_ms": 100}, 30)
+            recording = await viewer.record(plan(capture_every_ms=100), 30)
             pictures = [await viewer.capture(index) for index in range(len(recording.captures))]
             with pytest.raises(RunFailed, match="there is no picture 0"):
                 await viewer.capture(0)
@@ -113,7 +120,7 @@ def test_a_stalled_page_owes_the_poses_that_it_did_not_sample(services: Services
             viewer = Viewer(page)
             await viewer.prepare({"mode": "stateless", "controller": "fixed", "profile": 2, **AS_THEY_COME}, TURN[0])
             await page.evaluate(stall)
-            return await viewer.record({"points": TURN, "duration_ms": 2000, "capture_every_ms": 100}, 30)
+            return await viewer.record(plan(capture_every_ms=100), 30)
 
     recording = asyncio.run(run())
     interval = recording.display_interval_ms
@@ -133,8 +140,7 @@ def test_every_third_shown_frame_is_sampled_as_it_came(services: Services) -> No
             await page.wait_for_function("() => window.tigas !== undefined")
             viewer = Viewer(page)
             await viewer.prepare({"mode": "stateless", "controller": "fixed", "profile": 2, **AS_THEY_COME}, TURN[0])
-            plan = {"points": TURN, "duration_ms": 2000, "capture_every_ms": 0, "sample_stride": 3}
-            recording = await viewer.record(plan, 30)
+            recording = await viewer.record(plan(sample_stride=3), 30)
             told = await viewer.samples()
             return recording, told, {name: await viewer.sample_picture(name) for name in told.pictures}
 
@@ -163,8 +169,7 @@ def test_a_run_goes_on_where_the_browser_keeps_no_files(services: Services) -> N
             await page.wait_for_function("() => window.tigas !== undefined")
             viewer = Viewer(page)
             await viewer.prepare({"mode": "stateless", "controller": "fixed", "profile": 3, **AS_THEY_COME}, TURN[0])
-            plan = {"points": TURN, "duration_ms": 1000, "capture_every_ms": 0, "sample_stride": 3}
-            return await viewer.record(plan, 30), await viewer.samples()
+            return await viewer.record(plan(sample_stride=3, duration_ms=1000), 30), await viewer.samples()
 
     recording, told = asyncio.run(run())
     assert recording.complete

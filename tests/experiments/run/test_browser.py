@@ -10,9 +10,11 @@ from typing import Any
 import pytest
 from playwright.async_api import Error, TimeoutError
 
+from tests.experiments.made_up import configuration
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.run import browser
 from tigas_experiments.run.browser import Viewer, graphics_arguments, responds
+from tigas_experiments.run.job import run_plan
 
 
 class StrangePage:
@@ -65,7 +67,7 @@ def test_a_page_that_misbehaves_gets_a_sentence(
 def test_a_recording_is_waited_for_as_long_as_it_may_take() -> None:
     page: Any = StrangePage(run=...)
     with pytest.raises(RunFailed, match=r"did not answer within 0.05 s \(run\)"):
-        asyncio.run(Viewer(page).record({}, 0.05))
+        asyncio.run(Viewer(page).record(run_plan(configuration(), []), 0.05))
 
 
 @pytest.mark.parametrize("answer", [Error("Connection closed"), ...], ids=["dead", "hanging"])

@@ -236,6 +236,6 @@ def test_a_movement_that_was_edited_meanwhile_is_read_again(monkeypatch: pytest.
         path.write_text(rows.format(x=22))
         second = await lab.setup(wanted)
         assert [bench.points[0]["position"][0] for bench in (first, second)] == [1, 22]
-        assert first.digests != second.digests
+        assert first.made_from.digests != second.made_from.digests
 
     asyncio.run(use())

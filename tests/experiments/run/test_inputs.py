@@ -14,8 +14,8 @@ from tests.scenes import scene
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
 from tigas_common.wire.render import SceneInfo, StartCamera
-from tigas_experiments.movement.trace import TimedPose
 from tigas_experiments.run.inputs import Inputs, points_sha256
+from tigas_experiments.wire.movement import TimedPose
 from tigas_experiments.wire.run import Configuration, Network
 
 HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n"

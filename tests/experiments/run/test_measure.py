@@ -23,9 +23,10 @@ from tigas_experiments.records.machine import Server
 from tigas_experiments.run import measure as run_module
 from tigas_experiments.run.environment import Setup
 from tigas_experiments.run.inputs import Inputs, points_sha256
+from tigas_experiments.run.outcome import MadeFrom
 from tigas_experiments.run.targets import Target
 from tigas_experiments.wire.recording import Recording
-from tigas_experiments.wire.run import Configuration, Network
+from tigas_experiments.wire.run import Configuration, Network, RunPlan
 
 UNSHAPED = configuration(network=Network(), warm_up_s=0.0)
 POINTS = Inputs(Path()).points(UNSHAPED, scene())
@@ -52,17 +53,16 @@ class World:
         return Setup(
             target=Target(self.url, SERVER),
             browser=SimpleNamespace(version="1"),  # type: ignore[arg-type]
-            scene=self.scene,
             points=POINTS,
             network=UNSHAPED.network,
-            digests=DIGESTS,
+            made_from=MadeFrom(DIGESTS, points_sha256(POINTS), SERVER, self.scene),
         )
 
     async def prepare(self, settings: object, pose: object) -> None:
         self.asked |= {"pose": pose, "settings": settings}
 
-    async def record(self, plan: dict[str, Any], patience_s: float) -> Recording:
-        self.asked |= plan
+    async def record(self, plan: RunPlan, patience_s: float) -> Recording:
+        self.asked |= plan.model_dump()
         return parse_recording(json.dumps(self.recording))
 
     async def check(self) -> None:
@@ -99,7 +99,7 @@ def test_the_record_says_which_poses_the_page_was_given(world: World, tmp_path: 
     first, second = (run(world, tmp_path / name) for name in ("first", "second"))
     assert first.status == "complete"
     assert world.asked["pose"] == POINTS[0]
-    assert world.asked["points"] == POINTS
+    assert list(world.asked["points"]) == POINTS
     assert first.points_sha256 == second.points_sha256 == points_sha256(POINTS)
     assert (first.scene_bytes, first.scene_sha256) == (scene().file_bytes, scene().file_sha256)
 

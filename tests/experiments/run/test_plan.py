@@ -13,7 +13,7 @@ import pytest
 
 from tigas_common.errors import StartError
 from tigas_experiments.run.inputs import Inputs
-from tigas_experiments.run.measure import page_settings
+from tigas_experiments.run.job import page_settings
 from tigas_experiments.run.plan import ExperimentPlan, lasting, seconds
 from tigas_experiments.wire.run import MODES, Configuration
 
@@ -271,8 +271,8 @@ def test_nonsense_gets_one_sentence(tmp_path: Path, fields: dict[str, Any], sent
         (b"duration_s = inf", "duration_s: input should be a finite number"),
         (b"name = 1999-01-01T00:00:00Z\nname = 2", "is no TOML"),
         (b"= 1", "is no TOML"),
-        (b"\xff", "is no TOML"),
-        (b"#" * 200_000, "more than 100000 bytes"),
+        (b"\xff", "cannot be read"),
+        (b"#" * 200_000, "more than 100,000 characters"),
         (b"", "name: field required"),
         (None, "cannot be read: No such file"),
     ],

@@ -10,9 +10,9 @@ from rich.console import Console
 from tests.experiments.made_up import MACHINE
 from tigas_experiments.records.folder import RunRecord
 from tigas_experiments.report.controllers import run_names
+from tigas_experiments.run.experiment import Experiment
 from tigas_experiments.run.plan import ExperimentPlan
 from tigas_experiments.run.progress import progress
-from tigas_experiments.run.runner import Experiment
 
 PLAN = {
     "name": "compare",

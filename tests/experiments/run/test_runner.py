@@ -23,7 +23,7 @@ from tigas_common.errors import StartError
 from tigas_experiments.lock import exclusive
 from tigas_experiments.records.folder import RunWriter, read_experiment
 from tigas_experiments.records.machine import Server
-from tigas_experiments.run import runner
+from tigas_experiments.run.experiment import GIVE_UP_AFTER
 
 
 @pytest.fixture
@@ -247,7 +247,7 @@ def test_many_failures_in_a_row_end_it(stub: Stub, file: Path) -> None:
     stub.happenings = [fails] * 6
     result = tigas("run", file)
     assert result.exit_code == 1
-    assert len(stub.made) == runner.GIVE_UP_AFTER == 5
+    assert len(stub.made) == GIVE_UP_AFTER == 5
     assert "5 runs in a row failed, so the others are not tried; the same command goes on." in result.output
     assert result.output.endswith("this: The viewer failed: Target closed\n")
     file.write_text(toml(controllers=["latency", "l2a", 0], repeats=4))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
@@ -13,21 +14,24 @@ from typing import Any, TypeVar, TypeVarTuple
 import httpx
 import pytest
 
-from tests.experiments.made_up import MACHINE, configuration, recording, sample, write_run
+from tests.experiments.made_up import MACHINE, SERVER, configuration, recording, sample, write_run
+from tests.scenes import scene
 from tigas_common.address import Address
 from tigas_common.limits import HttpLimits
 from tigas_common.offload import Limit, Offload
 from tigas_common.origins import OriginPolicy
 from tigas_common.runner import serve_http
+from tigas_common.wire.render import SceneInfo, ServerConfig
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.store.app import Store, create_app
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.movements import Movements
+from tigas_experiments.store.planner import Planner, Services
 from tigas_experiments.store.reports import Reports
 from tigas_experiments.store.rerendering import Rerendering
 from tigas_experiments.store.workspace import NAME, Workspace
-from tigas_experiments.wire.run import Mode
+from tigas_experiments.wire.run import Configuration, Mode
 
 PATIENCE_S = 20
 NOBODY = "http://127.0.0.1:9"
@@ -47,16 +51,26 @@ class Running:
     http: httpx.AsyncClient
     port: int
 
-    async def create(self, name: str = "abr") -> str:
+    async def create(self, name: str = "abr", **changes: Any) -> str:
         """A new experiment's id."""
-        answer = await self.http.post("/experiments", json={"name": name, "plan": {"seed": 1}})
+        answer = await self.http.post("/experiments", json=plan(name, **changes))
         assert answer.status_code == 201, answer.text
         return str(answer.json()["id"])
 
+    async def next(self, experiment: str, page: str = "page-1", **changes: Any) -> dict[str, Any]:
+        """The answer to a page that asks for a run."""
+        answer = await self.http.post(f"/experiments/{experiment}/next", json={"page": page, **changes})
+        assert answer.status_code == 200, answer.text
+        told: dict[str, Any] = answer.json()
+        return told
+
     async def add(self, experiment: str, mode: Mode = "stateless", **changes: Any) -> dict[str, Any]:
-        """A new run's row."""
-        answer = await self.http.post(f"/experiments/{experiment}/runs", json=upload(mode, **changes))
-        assert answer.status_code == 201, answer.text
+        """A new run's row, with everything that belongs to it."""
+        path = f"/experiments/{experiment}/runs/{slug(mode)}"
+        answer = await self.http.put(path, json=upload(mode, **changes))
+        assert answer.status_code == 200, answer.text
+        answer = await self.http.post(f"{path}/complete")
+        assert answer.status_code == 200, answer.text
         row: dict[str, Any] = answer.json()
         return row
 
@@ -66,15 +80,38 @@ class Running:
         return sorted(path for path in paths if path not in (NAME, f"{NAME}/lock"))
 
 
-def upload(mode: Mode = "stateless", *, repeat: int = 0, **changes: Any) -> dict[str, Any]:
+def plan(name: str = "abr", **changes: Any) -> dict[str, Any]:
+    """The page's request for an experiment with a run of a second for each of two modes."""
+    file = {
+        "name": name,
+        "scenes": ["courtyard"],
+        "movements": ["stroll"],
+        "networks": ["20mbit,20ms-rtt"],
+        "modes": ["stateless", "dash-tuned"],
+        "duration_s": 1,
+        "shuffled": False,
+    }
+    return {"file": json.dumps(file | changes)}
+
+
+def slug(mode: Mode = "stateless") -> str:
+    """The folder of a run of that experiment."""
+    return configuration(mode).slug
+
+
+def upload(mode: Mode = "stateless", **changes: Any) -> dict[str, Any]:
     """The page's upload after a run, with changes of the recording."""
     return {
-        "configuration": configuration(mode, repeat=repeat).model_dump(mode="json"),
-        "recording": recording(mode=mode.partition("-")[0], **changes),
+        "recording": recording(**{"mode": mode.partition("-")[0], "captures": [], **changes}),
         "link": [sample(at).model_dump() for at in (0.0, 500.0, 1000.0)],
-        "scene_bytes": SCENE_BYTES,
         "backend": "netem",
     }
+
+
+async def services(run: Configuration) -> tuple[ServerConfig, SceneInfo]:
+    """A render service with a packager and any scene."""
+    config = SERVER.model_copy(update={"services": {"dash": NOBODY}})
+    return config, scene().model_copy(update={"id": run.scene, "file_bytes": SCENE_BYTES})
 
 
 async def until(condition: Callable[[], bool]) -> None:
@@ -100,6 +137,8 @@ async def running_store(
     offload: Offload = in_a_thread,
     limits: HttpLimits = HttpLimits(),  # noqa: B008 - it is frozen
     policy: OriginPolicy = POLICY,
+    services: Services = services,
+    clock: Callable[[], float] = time.monotonic,
 ) -> AsyncIterator[Running]:
     """A store, as a context manager."""
     results, movements = directory / "results", directory / "movements"
@@ -108,7 +147,18 @@ async def running_store(
         experiments = Experiments(results, workspace)
         reports, kept = Reports(experiments, workspace, offload), Movements(movements)
         async with Rerendering.opened(experiments, NOBODY) as materialisations:
-            store = Store(workspace, experiments, reports, kept, load, MACHINE, offload, materialisations)
+            planner = Planner(
+                experiments,
+                workspace,
+                offload,
+                movements=movements,
+                render=NOBODY,
+                services=services,
+                machine=MACHINE,
+                load=load,
+                clock=clock,
+            )
+            store = Store(workspace, experiments, reports, kept, planner, materialisations)
             async with (
                 serve_http(create_app(store, policy), Address("127.0.0.1", 0), limits) as port,
                 httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=PATIENCE_S) as client,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import http.client
 import json
 from pathlib import Path
@@ -12,7 +11,7 @@ import anyio.to_thread
 import pytest
 
 from tests.experiments.made_up import write_run
-from tests.experiments.store.conftest import SCENE_BYTES, Running, by_command, running_store, upload
+from tests.experiments.store.conftest import SCENE_BYTES, Running, by_command, plan, running_store, slug, upload
 from tigas_experiments.lock import EXPERIMENT, exclusive
 from tigas_experiments.records.folder import StoredRun, read_experiment, read_snapshot
 from tigas_experiments.records.load import LoadSample
@@ -22,8 +21,7 @@ pytestmark = pytest.mark.anyio
 
 
 async def test_an_experiment_from_its_beginning_to_its_end(store: Running) -> None:
-    plan = {"modes": ["stateless"], "rtts_ms": [20, 50.5], "seed": None}
-    begun = await store.http.post("/experiments", json={"name": " RTT & Größe ", "plan": plan, "planned": 3})
+    begun = await store.http.post("/experiments", json=plan(" RTT & Größe ", repeats=2))
     experiment = begun.json()["id"]
     assert (begun.status_code, begun.headers["location"]) == (201, f"/experiments/{experiment}")
     assert experiment.startswith("RTT-Gr-e-20")
@@ -32,9 +30,9 @@ async def test_an_experiment_from_its_beginning_to_its_end(store: Running) -> No
     assert row["figures"]["delivered_kbps"] == 5000
     listed = (await store.http.get("/experiments")).json()["experiments"]
     assert [(one["id"], one["name"], one["source"]) for one in listed] == [(experiment, "RTT & Größe", "page")]
-    assert [(one["planned"], one["runs"], one["complete"]) for one in listed] == [(3, 1, 1)]
+    assert [(one["planned"], one["runs"], one["complete"]) for one in listed] == [(4, 1, 1)]
     told = (await store.http.get(f"/experiments/{experiment}")).json()
-    assert (told["plan"], told["complete"], told["runs"]) == (plan, 1, [row])
+    assert (told["plan"]["repeats"], told["complete"], told["runs"]) == (2, 1, [row])
     assert (await store.http.delete(f"/experiments/{experiment}")).status_code == 204
     assert store.kept() == []
     for path in ("", "/zip", "/report"):
@@ -44,7 +42,7 @@ async def test_an_experiment_from_its_beginning_to_its_end(store: Running) -> No
 
 async def test_experiments_of_one_name_are_told_apart(store: Running) -> None:
     for _ in range(3):
-        await store.http.post("/experiments", json={"name": "Pebbles", "plan": {}})
+        await store.create("Pebbles")
     listed = (await store.http.get("/experiments")).json()["experiments"]
     assert sorted(one["name"] for one in listed) == ["Pebbles", "Pebbles (2)", "Pebbles (3)"]
 
@@ -71,7 +69,7 @@ async def test_a_run_that_broke_off_is_kept_as_failed(store: Running) -> None:
     assert (row["status"], row["figures"]) == ("failed", None)
     assert row["problem"] == "The movement was not played to its end."
     [listed] = (await store.http.get("/experiments")).json()["experiments"]
-    assert (listed["planned"], listed["runs"], listed["complete"]) == (None, 1, 0), "nobody said how many there will be"
+    assert (listed["planned"], listed["runs"], listed["complete"]) == (2, 1, 0)
 
 
 async def test_a_run_gets_the_load_of_its_own_time(tmp_path: Path) -> None:
@@ -85,17 +83,6 @@ async def test_a_run_gets_the_load_of_its_own_time(tmp_path: Path) -> None:
     assert told.cpu_mean == pytest.approx(0.745)
     assert told.cpu_max == 0.99
     assert row["saturated_share"] == 0.5
-
-
-async def test_equal_runs_and_equal_names_are_all_kept(store: Running) -> None:
-    experiments = await asyncio.gather(*(store.create("twice") for _ in range(4)))
-    assert len(set(experiments)) == 4
-    slug = "courtyard_stroll_20mbit-20ms-rtt_stateless-budget_0"
-    (store.results / experiments[0] / "runs" / slug).write_text("a file in the way")
-    rows = await asyncio.gather(*(store.add(experiments[0]) for _ in range(4)))
-    assert {row["folder"] for row in rows} == {f"{slug}_{number}" for number in range(2, 6)}
-    told = (await store.http.get(f"/experiments/{experiments[0]}")).json()
-    assert sorted(run["folder"] for run in told["runs"]) == sorted(row["folder"] for row in rows)
 
 
 async def test_experiments_of_commands_are_there_as_they_grow(store: Running) -> None:
@@ -137,8 +124,11 @@ async def test_what_cannot_be_read_costs_itself_alone(store: Running, content: s
 
 async def test_what_a_command_makes_is_its_own(store: Running) -> None:
     folder = by_command(store.results / "made", 1)
-    added = await store.http.post("/experiments/made/runs", json=upload())
-    assert (added.status_code, added.json()["type"]) == (409, "tigas:experiment-in-use")
+    for answer in (
+        await store.http.put(f"/experiments/made/runs/{slug()}", json=upload()),
+        await store.http.post("/experiments/made/next", json={"page": "a"}),
+    ):
+        assert (answer.status_code, answer.json()["type"]) == (409, "tigas:experiment-in-use")
     assert len(list((folder / "runs").iterdir())) == 1
     with exclusive(folder / EXPERIMENT, "busy"):
         refused = await store.http.delete("/experiments/made")
@@ -171,7 +161,7 @@ async def test_names_lead_nowhere_else(store: Running) -> None:
     (store.results / "link").symlink_to(outside)
     (store.results.parent / "secret.csv").write_text("hidden content")
     before = sorted(outside.rglob("*")), store.kept()
-    asked = [("GET", ""), ("GET", "/zip"), ("GET", "/report"), ("DELETE", ""), ("POST", "/runs")]
+    asked = [("GET", ""), ("GET", "/zip"), ("GET", "/report"), ("DELETE", ""), ("PUT", f"/runs/{slug()}")]
     for name in ELSEWHERE:
         paths = [(method, f"/experiments/{name}{rest}") for method, rest in asked]
         for method, path in [*paths, *(("GET", f"/movements/{name}{rest}") for rest in ("", "%2f..%2f..%2fsecret"))]:
@@ -193,33 +183,8 @@ async def test_links_inside_the_results_are_not_followed(store: Running) -> None
     (experiment / "runs").rename(experiment / "moved")
     (experiment / "runs").symlink_to(outside / "runs")
     assert (await store.http.get(f"/experiments/{name}")).json()["runs"] == []
-    added = await store.http.post(f"/experiments/{name}/runs", json=upload())
+    added = await store.http.post(f"/experiments/{name}/runs/{slug()}/complete")
     assert added.status_code == 404
     assert [path.name for path in (outside / "runs").iterdir()] == ["00"]
     assert (await store.http.delete(f"/experiments/{name}")).status_code == 204
     assert (outside / "runs" / "00" / "run.json").is_file()
-
-
-BROKEN = [
-    (b"", "invalid JSON"),
-    (b"{", "invalid JSON"),
-    (b"[]", "object"),
-    (b'{"name": "a"}', "plan"),
-    (b'{"name": " ", "plan": {}}', "name"),
-    (b'{"name": "a\\u0000b", "plan": {}}', "one line"),
-    (b'{"name": "a", "plan": []}', "plan"),
-    (b'{"name": "a", "plan": {"x": NaN}}', "finite"),
-    (b'{"name": "a", "plan": {"x": [-1e999]}}', "finite"),
-    (b'{"name": "a", "plan": {}, "more": 1}', "more"),
-    (b'{"name": "a", "plan": {"x": ' + b"[" * 5000 + b"]" * 5000 + b"}}", "recursion"),
-    (b'{"name": "a", "plan": {"x": "\\ud800"}}', "invalid JSON"),
-    (b'{"name": "\xff", "plan": {}}', "invalid JSON"),
-]
-
-
-async def test_a_broken_experiment_is_told_why(store: Running) -> None:
-    for body, told in BROKEN:
-        answer = await store.http.post("/experiments", content=body)
-        assert (answer.status_code, answer.headers["content-type"]) == (400, "application/problem+json"), body
-        assert told.lower() in answer.json()["detail"].lower(), body
-    assert store.kept() == []

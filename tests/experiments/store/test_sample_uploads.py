@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from tests.experiments.made_up import configuration, sampled
-from tests.experiments.store.conftest import Running, by_command
+from tests.experiments.made_up import sampled
+from tests.experiments.store.conftest import Running, by_command, slug
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.samples import enhanced_path, read_sample_file, sample_path
 from tigas_experiments.store import app, samples
@@ -192,16 +192,14 @@ async def test_only_runs_of_the_page_get_samples(store: Running) -> None:
 
 async def test_a_run_that_was_never_ended_gets_a_place_for_its_samples(store: Running) -> None:
     experiment = await store.create()
-    body = {"configuration": configuration().model_dump(mode="json"), "started_unix_ms": 1e12}
-    answer = await store.http.post(f"/experiments/{experiment}/interrupted-runs", json=body)
-    assert answer.status_code == 201
+    run = f"/experiments/{experiment}/runs/{slug()}"
+    problem = "The page was closed before the run's end; only its samples are left."
+    answer = await store.http.put(run, json={"problem": problem})
+    assert answer.status_code == 200
     row = answer.json()
-    assert (row["status"], row["figures"]) == ("failed", None)
-    assert row["problem"] == "The page was closed before the run's end; only its samples are left."
-    run = f"/experiments/{experiment}/runs/{row['folder']}"
+    assert (row["status"], row["figures"], row["problem"]) == ("failed", None, problem)
     assert await put(store, run, "000003.jpg", JPEG) == (204, "")
     assert (await store.http.put(f"{run}/samples", json=index(3))).status_code == 204
+    assert (await store.next(experiment, begin=True))["missing"] == 2, "it is made again"
     listed = (await store.http.get(f"/experiments/{experiment}")).json()
-    assert [one["folder"] for one in listed["runs"]] == [row["folder"]]
-    broken = await store.http.post(f"/experiments/{experiment}/interrupted-runs", json={"started_unix_ms": 1})
-    assert (broken.status_code, broken.json()["detail"]) == (400, "configuration: field required.")
+    assert [one["folder"] for one in listed["runs"]] == [slug()]

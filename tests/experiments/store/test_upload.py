@@ -16,10 +16,11 @@ import httpx
 import pytest
 
 from tests.experiments.made_up import frame, inputs, reply, sample
-from tests.experiments.store.conftest import Running, running_store, until, upload
+from tests.experiments.store.conftest import Running, plan, running_store, slug, until, upload
 from tests.prerequisites import ROOT_RIGHTS
 from tests.prometheus import figures
-from tests.web.server import Store
+from tests.web.scenes import write_scenes
+from tests.web.server import RenderServer, Store
 from tigas_common.errors import InvalidRequest
 from tigas_common.limits import HttpLimits
 from tigas_common.offload import offload_to_process
@@ -57,16 +58,15 @@ def fill(path: Path) -> None:
 
 
 def long_upload(poses: int) -> bytes:
-    """A valid run with this many poses."""
+    """A valid run of the mode `dash-tuned` with this many poses."""
     walked = [entry.model_dump() for entry in inputs(poses, every_ms=0.01)]
-    return json.dumps(upload(inputs=walked)).encode()
+    return json.dumps(upload("dash-tuned", inputs=walked)).encode()
 
 
-def head(experiment: str, length: int) -> bytes:
+def head(experiment: str, length: int, folder: str | None = None) -> bytes:
     """An upload's first lines."""
-    return (
-        f"POST /experiments/{experiment}/runs HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n".encode()
-    )
+    path = f"/experiments/{experiment}/runs/{folder or slug()}"
+    return f"PUT {path} HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n".encode()
 
 
 FAR = 1e300
@@ -76,7 +76,7 @@ LENS = {"width": 64, "height": 36, "fx": 30, "fy": 30, "cx": 32, "cy": 18}
 
 
 HOSTILE: list[tuple[dict[str, Any], str]] = [
-    ({"recording": None}, "recording"),
+    ({"recording": None}, "a recording or a problem"),
     ({"link": [{"at": 0}]}, "link.0"),
     ({"surprise": 1}, "surprise"),
     ({"recording.scene": "elsewhere"}, "scene"),
@@ -96,19 +96,15 @@ HOSTILE: list[tuple[dict[str, Any], str]] = [
     ({"link": [sample(500).model_dump(), sample(0).model_dump()]}, "must not go back"),
     ({"link": [sample(0).model_dump() | {"target_kbps": FAR}]}, "rates"),
     ({"link": [sample(0).model_dump() | {"delivered_kbps": -1}]}, "rates"),
-    ({"scene_bytes": -1}, "scene_bytes"),
-    ({"scene_bytes": 10**400}, "scene_bytes"),
-    ({"configuration.duration_s": 0}, "duration_s"),
-    ({"configuration.mode": "dash"}, "mode"),
-    ({"configuration.network": {"trace": "x" * 101}}, "network.trace"),
-    ({"configuration.profile": 999}, "profile"),
+    ({"problem": ""}, "problem"),
+    ({"problem": "x" * 1001}, "problem"),
 ]
 
 
 async def refuses(store: Running, experiment: str, content: str) -> str:
     """Why a run is not taken; nothing of it may be kept."""
     before = store.kept()
-    answer = await store.http.post(f"/experiments/{experiment}/runs", content=content)
+    answer = await store.http.put(f"/experiments/{experiment}/runs/{slug()}", content=content)
     assert (answer.status_code, answer.json()["type"]) == (400, "tigas:invalid-request"), content[:200]
     assert store.kept() == before
     return str(answer.json()["detail"])
@@ -144,11 +140,11 @@ BOMBS = {
     "recording.traffic": f"[{named('0')}]",
     "recording": named("{}", 600_000),  # of a megabyte's names, pydantic's account takes all the memory that there is
     "surprise": named(repeated("0", 10)),
-    "configuration": repeated("0"),
-    "configuration.network": "[" * 500_000 + "]" * 500_000,
-    "configuration.network.link": '{"link":' * 100_000 + "0" + "}" * 100_000,
-    "configuration.seed": "9" * 1_000_000,
-    "configuration.scene": '"\\ud800"',
+    "problem": repeated("0"),
+    "recording.lens": "[" * 500_000 + "]" * 500_000,
+    "recording.dash": '{"player":' * 100_000 + "0" + "}" * 100_000,
+    "recording.duration_ms": "9" * 1_000_000,
+    "sampling_problem": r'"\ud800"',
 }
 
 
@@ -156,7 +152,7 @@ async def test_metrics_tell_what_came_in_what_was_kept_and_what_waits(store: Run
     experiment = await store.create()
     empty = await figures(store.http)
     await store.add(experiment)
-    refused = await store.http.post(f"/experiments/{experiment}/runs", content=b"x" * 1000)
+    refused = await store.http.put(f"/experiments/{experiment}/runs/{slug('dash-tuned')}", content=b"x" * 1000)
     assert refused.status_code == 400
     told = await figures(store.http)
     assert told("tigas_store_runs_total") - empty("tigas_store_runs_total") == 1
@@ -164,7 +160,7 @@ async def test_metrics_tell_what_came_in_what_was_kept_and_what_waits(store: Run
     for queue in ("check", "report", "materialise"):
         assert told("tigas_store_waiting", queue=queue) == told("tigas_store_queue_age_seconds", queue=queue) == 0
     assert told("tigas_store_free_bytes") > 0
-    assert told("tigas_http_requests_total", route="/experiments/{id}/runs") == 2
+    assert told("tigas_http_requests_total", route="/experiments/{id}/runs/{run}") == 2
 
 
 async def test_a_megabyte_of_mistakes_is_told_as_cheaply_as_one() -> None:
@@ -185,7 +181,7 @@ async def test_a_body_that_takes_too_much_is_refused_and_the_store_goes_on(tmp_p
     async with running_store(tmp_path, offload=offload_to_process) as store:
         experiment = await store.create()
         before = store.kept()
-        answer = await store.http.post(f"/experiments/{experiment}/runs", content=named("0", 30_000_000))
+        answer = await store.http.put(f"/experiments/{experiment}/runs/{slug()}", content=named("0", 30_000_000))
         assert (answer.status_code, answer.json()["type"]) == (422, "tigas:too-costly")
         assert store.kept() == before
         await store.add(experiment)
@@ -207,22 +203,11 @@ async def test_text_that_breaks_off_is_no_run(store: Running) -> None:
         await refuses(store, experiment, text[:length])
 
 
-async def test_names_in_a_configuration_open_no_file(store: Running) -> None:
-    experiment = await store.create()
-    network = {"trace": "../../a/b\u2028", "trace_file": "../../etc/passwd"}
-    sent = upload()
-    sent["configuration"] |= {"movement": "../../../x", "network": network}
-    answer = await store.http.post(f"/experiments/{experiment}/runs", json=sent)
-    assert answer.status_code == 201
-    assert answer.json()["folder"] == "courtyard_x_a-b_stateless-budget_0"
-    assert len(list((store.results / experiment / "runs").iterdir())) == 1
-
-
 async def test_a_run_without_end_is_refused_before_it_is_read(store: Running, monkeypatch: pytest.MonkeyPatch) -> None:
     experiment = await store.create()
     before = store.kept()
     connection = http.client.HTTPConnection("127.0.0.1", store.port, timeout=20)
-    connection.putrequest("POST", f"/experiments/{experiment}/runs")
+    connection.putrequest("PUT", f"/experiments/{experiment}/runs/{slug()}")
     connection.putheader("Content-Length", str(300_000_000))
     connection.endheaders()
     answer = await anyio.to_thread.run_sync(connection.getresponse)
@@ -234,7 +219,7 @@ async def test_a_run_without_end_is_refused_before_it_is_read(store: Running, mo
             yield b" " * 10_000
 
     monkeypatch.setattr(app, "MAX_BYTES", 50_000)
-    refused = await store.http.post(f"/experiments/{experiment}/runs", content=endless())
+    refused = await store.http.put(f"/experiments/{experiment}/runs/{slug()}", content=endless())
     assert (refused.status_code, refused.json()["type"]) == (413, "tigas:body-too-large")
     assert store.kept() == before
 
@@ -287,10 +272,10 @@ async def test_a_full_disk_keeps_nothing_by_halves(small_disk: Path, poses: int)
         before = store.kept()
         body = long_upload(poses)
         assert (len(body) > DISK_BYTES) == (poses == 20_000)
-        answer = await store.http.post(f"/experiments/{experiment}/runs", content=body)
+        answer = await store.http.put(f"/experiments/{experiment}/runs/{slug('dash-tuned')}", content=body)
         assert (answer.status_code, answer.json()["type"]) == (507, "tigas:disk-full")
         assert store.kept() == before
-        await store.add(experiment, repeat=1)
+        await store.add(experiment, "dash-tuned")
         told = (await store.http.get(f"/experiments/{experiment}")).json()
         assert [run["status"] for run in told["runs"]] == ["complete", "complete"]
 
@@ -302,8 +287,8 @@ async def test_a_disk_without_any_room_is_told_and_reads_on(small_disk: Path) ->
         fill(store.results / "filler")
         before = store.kept()
         for answer in (
-            await store.http.post("/experiments", json={"name": "a", "plan": {"x": "x" * 10_000}}),
-            await store.http.post(f"/experiments/{experiment}/runs", json=upload()),
+            await store.http.post("/experiments", json=plan()),
+            await store.http.put(f"/experiments/{experiment}/runs/{slug('dash-tuned')}", json=upload("dash-tuned")),
             await store.http.get(f"/experiments/{experiment}/report"),
         ):
             assert (answer.status_code, answer.json()["type"]) == (507, "tigas:disk-full")
@@ -315,25 +300,35 @@ async def test_a_disk_without_any_room_is_told_and_reads_on(small_disk: Path) ->
 @pytest.mark.slow
 @pytest.mark.extended
 async def test_a_store_that_is_killed_in_mid_upload_leaves_no_half_run(tmp_path: Path) -> None:
-    results = tmp_path / "results"
-    with Store("--results", str(results)) as store:
-        async with httpx.AsyncClient(base_url=store.url, timeout=20, trust_env=False) as http:
-            experiment = (await http.post("/experiments", json={"name": "a", "plan": {}})).json()["id"]
-            row = (await http.post(f"/experiments/{experiment}/runs", json=upload())).json()
-        body = json.dumps(upload(mode="dash-tuned")).encode()
+    results, models = tmp_path / "results", tmp_path / "models"
+    models.mkdir()
+    write_scenes(models)
+    wanted = plan(scenes=["pebbles"], modes=["stateless"], repeats=2)
+    with (
+        RenderServer("--scenes", str(models)) as render,
+        Store("--results", str(results), render=render.url) as store,
+    ):
+        async with httpx.AsyncClient(base_url=store.url, timeout=60, trust_env=False) as http:
+            experiment = (await http.post("/experiments", json=wanted)).json()["id"]
+            asked = {"page": "a", "begin": True}
+            first = (await http.post(f"/experiments/{experiment}/next", json=asked)).json()["job"]["run"]
+            body = json.dumps(upload(scene="pebbles")).encode()
+            await http.put(f"/experiments/{experiment}/runs/{first}", content=body)
+            await http.post(f"/experiments/{experiment}/runs/{first}/complete")
+            second = (await http.post(f"/experiments/{experiment}/next", json=asked)).json()["job"]["run"]
         async with await anyio.connect_tcp("127.0.0.1", int(store.url.rpartition(":")[2])) as sending:
-            await sending.send(head(experiment, len(body)) + body[:-10])
+            await sending.send(head(experiment, len(body), second) + body[:-10])
             await until(lambda: any((results / NAME).rglob("body.json")))
             store.kill()
         assert list((results / NAME).rglob("body.json")), "nothing was left behind, so nothing is tested"
         store.start()
         assert [path.name for path in (results / NAME).iterdir()] == ["lock"]
-        async with httpx.AsyncClient(base_url=store.url, timeout=20, trust_env=False) as http:
+        async with httpx.AsyncClient(base_url=store.url, timeout=60, trust_env=False) as http:
             told = (await http.get(f"/experiments/{experiment}")).json()
-            assert [run["folder"] for run in told["runs"]] == [row["folder"]]
-            again = await http.post(f"/experiments/{experiment}/runs", content=body)
-            assert again.status_code == 201
-            assert b"courtyard" in (await http.get(f"/experiments/{experiment}/report")).content
+            assert [(run["folder"], run["status"]) for run in told["runs"]] == [(first, "complete")]
+            again = await http.put(f"/experiments/{experiment}/runs/{second}", content=body)
+            assert again.status_code == 200
+            assert b"pebbles" in (await http.get(f"/experiments/{experiment}/report")).content
 
 
 async def test_a_results_folder_that_may_not_be_written_is_told(
@@ -345,7 +340,7 @@ async def test_a_results_folder_that_may_not_be_written_is_told(
     experiment = await store.create()
     before = store.kept()
     monkeypatch.setattr(Path, "rename", refused)
-    answer = await store.http.post(f"/experiments/{experiment}/runs", json=upload())
+    answer = await store.http.put(f"/experiments/{experiment}/runs/{slug()}", json=upload())
     assert (answer.status_code, answer.json()["type"]) == (500, "tigas:storage-failed")
     assert answer.json()["detail"] == "The disk that holds the results refused: Permission denied."
     assert store.kept() == before

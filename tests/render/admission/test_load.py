@@ -47,38 +47,32 @@ class Loop:
         self.cpu += busy * seconds
         self.load.tick()
 
-    def is_full_after(self, ticks: int, busy: float) -> list[bool]:
-        full = []
-        for _ in range(ticks):
-            self.pause(TICK_S, busy)
-            full.append(self.load.full() is not None)
-        return full
+    @property
+    def is_full(self) -> bool:
+        return self.load.full() is not None
 
 
 QUICK, LATE = (0.001,) * 10, (0.02,) * 10
+BETWEEN = (FREE_AT + FULL_AT) / 2
 
 
-def test_a_busy_loop_takes_nobody_until_it_has_had_time_again_for_a_while() -> None:
+@pytest.mark.parametrize(
+    "steps",
+    [
+        [(10, FULL_AT - 0.05, QUICK, False), (5, FULL_AT + 0.1, QUICK, True), (1, 0.1, (), True), (5, 0.1, (), False)],
+        [(5, 1.0, QUICK, True), (5, FULL_AT, QUICK, True), *[(0.3, BETWEEN + by, (), True) for by in (-0.1, 0.1)] * 50],
+        [(1, 0.2, LATE, True)],
+        [*[(0.2, 0.2, LATE, None), (0.1, 0.2, QUICK, None)] * 20, (0.1, 0.2, QUICK, True)],
+        [(0.2, 0.2, (0.1, 0.08, 0.04, 0.02, 0.002), False), (0.3, 0.2, QUICK, False)] * 10,
+    ],
+    ids=["hot, then cool for a while", "about the limit: no flapping", "late", "mostly late", "bursts"],
+)
+def test_whether_a_loop_is_full_after(steps: list[tuple[float, float, tuple[float, ...], bool | None]]) -> None:
+    """steps: seconds, utilisation, ages of datagrams, and whether it is full then."""
     loop = Loop()
-    loop.run(10, busy=FULL_AT - 0.05, ages=QUICK)
-    assert loop.load.full() is None
-    loop.run(5, busy=FULL_AT + 0.1, ages=QUICK)
-    assert loop.load.full() is not None
-    loop.run(1, busy=0.1)
-    assert loop.load.full() is not None
-    loop.run(5, busy=0.1)
-    assert loop.load.full() is None
-
-
-def test_a_load_about_the_limit_does_not_make_it_flap() -> None:
-    loop = Loop()
-    loop.run(5, busy=1.0, ages=QUICK)
-    loop.run(5, busy=FULL_AT, ages=QUICK)
-    between = (FREE_AT + FULL_AT) / 2
-    full = [
-        state for _ in range(50) for busy in (between - 0.1, between + 0.1) for state in loop.is_full_after(3, busy)
-    ]
-    assert all(full)
+    for seconds, busy, ages, is_full in steps:
+        loop.run(seconds, busy, ages)
+        assert is_full is None or loop.is_full == is_full
 
 
 @pytest.mark.parametrize("busy", [0.0, 1.0])
@@ -89,103 +83,70 @@ def test_one_pause_refuses_nobody(seconds: float, busy: float) -> None:
     for age in (0.0, seconds / 2, seconds):  # arrived in the meantime
         loop.load.handled(age)
     loop.pause(seconds, busy)
-    full = [loop.load.full() is not None]
     for _ in range(20):
+        assert not loop.is_full
         loop.run(TICK_S, busy=0.05, ages=QUICK)
-        full.append(loop.load.full() is not None)
-    assert not any(full)
     assert loop.load.requests_per_s is None
-
-
-def test_datagrams_that_all_come_late_say_that_it_is_full_whatever_the_processor_does() -> None:
-    loop = Loop()
-    loop.run(1, busy=0.2, ages=LATE)
-    assert loop.load.full() is not None
-
-
-def test_a_loop_that_is_late_most_of_the_time_is_full() -> None:
-    loop = Loop()
-    for _ in range(20):
-        loop.run(0.2, busy=0.2, ages=LATE)
-        loop.run(0.1, busy=0.2, ages=QUICK)
-    assert loop.load.full() is not None
-
-
-def test_a_burst_that_is_worked_off_says_nothing() -> None:
-    loop = Loop()
-    for _ in range(10):
-        loop.run(0.2, busy=0.2, ages=(0.1, 0.08, 0.04, 0.02, 0.002))
-        loop.run(0.3, busy=0.2, ages=QUICK)
-    assert loop.load.full() is None
 
 
 def test_a_slow_renderer_takes_no_more_clients_only_while_it_has_no_pause() -> None:
     loop = Loop()
-    loop.load.engine(queue_age_s=0.2, utilisation=0.5)
-    loop.run(5, busy=0.1)
-    assert loop.load.full() is None
-    loop.load.engine(queue_age_s=0.2, utilisation=1.0)
-    loop.run(5, busy=0.1)
-    assert loop.load.full() is not None
+    for utilisation, is_full in ((0.5, False), (1.0, True)):
+        loop.load.engine(0.2, utilisation)
+        loop.run(5, busy=0.1)
+        assert loop.is_full == is_full
 
 
 def test_a_rush_is_let_in_a_few_at_a_time_until_it_is_known_what_they_cost() -> None:
     loop = Loop(viewers=0)
-    came_in = 0
-    while loop.load.full() is None:
+    while not loop.is_full:
         loop.load.entered()
-        came_in += 1
-    assert 10 < came_in < 40
-    loop.run(SETTLED_S + TICK_S, busy=0.01 * came_in)
-    assert loop.load.full() is None
+    assert 10 < loop.load.viewers < 40
+    loop.run(SETTLED_S + TICK_S, busy=0.01 * loop.load.viewers)
+    assert not loop.is_full
 
 
 def test_a_thousand_who_ask_for_nothing_come_in_within_seconds() -> None:
     loop = Loop(viewers=0)
-    came_in = 0
-    while came_in < 1000:
-        while came_in < 1000 and loop.load.full() is None:
+    while loop.load.viewers < 1000:
+        while loop.load.viewers < 1000 and not loop.is_full:
             loop.load.entered()
-            came_in += 1
         loop.run(TICK_S, busy=0.02)
     assert loop.now < 15
 
 
-def test_those_who_are_in_are_slowed_down_until_it_is_better_and_then_let_go() -> None:
+def test_those_who_are_in_are_slowed_down_until_it_is_better_and_nobody_new_is_taken_meanwhile() -> None:
     loop = Loop()
+    rates = [loop.load.requests_per_s]
+    for seconds, busy, ages in ((5, 1.0, LATE), (60, 1.0, LATE), (5, 0.3, QUICK)):
+        loop.run(seconds, busy, ages)
+        assert loop.is_full
+        rates.append(loop.load.requests_per_s)
+    assert rates[0] is None
+    assert [rate is not None and LEAST_RATE <= rate < 30 for rate in rates[1:]] == [True] * 3
+    assert rates[2] == LEAST_RATE < (rates[3] or 0)
+    loop.run(60, busy=0.3, ages=QUICK)
     assert loop.load.requests_per_s is None
-    loop.run(5, busy=1.0, ages=LATE)
-    rate = loop.load.requests_per_s
-    assert rate is not None
-    assert LEAST_RATE <= rate < 30
-    loop.run(60, busy=1.0, ages=LATE)
-    assert loop.load.requests_per_s == LEAST_RATE
-    loop.run(5, busy=0.5, ages=QUICK)
-    better = loop.load.requests_per_s
-    assert better is not None
-    assert LEAST_RATE < better < 2 * rate
-    loop.run(60, busy=0.5, ages=QUICK)
-    assert loop.load.requests_per_s is None
+    assert not loop.is_full
 
 
 def test_old_datagrams_are_dropped_and_sooner_where_a_queue_stands() -> None:
     loop = Loop()
-    assert loop.load.handled(0.9 * MAX_AGE_S)
-    assert not loop.load.handled(1.1 * MAX_AGE_S)
-    loop.run(1, busy=1.0, ages=LATE)
-    assert loop.load.handled(0.9 * STANDING_AGE_S)
-    assert not loop.load.handled(1.1 * STANDING_AGE_S)
+    for limit, ages in ((MAX_AGE_S, ()), (STANDING_AGE_S, LATE)):
+        loop.run(1, busy=1.0, ages=ages)
+        assert loop.load.handled(0.9 * limit)
+        assert not loop.load.handled(1.1 * limit)
     assert loop.load.state.stale == 2
 
 
 def test_a_few_are_always_taken_and_as_fast_as_they_like() -> None:
     loop = Loop(viewers=2)
     loop.run(10, busy=1.0, ages=LATE)
-    assert loop.load.full() is None
+    assert not loop.is_full
     assert loop.load.requests_per_s is None
     for _ in range(FEW - 1):
         loop.load.entered()
-    assert loop.load.full() is not None
+    assert loop.is_full
     assert loop.load.requests_per_s is not None
 
 
@@ -241,18 +202,6 @@ def test_at_twice_what_it_can_serve_those_who_are_in_hardly_wait_and_nothing_is_
         frames_per_s, p95 = simulated(viewers)
         assert frames_per_s > 0.9 * peak
         assert p95 < 0.05
-
-
-def test_nobody_new_is_taken_while_those_who_are_in_are_slowed_down() -> None:
-    loop = Loop()
-    loop.run(10, busy=1.0, ages=LATE)
-    loop.run(5, busy=0.3, ages=QUICK)  # since they ask so rarely
-    rate = loop.load.requests_per_s
-    assert rate is not None
-    assert rate < 30
-    assert loop.load.full() is not None
-    loop.run(15, busy=0.3, ages=QUICK)
-    assert loop.load.full() is None
 
 
 def test_a_machine_that_gets_three_times_as_slow_slows_its_viewers_down() -> None:

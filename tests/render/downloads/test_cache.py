@@ -15,8 +15,7 @@ from tests.render.scenes import plys
 from tigas_common.errors import BrokenScene
 from tigas_common.wire.render import SceneDownload
 from tigas_render.downloads.cache import DownloadCache, NoSpace, NoSuchDownload
-from tigas_render.scenes.metadata import SceneMetadata
-from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.source import SceneMetadata, SceneSource
 
 pytestmark = pytest.mark.anyio
 

@@ -9,9 +9,9 @@ import pytest
 
 from tests.render.downloads.playcanvas_ply import read_compressed_ply
 from tests.render.scenes import plys
-from tigas_render.downloads.compressed_ply import write_compressed_ply
 from tigas_render.downloads.order import Order
 from tigas_render.gaussians import Gaussians
+from tigas_render.scenes.compressed_ply import write_compressed_ply
 
 
 @pytest.mark.parametrize("sh_degree", [0, 1, 2, 3])

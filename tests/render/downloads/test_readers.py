@@ -11,9 +11,9 @@ import pytest
 
 from reference.ply import write_ply
 from tests.render.scenes import plys
-from tigas_render.downloads.readers import AT_ONCE, OF_AN_ADDRESS
+from tigas_render.downloads.cache import AT_ONCE, OF_AN_ADDRESS
 from tigas_render.raster.instant import InstantRasterizer
-from tigas_render.scenes.formats import load_scene
+from tigas_render.scenes.directory import read_scene_file
 from tigas_render.server.app import create_app
 from tigas_render.server.service import RenderService
 from tigas_render.settings import RenderSettings
@@ -48,7 +48,7 @@ async def test_a_scene_is_downloaded_whole_and_then_known(client: httpx.AsyncCli
     assert answer.headers["accept-ranges"] == "bytes"
     assert answer.headers["content-disposition"] == 'attachment; filename="cloud.compressed.ply"'
     (tmp_path / "got.ply").write_bytes(answer.content)
-    got = load_scene(tmp_path / "got.ply")
+    got = read_scene_file(tmp_path / "got.ply").load()
     assert (len(got), got.sh_degree) == (500, 1)
     sha256 = hashlib.sha256(answer.content).hexdigest()
     assert answer.headers["etag"] == f'"{sha256}"'

@@ -12,8 +12,7 @@ from PIL import Image
 
 from tests.render.encode.pictures import gradient
 from tigas_render.encode.depth_segment import IDENTIFIER, coded, with_depth
-from tigas_render.encode.jpeg import encode_jpeg
-from tigas_render.encode.webp import encode_webp
+from tigas_render.encode.images import encode_jpeg, encode_webp
 
 JPEG = encode_jpeg(gradient(64, 36), 80)
 WEBPS = [encode_webp(gradient(64, 36), quality) for quality in (20, 50, 80)]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tigas_render.encode.h264 import Encoded, H264Encoder, nal_units
-from tigas_render.encode.yuv420p import encode_yuv420p
+from tigas_render.encode.images import encode_yuv420p
 
 WIDTH, HEIGHT = 192, 108
 SPS, PPS = 7, 8

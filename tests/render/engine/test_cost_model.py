@@ -42,9 +42,7 @@ A_LARGE: Measured = ("scene", "jpeg", LARGE, 0.16)
     ],
     ids=["others tell nothing", "the newest count most", "larger", "smaller", "tiny ones tell little"],
 )
-def test_costs_are_bounded_by_those_of_similar_frames(
-    measured: list[Measured], pixels: int, at_least: float, at_most: float
-) -> None:
+def test_costs_are_bounded(measured: list[Measured], pixels: int, at_least: float, at_most: float) -> None:
     model = costs(*measured)
     assert model.at_least("scene", "jpeg", pixels) == pytest.approx(at_least, 0.05)
     assert model.at_most("scene", "jpeg", pixels) == pytest.approx(at_most, 0.05)

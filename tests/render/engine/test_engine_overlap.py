@@ -16,9 +16,7 @@ from tigas_render.raster.base import Camera, Pause
 pytestmark = pytest.mark.anyio
 
 
-async def test_one_frame_is_rendered_while_another_is_encoded(
-    thread_bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_rendering_and_encoding_overlap(thread_bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first frame's encoding waits until the second frame's rendering has begun: it does not, if they overlap."""
 
     def encode(image: FakeImage, format: str, quality: int) -> bytes:
@@ -34,9 +32,7 @@ async def test_one_frame_is_rendered_while_another_is_encoded(
     await asyncio.wait_for(asyncio.gather(first, second), 10)
 
 
-async def test_as_many_images_are_encoded_at_a_time_as_the_rasteriser_allows(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_the_rasteriser_limits_concurrent_encoding(monkeypatch: pytest.MonkeyPatch) -> None:
     rasterizer = FakeRasterizer(frames_in_flight=5)
     rasterizer.gate.set()
     together = threading.Barrier(4)

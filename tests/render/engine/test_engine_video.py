@@ -58,9 +58,7 @@ async def test_a_view_that_no_decoder_takes_is_refused(bench: Bench) -> None:
         await shown(bench, 1, width=4096, height=4096, profile=None)
 
 
-async def test_after_a_frame_that_came_too_late_the_next_is_a_key_frame(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_key_frame_follows_a_late_frame(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     await shown(bench, 1)
     encode = bench.engine.videos.encode
 
@@ -75,9 +73,7 @@ async def test_after_a_frame_that_came_too_late_the_next_is_a_key_frame(
     assert [after(await shown(bench, seq)) for seq in (3, 4)] == [None, 3]
 
 
-async def test_after_a_frame_that_was_withdrawn_once_encoded_the_next_is_a_key_frame(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_key_frame_follows_a_withdrawn_frame(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     await shown(bench, 1)
     videos, loop, lost = bench.engine.videos, asyncio.get_running_loop(), asyncio.Event()
     withdrawn = threading.Event()

@@ -15,8 +15,7 @@ from tigas_common.weights import FILE, GENERAL, MAX_BYTES, BrokenWeights, write_
 from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_render.enhance.shelf import NoPlace, NoWeights, Shelf
 from tigas_render.scenes.demo import DEMO_SOURCE
-from tigas_render.scenes.metadata import SceneMetadata
-from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.source import SceneMetadata, SceneSource
 
 
 @pytest.fixture
@@ -46,9 +45,7 @@ def train(scene: SceneSource, shelf: Shelf) -> Path:
     return file
 
 
-def test_a_scene_has_its_own_weights_only_while_its_file_is_the_same(
-    scene: SceneSource, shelf: Shelf, ply: Path
-) -> None:
+def test_weights_belong_to_the_scenes_file(scene: SceneSource, shelf: Shelf, ply: Path) -> None:
     assert shelf.kind(scene) is None
     with pytest.raises(NoWeights, match="garden has no networks"):
         shelf.content(scene)
@@ -89,9 +86,7 @@ def test_a_built_in_scenes_weights_are_kept_in_the_cache(shelf: Shelf) -> None:
     assert shelf.kind(DEMO_SOURCE) == "scene"
 
 
-def test_a_folder_that_cannot_be_written_is_named(
-    scene: SceneSource, shelf: Shelf, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_read_only_folder_is_named(scene: SceneSource, shelf: Shelf, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # root may write everywhere
     with pytest.raises(NoPlace, match="folder of garden"):
         shelf.writable_place(scene)

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from tigas_render.ladder.choose import choose, hull, psnr_at, rung
+from tigas_render.ladder.make import choose, hull, psnr_at, rung
 from tigas_render.ladder.measure import Point
 
 

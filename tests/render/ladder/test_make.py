@@ -13,7 +13,7 @@ from tests.render.ladder.test_measure import cloud
 from tests.render.scenes import plys
 from tigas_common.errors import StartError
 from tigas_render.ladder.make import find_scene, make, place_of
-from tigas_render.scenes.directory import read_folder
+from tigas_render.scenes.directory import read_source
 
 
 def test_a_folder_goes_before_a_built_in_scene_of_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -51,7 +51,7 @@ def test_the_command_writes_a_ladder_that_the_service_takes(tmp_path: Path, monk
     assert refused.stderr.splitlines()[-1] == f"{tmp_path}/plot.gif must end in .png or .svg."
     done = run("--plot", tmp_path / "plot.svg")
     assert done.exit_code == 0, done.stderr
-    ladder = read_folder(folder).ladder
+    ladder = read_source(folder).ladder
     assert ladder is not None
     assert 2 <= len(ladder) <= 8
     assert all(rung.psnr_db is not None for rung in ladder)

@@ -1,4 +1,4 @@
-"""An engine with frames under the test's control, and a connected edge."""
+"""An engine with frames under the test's control."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.render.pipe.pipe_bench import Edge, Engine
+from tests.render.pipe.pipe_bench import Edge, Engine, Pipe
 from tests.render.transport.client import FakeFrames
-from tigas_render.pipe.client import PipeClient
-from tigas_render.pipe.server import PipeServer
 
 
 @pytest.fixture
@@ -25,12 +23,6 @@ def engine(tmp_path: Path, frames: FakeFrames) -> Engine:
 
 
 @pytest.fixture
-async def server(engine: Engine) -> AsyncIterator[PipeServer]:
-    async with engine.running() as server:
-        yield server
-
-
-@pytest.fixture
-async def edge(engine: Engine, server: PipeServer) -> AsyncIterator[PipeClient]:
-    async with Edge(engine.path).connected() as edge:
-        yield edge
+async def pipe(frames: FakeFrames, engine: Engine) -> AsyncIterator[Pipe]:
+    async with engine.running() as server, Edge(engine.path).connected() as edge:
+        yield Pipe(frames, engine, server, edge)

@@ -6,11 +6,16 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from tests.render.transport.serving import eventually
-from tigas_render.frame import FrameSource
+from tests.render.fakes import render_request
+from tests.render.transport.client import FakeFrames, eventually
+from tigas_common.wire.render import RenderRequest, VideoRequest
+from tigas_render.frame import Client, Frame, FrameSource
 from tigas_render.pipe.client import PipeClient
-from tigas_render.pipe.server import PipeServer, serve_edges
+from tigas_render.pipe.server import EdgeLink, PipeServer, serve_edges
+
+VIEWER = Client("192.0.2.1", "viewer")
 
 
 @dataclass
@@ -47,3 +52,31 @@ class Edge:
         async with PipeClient(self.path, self.number, lambda *state: self.states.append(state)) as client:
             await eventually(lambda: client.is_connected)
             yield client
+
+
+@dataclass
+class Pipe:
+    """A running engine with frames under the test's control, and a connected edge."""
+
+    frames: FakeFrames
+    engine: Engine
+    server: PipeServer
+    edge: PipeClient
+
+    @property
+    def link(self) -> EdgeLink:
+        """The engine's end of the only pipe."""
+        (link,) = self.server.edges
+        return link
+
+    async def submit(self, client: Client = VIEWER, **changes: Any) -> Frame:
+        return await self.edge.submit(client, render_request(**changes), 0.0)
+
+    async def works(self) -> bool:
+        """Whether a frame arrives."""
+        self.frames.body, self.frames.error, self.frames.held = b"works", None, False
+        return (await self.submit()).body == b"works"
+
+
+def video_request(seq: int) -> RenderRequest:
+    return render_request(seq=seq, format="h264", video=VideoRequest(bitrate_kbps=1000))

@@ -9,9 +9,7 @@ import pytest
 
 from reference.rasterizer import ReferenceRasterizer
 from tests.render.raster.views import balls, camera
-from tigas_render.raster import depth as depth_module
-from tigas_render.raster.base import Depth, derivative_limits
-from tigas_render.raster.depth import coarse, depth_size, inverse_depth
+from tigas_render.raster.base import Depth, coarse, depth_size, derivative_limits, inverse_depth
 
 GREY = [0.5, 0.5, 0.5]
 SLOW = ReferenceRasterizer()
@@ -57,14 +55,8 @@ def test_where_nearly_nothing_is_it_is_infinitely_far() -> None:
     depth = depth_of((0.0, 0.0, 0.0), opacity=0.999, size=0.05)
     assert depth[0, 0] == 0
     assert depth[9, 16] > 0.2
-    means = np.array([[[0.01, 0.04], [0.1, 0.4]]], np.float32)
-    assert inverse_depth(means).tolist() == [[0, 0.25]]
-
-
-def test_a_processor_that_divides_before_it_selects_warns_of_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The processor's vector width decides whether the compiler also divides pixels without coverage."""
-    monkeypatch.setattr(depth_module, "_expected", np.divide)
-    inverse_depth(np.zeros((1, 1, 2), np.float32))
+    means = np.array([[[0, 0], [0.01, 0.04], [0.1, 0.4]]], np.float32)
+    assert inverse_depth(means).tolist() == [[0, 0, 0.25]]
 
 
 def test_the_coarse_view_is_the_same_view() -> None:

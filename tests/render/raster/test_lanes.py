@@ -1,11 +1,11 @@
-"""Frames in lanes: each outcome is reported once, and its lane is freed."""
+"""Frames in lanes: each outcome is reported once, its lane is freed, and Python goes on meanwhile."""
 
 from __future__ import annotations
 
 import ctypes
+import os
 import select
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -34,9 +34,6 @@ class Task(Job):
         self.tries -= 1
         return None if self.tries else FetchedImage(2, 1, "png", 90, b"abcdef")
 
-    def explained(self) -> AbstractContextManager[None]:
-        return nullcontext()
-
     def close(self, *, failed: bool) -> None:
         self.closed.append(failed)
 
@@ -62,12 +59,12 @@ def outcome(lanes: Lanes, task: Task) -> FetchedImage | Exception:
 
 
 def test_an_image_comes_with_its_times(lanes: Lanes) -> None:
-    task = Task()
+    task = Task(Calls(Call(LIBC.usleep, (2000,))))
     image = outcome(lanes, task)
     assert isinstance(image, FetchedImage)
     assert image.to_host().tolist() == [[[97, 98, 99], [100, 101, 102]]]
-    assert image.rendering > 0
-    assert image.encoding > 0
+    assert 0 < image.rendering < image.encoding + 1
+    assert image.encoding >= 0.002
     assert task.closed == [False]
 
 
@@ -78,8 +75,13 @@ def test_a_frame_that_found_too_little_room_is_made_again(lanes: Lanes) -> None:
 
 
 def test_a_failure_is_told_and_the_lane_goes_on(lanes: Lanes) -> None:
-    task = Task(FAILS)
-    assert isinstance(outcome(lanes, task), CallError)
+    class Refused(CallError):
+        pass
+
+    task = Task(Calls(Call(LIBC.sched_yield, ()), Call(LIBC.close, (-1,), Refused)))
+    error = outcome(lanes, task)
+    assert isinstance(error, Refused)
+    assert str(error) == "close failed with status -1"
     assert task.closed == [True]
     assert isinstance(outcome(lanes, Task()), FetchedImage)
 
@@ -96,14 +98,31 @@ def test_a_frame_that_cannot_begin_leaves_the_lane_free(lanes: Lanes) -> None:
     assert task.closed == [True]
 
 
-def test_the_end_waits_for_what_has_begun() -> None:
-    lanes = Lanes(1, lambda: None)
+def test_other_lanes_go_on_meanwhile_and_the_end_waits_for_what_has_begun(lanes: Lanes) -> None:
+    counter, event = ctypes.create_string_buffer(8), os.eventfd(0)
+    waiting = Task(Calls(Call(LIBC.eventfd_read, (event, ctypes.addressof(counter)))))
     told: list[FetchedImage | Exception] = []
-    lanes.begin(Task(Calls(Call(LIBC.usleep, (1000,)))), told.append)
+    lanes.begin(waiting, told.append)
+    lanes.begin(Task(), told.append)
+    while lanes.free == 0:
+        assert select.select([lanes], [], [], 10)[0]
+        lanes.collect()
+    assert len(told) == 1, "the other one waits"
+    os.eventfd_write(event, 7)
     lanes.end()
     lanes.collect()
+    assert (len(told), counter.raw[0]) == (2, 7)
+    with pytest.raises(RuntimeError, match="ended"):
+        lanes.begin(Task(), told.append)
+    os.close(event)
+
+
+def test_each_thread_is_entered_once() -> None:
+    entered: list[int] = []
+    lanes = Lanes(3, lambda: entered.append(1))
+    lanes.end()
     lanes.close()
-    assert len(told) == 1
+    assert entered == [1, 1, 1]
 
 
 def test_an_image_has_one_format_and_quality() -> None:

@@ -14,7 +14,7 @@ from tests.render.arrays import gaussians_of
 from tigas_common.pose import Intrinsics, Matrix3, Pose, Vector3
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, Image
-from tigas_render.raster.host_image import HostImage, Pixels
+from tigas_render.raster.host_image import Pixels
 
 LEVEL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """A camera that looks along +z."""
@@ -64,9 +64,8 @@ def camera(
 
 def pixels(image: Image) -> Pixels:
     """A copy of an image's pixels; closes the image."""
-    assert isinstance(image, HostImage)
     with image:
-        return image.pixels.copy()
+        return image.to_host().copy()
 
 
 def psnr(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:

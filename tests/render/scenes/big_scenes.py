@@ -19,11 +19,10 @@ import psutil
 from numpy.typing import NDArray
 from PIL import Image
 
-from tigas_render.cache import cache_directory
+from tigas_render.local_files import cache_directory
 from tigas_render.raster.devices import create_rasterizer
-from tigas_render.scenes.formats import open_scene
-from tigas_render.scenes.ply import ply_header, rest_names
-from tigas_render.scenes.ply_header import REQUIRED
+from tigas_render.scenes.directory import read_scene_file
+from tigas_render.scenes.ply import REQUIRED, ply_header, rest_names
 
 BLOCK = 1 << 16
 WARM_UP = 1000
@@ -41,9 +40,9 @@ def loaded_in_a_process(folder: Path, format: str, count: int, degree: int) -> t
 
 def _load(small: Path, path: Path) -> tuple[int, int]:
     rasterizer = create_rasterizer("cpu", cache_directory())
-    rasterizer.pack(open_scene(small, lambda _: None))
+    rasterizer.pack(read_scene_file(small).open(lambda _: None))
     before = psutil.Process().memory_info().rss
-    scene = rasterizer.pack(open_scene(path, lambda _: None))
+    scene = rasterizer.pack(read_scene_file(path).open(lambda _: None))
     return scene.nbytes, _peak() - before
 
 

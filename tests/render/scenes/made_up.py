@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -30,3 +31,10 @@ def shell(sh_degree: int = 1) -> Gaussians:
         sh[:, k] = 0.2 * np.sin(k + means)
     opacities = 0.55 + 0.4 * np.cos(3 * turn) ** 2
     return gaussians_of(means, scales, quaternions, opacities, sh)
+
+
+def unzip(folder: Path, name: str = "shell.sog") -> Path:
+    """The scene's SOG as a folder."""
+    with zipfile.ZipFile(FILES / name) as bundle:
+        bundle.extractall(folder)
+    return folder

@@ -5,14 +5,14 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Self
 
 from tests.render.scenes import plys
 from tigas_render.gaussians import Batches
 from tigas_render.raster.base import PreparedScene
-from tigas_render.scenes.columns import Listener
-from tigas_render.scenes.metadata import SceneMetadata
 from tigas_render.scenes.registry import SceneRegistry
-from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.scene_file import Listener
+from tigas_render.scenes.source import SceneMetadata, SceneSource
 
 
 @dataclass
@@ -37,6 +37,14 @@ class Bench:
     gates: dict[str, threading.Event] = field(default_factory=dict)
     errors: dict[str, Exception] = field(default_factory=dict)
     builtin: dict[str, SceneSource] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, *ids: str) -> Self:
+        """With these scenes."""
+        bench = cls()
+        for id in ids:
+            bench.add(id)
+        return bench
 
     def add(self, id: str, count: int = 100, estimate: int | None = None) -> None:
         def open(listener: Listener) -> Batches:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import zipfile
 from pathlib import Path
 
 import pytest
@@ -13,9 +12,7 @@ from tests.not_files import NOT_FILES
 from tests.render.scenes import made_up, plys
 from tigas_common.errors import BrokenScene
 from tigas_render.scenes import directory
-from tigas_render.scenes.directory import find_scene_file, read_folder, scan_directory
-from tigas_render.scenes.formats import read_scene_file
-from tigas_render.scenes.ply import load_ply
+from tigas_render.scenes.directory import find_scene_file, read_scene_file, read_source, scan_directory
 from tigas_render.scenes.scene_file import SceneFile
 
 
@@ -36,7 +33,7 @@ def test_the_last_iteration_of_a_training_goes_before_its_input(tmp_path: Path) 
         if iteration != "iteration_99999":
             plys.write(tmp_path / "point_cloud" / iteration / "point_cloud.ply", plys.binary_ply())
     assert find_scene_file(tmp_path) == tmp_path / "point_cloud" / "iteration_30000" / "point_cloud.ply"
-    assert read_folder(tmp_path).error is None
+    assert read_source(tmp_path).error is None
 
 
 def test_a_folder_without_a_scene_says_so(tmp_path: Path) -> None:
@@ -47,23 +44,26 @@ def test_a_folder_without_a_scene_says_so(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", NOT_FILES)
 def test_what_is_no_file_makes_its_scene_broken_and_no_other(tmp_path: Path, kind: str) -> None:
-    for name in ("good", "description", "preview"):
+    for name in ("good", "description", "preview", "ladder"):
         plys.write(tmp_path / name / "scene.ply", plys.binary_ply())
     (tmp_path / "scene").mkdir()
     NOT_FILES[kind](tmp_path / "scene" / "scene.ply")
     NOT_FILES[kind](tmp_path / "description" / "scene.json")
     NOT_FILES[kind](tmp_path / "preview" / "preview.jpg")
-    errors = {id: source.error for id, source in scan_directory(tmp_path).items()}
+    NOT_FILES[kind](tmp_path / "ladder" / "ladder.json")
+    sources = scan_directory(tmp_path)
+    assert sources["ladder"].ladder is None
+    errors = {id: source.error for id, source in sources.items()}
     assert str(errors.pop("scene")).startswith("The folder scene has no scene in it")
     assert str(errors.pop("description")).startswith("scene.json cannot be read: ")
-    assert errors == {"good": None, "preview": None}
+    assert errors == {"good": None, "preview": None, "ladder": None}
 
 
 @pytest.mark.parametrize("kind", NOT_FILES)
 def test_a_scene_that_became_no_file_is_broken(tmp_path: Path, kind: str) -> None:
     NOT_FILES[kind](tmp_path / "scene.ply")
-    with pytest.raises(BrokenScene, match=r"scene.ply cannot be read: .+\."):
-        load_ply(tmp_path / "scene.ply")
+    with pytest.raises(BrokenScene, match=r"scene.ply (cannot be read: .+|has no scene in it.+)\."):
+        read_scene_file(tmp_path / "scene.ply").load()
 
 
 def test_hidden_names_are_skipped_and_unsafe_ones_with_a_word(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -132,11 +132,11 @@ def test_a_directory_that_is_not_there_has_no_scenes(tmp_path: Path, caplog: pyt
 
 def test_a_preview_and_a_version_come_with_the_source(tmp_path: Path) -> None:
     plys.write(tmp_path / "scene.ply", plys.binary_ply())
-    first = read_folder(tmp_path)
+    first = read_source(tmp_path)
     assert first.preview is None
     plys.write(tmp_path / "preview.png", b"")
     plys.write(tmp_path / "scene.ply", plys.binary_ply(4))
-    second = read_folder(tmp_path)
+    second = read_source(tmp_path)
     assert second.preview == tmp_path / "preview.png"
     assert second.version != first.version
 
@@ -161,16 +161,21 @@ def test_a_file_by_itself_is_a_scene_by_its_name(tmp_path: Path, caplog: pytest.
 
 
 def test_a_folder_of_images_is_a_scene_whose_images_count(tmp_path: Path) -> None:
-    with zipfile.ZipFile(made_up.FILES / "shell.sog") as bundle:
-        bundle.extractall(tmp_path / "shell")
-    first = read_folder(tmp_path / "shell")
-    assert (first.error, first.format, first.gaussians, first.sh_degree) == (None, "SOG folder", made_up.COUNT, 1)
-    assert first.file_bytes == sum(path.stat().st_size for path in (tmp_path / "shell").iterdir())
+    folder = made_up.unzip(tmp_path / "shell")
+    source = read_source(folder)
+    assert (source.error, source.format, source.gaussians, source.sh_degree) == (None, "SOG folder", made_up.COUNT, 1)
+    assert_part_of(folder, folder / "sh0.webp")
+
+
+def assert_part_of(folder: Path, image: Path) -> None:
+    """All of a folder's files count as the scene's, and a change of this one is a change of the scene."""
+    first = read_source(folder)
+    assert first.file_bytes == sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
     assert first.digest is not None
     digest = first.digest()
-    image = tmp_path / "shell" / "sh0.webp"
+    os.utime(image, (1, 1))
     image.write_bytes(image.read_bytes() + b"\0")
-    second = read_folder(tmp_path / "shell")
+    second = read_source(folder)
     assert second.version != first.version
     assert second.digest is not None
     assert second.digest() != digest

@@ -6,7 +6,6 @@ import os
 import subprocess
 import threading
 import time
-import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
@@ -81,8 +80,7 @@ def test_what_a_file_is_decides_its_ending_and_it_may_be_called_otherwise(tmp_pa
 
 @pytest.mark.parametrize("named", ["hall", "hall/meta.json"])
 def test_a_folder_of_images_becomes_one_file(tmp_path: Path, named: str) -> None:
-    with zipfile.ZipFile(made_up.FILES / "shell.sog") as bundle:
-        bundle.extractall(tmp_path / "hall")
+    made_up.unzip(tmp_path / "hall")
     id, file = add_scene(str(tmp_path / named), tmp_path / "models", None, lambda _: None, LIMIT)
     assert (id, file.format, [path.name for path in file.files]) == ("hall", "SOG", ["hall.sog"])
     assert len(file.load()) == made_up.COUNT
@@ -149,8 +147,9 @@ def test_no_sentence_has_a_password(tmp_path: Path, site: str, address: str) -> 
 
 def test_a_command_that_is_terminated_leaves_nothing(tmp_path: Path, site: str) -> None:
     models = tmp_path / "models"
-    command = tigas("scene", "add", f"{site}/trickle.ply", "--scenes", str(models))
-    with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
+    environment = os.environ | {"TIGAS_RENDER_SCENES": str(models)}
+    command = tigas("scene", "add", f"{site}/trickle.ply")
+    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE) as process:
         wait_for(lambda: models.is_dir() and list(models.glob(".*/trickle")))
         process.terminate()
         _, said = process.communicate(timeout=30)

@@ -21,10 +21,9 @@ from tigas_render.engine.metrics import EngineMetrics
 from tigas_render.frame import Client
 from tigas_render.gaussians import Batches, Gaussians
 from tigas_render.raster.cpu import CpuRasterizer
-from tigas_render.scenes.columns import Listener
-from tigas_render.scenes.metadata import SceneMetadata
 from tigas_render.scenes.registry import SceneRegistry
-from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.scene_file import Listener
+from tigas_render.scenes.source import SceneMetadata, SceneSource
 
 
 @pytest.mark.anyio

@@ -1,25 +1,21 @@
-"""Loading and writing scene files: every value in its place, and memory that stays near the tensors' own size."""
+"""Loading and writing scene files: every value in its place."""
 
 from __future__ import annotations
 
 import logging
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from reference.ply import write_ply
-from tests.prerequisites import LINUX
 from tests.render.arrays import gaussians_of
 from tests.render.scenes import plys
 from tests.shared_data import reference_scene_ply
 from tigas_common.errors import BrokenScene
 from tigas_render.gaussians import Gaussians
-from tigas_render.scenes.columns import BLOCK
-from tigas_render.scenes.ply import load_ply
-from tigas_render.scenes.ply_header import read_header
+from tigas_render.scenes.directory import read_scene_file
+from tigas_render.scenes.scene_file import BLOCK
 
 
 def assert_same(a: Gaussians, b: Gaussians, rtol: float = 1e-5, atol: float = 1e-6) -> None:
@@ -32,7 +28,7 @@ def test_activations_are_applied(tmp_path: Path) -> None:
     values |= {"x": 1, "y": 2, "z": 3, "f_dc_0": 0.1, "f_dc_1": 0.2, "f_dc_2": 0.3, "opacity": np.log(3)}
     values |= {"scale_0": np.log(2), "scale_1": np.log(4), "scale_2": np.log(8), "rot_0": 3, "rot_2": 4}
     content = plys.header(list(values), 1) + np.array(list(values.values()), "<f4").tobytes()
-    scene = load_ply(plys.write(tmp_path / "one.ply", content))
+    scene = read_scene_file(plys.write(tmp_path / "one.ply", content)).load()
     assert_same(
         scene,
         gaussians_of(
@@ -50,10 +46,10 @@ def test_activations_are_applied(tmp_path: Path) -> None:
 def test_coefficients_are_channel_major(tmp_path: Path, make: object, sh_degree: int) -> None:
     content = make(5, sh_degree)  # type: ignore[operator]
     path = plys.write(tmp_path / "scene.ply", content)
-    scene = load_ply(path)
+    scene = read_scene_file(path).load()
     per_channel = (sh_degree + 1) ** 2 - 1
     columns = dict(zip(plys.names(sh_degree), plys.rows(5, sh_degree).T, strict=True))
-    assert read_header(path).sh_degree == scene.sh_degree == sh_degree
+    assert read_scene_file(path).sh_degree == scene.sh_degree == sh_degree
     assert scene.sh.shape == (5, per_channel + 1, 3)
     for channel in range(3):
         for k in range(per_channel):
@@ -62,8 +58,8 @@ def test_coefficients_are_channel_major(tmp_path: Path, make: object, sh_degree:
 
 
 def test_text_and_binary_give_the_same_scene(tmp_path: Path) -> None:
-    binary = load_ply(plys.write(tmp_path / "binary.ply", plys.binary_ply(50, 3)))
-    text = load_ply(plys.write(tmp_path / "text.ply", plys.ascii_ply(50, 3)))
+    binary = read_scene_file(plys.write(tmp_path / "binary.ply", plys.binary_ply(50, 3))).load()
+    text = read_scene_file(plys.write(tmp_path / "text.ply", plys.ascii_ply(50, 3))).load()
     assert_same(binary, text)
 
 
@@ -71,7 +67,7 @@ def test_text_and_binary_give_the_same_scene(tmp_path: Path) -> None:
 def test_what_is_written_is_read_back(tmp_path: Path, sh_degree: int) -> None:
     scene = plys.gaussians(2 * BLOCK + 7, sh_degree)  # more than one block
     write_ply(tmp_path / "scene.ply", scene)
-    assert_same(load_ply(tmp_path / "scene.ply"), scene)
+    assert_same(read_scene_file(tmp_path / "scene.ply").load(), scene)
 
 
 def test_gaussians_that_are_not_finite_are_dropped_and_counted(
@@ -86,7 +82,7 @@ def test_gaussians_that_are_not_finite_are_dropped_and_counted(
     values[7, [columns.index(f"rot_{i}") for i in range(4)]] = 1e30  # its square overflows; the rotation is sound
     path = plys.write(tmp_path / "scene.ply", plys.header(columns, len(values)) + values.tobytes())
     with caplog.at_level(logging.WARNING):
-        scene = load_ply(path)
+        scene = read_scene_file(path).load()
     assert len(scene) == BLOCK + 5
     assert f"dropped 5 of {BLOCK + 10}" in caplog.text
     np.testing.assert_allclose(scene.quaternions[3], 0.5, rtol=1e-6)
@@ -103,15 +99,17 @@ def test_a_gaussian_without_measure_is_dropped_and_changes_no_picture(
     values[2, columns.index(name)] = value
     others = np.delete(values, 2, axis=0)
     with caplog.at_level(logging.WARNING):
-        scene = load_ply(plys.write(tmp_path / "scene.ply", plys.header(columns, 5) + values.tobytes()))
+        scene = read_scene_file(plys.write(tmp_path / "scene.ply", plys.header(columns, 5) + values.tobytes())).load()
     assert "dropped 1 of 5" in caplog.text
-    assert_same(scene, load_ply(plys.write(tmp_path / "others.ply", plys.header(columns, 4) + others.tobytes())))
+    assert_same(
+        scene, read_scene_file(plys.write(tmp_path / "others.ply", plys.header(columns, 4) + others.tobytes())).load()
+    )
 
 
 def test_a_scene_without_any_finite_gaussian_is_broken(tmp_path: Path) -> None:
     content = plys.header(plys.names(0), 2) + np.full((2, 17), np.nan, "<f4").tobytes()
     with pytest.raises(BrokenScene, match="no Gaussian whose attributes are finite"):
-        load_ply(plys.write(tmp_path / "scene.ply", content))
+        read_scene_file(plys.write(tmp_path / "scene.ply", content)).load()
 
 
 def test_other_properties_types_and_elements_are_put_up_with(tmp_path: Path) -> None:
@@ -129,8 +127,8 @@ def test_other_properties_types_and_elements_are_put_up_with(tmp_path: Path) -> 
         b"property float c\nelement vertex",
     ).replace(b"end_header", b"element face 1\nproperty list uchar int vertex_indices\nend_header")
     faces = b"\x03" + np.arange(3, dtype="<i4").tobytes()
-    scene = load_ply(plys.write(tmp_path / "scene.ply", content + cameras + data.tobytes() + faces))
-    plain = load_ply(plys.write(tmp_path / "plain.ply", plys.binary_ply(4)))
+    scene = read_scene_file(plys.write(tmp_path / "scene.ply", content + cameras + data.tobytes() + faces)).load()
+    plain = read_scene_file(plys.write(tmp_path / "plain.ply", plys.binary_ply(4))).load()
     assert len(scene) == 3
     np.testing.assert_array_equal(scene.means, plain.means[[0, 2, 3]])
     np.testing.assert_array_equal(scene.opacities, plain.opacities[[0, 2, 3]])
@@ -141,50 +139,19 @@ def test_text_may_have_other_elements_and_windows_line_ends(tmp_path: Path) -> N
         b"element vertex", b"element camera 2\nproperty list int float v\nelement vertex"
     )
     content = content.replace(b"end_header\n", b"end_header\n1 5\n2 5 6\n").replace(b"\n", b"\r\n")
-    scene = load_ply(plys.write(tmp_path / "scene.ply", content))
-    assert_same(scene, load_ply(plys.write(tmp_path / "plain.ply", plys.binary_ply(4))))
+    scene = read_scene_file(plys.write(tmp_path / "scene.ply", content)).load()
+    assert_same(scene, read_scene_file(plys.write(tmp_path / "plain.ply", plys.binary_ply(4))).load())
 
 
 def test_huge_numbers_in_text_drop_their_gaussian(tmp_path: Path) -> None:
     lines = plys.ascii_ply(3).decode().splitlines()
     lines[-2] = " ".join(["1e39", "1" + "0" * 400, *lines[-2].split()[2:]])
-    scene = load_ply(plys.write(tmp_path / "scene.ply", "\n".join(lines).encode()))
+    scene = read_scene_file(plys.write(tmp_path / "scene.ply", "\n".join(lines).encode())).load()
     assert len(scene) == 2
 
 
-@LINUX.mark
-@pytest.mark.parametrize("make", ["binary", "ascii"])
-def test_loading_takes_less_than_three_times_the_tensors(tmp_path: Path, make: str) -> None:
-    count = 100_000
-    values = plys.rows(count, 3)
-    path = tmp_path / "large.ply"
-    with path.open("wb") as file:
-        file.write(plys.header(plys.names(3), count, "ascii" if make == "ascii" else "binary_little_endian"))
-        if make == "ascii":
-            line = b" ".join(b"%.4f" % value for value in values[0]) + b"\n"
-            file.write(line * count)
-        else:
-            file.write(values.tobytes())
-    script = f"""
-import re
-from pathlib import Path
-from tigas_render.scenes.ply import load_ply
-def peak():  # the kernel's own measure, which counts mapped pages as well
-    return 1024 * int(re.search("VmHWM:\\s*(\\d+)", Path("/proc/self/status").read_text())[1])
-load_ply(Path({str(tmp_path / "small.ply")!r}))
-before = peak()
-scene = load_ply(Path({str(path)!r}))
-print(scene.nbytes, peak() - before)
-"""
-    plys.write(tmp_path / "small.ply", plys.ascii_ply(3, 3) if make == "ascii" else plys.binary_ply(3, 3))
-    done = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True)
-    tensors, peak = map(int, done.stdout.split())
-    assert tensors == count * 4 * 59
-    assert tensors * 0.9 < peak < 3 * tensors
-
-
 def test_a_captured_scene_loads(caplog: pytest.LogCaptureFixture) -> None:
-    scene = load_ply(reference_scene_ply("guitar"))
+    scene = read_scene_file(reference_scene_ply("guitar")).load()
     assert len(scene) == 90_854
     assert scene.sh_degree == 0
     assert not caplog.records

@@ -7,12 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from tests.render.arrays import gaussians_of
 from tests.shared_data import reference_scene_ply
 from tigas_common.pose import Pose
 from tigas_common.wire.model import Point
 from tigas_common.wire.render import StartCamera
 from tigas_render.gaussians import Floats
-from tigas_render.scenes.ply import load_ply
+from tigas_render.scenes.directory import read_scene_file
 from tigas_render.scenes.start_camera import derive_camera
 
 UP: Point = (0.0, -1.0, 0.0)
@@ -23,8 +24,11 @@ def derive(means: Floats, up: Point = UP) -> StartCamera:
 
 
 def derive_uniform(means: Floats, opacity: float, scale: float, up: Point = UP) -> StartCamera:
-    opacities, scales = np.full(len(means), opacity, np.float32), np.full((len(means), 3), scale, np.float32)
-    return derive_camera(means, opacities, scales, up)
+    count = len(means)
+    scene = gaussians_of(
+        means, np.full((count, 3), scale), np.zeros((count, 4)), np.full(count, opacity), np.zeros((count, 1, 3))
+    )
+    return derive_camera(scene, up)
 
 
 def floats(*rows: list[float]) -> Floats:
@@ -146,7 +150,7 @@ def test_a_gaussian_larger_than_any_coordinate_does_not_push_the_camera_away(sca
     [("guitar", (1, 0)), ("flowers", (0, -1)), ("narcissus", (-1, -1)), ("playbot", (0, -1))],
 )
 def test_captured_objects_are_seen_from_their_front(name: str, front: tuple[float, float]) -> None:
-    scene = load_ply(reference_scene_ply(name))
-    camera = derive_camera(scene.means, scene.opacities, scene.scales, UP)
+    scene = read_scene_file(reference_scene_ply(name)).load()
+    camera = derive_camera(scene, UP)
     x, z = camera.position[0] - camera.look_at[0], camera.position[2] - camera.look_at[2]
     assert (x * front[0] + z * front[1]) / (math.hypot(x, z) * math.hypot(*front)) > math.cos(math.radians(50))

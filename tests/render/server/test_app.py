@@ -247,9 +247,7 @@ async def test_metrics_tell_outcomes_frames_by_scene_rung_and_transport_and_memo
     assert told("tigas_http_requests_total", route="/render") == 0, "counted twice"
 
 
-async def test_a_scenes_networks_are_served_while_they_fit_and_their_absence_is_told(
-    client: httpx.AsyncClient, models: Path
-) -> None:
+async def test_a_scenes_networks_are_served_while_they_fit(client: httpx.AsyncClient, models: Path) -> None:
     path = "/scenes/wall/enhance.safetensors"
     digest = hashlib.sha256((models / "wall" / "wall.ply").read_bytes()).hexdigest()
     assert (await client.get(path.replace("wall", "nowhere"))).status_code == 404
@@ -283,9 +281,7 @@ async def test_training_is_for_scenes_that_there_are(client: httpx.AsyncClient) 
     assert (await client.get("/config.json")).json()["why_no_training"] is None
 
 
-async def test_a_service_without_pytorch_says_what_training_needs(
-    models: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_training_needs_pytorch(models: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "torch", None)  # an ImportError on import
     settings = RenderSettings(scenes=models, cache=tmp_path)
     async with RenderService.open(settings, FakeRasterizer()) as service, asking(service) as client:

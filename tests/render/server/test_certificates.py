@@ -13,9 +13,7 @@ from tigas_render.transport.certificate import Certificate
 pytestmark = pytest.mark.anyio
 
 
-async def test_a_certificate_is_renewed_although_it_could_not_be_handed_out_before(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_a_failed_renewal_is_repeated(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     """Here the disk is full when the new one is first handed out."""
     monkeypatch.setattr(certificates, "LOOK_S", 0.001)
     handed_out: list[Certificate] = []

@@ -28,7 +28,7 @@ BODY = render_request().model_dump_json()
 
 
 def serving(source: FrameSource, load: Load) -> ASGIApp:
-    return frames_app(HttpFrames(source, HttpViewers(load, lambda: 0.0), RequestRate(load, 240, lambda: 0.0)))
+    return frames_app(HttpFrames(source, HttpViewers(load, lambda: 0.0), RequestRate(load, 20, lambda: 0.0)))
 
 
 async def test_a_full_server_keeps_a_viewer_and_refuses_its_neighbour_behind_the_same_gateway() -> None:
@@ -36,12 +36,15 @@ async def test_a_full_server_keeps_a_viewer_and_refuses_its_neighbour_behind_the
     transport = httpx.ASGITransport(serving(FakeFrames(), load))
     async with httpx.AsyncClient(base_url="http://localhost", transport=transport) as client:
 
-        async def ask(viewer: str) -> int:
-            return (await client.post("/render", content=BODY, headers={"Tigas-Viewer": viewer})).status_code
+        async def ask(viewer: str) -> httpx.Response:
+            return await client.post("/render", content=BODY, headers={"Tigas-Viewer": viewer})
 
-        assert await ask("first") == 200
+        assert (await ask("first")).status_code == 200
         load.is_full = True
-        assert (await ask("first"), await ask("second"), await ask("x" * 65)) == (200, 503, 400)
+        refused = await ask("second")
+        assert (refused.status_code, refused.json()["type"], refused.headers["retry-after"]) == (503, "tigas:full", "5")
+        assert ((await ask("first")).status_code, (await ask("x" * 65)).status_code) == (200, 400)
+        assert {(await ask("first")).status_code for _ in range(40)} == {200, 429}, "it asks too often"
 
 
 @pytest.mark.parametrize(("version", "transport"), [("1.1", "http1"), ("3", "http3")])

@@ -45,7 +45,7 @@ async def client(tmp_path: Path) -> AsyncIterator[httpx.AsyncClient]:
         ("", None),
     ],
 )
-async def test_a_client_gets_the_smallest_that_it_takes(
+async def test_a_client_gets_the_smallest_it_takes(
     client: httpx.AsyncClient, accepted: str, encoding: str | None
 ) -> None:
     async with client.stream("GET", "/assets/app.js", headers={"Accept-Encoding": accepted}) as answer:

@@ -16,8 +16,7 @@ from tests.eventually import eventually
 from tests.render.scenes import plys
 from tigas_common.errors import BrokenScene
 from tigas_common.wire.render import StartCamera
-from tigas_render.scenes.metadata import SceneMetadata
-from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.source import SceneMetadata, SceneSource
 from tigas_render.server.preview import MAX_BYTES, Preview, PreviewCache, preview_camera, read_preview
 
 pytestmark = pytest.mark.anyio
@@ -59,9 +58,7 @@ def cache(tmp_path: Path, renderer: Renderer) -> PreviewCache:
     return PreviewCache(tmp_path / "deep" / "cache", renderer)
 
 
-async def test_a_missing_preview_is_rendered_once_and_kept(
-    tmp_path: Path, renderer: Renderer, cache: PreviewCache
-) -> None:
+async def test_a_preview_is_rendered_once_and_kept(tmp_path: Path, renderer: Renderer, cache: PreviewCache) -> None:
     first = await cache.get(SOURCE)
     assert Image.open(io.BytesIO(first.body)).size == (640, 360)
     assert first.media_type == "image/jpeg"
@@ -102,9 +99,7 @@ async def test_a_corrupt_entry_is_rendered_again(
     assert len(renderer.calls) == 2
 
 
-async def test_a_failure_is_passed_on_and_not_kept_and_no_surprise_if_nobody_waits(
-    renderer: Renderer, cache: PreviewCache, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_a_failure_is_not_kept(renderer: Renderer, cache: PreviewCache, caplog: pytest.LogCaptureFixture) -> None:
     renderer.error = BrokenScene("It is torn.")
     for _ in range(2):
         with pytest.raises(BrokenScene, match="torn"):
@@ -122,7 +117,7 @@ async def test_a_failure_is_passed_on_and_not_kept_and_no_surprise_if_nobody_wai
     assert len(renderer.calls) == 4
 
 
-async def test_a_cache_that_cannot_be_written_is_no_failure(
+async def test_the_cache_need_not_be_writable(
     tmp_path: Path, renderer: Renderer, caplog: pytest.LogCaptureFixture
 ) -> None:
     cache = PreviewCache(plys.write(tmp_path / "file", b"") / "cache", renderer)

@@ -1,20 +1,28 @@
-"""Background work of the running service."""
+"""The running service: background work, load, and ladders."""
 
 from __future__ import annotations
 
 import asyncio
+from collections.abc import AsyncIterator
+from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
+import httpx
 import pytest
 
-from tests.render.fakes import FakeRasterizer
+from tests.eventually import eventually
+from tests.render.fakes import FakeRasterizer, render_request
 from tests.render.scenes import plys
 from tigas_common.command import load
 from tigas_common.errors import Overloaded
-from tigas_render.scenes.columns import Listener
+from tigas_common.parsing import parse
+from tigas_common.wire.render import HostLoad
+from tigas_render.admission import viewers
+from tigas_render.scenes.scene_file import Listener
 from tigas_render.scenes.source import SceneSource
 from tigas_render.server import service as service_module
+from tigas_render.server.app import create_app
 from tigas_render.server.main import until_stopped_or_lost
 from tigas_render.server.service import RenderService
 from tigas_render.settings import RenderSettings
@@ -39,9 +47,7 @@ async def test_housekeeping_goes_on_although_it_failed(
             await kept.wait()
 
 
-async def test_told_to_stop_it_ends_loading_before_it_answers_the_last_requests(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_stopping_service_ends_loading_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def endless(_: SceneSource, listener: Listener) -> NoReturn:
         while True:
             listener(0.5)
@@ -60,6 +66,43 @@ async def test_told_to_stop_it_ends_loading_before_it_answers_the_last_requests(
         await until_stopped_or_lost(stopped(), service)
         with pytest.raises(Overloaded, match="the service is stopping"):
             await loading
+
+
+@pytest.fixture
+async def service(tmp_path: Path) -> AsyncIterator[RenderService]:
+    async with RenderService.open(RenderSettings(cache=tmp_path), FakeRasterizer()) as service:
+        yield service
+
+
+@pytest.fixture
+async def client(service: RenderService) -> AsyncIterator[httpx.AsyncClient]:
+    transport = httpx.ASGITransport(create_app(service))
+    async with httpx.AsyncClient(transport=transport, base_url="http://localhost:8080") as client:
+        yield client
+
+
+async def test_a_viewer_that_has_left_counts_no_more(
+    service: RenderService, client: httpx.AsyncClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with service.measured():
+        nowhere = render_request(scene="nowhere").model_dump_json(exclude_none=True)
+        assert (await client.post("/render", content=nowhere)).status_code == 404
+        await eventually(lambda: service.loads.viewers == 1)
+        monkeypatch.setattr(viewers, "STAY_S", 0.0)
+        await eventually(lambda: service.loads.viewers == 0)
+
+
+async def test_a_director_hears_how_busy_the_host_is(service: RenderService, client: httpx.AsyncClient) -> None:
+    idle = parse(HostLoad, (await client.get("/api/load")).content)
+    assert (idle.viewers, idle.utilisation, idle.queue_age_s, idle.config.retry_after_s) == (0, 0, 0, None)
+    assert idle.config.model_dump(mode="json") == (await client.get("/config.json")).json()
+    ages = {"datagrams": 0.001, "loop": 0.002, "engine": 0.3}
+    one = replace(service.admission.load.state, viewers=3, utilisation=0.5, engine_utilisation=0.7, ages=ages)
+    service.loads.heard(0, one)
+    service.loads.heard(1, replace(one, viewers=4, utilisation=1.0, ages={}, full=5.0))
+    busy = parse(HostLoad, (await client.get("/api/load")).content)
+    assert (busy.viewers, busy.utilisation, busy.queue_age_s, busy.config.retry_after_s) == (7, 0.75, 0.3, 5.0)
+    assert 'tigas_render_full{edge="1"} 1.0' in (await client.get("/metrics")).text
 
 
 OWN = '[{"name": "Small", "width": 320, "height": 180, "quality": 50, "expected_kb": 9}]'

@@ -1,4 +1,4 @@
-"""The package's HTTP/3 client with hooks for tests, and small applications for the transport's tests."""
+"""The package's HTTP/3 client with hooks for tests, and a source of frames under the test's control."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import ssl
 from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
 from datetime import UTC, datetime
+from functools import partial
+from inspect import iscoroutine
 from typing import Any
 
 from aioquic.h3.events import DatagramReceived, H3Event
@@ -17,7 +19,7 @@ from aioquic.tls import SessionTicket
 
 from tests.render.fakes import render_request
 from tigas import http3
-from tigas.http3 import Http3Connection, Response, configuration
+from tigas.http3 import Http3Connection, Response, configuration, split_frame
 from tigas_common.wire.render import AnswerFormat, RenderRequest, ServerTiming, VideoInfo
 from tigas_render.frame import Answered, Frame, FrameSource, Withdraw
 from tigas_render.frame import Client as FrameClient
@@ -25,6 +27,16 @@ from tigas_render.transport.certificate import Certificate
 
 CERTIFICATE = Certificate.create([], datetime.now(UTC))
 TIMING = ServerTiming(queue=1.0, render=2.0, encode=3.0)
+
+
+async def eventually(condition: Callable[[], object]) -> None:
+    """Wait for an effect that has no event to wait for, or that has to be asked for."""
+    async with asyncio.timeout(30):
+        while True:
+            result = condition()
+            if await result if iscoroutine(result) else result:
+                return
+            await asyncio.sleep(0.002)
 
 
 class Client(Http3Connection):
@@ -53,11 +65,6 @@ class Client(Http3Connection):
         async with asyncio.timeout(20):
             await super().until(condition)
 
-    async def handshaken(self) -> HandshakeCompleted:
-        await self.until(lambda: self.handshake)
-        assert self.handshake is not None
-        return self.handshake
-
     @property
     def address(self) -> tuple[str, int]:
         """Its own host and port."""
@@ -65,13 +72,23 @@ class Client(Http3Connection):
         host, port = self._transport.get_extra_info("sockname")[:2]
         return host, port
 
-    def vanish(self) -> None:
-        """Leave without closing the connection."""
-        self._quic.close = lambda **_: None  # type: ignore[method-assign]
-
     async def fetch(self, method: str, path: str, body: bytes | None = None, **kwargs: Any) -> Response:
         """The response to a whole request."""
         return await self.response(self.request(method, path, body, **kwargs))
+
+    def send(self, stream: int, data: bytes, end: bool = False) -> None:
+        """Send on a stream, below HTTP/3."""
+        self._quic.send_stream_data(stream, data, end)
+        self.transmit()
+
+    async def header(self, stream: int) -> dict[str, Any]:
+        """The FrameHeader of the answer on a stream."""
+        return split_frame(bytes((await self.response(stream)).body))[0]
+
+    async def end(self, session: int) -> None:
+        """End a session."""
+        self.send(session, b"", end=True)
+        await self.response(session)
 
     def send_datagram(self, session: int, data: bytes) -> None:
         self.h3.send_datagram(session, data)
@@ -106,26 +123,8 @@ def request_body(**changes: Any) -> bytes:
     return json.dumps(request | changes).encode()
 
 
-class Recorder:
-    """Events on the server's side, for a test to wait for."""
-
-    def __init__(self) -> None:
-        self.events: list[str] = []
-        self._news = asyncio.Event()
-
-    def add(self, event: str) -> None:
-        self.events.append(event)
-        self._news.set()
-
-    async def until(self, event: str) -> None:
-        async with asyncio.timeout(20):
-            while event not in self.events:
-                self._news.clear()
-                await self._news.wait()
-
-
 class FakeFrames(FrameSource):
-    """A FrameSource: answers at once with `body`, or, if `held`, when the test lets a request go."""
+    """Answers at once with `body` or `error`, or, if `held`, when the test lets a request go."""
 
     def __init__(self, body: bytes = b"frame") -> None:
         self.body = body
@@ -138,45 +137,38 @@ class FakeFrames(FrameSource):
         self.arrivals: list[float] = []
         self.cancelled: list[int] = []
         self.forgotten: list[FrameClient] = []
-        self._gates: dict[int, asyncio.Future[None]] = {}
-        self._tasks: set[asyncio.Task[None]] = set()
-        self._news = asyncio.Event()
+        self._waiting: dict[int, tuple[RenderRequest, Answered]] = {}
 
     def request(self, client: FrameClient, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+        number = len(self.requests)
         self.requests.append((client, request))
         self.arrivals.append(arrived)
-        self._news.set()
-        task = asyncio.create_task(self._answer(request, answered))
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
-        return lambda: None if task.done() else self._cancel(task, request.seq)
+        self._waiting[number] = request, answered
+        if self.held is False or (self.held is not True and request.seq not in self.held):
+            asyncio.get_running_loop().call_soon(self._answer, number)
+        return partial(self._cancel, number)
 
     def forget(self, client: FrameClient) -> None:
         self.forgotten.append(client)
-        self._news.set()
 
-    async def _answer(self, request: RenderRequest, answered: Answered) -> None:
-        if self.held is True or (self.held and request.seq in self.held):
-            await self._gate(request.seq)
+    def release(self, seq: int) -> None:
+        """Answer the requests with this number that wait."""
+        for number in [number for number, (request, _) in self._waiting.items() if request.seq == seq]:
+            self._answer(number)
+
+    def _answer(self, number: int) -> None:
+        request, answered = self._waiting.pop(number, (None, None))
+        if request is None or answered is None:  # it was cancelled
+            return
         x, y = round(320 * request.overscan), round(180 * request.overscan)
         size = (320 + 2 * x, 180 + 2 * y)
         format: AnswerFormat = "h264" if request.format == "h264" else "jpeg"
         video = self.video if request.format == "h264" else None
         answered(self.error or Frame(self.body, format, *size, request.seq, request.profile, TIMING, x, y, video))
 
-    def _cancel(self, task: asyncio.Task[None], seq: int) -> None:
-        task.cancel()
-        self.cancelled.append(seq)
-        self._news.set()
-
-    def release(self, seq: int) -> None:
-        self._gate(seq).set_result(None)
+    def _cancel(self, number: int) -> None:
+        if number in self._waiting:
+            self.cancelled.append(self._waiting.pop(number)[0].seq)
 
     async def until(self, condition: Callable[[], object]) -> None:
-        async with asyncio.timeout(20):
-            while not condition():
-                self._news.clear()
-                await self._news.wait()
-
-    def _gate(self, seq: int) -> asyncio.Future[None]:
-        return self._gates.setdefault(seq, asyncio.get_running_loop().create_future())
+        await eventually(condition)

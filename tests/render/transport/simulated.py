@@ -30,11 +30,7 @@ Drop = Callable[[str, bytes], bool]
 class Simulation:
     """Call `run` after every change; it plays until both ends are quiet, or until a given time."""
 
-    def __init__(
-        self,
-        reset_delay: Callable[[float], float] = lambda now: 0.0,
-        **server: Any,
-    ) -> None:
+    def __init__(self, reset_delay: Callable[[float], float] = lambda now: 0.0, congestion_control: str = RENO) -> None:
         self.now = 0.0
         self.address = CLIENT
         """Where the client's datagrams come from."""
@@ -42,41 +38,34 @@ class Simulation:
         self.sent: list[tuple[float, str, int]] = []
         """(time, sender, bytes) of every datagram, the lost ones too."""
         self.streams: dict[int, bytearray] = defaultdict(bytearray)
-        """Events received by the client."""
+        """Received by the client, as are `ended` streams, in order, and datagrams."""
         self.ended: list[int] = []
-        """The client's streams in the order in which they were complete."""
-        self.uploads: dict[int, bytearray] = defaultdict(bytearray)
-        """Events received by the server."""
         self.datagrams: list[bytes] = []
+        self.uploads: dict[int, bytearray] = defaultdict(bytearray)
+        """Received by the server."""
+        common: dict[str, Any] = {"alpn_protocols": ["test"], "max_datagram_frame_size": 65536, "idle_timeout": 600}
         self.client = QuicConnection(
             configuration=QuicConfiguration(
-                alpn_protocols=["test"],
-                max_datagram_frame_size=65536,
                 server_name="localhost",
                 verify_mode=ssl.CERT_NONE,
                 max_data=1 << 24,
                 max_stream_data=1 << 24,
-                idle_timeout=600,
+                **common,
             )
         )
         self.client.connect(SERVER, now=0.0)
-        settings: dict[str, Any] = {
-            "congestion_control_algorithm": RENO,
-            "max_datagram_size": 1452,
-            "max_stream_data": 64 * 1024,
-        }
         self.server = ServerQuicConnection(
             edge=Edge(),
             reset_token=lambda cid: bytes(16),
             reset_delay=reset_delay,
             configuration=QuicConfiguration(
                 is_client=False,
-                alpn_protocols=["test"],
                 certificate=CERTIFICATE.x509,
                 private_key=CERTIFICATE.private_key,
-                max_datagram_frame_size=65536,
-                idle_timeout=600,
-                **{**settings, **server},
+                congestion_control_algorithm=congestion_control,
+                max_datagram_size=1452,
+                max_stream_data=64 * 1024,
+                **common,
             ),
             original_destination_connection_id=self.client.original_destination_connection_id,
         )
@@ -93,8 +82,7 @@ class Simulation:
             moments = [arrival for arrival, _, _ in self._flying]
             for connection in (self.client, self.server):
                 timer = connection.get_timer() if connection._network_paths else None
-                idle = connection._close_at
-                if timer is not None and timer != idle:
+                if timer is not None and timer != connection._close_at:
                     moments.append(timer + TIMER_SLACK)
             if not moments or min(moments) > until:
                 self.now = max(self.now, until) if until != float("inf") else self.now
@@ -114,11 +102,34 @@ class Simulation:
             self._events()
             step()
 
+    def play(self, seconds: float) -> None:
+        self.run(until=self.now + seconds)
+
+    def lose(self, share: float) -> None:
+        """Lose this share of the datagrams from now on."""
+        generator = random.Random(5)
+        self.drop = lambda sender, data: generator.random() < share
+
     def open(self, size: int = 1) -> int:
         """The client opens a stream with this many bytes of request, and ends its side."""
         stream_id = self.client.get_next_available_stream_id()
         self.client.send_stream_data(stream_id, bytes(size), end_stream=True)
         return stream_id
+
+    def answer_all(self, bodies: list[bytes]) -> list[int]:
+        """Open a stream for each body, let the requests arrive, and answer them all at once."""
+        streams = [self.open() for _ in bodies]
+        self.run()
+        for stream_id, body in zip(streams, bodies, strict=True):
+            self.server.send_stream_data(stream_id, body, end_stream=True)
+        return streams
+
+    def exchange(self, count: int = 1, size: int = 100_000, step: Callable[[], None] = lambda: None) -> None:
+        """Answers that arrive whole."""
+        bodies = frames(count, size)
+        streams = self.answer_all(bodies)
+        self.run(step=step)
+        assert [bytes(self.streams[stream_id]) for stream_id in streams] == bodies
 
     def _send(self, sender: str, connection: QuicConnection) -> None:
         for data, address in connection.datagrams_to_send(self.now):
@@ -146,12 +157,3 @@ def frames(count: int, size: int = 100_000) -> list[bytes]:
     """This many answers."""
     generator = random.Random(4)
     return [generator.randbytes(size) for _ in range(count)]
-
-
-def answer_all(simulation: Simulation, bodies: list[bytes]) -> list[int]:
-    """Open a stream for each body, let the requests arrive, and answer them all at once."""
-    streams = [simulation.open() for _ in bodies]
-    simulation.run()
-    for stream_id, body in zip(streams, bodies, strict=True):
-        simulation.server.send_stream_data(stream_id, body, end_stream=True)
-    return streams

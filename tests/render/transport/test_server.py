@@ -13,14 +13,7 @@ import pytest
 from aioquic.tls import SessionTicket
 from starlette.types import Receive, Scope, Send
 
-from tests.render.transport.client import (
-    CERTIFICATE,
-    Client,
-    FakeFrames,
-    Recorder,
-    connect,
-    request_body,
-)
+from tests.render.transport.client import CERTIFICATE, FakeFrames, connect, eventually, request_body
 from tests.render.transport.serving import hello, served
 from tigas_render.admission.limits import Limits
 from tigas_render.transport.certificate import Certificate
@@ -31,16 +24,13 @@ pytestmark = pytest.mark.anyio
 KEY = bytes(range(32))
 
 
-# -- addresses ---------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("listening", ["::", "localhost"])
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1"])
 async def test_one_port_serves_both_families(host: str, listening: str) -> None:
-    clients = Recorder()
+    clients: list[str] = []
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
-        clients.add(scope["client"][0])
+        clients.append(scope["client"][0])
         await hello(scope, receive, send)
 
     async with (
@@ -48,17 +38,13 @@ async def test_one_port_serves_both_families(host: str, listening: str) -> None:
         connect(server.port, host=host) as client,
     ):
         assert (await client.fetch("GET", "/")).status == 200
-    assert clients.events == [host]
+    assert clients == [host]
 
 
 async def test_by_default_only_this_machine_is_served() -> None:
     async with Http3Server(hello, certificate=CERTIFICATE) as server:
-        listening = {
-            one.laddr.ip
-            for one in psutil.Process().net_connections("udp")
-            if one.laddr and one.laddr.port == server.port
-        }
-    assert listening == {"127.0.0.1", "::1"}
+        of_port = [one.laddr for one in psutil.Process().net_connections("udp") if one.laddr.port == server.port]
+    assert {address.ip for address in of_port} == {"127.0.0.1", "::1"}
 
 
 @pytest.mark.parametrize(
@@ -104,9 +90,6 @@ async def test_a_port_in_use_is_an_os_error() -> None:
                         pass
 
 
-# -- certificates ------------------------------------------------------------------------------------------------------
-
-
 async def test_new_connections_see_a_new_certificate_and_old_ones_live_on() -> None:
     renewed = Certificate.create([], datetime.now(UTC))
     async with served() as server, connect(server.port) as old:
@@ -114,9 +97,6 @@ async def test_new_connections_see_a_new_certificate_and_old_ones_live_on() -> N
         async with connect(server.port, certificate=renewed) as new:
             assert (await new.fetch("GET", "/new")).status == 200
         assert (await old.fetch("GET", "/old")).status == 200
-
-
-# -- resumption and early data -----------------------------------------------------------------------------------------
 
 
 async def ticket_from(server: Http3Server) -> SessionTicket:
@@ -127,31 +107,21 @@ async def ticket_from(server: Http3Server) -> SessionTicket:
     return tickets[0]
 
 
-async def send_early(client: Client, method: str, path: str, body: bytes | None = None) -> int:
-    stream_id = client.request(method, path, body)
-    assert client.handshake is None, "it left before the handshake was complete"
-    return stream_id
-
-
 async def test_idempotent_requests_may_be_early() -> None:
     async with served() as server:
         ticket = await ticket_from(server)
         async with connect(server.port, ticket=ticket, wait=False) as client:
-            streams = [
-                await send_early(client, "GET", "/scenes"),
-                await send_early(client, "POST", "/render", b"{}"),
-                await send_early(client, "POST", "/scenes/x/load", b""),
-            ]
-            statuses = [(await client.response(stream)).status for stream in streams]
-            assert statuses == [200, 200, 425]
+            requests = (("GET", "/scenes", None), ("POST", "/render", b"{}"), ("POST", "/scenes/x/load", b""))
+            streams = [client.request(*request) for request in requests]
+            assert client.handshake is None, "they left before the handshake was complete"
+            assert [(await client.response(stream)).status for stream in streams] == [200, 200, 425]
             assert client.handshake is not None
             assert client.handshake.early_data_accepted
             assert (await client.fetch("POST", "/scenes/x/load", b"")).status == 200, "now it is not early any more"
 
 
 async def test_frames_may_be_early() -> None:
-    source = FakeFrames(b"early frame")
-    async with served(source=source) as server:
+    async with served(source=FakeFrames(b"early frame")) as server:
         ticket = await ticket_from(server)
         async with connect(server.port, ticket=ticket, wait=False) as client:
             session = await client.connect_webtransport()
@@ -164,29 +134,26 @@ async def test_a_ticket_is_good_once() -> None:
         ticket = await ticket_from(server)
         for expected in (True, False):
             async with connect(server.port, ticket=ticket, wait=False) as client:
-                stream = await send_early(client, "GET", "/")
-                assert (await client.handshaken()).session_resumed is expected
+                stream = client.request("GET", "/")
+                await client.until(lambda client=client: client.handshake)  # type: ignore[misc]
+                assert client.handshake is not None
+                assert client.handshake.session_resumed is expected
                 if expected:
                     assert (await client.response(stream)).status == 200
 
 
-# -- ending ------------------------------------------------------------------------------------------------------------
-
-
 async def test_closing_lets_running_requests_finish_and_takes_no_more() -> None:
-    seen, release = Recorder(), asyncio.Event()
+    seen: list[str] = []
+    release = asyncio.Event()
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
-        seen.add(scope["path"])
+        seen.append(scope["path"])
         await release.wait()
         await hello(scope, receive, send)
 
-    async with (
-        Http3Server(app, host="127.0.0.1", certificate=CERTIFICATE, limits=Limits(grace=10)) as server,
-        connect(server.port) as client,
-    ):
+    async with served(Limits(grace=10), app=app) as server, connect(server.port) as client:
         running = client.request("GET", "/running")
-        await seen.until("/running")
+        await eventually(lambda: seen)
         closing = asyncio.create_task(server.close())
         await asyncio.sleep(0)
         late = client.request("GET", "/late")
@@ -197,73 +164,56 @@ async def test_closing_lets_running_requests_finish_and_takes_no_more() -> None:
         await client.until(lambda: client.terminated)
         assert client.terminated is not None
         assert client.terminated.error_code == 0x100
-    assert seen.events == ["/running"]
+    assert seen == ["/running"]
 
 
-async def test_closing_does_not_wait_longer_than_its_grace() -> None:
+async def test_closing_waits_for_no_frame_and_no_application_beyond_its_grace() -> None:
     source = FakeFrames()
     source.held = True
-    async with served(Limits(grace=0.05), source) as server, connect(server.port) as client:
-        client.open_stream(await client.connect_webtransport(), request_body(seq=1))
-        await source.until(lambda: source.requests)
-        await server.close()
-        assert source.cancelled == [1]
-        assert server.connections == 0
-
-
-async def test_closing_does_not_wait_for_an_application_that_never_returns() -> None:
-    seen = Recorder()
+    seen: list[str] = []
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
-        seen.add("started")
+        seen.append("started")
         try:
             await asyncio.Event().wait()
         finally:
-            seen.add("ended")
+            seen.append("ended")
 
-    async with Http3Server(app, host="127.0.0.1", certificate=CERTIFICATE) as server, connect(server.port) as client:
+    async with served(Limits(grace=0.05), source, app=app) as server, connect(server.port) as client:
+        client.open_stream(await client.connect_webtransport(), request_body(seq=1))
         client.request("GET", "/")
-        await seen.until("started")
+        await eventually(lambda: source.requests and seen)
         await server.close()
-        assert seen.events == ["started", "ended"]
+        assert source.cancelled == [1]
+        assert seen == ["started", "ended"]
+        assert server.connections == 0
 
 
-# -- restarts ----------------------------------------------------------------------------------------------------------
+async def reset_of(port: int, *cids: bytes) -> bytes:
+    """The first answer to packets with these connection ids."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.setblocking(False)
+        sock.connect(("127.0.0.1", port))
+        for cid in cids:
+            sock.send(b"\x40" + cid + bytes(40))
+        async with asyncio.timeout(5):
+            return await asyncio.get_running_loop().sock_recv(sock, 2000)
 
 
 async def test_a_client_of_a_server_that_is_gone_hears_of_it_from_the_next() -> None:
-    async with Http3Server(hello, host="127.0.0.1", certificate=CERTIFICATE, reset_key=KEY) as server:
-        port = server.port
-        async with connect(port) as client:
-            assert (await client.fetch("GET", "/")).status == 200
-            quic = client._quic
-            ids = [quic._peer_cid, *quic._peer_cid_available]
-            assert len(ids) > 1
-    async with Http3Server(hello, host="127.0.0.1", port=port, certificate=CERTIFICATE, reset_key=KEY):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-            sock.setblocking(False)
-            sock.connect(("127.0.0.1", port))
-            for known in ids:
-                sock.send(b"\x40" + known.cid + bytes(40))
-                async with asyncio.timeout(5):
-                    reset = await asyncio.get_running_loop().sock_recv(sock, 2000)
-                assert len(reset) < 49
-                assert reset[-16:] == known.stateless_reset_token
-
-
-async def test_nobody_gets_a_reset_of_a_connection_that_lives() -> None:
     async with (
         Http3Server(hello, host="127.0.0.1", certificate=CERTIFICATE, reset_key=KEY) as server,
         connect(server.port) as client,
     ):
         assert (await client.fetch("GET", "/")).status == 200
-        living, unknown = client._quic._peer_cid.cid, os.urandom(8)
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-            sock.setblocking(False)
-            sock.connect(("127.0.0.1", server.port))
-            for cid in (living, unknown):
-                sock.send(b"\x40" + cid + bytes(40))
-            async with asyncio.timeout(5):
-                only = await asyncio.get_running_loop().sock_recv(sock, 2000)
-        assert only[-16:] == StatelessResets(KEY, server.port).token(unknown)
+        ids = [client._quic._peer_cid, *client._quic._peer_cid_available]
+        assert len(ids) > 1
+        living, unknown = ids[0].cid, os.urandom(8)
+        only = await reset_of(server.port, living, unknown)
+        assert only[-16:] == StatelessResets(KEY, server.port).token(unknown), "none of a connection that lives"
         assert (await client.fetch("GET", "/")).status == 200
+    async with Http3Server(hello, host="127.0.0.1", port=server.port, certificate=CERTIFICATE, reset_key=KEY):
+        for known in ids:
+            reset = await reset_of(server.port, known.cid)
+            assert len(reset) < 49
+            assert reset[-16:] == known.stateless_reset_token

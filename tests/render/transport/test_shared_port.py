@@ -13,8 +13,8 @@ from datetime import UTC, datetime
 import pytest
 from aioquic.tls import CipherSuite, SessionTicket
 
-from tests.render.transport.client import CERTIFICATE, FakeFrames, connect, request_body
-from tests.render.transport.serving import eventually, hello
+from tests.render.transport.client import CERTIFICATE, FakeFrames, connect, eventually, request_body
+from tests.render.transport.serving import hello
 from tigas_render.admission.limits import Limits
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Sequence
+from collections.abc import AsyncIterator, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -22,7 +22,7 @@ import psutil
 import pytest
 from aioquic.quic.events import ConnectionTerminated
 
-from tests.render.transport.client import Client, connect, request_body
+from tests.render.transport.client import Client, connect, eventually, request_body
 from tigas.http3 import split_frame
 
 TIGAS = (str(Path(sys.executable).parent / "tigas"),)
@@ -45,32 +45,25 @@ class Fleet:
 
     def child(self, name: str) -> psutil.Process:
         """A child by its name, such as `edge 1`."""
-        [found] = [each for each in psutil.Process(self.process.pid).children() if each.name() == name]
+        [found] = [each for each in self.children() if each.name() == name]
         return found
 
     def children(self) -> list[psutil.Process]:
         return psutil.Process(self.process.pid).children()
 
+    def pid(self, name: str) -> int | None:
+        """Of a child, if there is one at the moment."""
+        with contextlib.suppress(ValueError, psutil.Error):
+            return self.child(name).pid
+        return None
+
     def owner(self, client: Client) -> int:
         """The number of the edge that has a client's connection."""
         return client._quic._peer_cid.cid[0] % self.edges
 
-    async def spare(self) -> int:
-        """The standby edge, once it has loaded everything."""
-        async with asyncio.timeout(30):
-            while True:
-                with contextlib.suppress(ValueError, psutil.Error):
-                    return self.child("spare edge").pid
-                await asyncio.sleep(0.02)
-
     async def started_again(self, name: str, than: int) -> None:
         """Wait until a child has another process than it had."""
-        async with asyncio.timeout(30):
-            while True:
-                with contextlib.suppress(ValueError, psutil.Error):
-                    if self.child(name).pid != than:
-                        return
-                await asyncio.sleep(0.02)
+        await eventually(lambda: self.pid(name) not in (None, than))
 
 
 @contextlib.contextmanager
@@ -108,13 +101,6 @@ async def session(fleet: Fleet) -> AsyncIterator[tuple[Client, int]]:
     """A client of any edge, and its session."""
     async with connect(fleet.port, certificate=None) as client:
         yield client, await client.connect_webtransport()
-
-
-async def asking_until(condition: Callable[[], Awaitable[object]]) -> None:
-    """Wait until something is so that has to be asked for."""
-    async with asyncio.timeout(30):
-        while not await condition():  # noqa: ASYNC110 - only asking tells
-            await asyncio.sleep(0.02)
 
 
 async def status(client: Client, session: int) -> int:
@@ -166,6 +152,25 @@ class Viewer:
             await asyncio.sleep(max(EVERY_S, 1 / (header.get("requests_per_s") or math.inf)))
 
 
+@contextlib.asynccontextmanager
+async def watching(viewers: Sequence[Viewer]) -> AsyncIterator[None]:
+    """All watch, and have seen something."""
+    tasks = [asyncio.create_task(viewer.watch()) for viewer in viewers]
+    try:
+        await eventually(lambda: all(len(viewer.shown) >= 5 for viewer in viewers))
+        yield
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def gap(viewers: Sequence[Viewer], since: float) -> float:
+    """The longest that any of them has seen nothing new, in seconds."""
+    seen = [[at for at in viewer.shown if at >= since] for viewer in viewers]
+    return max(late - early for each in seen for early, late in zip([since, *each], each, strict=False))
+
+
 def _heed_resets(client: Client) -> None:
     """Let a stateless reset (RFC 9000, 10.3) end the connection, as in browsers; aioquic's clients do not know it."""
     take, quic = client.datagram_received, client._quic
@@ -193,7 +198,6 @@ def nothing_left() -> Iterator[None]:
 
 
 def _began_with(process: psutil.Process, temporary: str) -> bool:
-    """Whether it was started with this directory for its temporary files, and has not ended."""
     with contextlib.suppress(psutil.Error):
         return process.environ().get("TMPDIR") == temporary and process.status() != psutil.STATUS_ZOMBIE
     return False

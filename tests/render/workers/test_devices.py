@@ -1,16 +1,17 @@
-"""Which devices there are to render on."""
+"""Which devices there are to render on, and how many edges suit a machine."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tigas_common.errors import StartError
 from tigas_render.settings import RenderSettings
 from tigas_render.workers import devices as devices_module
-from tigas_render.workers.devices import devices_for, names
+from tigas_render.workers.devices import devices_for, edges_for, names, suitable
 
 
 @pytest.fixture
@@ -23,18 +24,13 @@ def gpus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("device", ["auto", "cuda"])
-def test_all_gpus_that_cuda_shows_are_used(gpus: Path, device: str) -> None:
-    assert devices_for(RenderSettings(device=device)) == ("cuda:0", "cuda:1")
+@pytest.mark.parametrize("device", ["auto", "cuda", "cpu", "cuda:1", "instant:5000", "cuda:0,cuda:2"])
+def test_all_gpus_that_cuda_shows_are_used_or_the_named_devices(gpus: Path, device: str) -> None:
+    used = "cuda:0,cuda:1" if device in ("auto", "cuda") else device
+    assert devices_for(RenderSettings(device=device)) == tuple(used.split(","))
 
 
-@pytest.mark.parametrize("device", ["cpu", "cuda:1", "instant:5000"])
-def test_one_that_is_named_is_the_only_one(gpus: Path, device: str) -> None:
-    assert devices_for(RenderSettings(device=device)) == (device,)
-
-
-def test_several_may_be_named(gpus: Path) -> None:
-    assert devices_for(RenderSettings(device="cuda:0,cuda:2")) == ("cuda:0", "cuda:2")
+def test_no_gpu_may_be_named_twice(gpus: Path) -> None:
     with pytest.raises(StartError, match=r"cuda:2 is named twice"):
         devices_for(RenderSettings(device="cuda:2,cuda:0,cuda:2"))
 
@@ -56,13 +52,34 @@ def test_no_two_devices_are_called_the_same() -> None:
     assert names(("instant", "cuda:0", "instant")) == ("instant#0", "cuda:0", "instant#2")
 
 
-@pytest.mark.parametrize("given", ["", ",", "cuda:0,", "auto,cpu", "cuda,cuda:1", "cuda:x", "gpu", "instant:9:0"])
-def test_other_devices_are_refused(given: str) -> None:
-    with pytest.raises(ValueError, match="device"):
-        RenderSettings(device=given)
+@pytest.mark.parametrize(
+    ("cores", "gpus", "edges"),
+    [(2, 1, 1), (7, 1, 1), (8, 1, 3), (16, 1, 6), (128, 1, 8), (128, 2, 16), (32, 2, 12), (16, 0, 1)],
+)
+def test_several_edges_are_for_machines_with_a_gpu_and_cores_to_spare(cores: int, gpus: int, edges: int) -> None:
+    assert suitable(cores, gpus > 0, max(1, gpus)) == edges
 
 
-def test_several_devices_need_linux(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_set_number_of_edges_is_taken_where_it_can_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert edges_for(RenderSettings(edges=3), 1) == 3
+    assert edges_for(RenderSettings(edges="auto", device="cpu"), 1) == 1  # type: ignore[arg-type]
     monkeypatch.setattr("sys.platform", "darwin")
-    with pytest.raises(StartError, match="Linux"):
-        devices_for(RenderSettings(device="instant,instant"))
+    assert edges_for(RenderSettings(edges=1), 1) == 1
+    for needs_linux in (
+        lambda: edges_for(RenderSettings(edges=2), 1),
+        lambda: devices_for(RenderSettings(device="instant,instant")),
+    ):
+        with pytest.raises(StartError, match="Linux"):
+            needs_linux()
+
+
+OTHERS = [
+    *({"device": given} for given in ("", ",", "cuda:0,", "auto,cpu", "cuda,cuda:1", "cuda:x", "gpu", "instant:9:0")),
+    *({"edges": given} for given in ("0", "65", "-1", "two", "1.5")),
+]
+
+
+@pytest.mark.parametrize("given", OTHERS, ids=str)
+def test_other_devices_and_numbers_of_edges_are_refused(given: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="device" if "device" in given else "neither auto nor a number from 1 to 64"):
+        RenderSettings(**given)

@@ -14,10 +14,9 @@ import httpx
 import pytest
 from aioquic.tls import SessionTicket
 
-from tests.render.transport.client import Client, connect
-from tests.render.transport.serving import eventually
+from tests.render.transport.client import Client, connect, eventually
 from tests.render.workers import without_steering
-from tests.render.workers.fleet import ASK, Fleet, Viewer, asking_until, serving, session, status
+from tests.render.workers.fleet import ASK, Fleet, Viewer, gap, serving, session, status, watching
 
 pytestmark = [pytest.mark.anyio, pytest.mark.slow]
 BACK_S = 2.0
@@ -30,30 +29,18 @@ def fleet() -> Iterator[Fleet]:
         yield running
 
 
-async def ask_everywhere(fleet: Fleet) -> None:
-    """Have a session with each edge, and send requests to all of them at once, repeatedly; each time they must
-    answer.
-
-    With more sessions, an edge on a busy machine may refuse some, or lower their rate.
-    """
+async def test_every_edge_answers_its_connections_where_the_kernel_steers_nothing() -> None:
+    """A session with each edge: with more, an edge on a busy machine may refuse some, or lower their rate."""
     sessions: dict[int, tuple[Client, int]] = {}
-    async with AsyncExitStack() as stack:
-        async with asyncio.timeout(30):
-            while len(sessions) < fleet.edges:
-                client, opened = await stack.enter_async_context(session(fleet))
-                sessions[fleet.owner(client)] = client, opened
-        for _ in range(40):
-            answers = await asyncio.gather(*(status(*each) for each in sessions.values()))
-            assert answers == [200] * fleet.edges
-
-
-async def test_every_edge_answers_its_connections(fleet: Fleet) -> None:
-    await ask_everywhere(fleet)
-
-
-async def test_the_same_where_the_kernel_steers_nothing() -> None:
     with serving(program=(sys.executable, "-m", without_steering.__name__)) as fleet:
-        await ask_everywhere(fleet)
+        async with AsyncExitStack() as stack:
+            async with asyncio.timeout(30):
+                while len(sessions) < fleet.edges:
+                    client, opened = await stack.enter_async_context(session(fleet))
+                    sessions[fleet.owner(client)] = client, opened
+            for _ in range(40):
+                answers = await asyncio.gather(*(status(*each) for each in sessions.values()))
+                assert answers == [200] * fleet.edges
 
 
 async def test_a_connection_outlives_new_addresses_and_ids_and_another_edges_end(fleet: Fleet) -> None:
@@ -81,27 +68,21 @@ async def test_a_connection_outlives_new_addresses_and_ids_and_another_edges_end
 
 async def test_an_edge_that_is_killed_costs_its_own_viewers_two_seconds_and_others_nothing(fleet: Fleet) -> None:
     viewers = [Viewer(fleet) for _ in range(6)]
-    tasks = [asyncio.create_task(viewer.watch()) for viewer in viewers]
-    try:
-        await eventually(lambda: all(len(viewer.shown) >= 5 for viewer in viewers))
+    async with watching(viewers):
         victim = viewers[0].owner
         hit = [viewer for viewer in viewers if viewer.owner == victim]
         spared = [viewer for viewer in viewers if viewer.owner != victim]
         assert spared
-        spare = await fleet.spare()
+        await eventually(lambda: fleet.pid("spare edge"))
+        spare = fleet.pid("spare edge")
         fleet.child(f"edge {victim}").kill()
         killed_at = time.monotonic()
         await eventually(lambda: all(viewer.connections > 1 and viewer.shown[-1] > viewer.since for viewer in hit))
         back = max(next(at for at in viewer.shown if at > viewer.since) for viewer in hit) - killed_at
         assert back < BACK_S
-        assert fleet.child(f"edge {victim}").pid == spare
+        assert fleet.pid(f"edge {victim}") == spare
         assert [(viewer.connections, viewer.failed) for viewer in spared] == [(1, [])] * len(spared)
-        gaps = [late - early for viewer in spared for early, late in zip(viewer.shown, viewer.shown[1:], strict=False)]
-        assert max(gaps) < 1.0
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        assert gap(spared, killed_at) < 1.0
 
 
 async def test_while_the_engine_is_gone_edges_say_when_to_come_back_and_viewers_stay(fleet: Fleet) -> None:
@@ -113,7 +94,7 @@ async def test_while_the_engine_is_gone_edges_say_when_to_come_back_and_viewers_
         async def gone() -> bool:
             return (await http.get("/config.json")).status_code != 200
 
-        await asking_until(gone)
+        await eventually(gone)
         answer = await http.get("/config.json")
         assert answer.status_code == 503
         assert int(answer.headers["retry-after"]) >= 1
@@ -126,7 +107,7 @@ async def test_while_the_engine_is_gone_edges_say_when_to_come_back_and_viewers_
         async def back() -> bool:
             return await status(client, opened) == 200 and not await gone()
 
-        await asking_until(back)
+        await eventually(back)
         assert client.terminated is None
 
 
@@ -147,7 +128,7 @@ async def test_early_data_is_taken_by_another_edge_than_gave_the_ticket_and_once
                     return (await early.response(asked)).status == 200
         return False
 
-    await asking_until(resumed_elsewhere)
+    await eventually(resumed_elsewhere)
     async with connect(fleet.port, certificate=None, ticket=tickets[0], wait=False) as replayed:
         replayed.request("POST", "/render", ASK)
         await replayed.until(lambda: replayed.handshake or replayed.terminated)

@@ -13,7 +13,7 @@ import httpx
 import psutil
 import pytest
 
-from tests.render.transport.serving import eventually
+from tests.eventually import eventually
 from tests.render.workers.fleet import TIGAS, Viewer, nothing_left, serving
 
 pytestmark = pytest.mark.slow

@@ -13,7 +13,7 @@ from typing import Any, cast
 
 import pytest
 
-from tests.render.transport.serving import eventually
+from tests.render.transport.client import eventually
 from tigas_common.errors import StartError
 from tigas_common.processes import BackOff
 from tigas_render.workers import worker as worker_module
@@ -21,6 +21,10 @@ from tigas_render.workers.control import Channel, Failed, Loaded, Message, Ready
 from tigas_render.workers.worker import Standby, Worker, WorkerProcess
 
 pytestmark = pytest.mark.anyio
+
+WORKS: Sequence[Message] = (Ready(),)
+FAILS: Sequence[Message] = (Failed(detail="It is lost."),)
+NO_MEMORY = "no process could be started: Cannot allocate memory"
 
 
 class Process:
@@ -47,8 +51,9 @@ class Process:
         self._asked.set()
 
 
-def descriptors() -> int:
-    return len(list(Path("/proc/self/fd").iterdir()))
+async def launched(says: Sequence[Message]) -> WorkerProcess:
+    ours, theirs = socket.socketpair()
+    return WorkerProcess(cast(Any, Process(await Channel.over(theirs), says)), await Channel.over(ours))
 
 
 async def refuse(*_: object, **__: object) -> None:
@@ -61,22 +66,24 @@ class Bench:
 
     def __init__(self, name: str, *lives: Sequence[Message]) -> None:
         """lives: output of each of its processes; the last one repeats."""
-        self.lives = list(lives)
+        self.lives = lives
         self.starts = 0
         self.refused = 0
         """How many of the next starts fail."""
-        self.processes: list[Process] = []
         self.worker = Worker(name, self._launch, list, lambda worker, message: None)
 
     async def _launch(self) -> WorkerProcess:
         if self.refused:
             self.refused -= 1
             await refuse()
-        says = self.lives[min(self.starts, len(self.lives) - 1)]
         self.starts += 1
-        ours, theirs = socket.socketpair()
-        self.processes.append(Process(await Channel.over(theirs), says))
-        return WorkerProcess(cast(Any, self.processes[-1]), await Channel.over(ours))
+        self.process = await launched(self.lives[min(self.starts, len(self.lives)) - 1])
+        return self.process
+
+    async def killed(self, start: int) -> None:
+        """Kill it once it works for the time with this number."""
+        await eventually(lambda: self.starts == start and self.worker._serves)
+        self.process.signal(signal.SIGKILL)
 
 
 def together(*benches: Bench) -> list[asyncio.Task[None]]:
@@ -90,36 +97,43 @@ async def ended(benches: Sequence[Bench], tasks: Sequence[asyncio.Task[None]]) -
     await asyncio.gather(*tasks)
 
 
-WORKS: Sequence[Message] = (Ready(),)
-FAILS: Sequence[Message] = (Failed(detail="It is lost."),)
-
-
-async def test_one_that_cannot_be_forked_for_a_moment_is_started_again(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.fixture(autouse=True)
+def short_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(BackOff, "FIRST_S", 0.001)
+    monkeypatch.setattr(worker_module, "RARE_S", 0.001)
+    monkeypatch.setattr(worker_module, "STANDBY_PAUSE_S", 0.001)
+
+
+async def test_one_that_cannot_be_forked_for_a_moment_is_started_again(capsys: pytest.CaptureFixture[str]) -> None:
     bench = Bench("edge 0", WORKS)
-    task = asyncio.create_task(bench.worker.keep())
+    tasks = together(bench)
     await eventually(bench.worker.ready.is_set)
     bench.refused = 2
-    bench.processes[-1].send_signal(signal.SIGKILL)
+    await bench.killed(1)
     await eventually(lambda: bench.starts == 2 and bench.worker._serves)
-    await ended([bench], [task])
+    await ended([bench], tasks)
     assert capsys.readouterr().err.splitlines() == [
-        "The edge 0 has ended (exit status 1); it is started again.",
-        "The edge 0 has ended (no process could be started: Cannot allocate memory); it is started again.",
-        "The edge 0 has ended (no process could be started: Cannot allocate memory); it is started again.",
+        f"The edge 0 has ended ({how}); it is started again." for how in ("exit status 1", NO_MEMORY, NO_MEMORY)
     ]
 
 
-async def test_one_that_cannot_be_forked_at_first_ends_the_start_with_a_sentence() -> None:
-    bench = Bench("edge 0", WORKS)
-    bench.refused = 1
-    with pytest.raises(StartError, match=r"^The edge 0 did not start \(no process could be started: Cannot"):
+@pytest.mark.parametrize(
+    ("name", "life", "refused", "sentence"),
+    [("edge 0", WORKS, 1, rf"^The edge 0 did not start \({NO_MEMORY}"), ("engine", FAILS, 0, r"^It is lost\.$")],
+)
+async def test_one_that_nobody_can_replace_ends_the_start_with_a_sentence(
+    name: str, life: Sequence[Message], refused: int, sentence: str
+) -> None:
+    bench = Bench(name, life)
+    bench.refused = refused
+    with pytest.raises(StartError, match=sentence):
         await bench.worker.keep()
 
 
 async def test_a_process_that_cannot_be_forked_leaves_no_descriptor(monkeypatch: pytest.MonkeyPatch) -> None:
+    def descriptors() -> int:
+        return len(list(Path("/proc/self/fd").iterdir()))
+
     monkeypatch.setattr(worker_module, "create_subprocess_exec", refuse)
     before = descriptors()
     with pytest.raises(OSError, match="Cannot allocate memory"):
@@ -127,50 +141,38 @@ async def test_a_process_that_cannot_be_forked_leaves_no_descriptor(monkeypatch:
     assert descriptors() == before
 
 
-async def test_a_spare_edge_is_kept_after_one_could_not_be_forked(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(worker_module, "STANDBY_PAUSE_S", 0.001)
-    starts = 0
+@pytest.mark.parametrize("is_ending", [False, True])
+async def test_a_spare_edge_that_cannot_be_forked_is_started_again_and_does_not_disturb_the_end(
+    monkeypatch: pytest.MonkeyPatch, is_ending: bool
+) -> None:
+    starts, failing = 0, asyncio.Event()
 
     async def start(program: str, inherited: Sequence[int]) -> WorkerProcess:
         nonlocal starts
         starts += 1
         if starts == 1:
+            await failing.wait()
             await refuse()
-        ours, theirs = socket.socketpair()
-        return WorkerProcess(
-            cast(Any, Process(await Channel.over(theirs), (Loaded(), Ready()))), await Channel.over(ours)
-        )
+        return await launched((Loaded(), Ready()))
 
     monkeypatch.setattr(WorkerProcess, "start", start)
     standby = Standby(())
     keeping = asyncio.create_task(standby.keep())
-    await eventually(lambda: not standby._loaded.empty())
-    assert starts == 2
-    keeping.cancel()
+    await eventually(lambda: standby._own is not None)
+    if is_ending:
+        keeping.cancel()
+        failing.set()
+    else:
+        failing.set()
+        await eventually(lambda: not standby._loaded.empty())
+        keeping.cancel()
     await standby.end()
-
-
-async def test_a_spare_edge_that_cannot_be_forked_does_not_disturb_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    failing = asyncio.Event()
-
-    async def start(program: str, inherited: Sequence[int]) -> WorkerProcess:
-        await failing.wait()
-        await refuse()
-        raise AssertionError
-
-    monkeypatch.setattr(WorkerProcess, "start", start)
-    standby = Standby(())
-    keeping = asyncio.create_task(standby.keep())
-    await eventually(lambda: standby._own)
-    keeping.cancel()
-    failing.set()
-    await standby.end()
+    assert starts == (1 if is_ending else 2)
 
 
 async def test_one_that_does_not_start_is_tried_again_ever_more_rarely_while_another_serves(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(worker_module, "RARE_S", 0.001)
     benches = Bench("engine on a", FAILS), Bench("engine on b", WORKS)
     tasks = together(*benches)
     await eventually(lambda: benches[0].starts == 5)
@@ -183,8 +185,7 @@ async def test_one_that_does_not_start_is_tried_again_ever_more_rarely_while_ano
         )
 
 
-async def test_one_that_is_lost_for_a_while_serves_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(worker_module, "RARE_S", 0.001)
+async def test_one_that_is_lost_for_a_while_serves_again() -> None:
     benches = Bench("engine on a", FAILS, FAILS, WORKS), Bench("engine on b", WORKS)
     tasks = together(*benches)
     await eventually(benches[0].worker.ready.is_set)
@@ -194,34 +195,26 @@ async def test_one_that_is_lost_for_a_while_serves_again(monkeypatch: pytest.Mon
 async def test_one_that_ends_too_often_is_tried_again_while_another_serves(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(BackOff, "FIRST_S", 0.001)
+    monkeypatch.setattr(worker_module, "RARE_S", 15.0)
     benches = Bench("engine on a", (*WORKS, *FAILS)), Bench("engine on b", WORKS)
     tasks = together(*benches)
-    for start in range(5):
-        await eventually(lambda start=start: benches[0].starts == start + 1 and benches[0].worker._serves)  # type: ignore[misc]
-        benches[0].processes[-1].send_signal(signal.SIGKILL)
-    said = ""
+    for start in range(1, 6):
+        await benches[0].killed(start)
+    said: list[str] = []
 
     def is_said() -> bool:
-        nonlocal said
-        said += capsys.readouterr().err
-        return "ended 5 times within 60 s, the last time with exit status 1. It is lost. It is tried again in" in said
+        said.append(capsys.readouterr().err)
+        why = "ended 5 times within 60 s, the last time with exit status 1. It is lost. It is tried again in 15 s"
+        return why in "".join(said)
 
     await eventually(is_said)
     await ended(benches, tasks)
 
 
 async def test_if_all_are_lost_it_is_over() -> None:
-    benches = Bench("engine on a", FAILS), Bench("engine on b", FAILS)
-    tasks = together(*benches)
+    tasks = together(Bench("engine on a", FAILS), Bench("engine on b", FAILS))
     done, _ = await asyncio.wait(tasks, timeout=20)
     assert len(done) == 2
     for task in tasks:
         with pytest.raises(StartError, match="did not start: It is lost"):
             task.result()
-
-
-async def test_one_that_nobody_can_replace_says_only_what_is_wrong() -> None:
-    bench = Bench("engine", FAILS)
-    with pytest.raises(StartError, match=r"^It is lost\.$"):
-        await bench.worker.keep()

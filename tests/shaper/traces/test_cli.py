@@ -18,7 +18,7 @@ from tests.command import Result, tigas
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.fetch import load_sources
 from tigas_shaper.traces.formats import load_trace
-from tigas_shaper.traces.generator import own_traces
+from tigas_shaper.traces.generator import own_traces, write_own_traces
 
 OWN = Path(__file__).parents[3] / "traces" / "network"
 
@@ -47,12 +47,13 @@ def test_import_does_not_replace_a_file(tmp_path: Path) -> None:
     assert load_trace(out).states[0].up_kbps == 7
 
 
-@pytest.mark.parametrize("command", ["import", "info", "plot"])
-def test_a_broken_file_is_named_with_one_sentence(command: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("arguments", [("import",), ("info",), ("info", "--plot")])
+def test_a_broken_file_is_named_with_one_sentence(arguments: tuple[str, ...], tmp_path: Path) -> None:
     broken = tmp_path / "broken.txt"
     broken.write_text("5000\nfast\n")
     out = tmp_path / "out.png"
-    result = run(command, broken, *([] if command == "info" else [out]))
+    command, *option = arguments
+    result = run(command, broken, *option, *([] if arguments == ("info",) else [out]))
     assert result.exit_code == 1
     assert f"{broken}: Line 2: each line of this file must be a number, not 'fast'." in result.output
     assert not out.exists()
@@ -69,18 +70,18 @@ def test_info_prints_duration_rates_and_outages() -> None:
 
 def test_plot_draws_the_trace(tmp_path: Path) -> None:
     png, svg = tmp_path / "t.png", tmp_path / "t.svg"
-    assert run("plot", OWN / "dsl.csv", png).exit_code == 0
+    assert run("info", OWN / "dsl.csv", "--plot", png).exit_code == 0
     with Image.open(png) as picture:
         assert picture.width > 1000
         assert len(picture.convert("RGB").getcolors(1 << 24) or ()) > 20
-    assert run("plot", OWN / "outage.csv", svg).exit_code == 0
+    assert run("info", OWN / "outage.csv", "--plot", svg).exit_code == 0
     assert ElementTree.parse(svg).getroot().tag.endswith("svg")
-    result = run("plot", OWN / "dsl.csv", tmp_path / "t.exe")
+    result = run("info", OWN / "dsl.csv", "--plot", tmp_path / "t.exe")
     assert (result.exit_code, "must end in .png, .svg or .pdf" in result.output) == (1, True)
 
 
-def test_generate_writes_every_own_trace(tmp_path: Path) -> None:
-    assert run("generate", tmp_path / "made").exit_code == 0
+def test_every_own_trace_can_be_written(tmp_path: Path) -> None:
+    write_own_traces(tmp_path / "made")
     assert {path.stem for path in (tmp_path / "made").iterdir()} == {own.name for own in own_traces()}
 
 

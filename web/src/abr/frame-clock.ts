@@ -1,10 +1,11 @@
-/** The time between animation frames, as they come: the median of the last ones. 60 a second until some have come. */
+/**
+ * The time between animation frames, as they come: the median of the last ones, which the gap of a hidden page does not
+ * change. 60 a second until some have come.
+ */
 
 const SAMPLES = 31;
 const ENOUGH = 5;
 const AT_60_HZ = 1000 / 60;
-/** A longer pause is a hidden page, not a slow display (ms). */
-const PAUSE = 100;
 
 export class FrameClock {
   #last: number | undefined;
@@ -15,7 +16,7 @@ export class FrameClock {
   tick(now: number): void {
     const interval = now - (this.#last ?? now);
     this.#last = now;
-    if (interval <= 0 || interval > PAUSE) return;
+    if (interval <= 0) return;
     this.#intervals = [...this.#intervals, interval].slice(-SAMPLES);
     if (this.#intervals.length < ENOUGH) return;
     this.#median = this.#intervals.toSorted((a, b) => a - b)[this.#intervals.length >> 1] ?? AT_60_HZ;

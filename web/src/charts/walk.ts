@@ -79,6 +79,12 @@ export class WalkRecorder {
     this.#pose = pose;
   }
 
+  /** The page was hidden: what was going on is not one walk. */
+  resumed(): void {
+    this.#going = null;
+    this.#movedAt = Number.NEGATIVE_INFINITY;
+  }
+
   /** A frame of picture number `side` is on the screen. */
   presented(side: number, { latencies }: Pick<PresentedFrame, "latencies">): void {
     this.#going?.latencies[side]?.push(...latencies);

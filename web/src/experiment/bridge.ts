@@ -69,12 +69,8 @@ export class Bridge {
 
   /** A kept picture as the base64 text of a PNG; the page gives it up then. */
   async capture(index: number): Promise<string> {
-    const picture = this.#runner.takePicture(index);
-    const canvas = new OffscreenCanvas(picture.width, picture.height);
-    canvas.getContext("2d")?.drawImage(picture, 0, 0);
-    picture.close();
-    const blob = await canvas.convertToBlob({ type: "image/png" });
-    return base64(new Uint8Array(await blob.arrayBuffer()));
+    const picture = await this.#runner.takePicture(index);
+    return base64(new Uint8Array(await picture.arrayBuffer()));
   }
 }
 

@@ -22,11 +22,9 @@ let page: EventTarget & { visibilityState: string };
 let rig: Rig;
 let enhancement: Signal<EnhancementStatus>;
 let unturned: Signal<string | null>;
-let local: Signal<{
-  played: () => null;
-  picture: () => null;
-  phase: Signal<{ kind: string; message?: string }>;
-} | null>;
+let phase: Signal<{ kind: string; message?: string }>;
+/** Of the visit. */
+let visit: Signal<{ kind: string; message?: string }>;
 let runner: Runner;
 let present: (frame: PresentedFrame) => void;
 
@@ -34,7 +32,8 @@ beforeEach(() => {
   now = 0;
   enhancement = signal({ kind: "off" });
   unturned = signal(null);
-  local = signal(null);
+  phase = signal({ kind: "playing" });
+  visit = signal({ kind: "playing" });
   waiting = [];
   page = Object.assign(new EventTarget(), { visibilityState: "visible" });
   vi.stubGlobal("document", page);
@@ -48,11 +47,10 @@ beforeEach(() => {
     receivedBytes: 0,
     seed: signal(1),
     connected: signal(null),
-    stream: signal(null),
-    local,
-    enhancement: { status: enhancement },
+    source: signal({ phase, enhancement: { status: enhancement }, played: () => ({}) }),
+    left: { picture: () => null },
     unturned,
-    phase: signal({ kind: "playing" }),
+    phase: visit,
     onPresented: (listener: typeof present) => {
       present = listener;
       return nothing;
@@ -100,6 +98,46 @@ test.each([
   const run = runner.run(plan);
   await drawn(...times.flat());
   await expect(run).resolves.toMatchObject({ complete, hidden: false });
+});
+
+test.each<[string, () => void, string]>([
+  [
+    "a lost connection",
+    () => {
+      visit.value = { kind: "lost" };
+    },
+    "The connection was lost during the run.",
+  ],
+  [
+    "a visit that fails",
+    () => {
+      visit.value = { kind: "failed", message: "It is gone." };
+    },
+    "It is gone.",
+  ],
+  [
+    "a lost stream",
+    () => {
+      phase.value = { kind: "connecting" };
+    },
+    "The Stateless stream was lost during the run.",
+  ],
+  [
+    "a download that fails",
+    () => {
+      phase.value = { kind: "failed", message: "No room." };
+    },
+    "No room.",
+  ],
+])("%s ends the run", async (_, happens, sentence) => {
+  const { position, quaternion } = rig.pose;
+  const points = [{ t_ms: 0, position, quaternion }];
+  const run = runner.run({ points, duration_ms: 4000, capture_every_ms: 0, sample_stride: 0 });
+  const failed = expect(run).rejects.toThrow(sentence);
+  await drawn(...every20(0, 100));
+  happens();
+  await drawn(...every20(120, 200));
+  await failed;
 });
 
 test("the display's interval is that of the page at rest, in later runs, too", async () => {
@@ -203,7 +241,18 @@ test("a download begins with the recording, and until its first picture nothing 
   const { captures } = await run;
   expect(captures.length).toBeGreaterThanOrEqual(4);
   for (const capture of captures) expect(capture).toMatchObject({ pose: -1, view: null, width: 640, height: 360 });
-  expect(runner.takePicture(0)).toMatchObject({ width: 640 });
+  const size = vi.fn();
+  class FakeCanvas {
+    getContext = () => null;
+    convertToBlob = async () => new Blob(["png"]);
+    constructor(...sides: number[]) {
+      size(...sides);
+    }
+  }
+  vi.stubGlobal("OffscreenCanvas", FakeCanvas);
+  expect(await (await runner.takePicture(0)).text()).toBe("png");
+  expect(size).toHaveBeenCalledWith(640, 360);
+  await expect(runner.takePicture(0)).rejects.toThrow("there is no picture 0");
   changeSettings(before);
 });
 
@@ -225,7 +274,6 @@ test("a page that stands while it draws a download has played its movement, unle
 });
 
 test("a download that fails is a problem of the run, in its own words", () => {
-  const phase = signal({ kind: "failed", message: "The scene is too large for this browser." });
-  local.value = { played: () => null, picture: () => null, phase };
+  phase.value = { kind: "failed", message: "The scene is too large for this browser." };
   expect(runner.state().problem).toBe("The scene is too large for this browser.");
 });

@@ -1,5 +1,5 @@
 /**
- * Plays a movement in the viewer and records it, for scripts (`bridge.ts`) and the experiment dialog (`experiment.ts`).
+ * Plays a movement in the viewer and records it, for scripts (`bridge.ts`) and the page's experiments (`perform.ts`).
  * The record stays in the page until the run has ended, so that only the viewer's own traffic crosses the link.
  */
 
@@ -11,13 +11,14 @@ import { turning } from "../reproject/acceleration";
 import type { About } from "../samples/layout";
 import { removeSampledRun } from "../samples/sampled-runs";
 import { type Sampled, Sampler } from "../samples/sampler";
+import { kindsShown, reopens, titleOf } from "../sources/sides";
 import { changeSettings, settings } from "../state/app";
 import { type Mode, type Settings, validSettings } from "../state/settings";
-import { anyStreamed } from "../state/sides";
 import type { ScenePose } from "../view/camera";
 import type { PresentedFrame } from "../view/presented";
 import type { ViewerSession } from "../viewer/session";
 import type { Recording } from "../wire/store";
+import { RunFailed } from "./errors";
 import { intervalAtRest } from "./missed";
 import { Recorder } from "./recorder";
 
@@ -102,19 +103,8 @@ export class Runner {
     if (forces) turning.value = "forced"; // requested settings are measured even without graphics acceleration
     this.#lapse = null;
     const now = settings.peek();
-    const streamed = [
-      "mode",
-      "left",
-      "right",
-      "dashPreset",
-      "dashFrameRate",
-      "dashRepresentation",
-      "webrtcStream",
-    ] as const;
-    // A stream is opened anew for these; a mode without one may have no reason to ask for another frame.
-    const turned = !anyStreamed(now) ? [] : (["reprojection", "overscan"] as const);
-    const reopened = forces && anyStreamed(now);
-    if (reopened || [...streamed, ...turned].some((name) => now[name] !== before[name])) this.#shown = 0; // wait for other frames
+    const forced = forces && kindsShown(now).some((kind) => kind.reopens.includes("reprojection"));
+    if (forced || reopens(before, now)) this.#shown = 0; // wait for other frames
   }
 
   /** Stand at a pose of the scene's own frame until a run begins, or the camera is released. */
@@ -132,9 +122,9 @@ export class Runner {
   }
 
   state(): RunnerState {
-    const { phase, rig, enhancement, local } = this.#session;
-    const enhanced = enhancement.status.peek();
-    const drawn = local.peek()?.phase.peek();
+    const { phase, rig, source } = this.#session;
+    const enhanced = source.peek()?.enhancement?.status.peek() ?? { kind: "off" };
+    const drawn = source.peek()?.phase.peek();
     const failed = enhanced.kind === "failed" ? enhanced : drawn?.kind === "failed" ? drawn : null;
     const shown = this.#shown > 0 && this.#newest >= rig.pose.seq;
     return {
@@ -146,7 +136,10 @@ export class Runner {
     };
   }
 
-  /** Play a movement and record it; one at a time. If `signal` is aborted, it rejects with its reason. */
+  /**
+   * Play a movement and record it; one at a time. Rejects with a RunFailed if the connection or stream is lost, or with
+   * the reason of `signal`.
+   */
   async run(plan: RunPlan, signal?: AbortSignal): Promise<Required<Recording>> {
     if (this.#running) throw new Error("a run is under way");
     this.#running = true;
@@ -162,12 +155,15 @@ export class Runner {
     }
   }
 
-  /** Takes a kept picture of the last run; the recipient closes it. */
-  takePicture(index: number): ImageBitmap {
+  /** A kept picture of the last run as a PNG; it is given up then. */
+  async takePicture(index: number): Promise<Blob> {
     const picture = this.#pictures[index];
     if (!picture) throw new Error(`there is no picture ${index}`);
     this.#pictures[index] = null;
-    return picture;
+    const canvas = new OffscreenCanvas(picture.width, picture.height);
+    canvas.getContext("2d")?.drawImage(picture, 0, 0);
+    picture.close();
+    return canvas.convertToBlob({ type: "image/png" });
   }
 
   /** Outcome of the last run's samples; null if none were requested. */
@@ -218,8 +214,14 @@ export class Runner {
     };
     document.addEventListener("visibilitychange", onVisibility);
     this.#lapse = null;
+    const lost = new AbortController();
+    let played = false;
     const watch = effect(() => {
       this.#lapse ??= this.#unturned();
+      const plays = this.#session.source.value?.phase.value.kind === "playing";
+      const trouble = this.#trouble(played && !plays);
+      played ||= plays;
+      if (trouble !== null) lost.abort(new RunFailed(trouble));
     });
     try {
       const lens = { ...rig.viewport.peek(), ...rig.intrinsics.peek() };
@@ -233,13 +235,8 @@ export class Runner {
         for (let ticks = recorder.due(now); ticks > 0; ticks--) void this.#keep(recorder, now);
         return movement(now - startedAt);
       });
-      const targets: number[] = [];
-      const noteTarget = effect(() => {
-        const target = this.#session.stream.value?.stats.value.targetLatency;
-        if (target != null && target !== targets.at(-1)) targets.push(target);
-      });
-      const endedAt = await this.#ended(recorder, movedUntil, signal).finally(noteTarget);
-      const played = this.#session.stream.peek()?.playing ?? null;
+      const ending = signal ? AbortSignal.any([signal, lost.signal]) : lost.signal;
+      const endedAt = await this.#ended(recorder, movedUntil, ending);
       // Drawing a scene may take all of the page's time: that is the mode's own doing, and its poses are counted as missed.
       const animated = (recorder.animationInterval ?? Number.POSITIVE_INFINITY) < SLOWEST_DISPLAY;
       const unbroken = longestPause < PAUSE || (download && !hidden && animated);
@@ -247,9 +244,7 @@ export class Runner {
         scene: rig.scene?.id ?? "",
         mode: settings.peek().mode,
         transport: this.#session.connected.peek()?.transport.kind ?? null,
-        dash: played && "dash" in played ? { ...played.dash, targets_ms: targets } : null,
-        webrtc: played && "webrtc" in played ? played.webrtc : null,
-        local: this.#session.local.peek()?.played(startedAt) ?? null,
+        ...{ dash: null, webrtc: null, local: null, ...this.#session.source.peek()?.played(startedAt) },
         user_agent: navigator.userAgent,
         lens,
         started_unix_ms: performance.timeOrigin + startedAt,
@@ -266,6 +261,16 @@ export class Runner {
       this.#recorder = undefined;
       this.release();
     }
+  }
+
+  /** Why the pictures of a run are no longer those that it is about, in one sentence; null if they are. */
+  #trouble(stopped: boolean): string | null {
+    const { phase, source } = this.#session;
+    const shown = source.value?.phase.value;
+    if (phase.value.kind === "failed") return phase.value.message;
+    if (phase.value.kind !== "playing") return "The connection was lost during the run.";
+    if (shown?.kind === "failed") return shown.message;
+    return stopped ? `The ${titleOf(settings.peek().mode)} stream was lost during the run.` : null;
   }
 
   #unturned(): string | null {
@@ -287,16 +292,15 @@ export class Runner {
   /** A copy on the GPU, or in memory without one: encoding waits until the run has ended. */
   async #keep(recorder: Recorder, at: number): Promise<void> {
     const frame = this.#frame;
-    const { stateless, stream, local, rig } = this.#session;
+    const { left, rig } = this.#session;
     if (frame === undefined) {
       const picture = await createImageBitmap(new ImageData(rig.viewport.peek().width, rig.viewport.peek().height));
       recorder.capturedNothing(at, picture);
       this.#pictures.push(picture);
       return;
     }
-    const sides = { stateless, dash: stream.peek(), webrtc: stream.peek(), local: local.peek() };
     try {
-      const picture = await sides[frame.side]?.picture();
+      const picture = await left.picture();
       if (!picture) return;
       recorder.captured(frame, at, picture);
       this.#pictures.push(picture);
@@ -306,11 +310,11 @@ export class Runner {
   }
 
   /** Resolves when the last pose is on screen, or the wait times out. */
-  async #ended(recorder: Recorder, movedUntil: number, signal?: AbortSignal): Promise<number> {
+  async #ended(recorder: Recorder, movedUntil: number, signal: AbortSignal): Promise<number> {
     let reportedAt = Number.NEGATIVE_INFINITY;
     for (;;) {
       const now = await animationFrame();
-      signal?.throwIfAborted();
+      signal.throwIfAborted();
       if (now - reportedAt >= TRAFFIC_EVERY) {
         recorder.received(this.#session.receivedBytes, now);
         reportedAt = now;

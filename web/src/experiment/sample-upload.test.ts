@@ -2,7 +2,6 @@ import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "../http/problem";
 import type { SampledRun } from "../samples/sampled-runs";
 import type { Sample } from "../wire/store";
-import { FROM_THE_START, UNSHAPED } from "./plan";
 import { deleteSamples, type SampleStore, uploadSamples } from "./sample-upload";
 
 const { runs, held, described } = vi.hoisted(() => ({
@@ -26,19 +25,6 @@ vi.mock("../samples/sample-writer", () => ({
   },
 }));
 
-const PLAN = {
-  name: "two",
-  scene: "courtyard",
-  movement: "stroll",
-  network: UNSHAPED,
-  modes: ["stateless"],
-  profiles: ["latency"],
-  repeats: 1,
-  segments: FROM_THE_START,
-  duration_s: 10,
-  warm_up_s: 2,
-};
-const CONFIGURATION = { scene: "courtyard" };
 const picture = (bytes: number) => new File(["x".repeat(bytes)], "a");
 let store: SampleStore & { pictures: Map<string, number>; complete: boolean; refuses: number };
 let told: [number, number][];
@@ -53,8 +39,7 @@ beforeEach(() => {
     pictures,
     complete: false,
     refuses: Number.POSITIVE_INFINITY,
-    create: vi.fn(async () => "e1"),
-    addInterrupted: vi.fn(async () => ({ folder: "interrupted" }) as never),
+    add: vi.fn(async () => ({}) as never),
     uploadedSamples: async () => ({
       complete: store.complete,
       files: [...pictures].map(([name, bytes]) => ({ name, bytes })),
@@ -79,22 +64,15 @@ function sampled(about: object | null, samples = [{ seq: 1 }, { seq: 2 }] as Sam
   runs.set("k", run as SampledRun);
 }
 
-const ABOUT = {
-  name: "two",
-  plan: PLAN,
-  experiment: null,
-  run: null,
-  configuration: CONFIGURATION,
-  started_unix_ms: 5,
-};
+const ABOUT = { experiment: "e7", run: "r", stored: false, title: "Budget", started_unix_ms: 5 };
 
-function uploaded(place: { experiment: string; run: string } | null = null, signal = new AbortController().signal) {
-  return uploadSamples({ key: "k", place, store, progress: (sent, of) => told.push([sent, of]), signal });
+function uploaded({ signal = new AbortController().signal, stored = false } = {}) {
+  return uploadSamples({ key: "k", stored, store, progress: (sent, of) => told.push([sent, of]), signal });
 }
 
 test("pictures come first, then which samples there are; then they are gone from here", async () => {
   sampled(ABOUT);
-  await uploaded({ experiment: "e7", run: "r" });
+  await uploaded({ stored: true });
   expect(store.pictures).toEqual(
     new Map([
       ["000001.jpg", 10],
@@ -108,13 +86,13 @@ test("pictures come first, then which samples there are; then they are gone from
     [30, 30],
   ]);
   expect([runs.size, held.size]).toEqual([0, 0]);
-  expect(store.create).not.toHaveBeenCalled();
+  expect(store.add).not.toHaveBeenCalled();
 });
 
 test("an upload that was cut off goes on where it was, in the same place", async () => {
   sampled(ABOUT);
   store.refuses = 1;
-  await expect(uploaded({ experiment: "e7", run: "r" })).rejects.toThrow("The store does not answer.");
+  await expect(uploaded()).rejects.toThrow("The store does not answer.");
   expect([runs.size, held.size]).toEqual([1, 0]);
   store.refuses = 9;
   vi.mocked(store.addPicture).mockClear();
@@ -126,23 +104,30 @@ test("an upload that was cut off goes on where it was, in the same place", async
 });
 
 test("what the store completed, although its answer was lost, is not sent again", async () => {
-  sampled({ ...ABOUT, experiment: "e7", run: "r" });
+  sampled({ ...ABOUT, stored: true });
   store.complete = true;
   await uploaded();
   expect(store.addPicture).not.toHaveBeenCalled();
   expect(runs.size).toBe(0);
 });
 
-test("samples of a run that was never ended get a place, and keep it", async () => {
+test("samples of a run that was never ended get a failed run, once", async () => {
   sampled(ABOUT);
   store.refuses = 0;
   await expect(uploaded()).rejects.toThrow();
-  expect(store.addInterrupted).toHaveBeenCalledWith("e1", { configuration: CONFIGURATION, started_unix_ms: 5 });
   store.refuses = 9;
   await uploaded();
-  expect(store.create).toHaveBeenCalledTimes(1);
-  expect(store.addInterrupted).toHaveBeenCalledTimes(1);
-  expect(store.completeSamples).toHaveBeenCalledWith("e1", "interrupted", expect.anything());
+  expect(vi.mocked(store.add).mock.calls).toEqual([
+    ["e7", "r", { problem: "The page was closed before the run's end; only its samples are left." }],
+  ]);
+  expect(store.completeSamples).toHaveBeenCalledWith("e7", "r", expect.anything());
+});
+
+test("samples whose run another page has completed stay here, and the reason is said", async () => {
+  sampled(ABOUT);
+  vi.mocked(store.add).mockRejectedValueOnce(new ApiError("The run r is complete already.", false));
+  await expect(uploaded()).rejects.toThrow("The run r is complete already.");
+  expect([store.pictures.size, runs.size]).toEqual([0, 1]);
 });
 
 test("what another tab uses is left alone", async () => {
@@ -161,7 +146,7 @@ test("without any sample there is nothing to upload, and of unknown ones nobody 
   await expect(uploaded()).rejects.toThrow("It is not known of which run they are.");
   sampled(ABOUT, []);
   await uploaded();
-  expect(store.create).not.toHaveBeenCalled();
+  expect(store.add).not.toHaveBeenCalled();
   expect(runs.size).toBe(0);
 });
 
@@ -169,7 +154,7 @@ test("cancelling ends it between two pictures, and loses nothing", async () => {
   sampled(ABOUT);
   const cancel = new AbortController();
   vi.mocked(store.addPicture).mockImplementationOnce(async () => cancel.abort(new Error("cancelled")));
-  await expect(uploaded({ experiment: "e7", run: "r" }, cancel.signal)).rejects.toThrow("cancelled");
+  await expect(uploaded({ signal: cancel.signal })).rejects.toThrow("cancelled");
   expect(store.addPicture).toHaveBeenCalledTimes(1);
   expect([runs.size, held.size]).toEqual([1, 0]);
 });

@@ -2,35 +2,27 @@
 import { ApiError } from "../http/problem";
 import { describeSamples } from "../samples/sample-writer";
 import { hold, readSampledRun, removeSampledRun, type SampledRun } from "../samples/sampled-runs";
-import { readPlan } from "./plan";
 import type { StoreApi } from "./store-api";
 
-/** A run as the store names it. */
-export interface RunPlace {
-  readonly experiment: string;
-  readonly run: string;
-}
-
-export type SampleStore = Pick<
-  StoreApi,
-  "create" | "addInterrupted" | "uploadedSamples" | "addPicture" | "completeSamples"
->;
+export type SampleStore = Pick<StoreApi, "add" | "uploadedSamples" | "addPicture" | "completeSamples">;
 
 interface Upload {
   readonly key: string;
-  /** Where the run is; null: where it was said to be before, or a new place if it was never ended. */
-  readonly place: RunPlace | null;
+  /** Whether the store is known to have their run. */
+  readonly stored?: boolean;
   readonly store: SampleStore;
   /** Progress callback: stored and total bytes. */
   readonly progress: (sent: number, of: number) => void;
   readonly signal: AbortSignal;
 }
 
+const CLOSED = "The page was closed before the run's end; only its samples are left.";
+
 /** Removes them from this browser afterwards. Rejects with an ApiError, or with the reason of `signal`. */
-export function uploadSamples({ key, place, ...how }: Upload): Promise<void> {
+export function uploadSamples({ key, ...how }: Upload): Promise<void> {
   return holding(key, async () => {
     const run = await readSampledRun(key);
-    if (run.samples.length > 0) await send(run, place ?? (await placeFor(run, how.store)), how);
+    if (run.samples.length > 0) await send(run, how);
     await removeSampledRun(key);
   });
 }
@@ -51,33 +43,23 @@ async function holding(key: string, work: () => Promise<void>): Promise<void> {
 }
 
 async function send(
-  run: SampledRun,
-  place: RunPlace,
-  { store, progress, signal }: Pick<Upload, "store" | "progress" | "signal">,
+  { key, about, pictures, bytes, samples }: SampledRun,
+  { stored = false, store, progress, signal }: Omit<Upload, "key">,
 ): Promise<void> {
-  if (run.about) await describeSamples(run.key, { ...run.about, ...place });
-  const { complete, files } = await store.uploadedSamples(place.experiment, place.run);
+  if (about === null) throw new ApiError("It is not known of which run they are.", false);
+  const { experiment, run } = about;
+  if (!stored && !about.stored) await store.add(experiment, run, { problem: CLOSED });
+  await describeSamples(key, { ...about, stored: true });
+  const { complete, files } = await store.uploadedSamples(experiment, run);
   if (complete) return;
   const there = new Map(files.map(({ name, bytes }) => [name, bytes]));
   let sent = 0;
-  for (const [name, picture] of run.pictures) {
+  for (const [name, picture] of pictures) {
     signal.throwIfAborted();
-    progress(sent, run.bytes);
-    if (there.get(name) !== picture.size) await store.addPicture(place.experiment, place.run, name, picture, signal);
+    progress(sent, bytes);
+    if (there.get(name) !== picture.size) await store.addPicture(experiment, run, name, picture, signal);
     sent += picture.size;
   }
-  progress(sent, run.bytes);
-  await store.completeSamples(place.experiment, place.run, run.samples);
-}
-
-/** The run's place in the store, created if missing. */
-async function placeFor({ key, about }: SampledRun, store: SampleStore): Promise<RunPlace> {
-  const plan = readPlan(about?.plan);
-  if (about === null || plan === null) throw new ApiError("It is not known of which run they are.", false);
-  const experiment = about.experiment ?? (await store.create(plan));
-  await describeSamples(key, { ...about, experiment });
-  if (about.run !== null) return { experiment, run: about.run };
-  const { configuration, started_unix_ms } = about;
-  const { folder } = await store.addInterrupted(experiment, { configuration, started_unix_ms });
-  return { experiment, run: folder };
+  progress(sent, bytes);
+  await store.completeSamples(experiment, run, samples);
 }

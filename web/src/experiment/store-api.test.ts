@@ -1,11 +1,8 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "../http/problem";
 import { storeUnreachable } from "../http/reach";
-import type { RunUpload } from "../wire/store";
-import { experimentPlan } from "./fake-plan";
 import { StoreApi } from "./store-api";
 
-const PLAN = experimentPlan({ modes: ["stateless", "dash-tuned"], profiles: ["latency", "budget"], repeats: 2 });
 const store = new StoreApi("http://lab:8091/");
 
 let asked: { url: string; body: unknown }[];
@@ -33,10 +30,24 @@ function answer(make: () => Response | Promise<Response>): void {
   });
 }
 
-test("an experiment is begun with its plan and how many runs it is to have", async () => {
+test("an experiment is begun with its file", async () => {
   answer(() => Response.json({ id: "two-1" }, { status: 201 }));
-  expect(await store.create(PLAN)).toBe("two-1");
-  expect(asked).toEqual([{ url: "http://lab:8091/experiments", body: { name: "two", plan: PLAN, planned: 6 } }]);
+  expect(await store.create({ file: "name = 1" })).toBe("two-1");
+  expect(asked).toEqual([{ url: "http://lab:8091/experiments", body: { file: "name = 1" } }]);
+});
+
+test("a run is given back even while the page unloads, and a capture has its number", async () => {
+  const requests: [string, RequestInit][] = [];
+  vi.stubGlobal("fetch", async (url: string, request: RequestInit) => {
+    requests.push([url, request]);
+    return new Response();
+  });
+  store.release("a/b", "page");
+  await store.addCapture("a", "run", 7, new Blob());
+  expect(requests).toMatchObject([
+    ["http://lab:8091/experiments/a%2Fb/pages/page", { method: "DELETE", keepalive: true }],
+    ["http://lab:8091/experiments/a/runs/run/captures/0007.png", { method: "PUT" }],
+  ]);
 });
 
 test("an experiment is asked for and offered as a file by its id, whatever that is", async () => {
@@ -48,17 +59,17 @@ test("an experiment is asked for and offered as a file by its id, whatever that 
 
 test("a large run may take long", async () => {
   answer(() => Response.json({}));
-  await store.add("two-1", { text: "x".repeat(12_500_000) } as unknown as RunUpload);
-  await store.list();
+  await store.add("two-1", "run", { problem: "x".repeat(12_500_000) });
+  await store.add("two-1", "run", { problem: "x" });
   const [large = 0, small = 0] = limits;
-  expect(large - small).toBeGreaterThanOrEqual(100_000);
+  expect(large - small).toBeGreaterThan(99_000);
 });
 
 test("a refusal is the store's own sentence", async () => {
   answer(() =>
     Response.json({ type: "tigas:x", title: "", status: 507, detail: "The disk is full." }, { status: 507 }),
   );
-  await expect(store.list()).rejects.toThrow(new ApiError("The disk is full.", false));
+  await expect(store.list()).rejects.toThrow(new ApiError("The disk is full.", false, "tigas:x"));
 });
 
 test("a store that is away is named", async () => {

@@ -7,9 +7,10 @@ import type {
   ExperimentList,
   ExperimentRequest,
   ExperimentSummary,
-  Figures,
-  InterruptedRun,
   Materialisation,
+  NextRequest,
+  NextRun,
+  PlanSummary,
   RunRow,
   RunUpload,
   Sample,
@@ -17,11 +18,10 @@ import type {
   Experiment as StoredExperiment,
   UploadedSamples,
 } from "../wire/store";
-import type { RunFigures } from "./figures";
-import { type ExperimentPlan, runsOf } from "./plan";
 
-/** The figures of a run take a moment; in milliseconds. */
+/** A scene may have to be loaded, and pictures compared with ground truth; in milliseconds. */
 const TIMEOUT = 60_000;
+const LONG_TIMEOUT = 600_000;
 /** Minimum rate of uploading a run, which may be large, in bytes per millisecond. */
 const SLOWEST = 125;
 
@@ -33,21 +33,40 @@ export class StoreApi {
     this.base = base.replace(/\/+$/, "");
   }
 
+  /** Expands an experiment's file, and keeps nothing. */
+  summary(request: ExperimentRequest, signal: AbortSignal): Promise<PlanSummary> {
+    return this.#json("plans", { method: "POST", content: request, signal });
+  }
+
   /** Begins an experiment; its id. */
-  async create(plan: ExperimentPlan): Promise<string> {
-    const request: ExperimentRequest = { name: plan.name, plan, planned: runsOf(plan).length };
-    const { id } = await this.#json<ExperimentCreated>("experiments", request);
-    return id;
+  async create(request: ExperimentRequest): Promise<string> {
+    return (await this.#json<ExperimentCreated>("experiments", { method: "POST", content: request })).id;
   }
 
-  /** Keeps one run. */
-  add(id: string, run: RunUpload): Promise<RunRow> {
-    return this.#json(`${this.#path(id)}/runs`, run);
+  /** Reserves a run. */
+  next(id: string, asked: NextRequest, signal: AbortSignal): Promise<NextRun> {
+    return this.#json(`${this.#path(id)}/next`, { method: "POST", content: asked, signal, timeout: LONG_TIMEOUT });
   }
 
-  /** A place for the samples of a run that was never ended. */
-  addInterrupted(id: string, run: InterruptedRun): Promise<RunRow> {
-    return this.#json(`${this.#path(id)}/interrupted-runs`, run);
+  /** Gives up a page's reserved run, even while the page unloads. */
+  release(id: string, page: string): void {
+    const url = `${this.base}/${this.#path(id)}/pages/${page}`;
+    void fetch(url, { method: "DELETE", keepalive: true }).catch(() => undefined); // the run is free after a while
+  }
+
+  /** Keeps one run, which is incomplete until `complete`. */
+  add(id: string, run: string, upload: RunUpload): Promise<RunRow> {
+    return this.#json(this.#run(id, run), { method: "PUT", content: upload, timeout: LONG_TIMEOUT });
+  }
+
+  async addCapture(id: string, run: string, index: number, png: Blob): Promise<void> {
+    const name = `${String(index).padStart(4, "0")}.png`;
+    await this.#ask(`${this.#run(id, run)}/captures/${name}`, { method: "PUT", body: png });
+  }
+
+  /** Completes a run whose captures are all there. */
+  complete(id: string, run: string): Promise<RunRow> {
+    return this.#json(`${this.#run(id, run)}/complete`, { method: "POST", timeout: LONG_TIMEOUT });
   }
 
   /** Which pictures of a run's samples it has. */
@@ -56,14 +75,12 @@ export class StoreApi {
   }
 
   async addPicture(id: string, run: string, name: string, picture: Blob, signal: AbortSignal): Promise<void> {
-    await this.#ask(`${this.#run(id, run)}/samples/${name}`, { method: "PUT", body: picture }, picture.size, signal);
+    await this.#ask(`${this.#run(id, run)}/samples/${name}`, { method: "PUT", body: picture, signal });
   }
 
   /** Says which samples there are, once all of their pictures are. */
   async completeSamples(id: string, run: string, samples: readonly Sample[]): Promise<void> {
-    const body = JSON.stringify({ samples });
-    const headers = { "Content-Type": "application/json" };
-    await this.#ask(`${this.#run(id, run)}/samples`, { method: "PUT", body, headers }, body.length);
+    await this.#ask(`${this.#run(id, run)}/samples`, { method: "PUT", ...jsonBody({ samples }) });
   }
 
   /** The samples of a run, in the order of time. */
@@ -121,58 +138,44 @@ export class StoreApi {
     return `${this.#path(id)}/runs/${encodeURIComponent(run)}`;
   }
 
-  async #json<T>(path: string, content?: object): Promise<T> {
-    const body = content && JSON.stringify(content);
-    const headers = { "Content-Type": "application/json" };
-    const answer = await this.#ask(path, body ? { method: "POST", body, headers } : {}, body?.length ?? 0);
+  async #json<T>(path: string, { content, ...request }: Asked & { readonly content?: object } = {}): Promise<T> {
+    const answer = await this.#ask(path, { ...request, ...(content && jsonBody(content)) });
     return JSON.parse(await answer.text()) as T;
   }
 
-  async #materialise(id: string, method: "GET" | "POST" | "DELETE"): Promise<Materialisation> {
-    const answer = await this.#ask(`${this.#path(id)}/materialise`, { method });
-    return JSON.parse(await answer.text()) as Materialisation;
+  #materialise(id: string, method: "GET" | "POST" | "DELETE"): Promise<Materialisation> {
+    return this.#json(`${this.#path(id)}/materialise`, { method });
   }
 
-  /** The response's body; `bytes` are sent. Also rejects with the reason of `cancelled`. */
-  async #ask(path: string, request: RequestInit, bytes = 0, cancelled?: AbortSignal): Promise<Blob> {
-    const late = AbortSignal.timeout(TIMEOUT + bytes / SLOWEST);
+  /** The response's body. Also rejects with the reason of `signal`. */
+  async #ask(path: string, { signal: cancelled, timeout = TIMEOUT, ...request }: Asked): Promise<Blob> {
+    const { body } = request;
+    const bytes = typeof body === "string" ? body.length : (body?.size ?? 0);
+    const late = AbortSignal.timeout(timeout + bytes / SLOWEST);
     const signal = cancelled ? AbortSignal.any([cancelled, late]) : late;
     let answer: Response;
     try {
-      answer = await fetch(`${this.base}/${path}`, { cache: "no-store", signal, ...request });
+      answer = await fetch(`${this.base}/${path}`, { cache: "no-store", ...request, signal });
       if (answer.ok) return await answer.blob();
     } catch {
       cancelled?.throwIfAborted();
       throw new ApiError(storeUnreachable(this.base, location.href), true);
     }
-    throw new ApiError((await readProblem(answer)).detail, false);
+    const { detail, type } = await readProblem(answer);
+    throw new ApiError(detail, false, type);
   }
 }
 
-/** The figures that the page shows, from all that the store knows. */
-export function toRunFigures({
-  latencies,
-  view_latencies,
-  content_ages,
-  frames,
-  mean_height,
-  rungs,
-  received_kbps,
-}: Figures): RunFigures {
-  return {
-    p50: latencies.p50,
-    p90: latencies.p90,
-    p95: latencies.p95,
-    p99: latencies.p99,
-    viewP50: view_latencies.p50,
-    viewP95: view_latencies.p95,
-    interactive: latencies.share_interactive,
-    interactiveFrameLess: latencies.share_frame_less,
-    interactiveFrameMore: latencies.share_frame_more,
-    contentAge: content_ages.mean,
-    newViewsPerSecond: frames.new_views_per_s,
-    meanHeight: mean_height,
-    switches: rungs.switches,
-    received: received_kbps === null ? null : received_kbps * 1000,
-  };
+interface Asked {
+  readonly method?: string;
+  readonly body?: string | Blob;
+  readonly headers?: Record<string, string>;
+  /** Cancels the request. */
+  readonly signal?: AbortSignal;
+  /** In milliseconds, without the time for the body. */
+  readonly timeout?: number;
+}
+
+function jsonBody(content: object): Pick<Asked, "body" | "headers"> {
+  return { body: JSON.stringify(content), headers: { "Content-Type": "application/json" } };
 }

@@ -4,11 +4,14 @@ import type { Problem } from "../wire/render";
 export class ApiError extends Error {
   /** The server did not answer at all. */
   readonly unreachable: boolean;
+  /** The problem's type, such as `tigas:unknown-run`. */
+  readonly type: string | undefined;
 
-  constructor(detail: string, unreachable: boolean) {
+  constructor(detail: string, unreachable: boolean, type?: string) {
     super(detail);
     this.name = "ApiError";
     this.unreachable = unreachable;
+    this.type = type;
   }
 }
 

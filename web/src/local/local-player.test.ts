@@ -42,7 +42,7 @@ let asked: AbortSignal[];
 let renderers: FakeRenderer[];
 let presented: PresentedFrame[];
 let received: number;
-let below: HTMLElement;
+let pane: HTMLElement;
 let player: LocalPlayer;
 
 const request = (async (_: string, { signal }: { signal: AbortSignal }) => {
@@ -61,8 +61,8 @@ beforeEach(() => {
   renderers = [];
   presented = [];
   received = 0;
-  document.body.innerHTML = "<div><canvas></canvas></div>";
-  below = document.querySelector("canvas") as HTMLElement;
+  document.body.innerHTML = "<div></div>";
+  pane = document.querySelector("div") as HTMLElement;
 });
 
 afterEach(() => player.dispose());
@@ -72,7 +72,7 @@ function start(options: Partial<LocalOptions> = {}): Rig {
   rig.resize(640, 360);
   rig.enter(COURTYARD);
   player = new LocalPlayer({
-    below,
+    pane,
     rig,
     scene: { ...COURTYARD, gaussians: 1000, file_bytes: FILE.length },
     url: () => "scenes/courtyard/download/compressed",
@@ -134,7 +134,11 @@ test("a first part is drawn long before the whole has come, and both times are t
     gaussians: 1000,
     backend: "WebGL 2",
   });
-  expect(player.played(1200)).toMatchObject({ form: "compressed", began_ms: -200, downloaded_bytes: FILE.length });
+  expect(player.played(1200).local).toMatchObject({
+    form: "compressed",
+    began_ms: -200,
+    downloaded_bytes: FILE.length,
+  });
 });
 
 test("frames say which pose they show, and latency counts from the first picture on", async () => {

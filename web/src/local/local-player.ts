@@ -3,7 +3,6 @@
 import { signal } from "@preact/signals";
 import { deferred } from "../async/deferred";
 import type { Size } from "../enhance/geometry";
-import { Overlay } from "../enhance/overlay";
 import { ApiError } from "../http/problem";
 import { type Figures, Meter, NO_FIGURES, STATS_EVERY } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
@@ -17,6 +16,7 @@ import { fileBytes, roomProblem } from "./room";
 import { nextStep } from "./steps";
 
 export interface LocalStats extends Figures {
+  readonly kind: "download";
   /** Received and total bytes of the scene's file; null until the server has answered. */
   readonly received: number;
   readonly total: number | null;
@@ -31,6 +31,7 @@ export interface LocalStats extends Figures {
 }
 
 export const NO_LOCAL_STATS: LocalStats = {
+  kind: "download",
   ...NO_FIGURES,
   received: 0,
   total: null,
@@ -38,12 +39,13 @@ export const NO_LOCAL_STATS: LocalStats = {
   gaussians: null,
   firstPictureMs: null,
   completeMs: null,
+  settled: false,
   backend: null,
 };
 
 /** How it stands; `connecting` until there is a picture, `failed` waits for another mode. */
 export type LocalPhase =
-  | { readonly kind: "connecting" }
+  | { readonly kind: "connecting"; readonly message?: string }
   | { readonly kind: "playing" }
   | { readonly kind: "lost"; readonly message: string }
   | { readonly kind: "failed"; readonly message: string };
@@ -52,8 +54,8 @@ export type LocalPhase =
 export type LocalRenderer = Pick<Renderer, "backend" | "show" | "draw" | "dispose">;
 
 export interface LocalOptions {
-  /** The picture is drawn over it. */
-  readonly below: HTMLElement;
+  /** The picture is added to it. */
+  readonly pane: HTMLElement;
   readonly rig: Rig;
   readonly scene: SceneInfo;
   /** Where the scene's file is; in a cluster, that changes. */
@@ -79,17 +81,18 @@ interface Drawn extends Size {
 /** Why the scene is not drawn here, in one sentence. */
 class Impossible extends Error {}
 
+const DOWNLOADING: LocalPhase = { kind: "connecting", message: "Downloading the scene…" };
 const NO_GRAPHICS = "This browser cannot draw Gaussians: it offers neither WebGPU nor WebGL 2.";
 const LOST = "The graphics processor was lost. Choose the mode again to download the scene once more.";
 const UNKNOWN = "The scene could not be drawn here.";
 
 export class LocalPlayer {
   readonly stats = signal<LocalStats>(NO_LOCAL_STATS);
-  readonly phase = signal<LocalPhase>({ kind: "connecting" });
+  readonly phase = signal<LocalPhase>(DOWNLOADING);
   readonly #options: LocalOptions;
   readonly #meter: Meter;
   readonly #visit = new AbortController();
-  readonly #overlay: Overlay;
+  readonly #canvas = document.createElement("canvas");
   readonly #beganAt: number;
   #renderer: LocalRenderer | null = null;
   /** The received part; empty once everything is rendered. */
@@ -111,8 +114,7 @@ export class LocalPlayer {
   constructor(options: LocalOptions) {
     this.#options = options;
     this.#meter = new Meter("local", options.onPresented);
-    this.#overlay = new Overlay(options.below);
-    this.#overlay.canvas.className = "local";
+    this.#canvas.className = "local";
     this.#beganAt = options.now();
     this.#run(this.#visit.signal).catch((error: unknown) => this.#failed(error));
   }
@@ -124,16 +126,18 @@ export class LocalPlayer {
   }
 
   /** For records: the download so far, with times since `startedAt`. */
-  played(startedAt: number): PlayedDownload {
+  played(startedAt: number): { readonly local: PlayedDownload } {
     return {
-      form: "compressed",
-      renderer: this.#renderer?.backend ?? null,
-      began_ms: this.#beganAt - startedAt,
-      first_picture_ms: this.#firstPictureMs,
-      complete_ms: this.#completeMs,
-      downloaded_bytes: this.#received,
-      bytes: this.#total,
-      gaussians: this.#header?.gaussians ?? null,
+      local: {
+        form: "compressed",
+        renderer: this.#renderer?.backend ?? null,
+        began_ms: this.#beganAt - startedAt,
+        first_picture_ms: this.#firstPictureMs,
+        complete_ms: this.#completeMs,
+        downloaded_bytes: this.#received,
+        bytes: this.#total,
+        gaussians: this.#header?.gaussians ?? null,
+      },
     };
   }
 
@@ -143,7 +147,7 @@ export class LocalPlayer {
     const { pose, lens, ...size } = this.#drawn;
     // The browser has taken the picture away to show it.
     this.#renderer.draw({ pose, lens, size, now: this.#options.now(), again: true });
-    return createImageBitmap(this.#overlay.canvas);
+    return createImageBitmap(this.#canvas);
   }
 
   /** Called at the start of each animation frame: the last rendered frame is on screen by now. */
@@ -174,7 +178,7 @@ export class LocalPlayer {
     if (this.#renderer?.draw({ pose, lens, size: size(), now })) {
       this.#drawn = { pose, lens, ...size() };
       this.#untold = true;
-      this.#overlay.show();
+      if (!this.#canvas.isConnected) this.#options.pane.append(this.#canvas);
     }
     if (now - this.#publishedAt < STATS_EVERY) return;
     this.#publishedAt = now;
@@ -183,6 +187,7 @@ export class LocalPlayer {
 
   #publish(now: number): void {
     this.stats.value = {
+      kind: "download",
       ...this.#meter.figures(now),
       received: this.#received,
       total: this.#total || null,
@@ -190,6 +195,7 @@ export class LocalPlayer {
       gaussians: this.#header?.gaussians ?? null,
       firstPictureMs: this.#firstPictureMs,
       completeMs: this.#completeMs,
+      settled: this.#completeMs !== null,
       backend: this.#renderer?.backend ?? null,
     };
   }
@@ -226,7 +232,7 @@ export class LocalPlayer {
     }
     this.#received = received;
     if (this.phase.peek().kind === "lost") {
-      this.phase.value = { kind: this.#firstPictureMs === null ? "connecting" : "playing" };
+      this.phase.value = this.#firstPictureMs === null ? DOWNLOADING : { kind: "playing" };
     }
     this.#header ??= readHeader(file.subarray(0, received));
     this.#more.resolve(undefined);
@@ -258,10 +264,9 @@ export class LocalPlayer {
 
   async #create(): Promise<LocalRenderer> {
     const { create = (await this.#load()).createRenderer, scene } = this.#options;
-    const { canvas } = this.#overlay;
     try {
       return await create({
-        canvas,
+        canvas: this.#canvas,
         background: scene.background,
         antialiased: scene.antialiased ?? false,
         onLost: () => this.#failed(new Impossible(LOST)),
@@ -290,7 +295,7 @@ export class LocalPlayer {
     this.#renderer?.dispose();
     this.#renderer = null;
     this.#drawn = null;
-    this.#overlay.hide();
+    this.#canvas.remove();
     this.#file = new Uint8Array(0);
   }
 }

@@ -22,7 +22,7 @@ beforeEach(() => {
   rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
   rig.enter(SCENE);
   rig.sample(0);
-  deck = new MovementDeck(rig, () => new Date("2026-01-02T03:04:05Z"));
+  deck = new MovementDeck(rig, undefined, () => new Date("2026-01-02T03:04:05Z"));
   deck.insert(addFile("walk.csv", WALK));
 });
 

@@ -22,8 +22,6 @@ const TELL_EVERY = 100;
 export const movements = signal<readonly NamedMovement[]>([]);
 /** Unsaved recordings. */
 export const unsaved = signal<ReadonlySet<NamedMovement>>(new Set());
-/** The loaded movement. */
-const chosen = signal<NamedMovement | null>(null);
 
 export class MovementDeck {
   /** At its end, a movement begins again. */
@@ -33,6 +31,7 @@ export class MovementDeck {
   /** Something else moves the camera: a script, or an experiment. */
   readonly busy: ReadonlySignal<boolean>;
   readonly #rig: Rig;
+  readonly #chosen: Signal<NamedMovement | null>;
   readonly #today: () => Date;
   readonly #state = signal<DeckState>("stopped");
   readonly #position = signal(0);
@@ -47,8 +46,10 @@ export class MovementDeck {
   #shown = -1;
   #sampledAt: number | null = null;
 
-  constructor(rig: Rig, today: () => Date = () => new Date()) {
+  /** `chosen`: the loaded movement. */
+  constructor(rig: Rig, chosen: Signal<NamedMovement | null> = signal(null), today: () => Date = () => new Date()) {
     this.#rig = rig;
+    this.#chosen = chosen;
     this.#today = today;
     this.busy = computed(() => rig.source.value !== null && rig.source.value !== this.#source);
     this.#cleanups = [
@@ -70,7 +71,7 @@ export class MovementDeck {
   }
 
   get movement(): ReadonlySignal<NamedMovement | null> {
-    return chosen;
+    return this.#chosen;
   }
 
   /** Loads a movement, unless another is requested meanwhile. A failure changes only `problem`. */
@@ -91,13 +92,13 @@ export class MovementDeck {
   insert(movement: NamedMovement): void {
     this.stop();
     this.problem.value = null;
-    chosen.value = movement;
+    this.#chosen.value = movement;
     this.#moveTo(0);
   }
 
   /** From where it was paused, or from the start. */
   play(): void {
-    if (this.#at >= (chosen.peek()?.trace.duration ?? 0)) this.#moveTo(0);
+    if (this.#at >= (this.#chosen.peek()?.trace.duration ?? 0)) this.#moveTo(0);
     this.#follow("playing");
   }
 
@@ -108,7 +109,7 @@ export class MovementDeck {
 
   /** Show the movement at a time, in milliseconds. */
   seek(at: number): void {
-    const duration = chosen.peek()?.trace.duration ?? 0;
+    const duration = this.#chosen.peek()?.trace.duration ?? 0;
     this.#moveTo(Math.min(Math.max(0, at), duration));
     if (!this.#driving) this.#follow("paused");
   }
@@ -144,7 +145,7 @@ export class MovementDeck {
 
   #follow(state: "playing" | "paused"): void {
     const { scene } = this.#rig;
-    const movement = chosen.peek();
+    const movement = this.#chosen.peek();
     if (!scene || !movement || this.busy.peek() || this.#state.peek() === "recording") return;
     if (!this.#driving) {
       this.#points = placeInScene(movement.trace, scene);
@@ -203,7 +204,7 @@ export class MovementDeck {
     const movement: NamedMovement = { name: `Recording ${number}`, origin: "recording", trace };
     movements.value = [...movements.peek(), movement];
     unsaved.value = new Set([...unsaved.peek(), movement]);
-    chosen.value = movement;
+    this.#chosen.value = movement;
     this.#moveTo(0);
   }
 

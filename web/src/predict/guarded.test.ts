@@ -32,7 +32,6 @@ describe("what was before says nothing", () => {
   test.each([
     ["after a turn that nobody makes", pose(120), 1516],
     ["after a jump", pose(31, 2), 1516],
-    ["after a pause", pose(31), 2500],
     ["on a clock that went back", pose(31), 900],
   ])("%s", (_, next, at) => {
     const predictor = guarded();

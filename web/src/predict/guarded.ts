@@ -1,5 +1,5 @@
 /**
- * Guards a predictor: it restarts after a cut or a pause, always answers with a valid pose, and returns exactly the
+ * Guards a predictor: it restarts after a cut, always answers with a valid pose, and returns exactly the
  * camera's pose when it rests, so that a still view settles.
  */
 import type { ScenePose } from "../view/camera";
@@ -9,8 +9,6 @@ import { NOWHERE, type Predictor } from "./predictor";
 
 /** A camera without movement for this many milliseconds rests. */
 const RESTS_AFTER = 200;
-/** A pause longer than this (a hidden page, another mode) invalidates the history (ms). */
-const LONGEST_PAUSE = 250;
 
 export class Guarded implements Predictor {
   readonly #predictor: Predictor;
@@ -28,8 +26,7 @@ export class Guarded implements Predictor {
   observe(pose: ScenePose, at: number): void {
     if (!isSound(pose) || !Number.isFinite(at)) return;
     const before = this.#pose;
-    const fresh =
-      before === undefined || at < this.#at || at - this.#at > LONGEST_PAUSE || isCut(before, pose, this.#distance());
+    const fresh = before === undefined || at < this.#at || isCut(before, pose, this.#distance());
     if (fresh) this.reset();
     else if (!samePose(before, pose)) this.#changedAt = at;
     this.#pose = pose;

@@ -1,22 +1,23 @@
 /** The view as the server renders it for the viewport, without loss; and how near pictures of it are. */
-import { config } from "../state/app";
 import { connect } from "../transport/connect";
 import type { ScenePose } from "../view/camera";
 import type { Intrinsics, Viewport } from "../view/intrinsics";
+import type { ServerConfig } from "../wire/render";
 import { psnr } from "./psnr";
 
 interface Place {
+  /** Null while it is unknown. */
+  readonly server: ServerConfig | null;
   readonly scene: string;
   readonly lens: Intrinsics & Viewport;
 }
 
 /** Requested by `POST /render`, independently of the viewer's connection. Rejects like a transport. */
 export async function groundTruth(
-  { scene, lens }: Place,
+  { server, scene, lens }: Place,
   { position, quaternion }: ScenePose,
   signal: AbortSignal,
 ): Promise<ImageBitmap> {
-  const server = config.peek();
   if (server === null) throw new Error("The server has not said how it is reached.");
   const { transport } = await connect(server, "fetch", signal, () => performance.now());
   try {

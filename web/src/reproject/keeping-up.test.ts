@@ -21,7 +21,7 @@ test("after three draws that are far too slow nobody waits for more, unless turn
   expect(after(11, 400, new KeepingUp(true))).toBe(false);
 });
 
-test("a few slow frames say nothing, nor does a hidden page", () => {
+test("a few slow frames say nothing, nor does a page that is busy with something else", () => {
   expect(after(20, 200)).toBe(true);
   expect(after(100, 5000)).toBe(true);
 });

@@ -12,7 +12,7 @@ const FEW_FORCED = 10;
 /** Too many milliseconds between two draws: ten frames a second would be no better than unturned ones. */
 const TOO_LONG = 100;
 const FAR_TOO_LONG = 250;
-/** After a longer pause the page was hidden, or waited for something else. */
+/** No draw takes so long: the page waited for something else, such as its own start (ms). */
 const PAUSE = 1000;
 
 export class KeepingUp {
@@ -34,7 +34,7 @@ export class KeepingUp {
     return usual < (length < DRAWS ? FAR_TOO_LONG : TOO_LONG);
   }
 
-  /** An animation frame without a draw. */
+  /** An animation frame without a draw, or a page that was hidden. */
   rested(): void {
     this.#last = undefined;
   }

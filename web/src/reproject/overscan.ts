@@ -30,6 +30,8 @@ const REST = 200;
 /** A view that turns further from one sample to the next is a cut, in degrees. */
 const CUT = 30;
 const DEGREES = 180 / Math.PI;
+/** Percentiles are kept for this long, in milliseconds: those of two seconds hardly change sooner. */
+const KEPT_FOR = 100;
 
 interface Sample {
   readonly needed: number;
@@ -42,9 +44,12 @@ export class AutoOverscan {
   readonly #distance: number;
   /** While the camera moved; the newest last. */
   #samples: Sample[] = [];
+  /** That they last together, in milliseconds. */
+  #span = 0;
   #last: { readonly view: View; readonly at: number } | undefined;
   #speed = 0;
   #movedAt = Number.NEGATIVE_INFINITY;
+  #usual = { at: Number.NEGATIVE_INFINITY, needed: 0, speed: 0 };
 
   /** `distance`: how far away most of the scene is, in its units. */
   constructor(distance = Number.POSITIVE_INFINITY) {
@@ -68,9 +73,12 @@ export class AutoOverscan {
   /** The share of the viewport's width and height to ask for at each side, 0 to MAX_OVERSCAN. */
   at(now: number): number {
     if (now - this.#movedAt > REST) return 0;
-    const usual = Math.max(LEAST_SPEED, this.#percentile("speed"));
-    const faster = Math.min(FASTEST, Math.max(SLOWEST, this.#speed / usual));
-    const exact = this.#percentile("needed") * faster;
+    if (now - this.#usual.at >= KEPT_FOR) {
+      this.#usual = { at: now, needed: this.#percentile("needed"), speed: this.#percentile("speed") };
+    }
+    const { needed, speed } = this.#usual;
+    const faster = Math.min(FASTEST, Math.max(SLOWEST, this.#speed / Math.max(LEAST_SPEED, speed)));
+    const exact = needed * faster;
     return Math.min(MAX_OVERSCAN, STEP * Math.max(0, Math.ceil(exact / STEP - 1e-6)));
   }
 
@@ -81,8 +89,8 @@ export class AutoOverscan {
 
   #remember(sample: Sample): void {
     this.#samples.push(sample);
-    let span = this.#samples.reduce((sum, { elapsed }) => sum + elapsed, 0);
-    for (; span > SPAN; span -= this.#samples.shift()?.elapsed ?? span);
+    this.#span += sample.elapsed;
+    while (this.#span > SPAN) this.#span -= this.#samples.shift()?.elapsed ?? this.#span;
   }
 
   /** The nearest rank. */

@@ -105,7 +105,7 @@ test("what the newest frame does not cover is told, less of it with margins", ()
   const without = filled(0);
   expect(without).toBeGreaterThan(0.1);
   expect(filled(32)).toBeLessThan(without);
-  expect(filled(128)).toBe(0);
+  expect(filled(160)).toBe(0);
 });
 
 test("across a cut the picture of before stays as it was, and none of before it comes back", () => {

@@ -254,6 +254,12 @@ export class Reprojector<Frame> {
     this.#overlay?.show();
   }
 
+  /** The page was hidden: late draws say nothing about this machine. */
+  resumed(): void {
+    this.#pace.rested();
+    this.#untold = undefined;
+  }
+
   /** Called at the start of each animation frame: the change on screen since the last one, if any. */
   presented(): Turned<Frame> | null {
     const turned = this.#untold ?? null;

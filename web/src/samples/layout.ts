@@ -6,20 +6,18 @@
  *     samples/KEY/000123.jpg           and further files as in a run's folder of the store (`docs/experiments.md`)
  */
 import * as v from "valibot";
-import type { Configuration } from "../wire/store";
 
 export const FOLDER = "samples";
 export const ABOUT = "run.json";
 export const INDEX = "samples.ndjson";
 
 const AboutSchema = v.object({
-  /** The experiment's name, and its plan as a store takes it. */
-  name: v.string(),
-  plan: v.record(v.string(), v.unknown()),
-  /** The store's names for experiment and run; null while it does not have them. */
-  experiment: v.nullable(v.string()),
-  run: v.nullable(v.string()),
-  configuration: v.custom<Configuration>((value) => typeof value === "object" && value !== null),
+  /** The store's names of experiment and run. */
+  experiment: v.string(),
+  run: v.string(),
+  /** Whether the store has this attempt at the run. */
+  stored: v.boolean(),
+  title: v.string(),
   started_unix_ms: v.number(),
 });
 /** The run that samples belong to. */

@@ -5,14 +5,7 @@ import type { About } from "./layout";
 import { SampleFiles } from "./sample-files";
 import { hold, listSampledRuns, readSampledRun, removeSampledRun, samplesFolder } from "./sampled-runs";
 
-const ABOUT: About = {
-  name: "bus",
-  plan: {},
-  experiment: null,
-  run: null,
-  configuration: {} as About["configuration"],
-  started_unix_ms: 5,
-};
+const ABOUT: About = { experiment: "bus", run: "r", stored: false, title: "Budget", started_unix_ms: 5 };
 let disk: FakeDisk;
 
 beforeEach(() => {
@@ -57,7 +50,7 @@ test("runs are listed by their time, also those that say nothing of themselves",
   await sampled("later", { ...ABOUT, started_unix_ms: 9 });
   await sampled("sooner");
   await sampled("unknown", null);
-  expect((await listSampledRuns()).map(({ key, about }) => [key, about?.name])).toEqual([
+  expect((await listSampledRuns()).map(({ key, about }) => [key, about?.experiment])).toEqual([
     ["unknown", undefined],
     ["sooner", "bus"],
     ["later", "bus"],

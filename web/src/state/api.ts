@@ -4,16 +4,20 @@ import type { AddedScene, SceneInfo, ServerConfig, Training } from "../wire/rend
 
 const TIMEOUT = 5000;
 
-/** `viewer`: which scene is viewed, and how its host does, for the director of a cluster. */
+/**
+ * `viewer`: which scene is viewed, and how its host does, for the director of a cluster. `server`: where it is, if not
+ * where the page is from.
+ */
 export async function fetchConfig(
   signal?: AbortSignal,
   viewer: Readonly<Record<string, string>> = {},
+  server = "",
 ): Promise<ServerConfig> {
   const query = new URLSearchParams(viewer).toString();
   const path = query === "" ? "config.json" : `config.json?${query}`;
-  const config = await call<ServerConfig | null>(path, {}, withTimeout(signal));
+  const config = await call<ServerConfig | null>(at(server, path), {}, withTimeout(signal));
   if (!Array.isArray(config?.ladder)) throw new ApiError("The server's answer cannot be read.", true); // of a proxy
-  return config;
+  return server === "" || config.render_url ? config : { ...config, render_url: server };
 }
 
 /** All scenes; `scan` has the server look at its directory again first. */
@@ -22,9 +26,14 @@ export function fetchScenes({ scan = false } = {}): Promise<SceneInfo[]> {
 }
 
 /** Loads a scene, however long it takes; `host`: where, in a cluster. */
-export function loadScene(id: string, signal?: AbortSignal, host: string | null = null): Promise<SceneInfo> {
-  const at = host === null ? "" : `?${new URLSearchParams({ host })}`;
-  return call<SceneInfo>(`scenes/${encodeURIComponent(id)}/load${at}`, { method: "POST" }, signal);
+export function loadScene(
+  id: string,
+  signal?: AbortSignal,
+  host: string | null = null,
+  server = "",
+): Promise<SceneInfo> {
+  const query = host === null ? "" : `?${new URLSearchParams({ host })}`;
+  return call<SceneInfo>(at(server, `scenes/${encodeURIComponent(id)}/load${query}`), { method: "POST" }, signal);
 }
 
 export function unloadScene(id: string): Promise<SceneInfo> {
@@ -47,14 +56,17 @@ export function addUploaded(url: string, signal?: AbortSignal): Promise<AddedSce
   return call<AddedScene>(`${url}/scene`, { method: "POST" }, signal);
 }
 
-export function fetchScene(id: string): Promise<SceneInfo> {
-  return call<SceneInfo>(`scenes/${encodeURIComponent(id)}`, {}, withTimeout());
+export function fetchScene(id: string, server = ""): Promise<SceneInfo> {
+  return call<SceneInfo>(at(server, `scenes/${encodeURIComponent(id)}`), {}, withTimeout());
 }
 
 /** How far the training of a scene's networks is; `POST` begins it, and `DELETE` stops it. */
 export function training(id: string, method: "GET" | "POST" | "DELETE" = "GET"): Promise<Training> {
   return call<Training>(`scenes/${encodeURIComponent(id)}/enhance`, { method }, withTimeout());
 }
+
+/** The URL of a path at a server; relative to the page without one. */
+const at = (server: string, path: string) => (server === "" ? path : `${server}/${path}`);
 
 async function call<T>(path: string, init: RequestInit, signal?: AbortSignal): Promise<T> {
   let response: Response;

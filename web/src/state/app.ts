@@ -1,24 +1,17 @@
-/** State shared by the whole page: settings, route, the server's configuration and its scenes. */
-
-import { computed, effect, signal } from "@preact/signals";
+/** State of the whole page: its route, the server's scenes, and the state of its viewer. */
+import { effect, signal } from "@preact/signals";
 import { ApiError } from "../http/problem";
-import type { Rung, SceneInfo, ServerConfig } from "../wire/render";
+import type { SceneInfo } from "../wire/render";
 import { fetchConfig, fetchScenes, loadScene, unloadScene } from "./api";
 import { parseRoute, type Route } from "./route";
-import { DEFAULT_SETTINGS, loadSettings, type Settings, saveSettings } from "./settings";
+import { loadSettings, saveSettings } from "./settings";
+import { ViewerState } from "./viewer-state";
 
-export const settings = signal<Settings>(DEFAULT_SETTINGS);
-/** Settings of an experiment are not stored: reopening the page restores the user's own. */
-export const settingsOverridden = signal(false);
+/** Of the viewer that fills the page. */
+export const page = new ViewerState();
+export const { settings, settingsOverridden, config, sceneLadder, ladder, change: changeSettings } = page;
+
 export const route = signal<Route>({ page: "scenes" });
-export const config = signal<ServerConfig | null>(null);
-/** The own ladder of the scene that is visited, if it has one. */
-export const sceneLadder = signal<readonly Rung[] | null>(null);
-/**
- * The ladder that profiles index: the scene's own, or else the server's, best first; empty until the server has
- * answered.
- */
-export const ladder = computed<readonly Rung[]>(() => sceneLadder.value ?? config.value?.ladder ?? []);
 /** Null until the server has answered. */
 export const scenes = signal<readonly SceneInfo[] | null>(null);
 /** Why the list of scenes is missing or old, or null. */
@@ -26,10 +19,6 @@ export const scenesError = signal<string | null>(null);
 
 /** A part of this page no longer exists on the server, which has been updated. */
 export const outdated = signal(false);
-
-export function changeSettings(part: Partial<Settings>): void {
-  settings.value = { ...settings.value, ...part };
-}
 
 /** Connects the state with the browser; called once. */
 export function start(): void {

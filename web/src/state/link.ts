@@ -1,7 +1,7 @@
 /** Links to a view: the camera pose, and the settings that affect the view. Pure. */
 import type { ScenePose } from "../view/camera";
 import { type Asked, sceneHash } from "./route";
-import { DEFAULT_SETTINGS, LINKED, type Settings, settingOf } from "./settings";
+import { COMPARED, DEFAULT_SETTINGS, LINKED, type LinkedName, type Settings, settingOf } from "./settings";
 
 /** Digits of a place and of a rotation, so that a link stays short. */
 const PLACE_DIGITS = 6;
@@ -21,7 +21,7 @@ export function linkedSettings(asked: Asked): Partial<Settings> {
   const found = LINKED.map((name) => [name, asked[name] === undefined ? undefined : settingOf(name, asked[name])]);
   const settings: Partial<Settings> = Object.fromEntries(found.filter(([, value]) => value !== undefined));
   const compared = settings.left !== undefined || settings.right !== undefined;
-  return { ...(compared && { mode: "side-by-side" }), ...settings };
+  return { ...(compared && { mode: COMPARED }), ...settings };
 }
 
 /** The pose of a link, from `at=x,y,z,qx,qy,qz,qw`; null without one. */
@@ -36,6 +36,6 @@ export function linkedPose({ at }: Asked): ScenePose | null {
   return { position: [x, y, z], quaternion: [qx / length, qy / length, qz / length, qw / length] };
 }
 
-function inText(value: Settings[(typeof LINKED)[number]]): string {
+function inText(value: Settings[LinkedName]): string {
   return typeof value === "boolean" ? (value ? "on" : "off") : String(value);
 }

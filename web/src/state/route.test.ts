@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { EXPERIMENTS, parseRoute, samplesHash, sceneHash } from "./route";
+import { EXPERIMENTS, parseRoute, runHash, samplesHash, sceneHash } from "./route";
 
 test.each(["courtyard", "my scene", "a/b", "ünï", "100%", "#?&"])("a link to the scene %s leads to it", (scene) => {
   expect(parseRoute(sceneHash(scene))).toEqual({ page: "viewer", scene, asked: {} });
@@ -36,6 +36,7 @@ test("experiments have a list of their own, beside a scene of that name", () => 
   expect(parseRoute(sceneHash("experiments"))).toMatchObject({ page: "viewer" });
 });
 
-test.each(["two-1", "a/b", "100%"])("the samples of the experiment %s have a page", (experiment) => {
+test.each(["two-1", "a/b", "100%"])("the experiment %s has pages for its samples and its runs", (experiment) => {
   expect(parseRoute(samplesHash(experiment))).toEqual({ page: "samples", experiment });
+  expect(parseRoute(runHash(experiment))).toEqual({ page: "run", experiment });
 });

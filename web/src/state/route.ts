@@ -4,7 +4,7 @@ import { LINKED } from "./settings";
 export type Route =
   | { readonly page: "scenes" }
   | { readonly page: "experiments" }
-  | { readonly page: "samples"; readonly experiment: string }
+  | { readonly page: "samples" | "run"; readonly experiment: string }
   | {
       readonly page: "viewer";
       readonly scene: string;
@@ -23,14 +23,16 @@ export const EXPERIMENTS = "#/experiments";
 /** `?at=x,y,z,qx,qy,qz,qw` is the camera pose; `?mode=NAME`, `?reprojection=on|off` and so on are settings. */
 const VIEWER = /^#\/scene\/([^/?]+)(?:\?(.*))?$/;
 
-const SAMPLES = /^#\/experiments\/([^/?]+)\/samples$/;
+const EXPERIMENT = /^#\/experiments\/([^/?]+)\/(samples|run)$/;
 
 export function parseRoute(hash: string): Route {
   if (hash === EXPERIMENTS) return { page: "experiments" };
   const [, id, query] = VIEWER.exec(hash) ?? [];
-  const [, experiment] = SAMPLES.exec(hash) ?? [];
+  const [, experiment, page] = EXPERIMENT.exec(hash) ?? [];
   try {
-    if (experiment !== undefined) return { page: "samples", experiment: decodeURIComponent(experiment) };
+    if (experiment !== undefined) {
+      return { page: page === "run" ? page : "samples", experiment: decodeURIComponent(experiment) };
+    }
     if (id === undefined) return { page: "scenes" };
     const scene = decodeURIComponent(id);
     const parameters = new URLSearchParams(query);
@@ -50,6 +52,11 @@ export function parseRoute(hash: string): Route {
 
 export function sceneHash(scene: string): string {
   return `#/scene/${encodeURIComponent(scene)}`;
+}
+
+/** The page that performs an experiment's missing runs. */
+export function runHash(experiment: string): string {
+  return `${EXPERIMENTS}/${encodeURIComponent(experiment)}/run`;
 }
 
 /** The samples of an experiment that the store keeps. */

@@ -42,10 +42,7 @@ export class PlayerBench {
   size = SIZE;
   videoSteps: readonly VideoStep[] | null = null;
   readonly videoDecoder = new FakeDecoder();
-  readonly video = new VideoFrames(
-    () => this.videoDecoder,
-    () => this.now,
-  );
+  readonly video: VideoFrames;
   /** Frames drawn to the canvas without a warp. */
   readonly drawn: unknown[] = [];
   readonly replies: Reply[] = [];
@@ -58,7 +55,14 @@ export class PlayerBench {
   warp!: FakeWarp;
   readonly player: StatelessPlayer;
 
-  constructor(display?: Display<DecodedFrame>) {
+  /** `undecodable`: why this browser cannot decode video. */
+  constructor(display?: Display<DecodedFrame>, undecodable: string | null = null) {
+    const { videoDecoder } = this;
+    this.video = new VideoFrames(
+      () => videoDecoder,
+      () => this.now,
+      Promise.resolve(undecodable),
+    );
     this.reprojector = new Reprojector({
       below: { after: () => undefined, ownerDocument: { createElement: fakeCanvas } } as unknown as HTMLElement,
       size: () => this.size,

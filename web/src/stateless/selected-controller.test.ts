@@ -1,12 +1,13 @@
-import { signal } from "@preact/signals";
+import { computed, signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { PAPER_LADDER } from "../abr/ladder";
 import { CONTROLLERS } from "../abr/registry";
-import { config, sceneLadder, settings } from "../state/app";
-import { DEFAULT_SETTINGS } from "../state/settings";
+import { config, ladder, sceneLadder, settings } from "../state/app";
+import { DEFAULT_SETTINGS, type SideSettings } from "../state/settings";
 import { selectedController, videoSteps } from "./selected-controller";
 
 const create = vi.spyOn(CONTROLLERS["lol+"], "create");
+const side = computed((): SideSettings => ({ ...settings.value, mode: "stateless" }));
 const HD = signal(1280 * 720);
 const configured = (ladder = PAPER_LADDER) => ({ ladder: structuredClone(ladder) }) as never;
 
@@ -24,7 +25,7 @@ afterEach(() => {
 
 test("a seed decides a controller's random numbers", () => {
   const numbers = (seed: number) => {
-    selectedController(settings, signal(seed), HD, videoSteps(settings, HD)).value;
+    selectedController(side, ladder, signal(seed), HD, videoSteps(false, side, ladder, HD)).value;
     const random = create.mock.lastCall?.[0].random ?? Math.random;
     return [random(), random(), random()];
   };
@@ -35,7 +36,7 @@ test("a seed decides a controller's random numbers", () => {
 
 test("a controller stays for as long as choice, ladder and seed do", () => {
   const seed = signal(1);
-  const controller = selectedController(settings, seed, HD, videoSteps(settings, HD));
+  const controller = selectedController(side, ladder, seed, HD, videoSteps(false, side, ladder, HD));
   const first = controller.value;
   config.value = configured();
   settings.value = { ...settings.value, refine: false };
@@ -49,9 +50,9 @@ test("a controller stays for as long as choice, ladder and seed do", () => {
 
 test("the rung that a person chose, or the last of a shorter ladder", () => {
   settings.value = { ...DEFAULT_SETTINGS, controller: "fixed", profile: 9 };
-  expect(selectedController(settings, signal(1), HD, videoSteps(settings, HD)).value.decide(0)).toBe(3);
+  expect(selectedController(side, ladder, signal(1), HD, videoSteps(false, side, ladder, HD)).value.decide(0)).toBe(3);
   config.value = null;
-  expect(selectedController(settings, signal(1), HD, videoSteps(settings, HD)).value.decide(0)).toBe(0);
+  expect(selectedController(side, ladder, signal(1), HD, videoSteps(false, side, ladder, HD)).value.decide(0)).toBe(0);
 });
 
 test("a scene's own ladder is the controller's, and the server's again afterwards", () => {
@@ -62,7 +63,7 @@ test("a scene's own ladder is the controller's, and the server's again afterward
     quality: 80,
     expected_kb: 200 / 2 ** i,
   }));
-  const controller = selectedController(settings, signal(1), HD, videoSteps(settings, HD));
+  const controller = selectedController(side, ladder, signal(1), HD, videoSteps(false, side, ladder, HD));
   sceneLadder.value = own;
   controller.value;
   expect(create.mock.lastCall?.[0].ladder).toEqual(own);
@@ -74,7 +75,7 @@ test("a scene's own ladder is the controller's, and the server's again afterward
 
 test("rungs larger than the picture are not offered, but can be chosen", () => {
   const pixels = signal(640 * 360);
-  const controller = selectedController(settings, signal(1), pixels, videoSteps(settings, pixels));
+  const controller = selectedController(side, ladder, signal(1), pixels, videoSteps(false, side, ladder, pixels));
   const offered = () => {
     controller.value;
     return create.mock.lastCall?.[0].ladder;

@@ -6,27 +6,30 @@ import { firstOffered, offering } from "../abr/offered";
 import { seeded } from "../abr/random";
 import { CONTROLLERS } from "../abr/registry";
 import { stepOfBitrate, stepOfRung, type VideoStep, videoLadder } from "../abr/video-ladder";
-import { ladder } from "../state/app";
-import type { SideSettings } from "../state/sides";
+import type { SideSettings } from "../state/settings";
 import type { Rung } from "../wire/render";
 
-const content = computed(() => JSON.stringify(ladder.value)); // the configuration is read again and again
-const rungs = computed((): Rung[] => JSON.parse(content.value));
+type Ladder = ReadonlySignal<readonly Rung[]>;
 
-/**
- * The controller's ladder in the mode `video`; null in the others, which use the server's ladder. `pixels`: see the
- * controller.
- */
+/** The ladder, which changes only with its content: the configuration is read again and again. */
+function contentOf(ladder: Ladder): Ladder {
+  const content = computed(() => JSON.stringify(ladder.value));
+  return computed(() => JSON.parse(content.value));
+}
+
+/** The controller's ladder for a video; null for single pictures, which use the server's. `pixels`: see the controller. */
 export function videoSteps(
+  video: boolean,
   settings: ReadonlySignal<SideSettings>,
+  ladder: Ladder,
   pixels: ReadonlySignal<number>,
 ): ReadonlySignal<readonly VideoStep[] | null> {
-  const video = computed(() => settings.value.mode === "video");
+  const rungs = contentOf(ladder);
   const adapts = computed(() => settings.value.controller !== "fixed");
   const first = computed(() => (adapts.value ? firstOffered(rungs.value, pixels.value) : 0));
   const bitrate = computed(() => settings.value.bitrateKbps ?? null);
   return computed(() => {
-    if (!video.value) return null;
+    if (!video) return null;
     return bitrate.value === null ? videoLadder(rungs.value, first.value) : stepOfBitrate(rungs.value, bitrate.value);
   });
 }
@@ -38,10 +41,12 @@ export function videoSteps(
  */
 export function selectedController(
   settings: ReadonlySignal<SideSettings>,
+  ladder: Ladder,
   seed: ReadonlySignal<number>,
   pixels: ReadonlySignal<number>,
   videoSteps: ReadonlySignal<readonly VideoStep[] | null>,
 ): ReadonlySignal<Controller> {
+  const rungs = contentOf(ladder);
   const choices = computed(() => videoSteps.value ?? rungs.value);
   const first = computed(() => firstOffered(choices.value, pixels.value));
   const name = computed(() => settings.value.controller);

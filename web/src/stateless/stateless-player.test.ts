@@ -233,17 +233,15 @@ test.each([
   expect(bench.last()?.format).toBe(format);
 });
 
-test("after another mode, or a hidden page, the first frame shown is of a view wanted since then", async () => {
+test("after a hidden page, the first frame shown is of a view wanted since then", async () => {
   await bench.frames(10);
-  for (const away of [() => bench.player.suspend(), () => bench.player.resumed(30_000)]) {
-    bench.axes = { ...STILL, turnRight: 1 };
-    await bench.frames(5);
-    bench.axes = STILL;
-    const [shown, asked] = [bench.shown.length, bench.transport.requests.length];
-    away();
-    bench.now += 30_000;
-    await bench.frames(5);
-    expect(bench.shown[shown]?.asked.seq).toBeGreaterThanOrEqual(asked);
-    expect(bench.player.stats.value.motionToPhoton?.p95 ?? 0).toBeLessThan(100);
-  }
+  bench.axes = { ...STILL, turnRight: 1 };
+  await bench.frames(5);
+  bench.axes = STILL;
+  const [shown, asked] = [bench.shown.length, bench.transport.requests.length];
+  bench.player.resumed(30_000);
+  bench.now += 30_000;
+  await bench.frames(5);
+  expect(bench.shown[shown]?.asked.seq).toBeGreaterThanOrEqual(asked);
+  expect(bench.player.stats.value.motionToPhoton?.p95 ?? 0).toBeLessThan(100);
 });

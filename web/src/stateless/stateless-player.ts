@@ -1,7 +1,4 @@
-/**
- * The modes with one request per pose: requests the view of the rig's pose and shows the answer. In the mode
- * `stateless` each answer is an independent picture, in the mode `video` the next frame of a video.
- */
+/** Requests the view of the rig's pose and shows the answer: an independent picture, or the next frame of a video. */
 
 import { signal } from "@preact/signals";
 import type { Controller, Observation, Way } from "../abr/controller";
@@ -60,8 +57,9 @@ export interface StatelessPlayerOptions {
   readonly ladder: () => readonly Rung[];
   readonly rig: Rig;
   readonly decoder: Pick<Decoder, "decode">;
-  readonly video: VideoFrames;
-  /** The ladder that the controller's choice indexes in the mode `video`; null in the mode `stateless`. */
+  /** Null if each answer is an independent picture. */
+  readonly video: VideoFrames | null;
+  /** The ladder of a video that the controller's choice indexes; null if each answer is an independent picture. */
   readonly videoSteps: () => readonly VideoStep[] | null;
   readonly controller: () => Controller;
   /** Whether to ask for the view with all of the screen's pixels once it stands still. */
@@ -109,7 +107,6 @@ export class StatelessPlayer {
   readonly #rest = new Rest<PosedRequest>();
   readonly #cap = new RateCap();
   #publishedAt = 0;
-  #suspended = false;
 
   constructor(options: StatelessPlayerOptions) {
     this.#options = options;
@@ -137,11 +134,11 @@ export class StatelessPlayer {
     this.#connected = connected ?? undefined;
     const { display, now, video } = this.#options;
     display.forget();
-    video.reset();
+    video?.reset();
     this.#pipeline =
       connected === null
         ? undefined
-        : new FramePipeline(video.over(connected.transport), this.#decode, now, {
+        : new FramePipeline(video?.over(connected.transport) ?? connected.transport, this.#decode, now, {
             sent: (request) => {
               this.#cap.asked();
               this.#options.onSent(request);
@@ -187,26 +184,13 @@ export class StatelessPlayer {
     this.attach(null);
   }
 
-  /** Motion-to-photon latencies of the last seconds, in milliseconds. */
-  latencies(now: number): readonly number[] {
-    return this.#meter.latencies(now);
-  }
-
-  /** Instead of `tick`, while another mode shows the scene: no old frame may appear when this one does again. */
-  suspend(): void {
-    if (this.#suspended) return;
-    this.#suspended = true;
-    this.#meter.reset();
-    this.#pipeline?.pause();
-    this.#options.display.clear();
-  }
-
   /** The page was hidden for the last `gap` milliseconds; before anything else of this animation frame. */
   resumed(gap: number): void {
     this.#meter.resumed(gap);
     this.#foresight.reset();
     this.#pipeline?.pause();
     this.#options.display.forget();
+    this.#options.reprojector.resumed();
   }
 
   /** A lossless copy of the screen. */
@@ -237,15 +221,14 @@ export class StatelessPlayer {
 
   /** Called once per animation frame, after the rig was sampled; `moved` is the rig's result. */
   tick(now: number, moved: boolean): void {
-    const { rig, display, video, videoSteps, bitrateKbps } = this.#options;
-    this.#suspended = false;
+    const { rig, display, video, bitrateKbps } = this.#options;
     this.#meter.sampled(rig.pose.seq, now);
     if (this.#pipeline && rig.scene) {
       if (moved) this.#meter.moved(rig.pose.seq, now);
       const view = this.#view(rig.scene, now);
-      video.tick(Math.min(MOST_PATIENCE, Math.max(LEAST_PATIENCE, this.stats.peek().roundTrip ?? USUAL_PATIENCE)));
+      video?.tick(Math.min(MOST_PATIENCE, Math.max(LEAST_PATIENCE, this.stats.peek().roundTrip ?? USUAL_PATIENCE)));
       if (this.#cap.allows(bitrateKbps(), now)) {
-        if (videoSteps() === null || video.problem.peek() === null) this.#pipeline.want(view, rig.pose.seq);
+        if ((video?.problem.peek() ?? null) === null) this.#pipeline.want(view, rig.pose.seq);
         this.#surround.tick(this.#pipeline, view, this.#recorder.throughput.bitsPerSecond, now);
       }
       // The newest frame waits where it can be overtaken, not in the graphics processor's queue.
@@ -257,7 +240,9 @@ export class StatelessPlayer {
   }
 
   readonly #decode = (reply: FrameReply, signal: AbortSignal) =>
-    reply.header.video ? this.#options.video.decode(reply, signal) : this.#options.decoder.decode(reply.image, signal);
+    reply.header.video && this.#options.video
+      ? this.#options.video.decode(reply, signal)
+      : this.#options.decoder.decode(reply.image, signal);
 
   /**
    * The controller's choice for a received frame: a rung, or a step of the video's ladder; null if something else chose
@@ -314,7 +299,7 @@ export class StatelessPlayer {
   #videoStats(now: number): VideoStats | null {
     const { controller, video, videoSteps } = this.#options;
     const step = videoSteps()?.[controller().decide(now)];
-    return step ? { bitrate: step.video.bitrate_kbps * 1000, keyFrames: video.keyFrames } : null;
+    return step && video ? { bitrate: step.video.bitrate_kbps * 1000, keyFrames: video.keyFrames } : null;
   }
 
   #publish(now: number): void {
@@ -323,6 +308,7 @@ export class StatelessPlayer {
     if (now - this.#publishedAt < STATS_EVERY && settled === this.stats.peek().settled) return;
     this.#publishedAt = now;
     this.stats.value = {
+      kind: "requests",
       ...this.#meter.figures(now),
       ...this.#recorder.snapshot(now),
       transport: this.#connected?.transport.kind ?? null,

@@ -25,7 +25,6 @@ export interface ReplyStats {
   } | null;
 }
 
-/** Of the mode `video`. */
 export interface VideoStats {
   /** Requested rate in bits per second. */
   readonly bitrate: number;
@@ -34,22 +33,18 @@ export interface VideoStats {
 }
 
 export interface Stats extends Figures, ReplyStats {
-  /** Null in the mode `stateless`. */
+  readonly kind: "requests";
+  /** Null if each answer is an independent picture. */
   readonly video: VideoStats | null;
   readonly transport: TransportKind | null;
   /** The graphics processor's time to enhance a frame, median of the last seconds; null while none is enhanced. In milliseconds. */
   readonly enhanceMs: number | null;
-  /** The main thread's time to turn a picture, median of the last seconds; null while none is turned. In milliseconds. */
-  readonly warpMs: number | null;
-  /** GPU time in milliseconds; null where it is not measured. */
-  readonly gpuMs: number | null;
   readonly inFlight: number;
   readonly counts: PipelineCounts;
-  /** The newest view is on the screen, as sharp as it gets. */
-  readonly settled: boolean;
 }
 
 export const NO_STATS: Stats = {
+  kind: "requests",
   ...NO_FIGURES,
   roundTrip: null,
   server: null,
@@ -59,11 +54,8 @@ export const NO_STATS: Stats = {
   video: null,
   transport: null,
   enhanceMs: null,
-  warpMs: null,
-  gpuMs: null,
   inFlight: 0,
   counts: { sent: 0, cancelled: 0, dropped: 0 },
-  settled: true,
 };
 
 /** How far back the HUD looks, in milliseconds. */

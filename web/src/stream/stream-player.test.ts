@@ -12,7 +12,9 @@ import { StreamPlayer } from "./stream-player";
 import type { StreamedFrame } from "./turned-video";
 
 const SCENE = { up: [0, -1, 0], camera: { position: [0, -2, -8], look_at: [0, -2, 0] } } as SceneInfo;
-const PLAYED = { webrtc: { codec: "VP8", rung: 2, width: 640, height: 360, frame_rate: 30, lost_packets: 0 } };
+const PLAYED: ViewStream["played"] = {
+  webrtc: { codec: "VP8", rung: 2, width: 640, height: 360, frame_rate: 30, lost_packets: 0 },
+};
 const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 
 /** The video's present media time in seconds. */
@@ -146,13 +148,6 @@ async function settle(): Promise<void> {
   await vi.advanceTimersByTimeAsync(0);
 }
 
-/** A person turns to another tab, or back. */
-async function hide(hidden: boolean, after = 0): Promise<void> {
-  tab.hidden = hidden;
-  tab.dispatchEvent(new Event("visibilitychange"));
-  await vi.advanceTimersByTimeAsync(after);
-}
-
 /** An animation frame. */
 function frame(at: number): void {
   now = at;
@@ -168,7 +163,7 @@ test("latency is counted from the sample of a pose to the video frame that shows
   events.told(0, rig.pose.seq);
   present(0, 1500);
   expect(player.phase.value.kind).toBe("playing");
-  expect(player.playing).toEqual(PLAYED);
+  expect(player.played(0)).toEqual(PLAYED);
   axes = { ...STILL, forward: 1 };
   frame(1600);
   axes = STILL;
@@ -235,7 +230,7 @@ test("what may pass is tried again, and a stream that ends is opened anew", asyn
   events.failed("The player stopped.");
   await settle();
   expect(player.phase.value).toEqual({ kind: "lost", message: "The player stopped." });
-  expect(player.playing).toBeNull();
+  expect(player.played(0)).toEqual({});
   expect(openViews).toHaveBeenCalledTimes(2); // not at once: it had never played
   await vi.advanceTimersByTimeAsync(3000);
   present(0, 10);
@@ -259,9 +254,19 @@ test.each([
 });
 
 test("a stream that stalls is told to hold another latency, which is the player's from then on", async () => {
+  const dash = {
+    representations: [],
+    frame_rate: 30,
+    segment_s: 1,
+    frames_per_chunk: 1,
+    target_latency_ms: 120,
+    player: "",
+  };
+  openViews.mockImplementation(async () => ({ ...stream(), played: { dash } }));
   open();
   await settle();
-  expect(player.targetLatency).toBe(120);
+  frame(300);
+  expect(player.stats.value.targetLatency).toBe(120);
   for (let at = 0; at < 4000; at += 100) present(at / 1000, at); // as it should
   present(4, 4100);
   expect(aims).toEqual([]);
@@ -269,6 +274,8 @@ test("a stream that stalls is told to hold another latency, which is the player'
   expect(aims).toEqual([170]);
   frame(5000);
   expect(player.stats.value).toMatchObject({ liveLatency: 100, targetLatency: 170 });
+  const targets = (since: number) => player.played(since).dash?.targets_ms;
+  expect([targets(0), targets(4000), targets(6000)]).toEqual([[120, 170], [120, 170], [170]]);
 });
 
 test("who leaves ends the stream", async () => {
@@ -278,32 +285,14 @@ test("who leaves ends the stream", async () => {
   expect(disposed).toBe(1);
 });
 
-test("a page that is hidden gives its stream up after a while, and opens another when it is shown", async () => {
-  open();
-  await settle();
-  present(0, 10);
-  await settle();
-  await hide(true, 9_000);
-  await hide(false, 9_000); // back in time
-  expect(disposed).toBe(0);
-  await hide(true, 60_000);
-  expect(disposed).toBe(1);
-  expect(openViews).toHaveBeenCalledTimes(1); // a slot for another viewer
-  await hide(false);
-  expect(openViews).toHaveBeenCalledTimes(2);
-  present(0, 80_000);
-  expect(player.phase.value.kind).toBe("playing");
-  expect(disposed).toBe(1);
-});
-
-test("a page that is hidden while it connects leaves no stream behind", async () => {
+test("a player that is left while it connects leaves no stream behind", async () => {
   const opening = deferred<ViewStream>();
   openViews.mockReturnValue(opening.promise);
   open();
   await settle();
-  await hide(true, 10_000);
+  player.dispose();
   opening.resolve(stream());
   await settle();
   expect(disposed).toBe(1);
-  expect(player.playing).toBeNull();
+  expect(player.played(0)).toEqual({});
 });

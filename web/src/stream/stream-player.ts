@@ -11,12 +11,12 @@ import { type Figures, Meter, NO_FIGURES, STATS_EVERY } from "../view/meter";
 import type { PresentedFrame, Side } from "../view/presented";
 import type { Rig } from "../view/rig";
 import type { SessionStatus } from "../wire/dash";
+import type { Recording } from "../wire/store";
 import { CameraFeed } from "./camera-feed";
 import { FramePoses } from "./frame-poses";
 import { LatencyTarget } from "./latency-target";
 import {
   type OpenViews,
-  type Played,
   STREAM_NAMES,
   StreamEnded,
   type StreamKind,
@@ -26,6 +26,7 @@ import {
 import { type StreamedFrame, TurnedVideo } from "./turned-video";
 
 export interface StreamStats extends Figures {
+  readonly kind: "stream";
   /** Behind the live edge, in milliseconds, as the player counts. */
   readonly liveLatency: number | null;
   /** Target latency in milliseconds. */
@@ -33,24 +34,16 @@ export interface StreamStats extends Figures {
   /** Encoder, and time of frames in the jitter buffer in milliseconds; WebRTC only. */
   readonly codec: string | null;
   readonly jitterBuffer: number | null;
-  /** The main thread's time to turn a picture, median of the last seconds; null while none is turned. In milliseconds. */
-  readonly warpMs: number | null;
-  /** GPU time in milliseconds; null where it is not measured. */
-  readonly gpuMs: number | null;
 }
 
 export const NO_STREAM_STATS: StreamStats = {
+  kind: "stream",
   ...NO_FIGURES,
   liveLatency: null,
   targetLatency: null,
   codec: null,
   jitterBuffer: null,
-  warpMs: null,
-  gpuMs: null,
 };
-
-/** A page hidden for this many milliseconds ends its stream; showing the page reopens it. */
-const HIDDEN_FOR = 10_000;
 
 /** How it stands; `failed` waits for another setting. */
 export type StreamPhase =
@@ -96,9 +89,7 @@ export class StreamPlayer {
   readonly stats = signal<StreamStats>(NO_STREAM_STATS);
   readonly phase = signal<StreamPhase>({ kind: "connecting" });
   readonly #options: StreamOptions;
-  /** Ends with the player, and while the page is hidden; then there is a new one. */
-  #visit = new AbortController();
-  #hiding: ReturnType<typeof setTimeout> | undefined;
+  readonly #visit = new AbortController();
   readonly #meter: Meter;
   readonly #foresight: Foresight;
   readonly #feed: CameraFeed;
@@ -106,6 +97,8 @@ export class StreamPlayer {
   readonly #turned: TurnedVideo | null;
   #stream: ViewStream | undefined;
   #target: LatencyTarget | undefined;
+  /** Target latencies, in milliseconds, and since when. */
+  readonly #targets: { readonly at: number; readonly target: number }[] = [];
   #publishedAt = 0;
 
   constructor(options: StreamOptions) {
@@ -117,30 +110,20 @@ export class StreamPlayer {
     this.#turned = overscan === null ? null : new TurnedVideo(video, reprojector);
     video.style.scale = String(1 + 2 * (overscan ?? 0)); // the margins extend beyond the pane until a frame is warped
     void this.#run(this.#visit.signal);
-    this.#visibilityChanged();
-    document.addEventListener("visibilitychange", this.#visibilityChanged);
   }
 
   dispose(): void {
-    document.removeEventListener("visibilitychange", this.#visibilityChanged);
-    clearTimeout(this.#hiding);
     this.#visit.abort();
     this.#leave();
   }
 
-  /** Motion-to-photon latencies of the last seconds, in milliseconds. */
-  latencies(now: number): readonly number[] {
-    return this.#meter.latencies(now);
-  }
-
-  /** The present stream, for records; null without one. */
-  get playing(): Played | null {
-    return this.#stream?.played ?? null;
-  }
-
-  /** Present target latency in milliseconds; null without a stream. */
-  get targetLatency(): number | null {
-    return this.#target?.value ?? this.#stream?.targetLatency ?? null;
+  /** The present stream, for records, with the target latencies since a time; empty without one. */
+  played(startedAt: number): Partial<Pick<Recording, "dash" | "webrtc">> {
+    const played = this.#stream?.played;
+    if (played === undefined || "webrtc" in played) return played ?? {};
+    const later = this.#targets.filter(({ at }) => at > startedAt);
+    const before = this.#targets.slice(0, this.#targets.length - later.length).slice(-1);
+    return { dash: { ...played.dash, targets_ms: [...before, ...later].map(({ target }) => target) } };
   }
 
   /** The packager's report on the stream; null if unavailable. */
@@ -167,6 +150,8 @@ export class StreamPlayer {
   resumed(gap: number): void {
     this.#meter.resumed(gap);
     this.#foresight.reset();
+    this.#target?.forget();
+    this.#options.reprojector.resumed();
   }
 
   /** Called once per animation frame, after the rig was sampled; `moved` is the rig's result. */
@@ -181,33 +166,20 @@ export class StreamPlayer {
     if (now - this.#publishedAt < STATS_EVERY) return;
     this.#publishedAt = now;
     const seconds = this.#stream?.latency() ?? null;
+    const target = this.#target?.value ?? this.#stream?.targetLatency ?? null;
+    if (target !== null && target !== this.#targets.at(-1)?.target) this.#targets.push({ at: now, target });
     const receiver = this.#stream?.receiver();
     this.stats.value = {
+      kind: "stream",
       ...this.#meter.figures(now),
       buffered: receiver?.jitterBuffer ?? bufferedMs(this.#options.video),
       liveLatency: seconds === null ? null : seconds * 1000,
-      targetLatency: this.targetLatency,
+      targetLatency: target,
       codec: receiver?.codec ?? null,
       jitterBuffer: receiver?.jitterBuffer ?? null,
       warpMs: reprojector.warpMs(now),
       gpuMs: reprojector.gpuMs,
     };
-  }
-
-  readonly #visibilityChanged = (): void => {
-    clearTimeout(this.#hiding);
-    this.#target?.forget();
-    if (document.hidden) this.#hiding = setTimeout(() => this.#pause(), HIDDEN_FOR);
-    else if (this.#visit.signal.aborted) {
-      this.#visit = new AbortController();
-      void this.#run(this.#visit.signal);
-    }
-  };
-
-  #pause(): void {
-    this.#visit.abort();
-    this.#leave();
-    this.phase.value = { kind: "connecting" };
   }
 
   /** Plays stream after stream, until the visit ends. */

@@ -41,22 +41,13 @@ export class VideoFrames {
   #number = 0;
   #failures: readonly number[] = [];
 
-  constructor(startWorker: () => CalledWorker, now: () => number) {
+  /** `problem` says whether this browser can decode video. */
+  constructor(startWorker: () => CalledWorker, now: () => number, problem: Promise<string | null>) {
     this.#startWorker = startWorker;
     this.#now = now;
-  }
-
-  /** Resets the decoder for a newly chosen mode; `problem` says whether this browser can decode video. */
-  async begin(problem: Promise<string | null>): Promise<void> {
-    this.#failures = [];
-    this.#undecodable.value = await problem;
-  }
-
-  /** Another mode was chosen: give the decoder back. The next frame has to be a key frame. */
-  leave(): void {
-    this.#drop(this.#chain.break());
-    this.#worker?.dispose();
-    this.#worker = undefined;
+    void problem.then((sentence) => {
+      this.#undecodable.value ??= sentence;
+    });
   }
 
   /**

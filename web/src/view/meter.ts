@@ -36,6 +36,12 @@ export interface Figures {
   readonly newViews: number;
   /** All frames shown so far. */
   readonly shown: number;
+  /** The main thread's time to turn a picture, median of the last seconds; null while none is turned. In milliseconds. */
+  readonly warpMs: number | null;
+  /** GPU time in milliseconds; null where it is not measured. */
+  readonly gpuMs: number | null;
+  /** No better picture of the present view follows. */
+  readonly settled: boolean;
   /** The frame on the screen. */
   readonly picture: { readonly rung: number | null; readonly width: number; readonly height: number } | null;
 }
@@ -52,6 +58,9 @@ export const NO_FIGURES: Figures = {
   stalls: { count: 0, time: 0 },
   newViews: 0,
   shown: 0,
+  warpMs: null,
+  gpuMs: null,
+  settled: true,
   picture: null,
 };
 
@@ -153,6 +162,9 @@ export class Meter {
       stalls: this.#stalls.stalls(now),
       newViews: this.#newViews,
       shown: this.#shown,
+      warpMs: null,
+      gpuMs: null,
+      settled: true,
       picture: this.#last ?? null,
     };
   }
@@ -181,10 +193,5 @@ export class Meter {
   #elsewhereFor(now: number): number {
     if (this.#last === undefined || this.#viewAt === undefined) return 0;
     return this.#poses.age(this.#last.pose, now) ?? now - this.#viewAt; // longer than poses are remembered
-  }
-
-  /** Motion-to-photon latencies of the last seconds, in milliseconds. */
-  latencies(now: number): readonly number[] {
-    return this.#motionToPhoton.values(now);
   }
 }

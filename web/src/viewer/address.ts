@@ -2,12 +2,11 @@
  * The page's address as a link to the present view, so that reloading, bookmarking or copying it preserves the view.
  */
 import { effect, untracked } from "@preact/signals";
-import { settings, settingsOverridden } from "../state/app";
 import { viewHash } from "../state/link";
 import { parseRoute } from "../state/route";
 import type { ViewerSession } from "./session";
 
-type Visit = Pick<ViewerSession, "scene" | "rig">;
+type Visit = Pick<ViewerSession, "scene" | "rig" | "state">;
 
 /** The camera rests once it has not moved for this long, in milliseconds. Browsers refuse pages that change their address all the time. */
 const RESTS_AFTER = 500;
@@ -23,7 +22,8 @@ export function showAddress(visit: Visit): void {
  * address is kept while a script, an experiment or a movement controls the view, and until the view has changed.
  */
 export function keepAddress(visit: Visit): () => void {
-  const { rig, scene } = visit;
+  const { rig, scene, state } = visit;
+  const { settings, settingsOverridden } = state;
   let kept: string | null = null;
   let timer: ReturnType<typeof setTimeout> | undefined;
   let pose = rig.pose.seq;
@@ -59,9 +59,9 @@ export function keepAddress(visit: Visit): () => void {
 }
 
 /** Null while the scene is not loaded, or if the address already points elsewhere. */
-function linkTo({ scene, rig }: Visit): string | null {
+function linkTo({ scene, rig, state }: Visit): string | null {
   const info = scene.peek();
   const at = parseRoute(location.hash);
   if (at.page !== "viewer" || at.scene !== info?.id) return null;
-  return viewHash(at.scene, rig.pose, settings.peek());
+  return viewHash(at.scene, rig.pose, state.settings.peek());
 }

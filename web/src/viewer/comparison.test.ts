@@ -17,6 +17,12 @@ let axes: typeof STILL;
 let sides: ReturnType<typeof fakeSide>[];
 let comparison: Comparison;
 
+/** A page that is always visible. */
+const every = (interval: number, task: () => void) => {
+  const timer = setInterval(task, interval);
+  return () => clearInterval(timer);
+};
+
 function fakeSide() {
   const listeners = new Set<(frame: PresentedFrame) => void>();
   return {
@@ -41,7 +47,7 @@ beforeEach(() => {
   rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
   rig.enter(COURTYARD);
   sides = [fakeSide(), fakeSide()];
-  comparison = new Comparison(rig, sides);
+  comparison = new Comparison(rig, sides, { every }, signal(null));
 });
 
 afterEach(() => {
@@ -88,7 +94,7 @@ test("a server that gives no ground truth says why, and the rest of the summary 
 
 test("one stream alone is measured, and not judged", async () => {
   comparison.dispose();
-  comparison = new Comparison(rig, sides.slice(0, 1));
+  comparison = new Comparison(rig, sides.slice(0, 1), { every }, signal(null));
   await frames(1);
   await walk(4);
   await frames(3);

@@ -1,11 +1,13 @@
 /** Figures of the last minute for each picture on the stage and, with two of them, scores of the last walk. */
-import { signal } from "@preact/signals";
+import { type ReadonlySignal, signal } from "@preact/signals";
 import { ComparisonHistory } from "../charts/history";
 import { WalkRecorder } from "../charts/walk";
 import { groundTruth, psnrOf } from "../quality/ground-truth";
 import { WalkQuality } from "../quality/walk-quality";
-import { STATS_EVERY } from "../view/meter";
+import { type Figures, STATS_EVERY } from "../view/meter";
+import type { Presence } from "../view/presence";
 import type { Rig } from "../view/rig";
+import type { ServerConfig } from "../wire/render";
 import type { Side } from "./side";
 
 /** How near to ground truth the last walk was. */
@@ -21,7 +23,9 @@ export interface SeenQuality {
 export const UNSCORED: SeenQuality = { psnr: [], moments: 0, problem: null };
 
 /** The part of a `Side` that is used. */
-export type ComparedSide = Pick<Side, "figures" | "onPresented" | "picture" | "settings">;
+export interface ComparedSide extends Pick<Side, "onPresented" | "picture"> {
+  readonly figures: Figures | null;
+}
 
 export class Comparison {
   /** From left to right. */
@@ -37,20 +41,24 @@ export class Comparison {
   #scoring = new AbortController();
   readonly #stops: readonly (() => void)[];
 
-  constructor(rig: Rig, sides: readonly ComparedSide[]) {
+  constructor(
+    rig: Rig,
+    sides: readonly ComparedSide[],
+    presence: Pick<Presence, "every">,
+    config: ReadonlySignal<ServerConfig | null>,
+  ) {
     this.#rig = rig;
     this.sides = sides;
     this.history = new ComparisonHistory(sides.length);
     this.#seen = new WalkQuality({
       truth: (pose, signal) => {
         const lens = { ...rig.intrinsics.peek(), ...rig.viewport.peek() };
-        return groundTruth({ scene: rig.scene?.id ?? "", lens }, pose, signal);
+        return groundTruth({ server: config.peek(), scene: rig.scene?.id ?? "", lens }, pose, signal);
       },
       compare: psnrOf,
     });
-    const timer = setInterval(() => this.#look(performance.now()), STATS_EVERY);
     this.#stops = [
-      () => clearInterval(timer),
+      presence.every(STATS_EVERY, () => this.#look(performance.now())),
       rig.onSample(({ seq }, at) => this.walks.sampled(seq, at)),
       ...sides.map((side, i) =>
         side.onPresented((frame) => {
@@ -59,6 +67,12 @@ export class Comparison {
         }),
       ),
     ];
+  }
+
+  /** The page was hidden until now. */
+  resumed(): void {
+    this.walks.resumed();
+    this.#seen.forget();
   }
 
   dispose(): void {

@@ -1,20 +1,21 @@
 /** A visit for tests of its views: no connection, all state set by the test. */
-import { computed, signal } from "@preact/signals";
-import type { EnhancementStatus } from "../enhance/enhancement";
-import { type LocalPhase, type LocalPlayer, type LocalStats, NO_LOCAL_STATS } from "../local/local-player";
+import { computed, type Signal, signal } from "@preact/signals";
+import type { Enhancement, EnhancementStatus } from "../enhance/enhancement";
+import { type LocalStats, NO_LOCAL_STATS } from "../local/local-player";
 import { MovementDeck } from "../movement/movement-deck";
 import { type ReprojectionStatus, reprojectionNote } from "../reproject/reprojector";
-import { settings } from "../state/app";
+import { SOURCES } from "../sources/registry";
+import { settingsAt } from "../sources/sides";
+import type { Source, SourcePhase, SourceStats } from "../sources/source";
+import { page, settings } from "../state/app";
 import { COURTYARD } from "../state/fake-server";
-import { isPerView, isStreamed } from "../state/settings";
-import { type Place, settingsAt } from "../state/sides";
+import type { Place } from "../state/settings";
 import { NO_STATS, type Stats } from "../stateless/stats";
-import type { StreamPhase, StreamPlayer, StreamStats } from "../stream/stream-player";
-import { NO_STREAM_STATS } from "../stream/stream-player";
+import { NO_STREAM_STATS, type StreamStats } from "../stream/stream-player";
 import type { Connected } from "../transport/connect";
 import type { ConnectionState } from "../transport/connection";
-import type { Figures } from "../view/meter";
 import { NO_NUDGE } from "../view/motion";
+import { Presence } from "../view/presence";
 import { Rig } from "../view/rig";
 import type { SceneInfo } from "../wire/render";
 import type { Comparison } from "./comparison";
@@ -22,35 +23,66 @@ import type { Phase, ViewerSession } from "./session";
 
 const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 
-/** A side of the stage without a picture. */
-export function fakeSide(place: Place) {
+/** A source without a picture, with its state for the test to set. */
+export interface FakeSource<Of extends SourceStats = SourceStats> extends Source {
+  readonly phase: Signal<SourcePhase>;
+  readonly stats: Signal<Of>;
+  readonly reprojection: Signal<ReprojectionStatus>;
+}
+
+function fakeSource<Of extends SourceStats>(phase: SourcePhase, stats: Of): FakeSource<Of> {
+  return {
+    phase: signal(phase),
+    stats: signal(stats),
+    reprojection: signal("on"),
+    enhancement: null,
+    content: null,
+    picture: () => null,
+    presented: () => undefined,
+    resumed: () => undefined,
+    tick: () => undefined,
+    played: () => ({}),
+    status: async () => null,
+    dispose: () => undefined,
+  };
+}
+
+/** Single pictures, with an enhancement that does nothing but count how often it is renewed. */
+export function fakePictures(stats: Partial<Stats> = {}) {
   const status = signal<EnhancementStatus>({ kind: "off" });
-  const fake = {
-    settings: computed(() => settingsAt(place, settings.value)),
-    video: { problem: signal<string | null>(null) },
-    stateless: { stats: signal<Stats>(NO_STATS), problem: signal<string | null>(null) },
-    enhancement: {
-      status,
-      giveUp: (message: string) => {
-        status.value = { kind: "failed", message };
-      },
+  const enhancement = {
+    status,
+    renewals: 0,
+    renew: () => {
+      enhancement.renewals++;
     },
-    reprojector: { status: signal<ReprojectionStatus>("on") },
-    videoReprojector: { status: signal<ReprojectionStatus>("on") },
-    stream: signal<StreamPlayer | null>(null),
-    local: signal<LocalPlayer | null>(null),
-    unturned: computed((): string | null =>
-      reprojectionNote(fake.reprojector.status.value, fake.videoReprojector.status.value),
-    ),
-    get figures(): Figures | null {
-      const { mode } = fake.settings.value;
-      if (isPerView(mode)) return fake.stateless.stats.value;
-      return (isStreamed(mode) ? fake.stream : fake.local).value?.stats.value ?? null;
+  };
+  const source = fakeSource({ kind: "playing" }, { ...NO_STATS, ...stats });
+  return { ...source, enhancement: enhancement as typeof enhancement & Enhancement };
+}
+
+export const fakeStream = (phase: SourcePhase, stats: Partial<StreamStats> = {}) =>
+  fakeSource<StreamStats>(phase, { ...NO_STREAM_STATS, ...stats });
+
+export const fakeLocal = (phase: SourcePhase, stats: Partial<LocalStats> = {}) =>
+  fakeSource<LocalStats>(phase, { ...NO_LOCAL_STATS, ...stats });
+
+/** A side of the stage. */
+export function fakeSide(place: Place, first: Source = fakePictures()) {
+  const source = signal<Source | null>(first);
+  const own = computed(() => settingsAt(place, settings.value));
+  return {
+    settings: own,
+    kind: computed(() => SOURCES[own.value.mode]),
+    source,
+    missing: signal<string | null>(null),
+    unturned: computed((): string | null => reprojectionNote(source.value?.reprojection.value ?? "off")),
+    get figures(): SourceStats | null {
+      return source.value?.stats.value ?? null;
     },
     picture: () => null,
     onPresented: () => () => undefined,
   };
-  return fake;
 }
 
 type FakeSide = ReturnType<typeof fakeSide>;
@@ -60,10 +92,13 @@ export function fakeSession() {
   const rig = new Rig({ sampleInput: () => ({ axes: STILL, nudge: NO_NUDGE }), turnSpeed: () => 60 });
   rig.resize(1280, 720);
   rig.enter(COURTYARD);
-  const left = fakeSide("left");
+  const pictures = fakePictures();
+  const left = fakeSide("left", pictures);
   const right = signal<FakeSide | null>(null);
   const fake = {
     phase: signal<Phase>({ kind: "playing" }),
+    state: page,
+    presence: new Presence(),
     scene: signal<SceneInfo | null>(COURTYARD),
     connected: signal<Connected | null>(null),
     silent: signal(false),
@@ -71,17 +106,10 @@ export function fakeSession() {
     movement: new MovementDeck(rig),
     left,
     right,
-    stateless: left.stateless,
-    video: left.video,
-    reprojector: left.reprojector,
-    stream: left.stream,
-    local: left.local,
-    enhancement: {
-      ...left.enhancement,
-      renew: () => {
-        fake.renewals++;
-      },
-    },
+    /** The source that the left side begins with. */
+    pictures,
+    source: left.source,
+    sources: computed(() => [left, right.value].flatMap((side) => side?.source.value ?? [])),
     comparison: signal<Comparison | null>(null),
     rightConnection: signal<ConnectionState | null>(null),
     unturned: computed(() => left.unturned.value ?? right.value?.unturned.value ?? null),
@@ -89,7 +117,6 @@ export function fakeSession() {
     input: { pad: { forward: 0, right: 0, up: 0 } },
     receivedBytes: 0,
     retries: 0,
-    renewals: 0,
     disposed: false,
     retry: () => {
       fake.retries++;
@@ -109,15 +136,4 @@ export type FakeSession = ReturnType<typeof fakeSession>;
 
 export function asSession(fake: FakeSession): ViewerSession {
   return fake as unknown as ViewerSession;
-}
-
-/** The stream of a visit. */
-export function fakeStream(phase: StreamPhase, stats: Partial<StreamStats> = {}): StreamPlayer {
-  const status = async () => null;
-  return { phase: signal(phase), stats: signal({ ...NO_STREAM_STATS, ...stats }), status } as unknown as StreamPlayer;
-}
-
-/** Downloads for a fake visit. */
-export function fakeLocal(phase: LocalPhase, stats: Partial<LocalStats> = {}): LocalPlayer {
-  return { phase: signal(phase), stats: signal({ ...NO_LOCAL_STATS, ...stats }) } as unknown as LocalPlayer;
 }

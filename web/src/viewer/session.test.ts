@@ -5,13 +5,15 @@ import { PAPER_LADDER } from "../abr/ladder";
 import { deferred } from "../async/deferred";
 import { ApiError } from "../http/problem";
 import { fetchConfig, fetchScene, loadScene } from "../state/api";
-import { changeSettings, config, ladder, settings } from "../state/app";
+import { changeSettings, config, ladder, page, settings } from "../state/app";
 import { COURTYARD, serverConfig } from "../state/fake-server";
 import { DEFAULT_SETTINGS } from "../state/settings";
 import { connect } from "../transport/connect";
 import { ASK_DIRECTOR_EVERY, CHECK_EVERY } from "../transport/ending";
-import { FakeTransport, settle } from "../transport/fake";
+import { type FakeTransport, settle } from "../transport/fake";
 import { RequestProblem } from "../transport/transport";
+import { LEFT_AFTER } from "../view/presence";
+import { FakePage } from "./fake-page";
 import { ViewerSession } from "./session";
 
 vi.mock("../state/api");
@@ -20,15 +22,18 @@ const streams = vi.hoisted(() => [] as { readonly options: Record<string, unknow
 vi.mock("../dash/dash-views", () => ({ overDash: (source: unknown) => source }));
 vi.mock("../webrtc/webrtc-views", () => ({ overWebRtc: (source: unknown) => source }));
 vi.mock("../stream/stream-player", () => ({
+  NO_STREAM_STATS: null,
   StreamPlayer: class {
     disposed = false;
     readonly options: Record<string, unknown>;
     readonly phase = signal({ kind: "playing" });
+    readonly stats = signal(null);
     constructor(options: Record<string, unknown>) {
       this.options = options;
       streams.push(this);
     }
     presented() {}
+    resumed() {}
     tick() {}
     dispose() {
       this.disposed = true;
@@ -36,52 +41,24 @@ vi.mock("../stream/stream-player", () => ({
   },
 }));
 
-/** Decodes at once. */
-class FakeWorker {
-  onmessage: ((event: { data: unknown }) => void) | undefined;
-  postMessage({ id }: { id: number }): void {
-    this.onmessage?.({
-      data: { id, value: { bitmap: { width: 1280, height: 720, close: () => undefined }, depth: null } },
-    });
-  }
-  terminate(): void {}
-}
-
 type Div = HTMLDivElement;
 
 const SERVICES = { dash: "http://dash.test" };
-let now: number;
-let animationFrames: Map<number, () => void>;
+let host: FakePage;
 let transports: FakeTransport[];
 let session: ViewerSession;
 
 beforeEach(() => {
   vi.clearAllMocks();
   vi.useFakeTimers({ toFake: ["setTimeout", "clearTimeout"] });
-  now = 0;
-  animationFrames = new Map();
-  transports = [];
+  host = new FakePage();
+  ({ transports } = host);
   streams.length = 0;
   settings.value = DEFAULT_SETTINGS;
   config.value = null;
-  let id = 0;
-  const context = { transferFromImageBitmap: () => undefined };
-  const only = (kind: string) => (kind === "bitmaprenderer" ? context : null);
-  vi.spyOn(HTMLCanvasElement.prototype, "getContext").mockImplementation(only as never);
-  vi.stubGlobal("Worker", FakeWorker);
-  vi.stubGlobal("requestAnimationFrame", (callback: () => void) => {
-    animationFrames.set(++id, callback);
-    return id;
-  });
-  vi.stubGlobal("cancelAnimationFrame", (cancelled: number) => animationFrames.delete(cancelled));
-  vi.spyOn(performance, "now").mockImplementation(() => now);
   vi.mocked(fetchConfig).mockImplementation(async () => serverConfig(SERVICES));
   vi.mocked(loadScene).mockResolvedValue(COURTYARD);
-  vi.mocked(connect).mockImplementation(async () => {
-    const transport = new FakeTransport(() => now);
-    transports.push(transport);
-    return { transport, fallback: null, host: null };
-  });
+  vi.mocked(connect).mockImplementation(async () => host.connected());
 });
 
 afterEach(() => {
@@ -94,7 +71,7 @@ afterEach(() => {
 async function visit(): Promise<void> {
   const [element, left, right] = [0, 1, 2].map(() => document.createElement("div")) as [Div, Div, Div];
   const stage = { element, left, right };
-  session = new ViewerSession("courtyard", stage);
+  session = new ViewerSession("courtyard", stage, page);
   session.rig.resize(1280, 720);
   await settle();
 }
@@ -102,18 +79,7 @@ async function visit(): Promise<void> {
 /** Of a cluster, at a host. */
 const atHost = (host: string) => ({ ...serverConfig(SERVICES), host });
 
-/** Animation frames at 50 Hz; the server answers all requests when `answer` says so. */
-async function drawn(frames: number, { answer = true } = {}): Promise<void> {
-  for (let i = 0; i < frames; i++) {
-    now += 20;
-    for (const [id, callback] of [...animationFrames]) {
-      animationFrames.delete(id);
-      callback();
-    }
-    if (answer) for (const { reply } of transports.at(-1)?.requests ?? []) reply();
-    await settle();
-  }
-}
+const drawn = (count: number, options?: { answer: boolean }) => host.frames(count, options);
 
 const phase = () => session.phase.value;
 const requests = () => transports.flatMap((transport) => transport.requests).length;
@@ -174,10 +140,10 @@ test("no animation frame for a long time means that the page was hidden: no late
   await visit();
   session.rig.drive((at) => ({ position: [at / 1000, 0, 0], quaternion: [0, 0, 0, 1] }));
   await drawn(30);
-  now += 30_000;
+  host.now += 30_000;
   await drawn(30);
-  expect(session.stateless.stats.value.motionToPhoton?.p95).toBeLessThan(200);
-  expect(session.stateless.stats.value.contentAge).toBeLessThan(200);
+  expect(session.source.value?.stats.value.motionToPhoton?.p95).toBeLessThan(200);
+  expect(session.source.value?.stats.value.contentAge).toBeLessThan(200);
 });
 
 test("whoever stands still hears that the scene was deleted, and can come back once it is there again", async () => {
@@ -261,7 +227,7 @@ test("a rung that is refused because the ladder has become shorter is asked for 
   expect(ladder.value).toEqual(own);
   await drawn(3);
   expect(asked.at(-1)?.request.profile).toBe(0);
-  expect(session.stateless.problem.value).toBeNull();
+  expect(session.source.value?.phase.value).toEqual({ kind: "playing" });
 });
 
 test("another transport is connected at once, and the former closed", async () => {
@@ -294,7 +260,7 @@ test("two modes that ask for each view are two clients of the server, and leave 
   await drawn(5);
   expect(transports).toHaveLength(2);
   expect(transports.map(({ requests }) => requests.length > 0)).toEqual([true, true]);
-  expect([...pane.children].map(({ tagName }) => tagName)).toEqual(["CANVAS", "VIDEO"]);
+  expect([...pane.children].map(({ tagName }) => tagName)).toEqual(["CANVAS"]);
   transports[1]?.lose("The right one broke.");
   await settle();
   expect(session.rightConnection.value).toMatchObject({ status: "lost" });
@@ -312,7 +278,7 @@ test("a stream is opened where the mode has one, and anew when what decides it c
   await vi.advanceTimersByTimeAsync(1000); // the viewport has kept its size
   expect(streams).toHaveLength(0);
   changeSettings({ mode: "side-by-side" });
-  expect(session.stream.value).toBe(streams[0]);
+  expect(streams).toHaveLength(1);
   expect(streams[0]?.options).toMatchObject({
     side: "dash",
     open: { base: "http://dash.test", scene: "courtyard" },
@@ -331,27 +297,78 @@ test("a stream is opened where the mode has one, and anew when what decides it c
   await vi.advanceTimersByTimeAsync(200);
   expect(streams).toHaveLength(3);
   changeSettings({ mode: "stateless" });
-  expect(session.stream.value).toBeNull();
   expect(streams.map(({ disposed }) => disposed)).toEqual([true, true, true]);
 });
 
 test("where the browser gives a video's pictures away to nobody, a word says so, and the stream has no margins", async () => {
   await visit(); // this DOM has no VideoFrame
   await vi.advanceTimersByTimeAsync(1000);
-  expect(session.left.videoReprojector.status.value).toBe("off");
   changeSettings({ mode: "dash" });
-  expect(session.left.videoReprojector.status.value).toBe("unreadable");
+  expect(session.source.value?.reprojection.value).toBe("unreadable");
   expect(streams.at(-1)?.options.overscan).toBeNull();
+});
+
+/** A person turns to another tab, or back. */
+async function hide(hidden: boolean, after = 0): Promise<void> {
+  Object.defineProperty(document, "hidden", { value: hidden, configurable: true });
+  document.dispatchEvent(new Event("visibilitychange"));
+  await vi.advanceTimersByTimeAsync(after);
+}
+
+test("a page that nobody has seen for a while holds no connection, stream or decoder, and asks for nothing", async () => {
+  changeSettings({ mode: "side-by-side", left: "stateless", right: "dash-tuned" });
+  await visit();
+  await vi.advanceTimersByTimeAsync(1000); // the viewport has kept its size
+  await drawn(5);
+  await hide(true, LEFT_AFTER - 1000);
+  await hide(false); // back in time
+  await drawn(5);
+  expect([transports.map(({ closed }) => closed), streams.map(({ disposed }) => disposed)]).toEqual([[false], [false]]);
+  await hide(true, LEFT_AFTER);
+  expect([transports.map(({ closed }) => closed), streams.map(({ disposed }) => disposed)]).toEqual([[true], [true]]);
+  expect(session.sources.value).toEqual([]);
+  const asked = vi.mocked(fetchConfig).mock.calls.length;
+  await vi.advanceTimersByTimeAsync(60_000);
+  expect(vi.mocked(fetchConfig).mock.calls).toHaveLength(asked);
+  const shown: number[] = [];
+  session.onPresented(({ pose }) => shown.push(pose));
+  await hide(false, 1000);
+  host.now += 120_000;
+  await drawn(20);
+  expect(phase()).toEqual({ kind: "playing" });
+  expect([transports.map(({ closed }) => closed), streams.map(({ disposed }) => disposed)]).toEqual([
+    [true, false],
+    [true, false],
+  ]);
+  expect(shown.length).toBeGreaterThan(0);
+  expect(session.source.value?.stats.value.contentAge).toBeLessThan(200);
 });
 
 test("a page that is left ends its stream, and one that is shown again as it was opens another", async () => {
   await visit();
   await vi.advanceTimersByTimeAsync(1000);
   changeSettings({ mode: "dash" });
+  await vi.advanceTimersByTimeAsync(1000);
   dispatchEvent(new Event("pagehide"));
   expect(streams.map(({ disposed }) => disposed)).toEqual([true]);
-  dispatchEvent(Object.assign(new Event("pageshow"), { persisted: true }));
+  dispatchEvent(new Event("pageshow"));
+  await vi.advanceTimersByTimeAsync(1000);
   expect(streams.map(({ disposed }) => disposed)).toEqual([true, false]);
+});
+
+test("a device that is online again tries to connect at once", async () => {
+  await visit();
+  vi.stubGlobal("navigator", { ...navigator, onLine: false });
+  dispatchEvent(new Event("offline"));
+  vi.mocked(fetchConfig).mockRejectedValue(new ApiError("The server does not answer.", true));
+  transports[0]?.lose("The connection broke.");
+  await settle();
+  expect(phase().kind).toBe("lost");
+  vi.mocked(fetchConfig).mockImplementation(async () => serverConfig(SERVICES));
+  vi.stubGlobal("navigator", { ...navigator, onLine: true });
+  dispatchEvent(new Event("online"));
+  await settle();
+  expect(phase()).toEqual({ kind: "playing" });
 });
 
 test("a visit that ends leaves nothing running", async () => {
@@ -360,29 +377,25 @@ test("a visit that ends leaves nothing running", async () => {
   changeSettings({ mode: "side-by-side" });
   session.dispose();
   await settle();
-  expect(animationFrames.size).toBe(0);
+  expect(host.animationFrames.size).toBe(0);
   expect(transports.map(({ closed }) => closed)).toEqual([true]);
   expect(streams.map(({ disposed }) => disposed)).toEqual([true]);
 });
 
 test("another host of a cluster takes over once it has the scene, and what is shown goes on until then", async () => {
-  vi.mocked(connect).mockImplementation(async ({ host = null }) => {
-    const transport = new FakeTransport(() => now);
-    transports.push(transport);
-    return { transport, fallback: null, host };
-  });
+  vi.mocked(connect).mockImplementation(async ({ host: name = null }) => host.connected(name));
   vi.mocked(fetchConfig).mockImplementation(async () => atHost("east"));
   await visit();
   await drawn(5);
   expect(vi.mocked(fetchConfig).mock.lastCall?.[1]).toEqual({ scene: "courtyard" });
-  expect(vi.mocked(loadScene).mock.lastCall).toEqual(["courtyard", expect.anything(), "east"]);
+  expect(vi.mocked(loadScene).mock.lastCall).toEqual(["courtyard", expect.anything(), "east", ""]);
 
   const { promise: loaded, resolve } = deferred<typeof COURTYARD>();
   vi.mocked(loadScene).mockReturnValue(loaded);
   vi.mocked(fetchConfig).mockImplementation(async () => atHost("west"));
   await vi.advanceTimersByTimeAsync(ASK_DIRECTOR_EVERY);
   expect(vi.mocked(fetchConfig).mock.lastCall?.[1]).toEqual({ scene: "courtyard", at: "east" });
-  expect(vi.mocked(loadScene).mock.lastCall).toEqual(["courtyard", expect.anything(), "west"]);
+  expect(vi.mocked(loadScene).mock.lastCall).toEqual(["courtyard", expect.anything(), "west", ""]);
   expect(transports.map(({ closed }) => closed)).toEqual([false]);
   expect([phase(), session.connected.value?.host]).toEqual([{ kind: "playing" }, "east"]);
 

@@ -2,29 +2,30 @@
  * One visit to one scene: connects, loads the scene, and shows the rig's view in one or two modes until disposed of.
  */
 
-import { computed, effect, signal, untracked } from "@preact/signals";
+import { computed, effect, type ReadonlySignal, signal, untracked } from "@preact/signals";
 import { Listeners } from "../async/listeners";
 import { sleep } from "../async/sleep";
-import type { Enhancement } from "../enhance/enhancement";
 import { ApiError } from "../http/problem";
 import { StageInput } from "../input/stage-input";
 import { MovementDeck } from "../movement/movement-deck";
 import { pointAt } from "../reproject/point-at";
+import { SOURCES } from "../sources/registry";
+import { settingsAt } from "../sources/sides";
+import type { Source } from "../sources/source";
 import { fetchConfig, fetchScene, loadScene } from "../state/api";
-import { config, ladder, sceneLadder, settings } from "../state/app";
-import { isPerView, isStreamed } from "../state/settings";
-import { type Place, settingsAt } from "../state/sides";
+import { COMPARED, type Place } from "../state/settings";
+import type { ViewerState } from "../state/viewer-state";
 import type { SentRequest } from "../stateless/pipeline";
-import type { Reply, ShownFrame, StatelessPlayer } from "../stateless/stateless-player";
+import type { Reply, ShownFrame } from "../stateless/stateless-player";
 import { type Connected, connect } from "../transport/connect";
 import { type ConnectionState, maintainConnection } from "../transport/connection";
-import type { VideoFrames } from "../video/video-frames";
+import type { HostReport } from "../transport/host-report";
 import { viewDistance } from "../view/camera";
-import { Presence, visible } from "../view/presence";
+import { Presence } from "../view/presence";
 import type { PresentedFrame } from "../view/presented";
 import { Rig } from "../view/rig";
 import { add, rotate } from "../view/vector";
-import type { SceneInfo } from "../wire/render";
+import type { SceneInfo, ServerConfig } from "../wire/render";
 import { Comparison } from "./comparison";
 import { Side } from "./side";
 
@@ -49,7 +50,9 @@ export interface Stage {
 }
 
 export class ViewerSession {
+  readonly state: ViewerState;
   readonly phase = signal<Phase>({ kind: "connecting" });
+  readonly presence = new Presence();
   readonly scene = signal<SceneInfo | null>(null);
   readonly connected = signal<Connected | null>(null);
   /** Connected, but the server does not answer. */
@@ -64,9 +67,10 @@ export class ViewerSession {
   readonly rightConnection = signal<ConnectionState | null>(null);
   /** Set for a stream and for a comparison of two modes; else null. */
   readonly comparison = signal<Comparison | null>(null);
-  /** The first stream on the stage, if there is one, and the first download. */
-  readonly stream = computed(() => this.left.stream.value ?? this.right.value?.stream.value ?? null);
-  readonly local = computed(() => this.left.local.value ?? this.right.value?.local.value ?? null);
+  /** What is on the stage, from left to right. */
+  readonly sources: ReadonlySignal<readonly Source[]> = computed(() =>
+    [this.left, this.right.value].flatMap((side) => side?.source.value ?? []),
+  );
   /** Notice to the user if the pictures of a side should be warped and are not; else null. */
   readonly unturned = computed(() => this.left.unturned.value ?? this.right.value?.unturned.value ?? null);
   readonly input: StageInput;
@@ -89,7 +93,6 @@ export class ViewerSession {
   #loading: Promise<SceneInfo> | undefined;
   /** Where it is loaded, in a cluster. */
   #host: string | null = null;
-  readonly #presence = new Presence();
   readonly #pixelRatio = signal(devicePixelRatio);
   #animation = 0;
   /** Bytes of sides that were closed. */
@@ -98,7 +101,9 @@ export class ViewerSession {
   readonly #attempt = signal(0);
   readonly #cleanups: (() => void)[] = [];
 
-  constructor(sceneId: string, stage: Stage) {
+  constructor(sceneId: string, stage: Stage, state: ViewerState) {
+    const { settings } = state;
+    this.state = state;
     this.#sceneId = sceneId;
     this.stage = stage;
     this.input = new StageInput(stage.element, {
@@ -110,7 +115,7 @@ export class ViewerSession {
       sampleInput: (elapsed) => this.input.sample(elapsed),
       turnSpeed: () => settings.value.turnSpeed,
     });
-    this.movement = new MovementDeck(this.rig);
+    this.movement = new MovementDeck(this.rig, state.movement);
     this.left = this.#side("left");
     this.#follow(stage);
     this.#connect();
@@ -120,21 +125,9 @@ export class ViewerSession {
     this.#animation = requestAnimationFrame(this.#tick);
   }
 
-  /** The left side's, as are the following: the side that experiments measure. */
-  get stateless(): StatelessPlayer {
-    return this.left.stateless;
-  }
-
-  get video(): VideoFrames {
-    return this.left.video;
-  }
-
-  get enhancement(): Enhancement {
-    return this.left.enhancement;
-  }
-
-  get reprojector(): Side["reprojector"] {
-    return this.left.reprojector;
+  /** The left side's, which experiments measure. */
+  get source(): ReadonlySignal<Source | null> {
+    return this.left.source;
   }
 
   /** Bytes of pictures received by all modes together. */
@@ -150,9 +143,9 @@ export class ViewerSession {
 
   dispose(): void {
     cancelAnimationFrame(this.#animation);
-    sceneLadder.value = null;
+    this.state.sceneLadder.value = null;
     for (const cleanup of this.#cleanups) cleanup();
-    this.#presence.dispose();
+    this.presence.dispose();
     this.movement.dispose();
     this.input.dispose();
     this.left.dispose();
@@ -164,11 +157,15 @@ export class ViewerSession {
   }
 
   #side(place: Place): Side {
+    const { settings, config, ladder } = this.state;
     const side = new Side({
       pane: this.stage[place],
       rig: this.rig,
       scene: this.scene,
       settings: computed(() => settingsAt(place, settings.value, ladder.value)),
+      config,
+      ladder,
+      left: this.presence.left,
       seed: this.seed,
       pixelRatio: this.#pixelRatio,
       onShown: this.#shown.tell,
@@ -191,7 +188,7 @@ export class ViewerSession {
     const { fx, fy, cx, cy } = this.rig.intrinsics.peek();
     const { position, quaternion } = this.rig.pose;
     const direction = rotate(quaternion, [(clientX - pane.left - cx) / fx, (clientY - pane.top - cy) / fy, 1]);
-    const content = this.reprojector.content;
+    const content = this.source.peek()?.content;
     const length = viewDistance(scene) / Math.hypot(...direction);
     const usual = add(position, [direction[0] * length, direction[1] * length, direction[2] * length]);
     const smooth = !matchMedia("(prefers-reduced-motion: reduce)").matches;
@@ -203,8 +200,11 @@ export class ViewerSession {
     this.#animation = requestAnimationFrame(this.#tick);
     const time = now();
     const sides = this.#sides;
-    const gap = this.#presence.gap(time);
-    if (gap > 0) for (const side of sides) side.resumed(gap);
+    const gap = this.presence.gap(time);
+    if (gap > 0) {
+      for (const side of sides) side.resumed(gap);
+      this.comparison.peek()?.resumed();
+    }
     for (const side of sides) side.presented(time);
     const moved = this.rig.sample(time);
     for (const side of sides) side.tick(time, moved);
@@ -229,7 +229,7 @@ export class ViewerSession {
 
   /** The right side of a comparison of two modes. */
   #compare(): void {
-    const compared = computed(() => settings.value.mode === "side-by-side");
+    const compared = computed(() => this.state.settings.value.mode === COMPARED);
     const stop = effect(() => {
       if (!compared.value) return undefined;
       const right = untracked(() => this.#side("right"));
@@ -250,13 +250,13 @@ export class ViewerSession {
    */
   #measure(): void {
     const measured = computed(() => {
-      const { mode, left, right } = settings.value;
-      if (mode === "side-by-side") return this.right.value === null ? null : `${left} ${right}`;
-      return isStreamed(mode) ? mode : null;
+      const { mode, left, right } = this.state.settings.value;
+      if (mode === COMPARED) return this.right.value === null ? null : `${left} ${right}`;
+      return SOURCES[mode].charts ? mode : null;
     });
     const stop = effect(() => {
       if (measured.value === null) return undefined;
-      const comparison = untracked(() => new Comparison(this.rig, this.#sides));
+      const comparison = untracked(() => new Comparison(this.rig, this.#sides, this.presence, this.state.config));
       this.comparison.value = comparison;
       return () => {
         this.comparison.value = null;
@@ -271,7 +271,9 @@ export class ViewerSession {
    */
   #connectRight(right: Side): () => void {
     const choice = computed(() =>
-      isPerView(right.settings.value.mode) && this.scene.value !== null ? settings.value.transport : null,
+      right.kind.value.requests && this.scene.value !== null && !this.presence.left.value
+        ? this.state.settings.value.transport
+        : null,
     );
     return effect(() => {
       const chosen = choice.value;
@@ -280,7 +282,7 @@ export class ViewerSession {
       const connection = new AbortController();
       void maintainConnection(
         {
-          fetchConfig: (signal, report) => fetchConfig(signal, { scene: this.#sceneId, ...report }),
+          fetchConfig: (signal, report) => this.#fetchConfig(signal, report),
           connect: (server, signal) => connect(server, chosen, signal, now),
           onState: (state) =>
             untracked(() => {
@@ -289,7 +291,7 @@ export class ViewerSession {
             }),
           onSilence: () => undefined, // reported by the left side's connection
           sleep,
-          visible,
+          visible: this.presence.untilVisible,
           now,
         },
         connection.signal,
@@ -304,12 +306,15 @@ export class ViewerSession {
 
   /** The refused rung may no longer exist: the scene's ladder can change after it was entered. */
   #followLadder(): void {
-    const refused = computed(() => this.left.stateless.problem.value !== null);
+    const refused = computed(() => {
+      const phase = this.source.value?.phase.value;
+      return phase?.kind === "playing" && phase.problem !== undefined;
+    });
     const visit = new AbortController();
     const stop = effect(() => {
       if (!refused.value || this.scene.peek() === null) return;
-      const reread = loadScene(this.#sceneId, visit.signal, this.#host).then((scene) => {
-        if (!visit.signal.aborted) sceneLadder.value = scene.ladder ?? null;
+      const reread = loadScene(this.#sceneId, visit.signal, this.#host, this.state.server).then((scene) => {
+        if (!visit.signal.aborted) this.state.sceneLadder.value = scene.ladder ?? null;
       });
       reread.catch(() => undefined); // the refusal is already shown
     });
@@ -321,17 +326,19 @@ export class ViewerSession {
 
   /** Connects, and connects anew whenever another transport is chosen. */
   #connect(): void {
-    const choice = computed(() => settings.value.transport);
+    const choice = computed(() => (this.presence.left.value ? null : this.state.settings.value.transport));
     const stop = effect(() => {
       const chosen = choice.value;
+      if (chosen === null) return undefined;
       this.#attempt.value; // an effect runs again when its inputs change
       const connection = new AbortController();
       void maintainConnection(
         {
           fetchConfig: async (signal, report) => {
-            config.value = await fetchConfig(signal, { scene: this.#sceneId, ...report });
-            if (config.value.has_scene === false) untracked(() => this.#gone());
-            return config.value;
+            const config = await this.#fetchConfig(signal, report);
+            this.state.config.value = config;
+            if (config.has_scene === false) untracked(() => this.#gone());
+            return config;
           },
           connect: async (server, signal) => {
             const loading = this.#loadAt(server.host ?? null, connection.signal);
@@ -345,14 +352,25 @@ export class ViewerSession {
             this.silent.value = silent;
           },
           sleep,
-          visible,
+          visible: this.presence.untilVisible,
           now,
         },
         connection.signal,
       );
-      return () => connection.abort();
+      return () => {
+        connection.abort();
+        this.#loading = undefined; // the server may give it up, or another file of the name may take its place
+      };
     });
-    this.#cleanups.push(stop);
+    const online = computed(() => !this.presence.offline.value);
+    const tryAgain = effect(() => {
+      if (online.value && this.phase.peek().kind === "lost") untracked(() => this.#attempt.value++);
+    });
+    this.#cleanups.push(stop, tryAgain);
+  }
+
+  #fetchConfig(signal: AbortSignal, report?: HostReport): Promise<ServerConfig> {
+    return fetchConfig(signal, { scene: this.#sceneId, ...report }, this.state.server);
   }
 
   #heard(state: ConnectionState, signal: AbortSignal): void {
@@ -383,7 +401,7 @@ export class ViewerSession {
 
   /** Requests the scene, once at a time; after a failure it may be requested again. */
   #load(signal: AbortSignal): Promise<SceneInfo> {
-    this.#loading ??= loadScene(this.#sceneId, signal, this.#host).catch((error: unknown) => {
+    this.#loading ??= loadScene(this.#sceneId, signal, this.#host, this.state.server).catch((error: unknown) => {
       this.#loading = undefined;
       throw error;
     });
@@ -394,7 +412,8 @@ export class ViewerSession {
   async #followLoading(signal: AbortSignal): Promise<void> {
     for (;;) {
       await sleep(PROGRESS_EVERY, signal);
-      const progress = (await fetchScene(this.#sceneId).catch(() => null))?.progress ?? undefined;
+      await this.presence.untilVisible(signal);
+      const progress = (await fetchScene(this.#sceneId, this.state.server).catch(() => null))?.progress ?? undefined;
       if (this.phase.peek().kind !== "loading") return;
       if (progress !== undefined) this.phase.value = { kind: "loading", progress };
     }
@@ -418,7 +437,7 @@ export class ViewerSession {
     if (signal.aborted) return;
     if (this.scene.value === null) this.rig.enter(scene);
     this.scene.value = scene;
-    sceneLadder.value = scene.ladder ?? null;
+    this.state.sceneLadder.value = scene.ladder ?? null;
     if (this.connected.value?.transport !== connected.transport) return; // it was lost meanwhile
     this.left.attach(connected);
     this.phase.value = { kind: "playing" };

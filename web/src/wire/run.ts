@@ -23,6 +23,18 @@ export const MODES = [
   "local-compressed",
 ] as const;
 export const UNSHAPED = "unshaped";
+export const SOURCES = ["stateless", "video", "dash", "webrtc", "local"] as const;
+export const SIDE_MODES = [
+  "stateless",
+  "video",
+  "dash-typical",
+  "dash-tuned",
+  "dash-edge",
+  "dash-custom",
+  "webrtc",
+  "local",
+] as const;
+export const USUAL_SIDES = ["stateless", "dash-tuned"] as const;
 export const LINK_TERMS = [
   { field: "down_kbps", unit: "mbit", scale: 1000, usual: null },
   { field: "up_kbps", unit: "mbit-up", scale: 1000, usual: 10000 },

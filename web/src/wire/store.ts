@@ -3,82 +3,34 @@
 export type JsonValue = unknown;
 
 /**
- * An experiment that a page begins.
+ * An experiment's file (docs/experiments.md), and the inputs that only the page has.
  */
 export interface ExperimentRequest {
-  name: string;
-  plan: {
-    [k: string]: JsonValue;
+  file: string;
+  movements?: {
+    [k: string]: string;
   };
-  planned?: number | null;
+  traces_s?: {
+    [k: string]: number;
+  };
 }
 /**
- * One finished run. Figures can be computed from any valid one.
+ * A page asks for a run to perform.
+ */
+export interface NextRequest {
+  page: string;
+  begin?: boolean;
+  allow_changes?: boolean;
+}
+/**
+ * A performed run. Figures can be computed from any valid one.
  */
 export interface RunUpload {
-  configuration: Configuration;
-  recording: Recording;
-  link: LinkSample[];
-  scene_bytes?: number | null;
-  scene_sha256?: string | null;
+  problem?: string | null;
+  recording?: Recording | null;
+  link?: LinkSample[];
   backend?: ("netem" | "relay") | null;
-}
-/**
- * One run. Two runs with equal configurations get the same inputs.
- */
-export interface Configuration {
-  scene: string;
-  movement: string;
-  movement_offset_s?: number;
-  network: Network;
-  mode:
-    "stateless" | "video" | "dash-typical" | "dash-tuned" | "dash-edge" | "webrtc" | "local-ply" | "local-compressed";
-  duration_s: number;
-  width: number;
-  height: number;
-  profile?: number | string;
-  dash_frame_rate?: (30 | 60) | null;
-  dash_representation?: RepresentationRequest | null;
-  restore?: string;
-  upscale?: string;
-  reprojection?: boolean;
-  prediction?: string;
-  overscan?: "auto" | number;
-  depth?: boolean;
-  surround?: boolean;
-  seed?: number;
-  segment?: number;
-  repeat?: number;
-  capture_every_ms?: number;
-  sample_stride?: number;
-  warm_up_s?: number;
-}
-/**
- * The network of a run: a constant link, a trace (of the shaper's, or from a file), or none of these.
- */
-export interface Network {
-  link?: LinkSetting | null;
-  trace?: string | null;
-  trace_file?: string | null;
-  rtt_ms?: number | null;
-  offset_s?: number;
-}
-/**
- * Effects of a link on packets.
- */
-export interface LinkSetting {
-  down_kbps: number;
-  up_kbps: number;
-  delay_ms?: number;
-  jitter_ms?: number;
-  loss_pct?: number;
-}
-/**
- * One representation that a session wants.
- */
-export interface RepresentationRequest {
-  rung: number;
-  bitrate_kbps?: number | null;
+  sampling_problem?: string | null;
 }
 /**
  * One run, as the viewer saw it.
@@ -263,13 +215,6 @@ export interface LinkSample {
   up_delivered_kbps: number;
 }
 /**
- * A run with only samples in the page, which was closed before the run's end.
- */
-export interface InterruptedRun {
-  configuration: Configuration;
-  started_unix_ms: number;
-}
-/**
  * All samples of a run, once their pictures are in the store.
  */
 export interface SampleIndex {
@@ -330,10 +275,116 @@ export interface VideoRequest {
   key?: boolean;
 }
 /**
- * The answer to it.
+ * An expanded experiment file.
+ */
+export interface PlanSummary {
+  runs: number;
+  lasting: string;
+  problem: string | null;
+}
+/**
+ * The answer to an ExperimentRequest.
  */
 export interface ExperimentCreated {
   id: string;
+}
+/**
+ * The next run of an experiment, or why there is none.
+ */
+export interface NextRun {
+  job: RunJob | null;
+  planned: number;
+  missing: number;
+  remaining_s: number;
+  wait: boolean;
+  problem: string | null;
+}
+/**
+ * A run for the page to perform.
+ */
+export interface RunJob {
+  run: string;
+  title: string;
+  configuration: Configuration;
+  settings: {
+    [k: string]: JsonValue;
+  };
+  plan: RunPlan;
+}
+/**
+ * One run. Two runs with equal configurations get the same inputs.
+ */
+export interface Configuration {
+  scene: string;
+  movement: string;
+  movement_offset_s?: number;
+  network: Network;
+  mode:
+    "stateless" | "video" | "dash-typical" | "dash-tuned" | "dash-edge" | "webrtc" | "local-ply" | "local-compressed";
+  duration_s: number;
+  width: number;
+  height: number;
+  profile?: number | string;
+  dash_frame_rate?: (30 | 60) | null;
+  dash_representation?: RepresentationRequest | null;
+  restore?: string;
+  upscale?: string;
+  reprojection?: boolean;
+  prediction?: string;
+  overscan?: "auto" | number;
+  depth?: boolean;
+  surround?: boolean;
+  seed?: number;
+  segment?: number;
+  repeat?: number;
+  capture_every_ms?: number;
+  sample_stride?: number;
+  warm_up_s?: number;
+}
+/**
+ * The network of a run: a constant link, a trace (of the shaper's, or from a file), or none of these.
+ */
+export interface Network {
+  link?: LinkSetting | null;
+  trace?: string | null;
+  trace_file?: string | null;
+  rtt_ms?: number | null;
+  offset_s?: number;
+}
+/**
+ * Effects of a link on packets.
+ */
+export interface LinkSetting {
+  down_kbps: number;
+  up_kbps: number;
+  delay_ms?: number;
+  jitter_ms?: number;
+  loss_pct?: number;
+}
+/**
+ * One representation that a session wants.
+ */
+export interface RepresentationRequest {
+  rung: number;
+  bitrate_kbps?: number | null;
+}
+/**
+ * The part of a run that the page plays and records.
+ */
+export interface RunPlan {
+  points: TimedPose[];
+  duration_ms: number;
+  capture_every_ms: number;
+  sample_stride: number;
+  download: boolean;
+}
+/**
+ * A pose at a time, in the scene's own frame.
+ */
+export interface TimedPose {
+  t_ms: number;
+  position: number[];
+  quaternion: number[];
 }
 /**
  * All experiments, the newest first.

@@ -38,10 +38,6 @@ class Compare(Measure):
     """Seconds of movement per run."""
     viewport: Annotated[str, Metavar("WIDTHxHEIGHT")] = "640x360"
     """Size of the view in pixels."""
-    reprojection: bool = False
-    """Reproject the newest frame to each animation frame's pose."""
-    repeats: int = 1
-    """Runs of each combination."""
     out: Path | None = None
     """Folder for the report; results/compare-TIME unless named."""
 
@@ -49,9 +45,10 @@ class Compare(Measure):
         from tigas_experiments.commands.options import end_as_ctrl_c
         from tigas_experiments.report.cli import Report
         from tigas_experiments.report.controllers import run_names
+        from tigas_experiments.run.experiment import Experiment, reserved
         from tigas_experiments.run.plan import ExperimentPlan
         from tigas_experiments.run.progress import progress
-        from tigas_experiments.run.runner import Experiment, make_missing_runs, reserved
+        from tigas_experiments.run.runner import make_missing_runs
 
         end_as_ctrl_c()
         with in_a_sentence(StartError, OSError):
@@ -66,8 +63,6 @@ class Compare(Measure):
                     "networks": self.networks,
                     "modes": [mode.strip() for mode in self.modes.split(",")],
                     "controllers": self.profiles,
-                    "reprojection": self.reprojection,
-                    "repeats": self.repeats,
                     "duration_s": self.duration,
                     "viewport": self.viewport,
                     "capture_every_s": CAPTURE_EVERY_S,

@@ -14,22 +14,22 @@ from tigas_experiments.commands.options import Measure, command_as_typed
 from tigas_experiments.commands.rerender import Rerender
 
 
-class _RunsCommand(Command):
+class _ExperimentCommand(Command):
+    """A command about an experiment's file."""
+
+    file: Annotated[Path, POSITIONAL]
+    """Experiment's file, TOML or JSON."""
     out: Path | None = None
     """Folder for the runs; named after the experiment, in results, unless given."""
-
-
-class _ExperimentCommand(_RunsCommand):
-    file: Annotated[Path, POSITIONAL]
-    """Experiment's TOML file."""
 
 
 class Plan(_ExperimentCommand):
     """List an experiment's runs, which are complete, and how long the missing ones take."""
 
     def run(self) -> None:
+        """Print one line per run, and a summary."""
+        from tigas_experiments.run.experiment import Experiment
         from tigas_experiments.run.plan import lasting
-        from tigas_experiments.run.runner import Experiment
 
         with in_a_sentence(StartError, OSError):
             planned = Experiment.read(self.file, self.out, command_as_typed())
@@ -40,22 +40,6 @@ class Plan(_ExperimentCommand):
             print(f"{len(planned.runs)} runs, {len(missing)} missing, which take about {lasting(missing)}.")
 
 
-class Import(_RunsCommand):
-    """Import an experiment that the page saved as a file, and write its report."""
-
-    file: Annotated[Path, POSITIONAL]
-    """JSON file saved by the page."""
-
-    def run(self) -> None:
-        from tigas_experiments.report.cli import Report
-        from tigas_experiments.store.saved import import_saved
-
-        folder = self.out or Path("results", self.file.stem)
-        with in_a_sentence(StartError, OSError):
-            import_saved(self.file, folder)
-            Report(folder=folder).run()
-
-
 class Run(_ExperimentCommand, Measure):
     """Make an experiment's missing runs. Start it again to resume after an interruption."""
 
@@ -63,11 +47,13 @@ class Run(_ExperimentCommand, Measure):
     """Resume even if the commit, browser, ladder or a scene has changed."""
 
     def run(self) -> None:
+        """Make the runs and write the report."""
         from tigas_experiments.commands.options import end_as_ctrl_c
         from tigas_experiments.report.cli import Report
         from tigas_experiments.report.controllers import run_names
+        from tigas_experiments.run.experiment import Experiment, reserved
         from tigas_experiments.run.progress import progress
-        from tigas_experiments.run.runner import Experiment, make_missing_runs, reserved
+        from tigas_experiments.run.runner import make_missing_runs
 
         def say(text: str) -> None:
             console.print(text, soft_wrap=True)
@@ -100,5 +86,5 @@ class Run(_ExperimentCommand, Measure):
 
 experiment = Group(
     "Run a matrix of runs described in one file (docs/experiments.md).",
-    {"plan": Plan, "run": Run, "import": Import, "rerender": Rerender},
+    {"plan": Plan, "run": Run, "rerender": Rerender},
 )

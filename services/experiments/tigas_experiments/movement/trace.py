@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypedDict, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +23,7 @@ from tigas_experiments.wire.movement import (
     UNITS,
     VIEW_M,
     Anchor,
+    TimedPose,
     Unit,
 )
 
@@ -33,14 +34,6 @@ GAP_MS = 100.0
 """Step between poses above which it counts as a gap, because interpolation becomes noticeable."""
 
 T = TypeVar("T", bound=str)
-
-
-class TimedPose(TypedDict):
-    """A pose at a time, in the scene's own frame."""
-
-    t_ms: float
-    position: list[float]
-    quaternion: list[float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

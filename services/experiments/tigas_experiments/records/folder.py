@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
 from pydantic import BaseModel, Field
 
@@ -56,7 +56,9 @@ class ExperimentRecord(WireModel):
     planned: int | None = Field(default=None, ge=0)
     """Number of runs of the complete experiment; unknown for early ones."""
     command: str | None = None
-    """Command line to repeat it; None for the page's and early experiments."""
+    """The command line, to repeat it; None for the page's and early experiments."""
+    traces_s: dict[str, float] = Field(default_factory=dict)
+    """Durations of the shaper's traces, if segments need them."""
     template: object = Field(default=None, exclude=True)
     """Ignored field of early experiments."""
 
@@ -177,6 +179,13 @@ class RunWriter:
         self._record = record
         (folder / "captures").mkdir(parents=True)
         write_record(folder / "run.json", record)
+
+    @classmethod
+    def resumed(cls, run: StoredRun) -> Self:
+        """Continue a written run."""
+        writer = cls.__new__(cls)
+        writer.folder, writer._record = run.folder, run.record
+        return writer
 
     def recording(self, recording: Recording) -> None:
         """Write the page's records; lists of received and requested frames only if there are any."""

@@ -23,6 +23,7 @@ from tigas_common.wire.model import Entries, WireModel
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.files import parse_recording
 from tigas_experiments.wire.recording import Recording, Sample
+from tigas_experiments.wire.run import RunPlan
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 ARGUMENTS = (
@@ -136,9 +137,9 @@ class Viewer:
         if isinstance(state, dict) and state.get("problem"):
             raise RunFailed(f"Frames are not shown as they should be: {state['problem']}")
 
-    async def record(self, plan: dict[str, Any], patience_s: float) -> Recording:
+    async def record(self, plan: RunPlan, patience_s: float) -> Recording:
         """Play a movement and record it. Also raises BrokenRecording."""
-        recorded = await self._call("run", plan, patience_s)
+        recorded = await self._call("run", plan.model_dump(), patience_s)
         return parse_recording(recorded)
 
     async def capture(self, index: int) -> bytes:

@@ -13,16 +13,17 @@ from typing import Generic, TypeVar
 from playwright.async_api import Browser
 
 from tigas_common.errors import StartError
-from tigas_common.wire.render import LadderName, Rung, SceneInfo
+from tigas_common.wire.render import LadderName
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.lock import exclusive, services_lock
-from tigas_experiments.movement.trace import TimedPose
-from tigas_experiments.records.folder import InputDigests, RunRecord
 from tigas_experiments.records.machine import Machine, Server, this_machine
 from tigas_experiments.run.browser import chromium, find_chromium, responds, viewer
-from tigas_experiments.run.inputs import Inputs
+from tigas_experiments.run.checks import MadeWith, check_services
+from tigas_experiments.run.inputs import Inputs, points_sha256
 from tigas_experiments.run.link import held
+from tigas_experiments.run.outcome import MadeFrom
 from tigas_experiments.run.targets import LAB_URL, Target, alive, lab_target, load_scene, make_download, url_target
+from tigas_experiments.wire.movement import TimedPose
 from tigas_experiments.wire.run import PER_VIEW, Configuration, Network
 
 Resource = TypeVar("Resource")
@@ -34,23 +35,10 @@ class Setup:
 
     target: Target
     browser: Browser
-    scene: SceneInfo
     points: Sequence[TimedPose]
     network: Network
     """The network, with an absolute path to its trace file."""
-    digests: InputDigests
-
-
-@dataclass(frozen=True, slots=True)
-class MadeWith:
-    """Versions and inputs that new runs are made with."""
-
-    commit: str | None
-    """Commit of the experiment's code."""
-    browser: str
-    server: Server
-    scenes: Mapping[str, SceneInfo]
-    """Loaded scenes by id, with the digests of their files."""
+    made_from: MadeFrom
 
 
 class Supervised(Generic[Resource]):
@@ -105,12 +93,10 @@ class Environment:
         """
         await self._browser.get()
         target = await self._target.get()
-        _check_packager(runs, target)
         scenes = {}
         for configuration in {_inputs(run): run for run in runs}.values():
-            scenes[configuration.scene] = (await self.setup(configuration)).scene
-        _check_rungs(runs, target, scenes, self._ladder)
-        _check_downloads(runs, scenes)
+            scenes[configuration.scene] = (await self.setup(configuration)).made_from.scene
+        check_services(runs, target, scenes, self._ladder)
         for network in {run.network: None for run in runs}:
             try:
                 async with held(target, self._inputs.network(network)):
@@ -141,7 +127,9 @@ class Environment:
         if key not in self._points:
             self._points[key] = self._inputs.points(configuration, scene)
         network = self._inputs.network(configuration.network)
-        return Setup(target, await self._browser.get(), scene, self._points[key], network, digests)
+        points = self._points[key]
+        made_from = MadeFrom(digests, points_sha256(points), target.config, scene)
+        return Setup(target, await self._browser.get(), points, network, made_from)
 
     async def _ask_the_page(self, run: Configuration, asked: Mapping[str, dict[str, str]]) -> None:
         """Check these settings, by display name, on the page, which alone knows its controllers and models. Raises
@@ -149,7 +137,7 @@ class Environment:
         """
         setup = await self.setup(run)
         try:
-            async with viewer(setup.browser, setup.target.url, setup.scene.id, run.width, run.height) as page:
+            async with viewer(setup.browser, setup.target.url, setup.made_from.scene.id, run.width, run.height) as page:
                 for what, settings in asked.items():
                     try:
                         # Not by default: without graphics acceleration, the page reports that it turns none.
@@ -188,40 +176,6 @@ async def open_environment(
                 await target.close()
 
 
-def _check_packager(runs: Sequence[Configuration], target: Target) -> None:
-    """Whether there is one, if the runs need it. Raises StartError."""
-    for run in runs:
-        if run.streamed and target.dash is None:
-            raise StartError(f"There is no packager behind {target.url}, so {run.mode} cannot be measured.")
-
-
-def _check_downloads(runs: Sequence[Configuration], scenes: Mapping[str, SceneInfo]) -> None:
-    """Whether the scenes that the runs download are offered. Raises StartError."""
-    for run in runs:
-        if run.local and not scenes[run.scene].downloads:
-            raise StartError(f"{run.scene} is not offered for download, so {run.mode} cannot be measured.")
-
-
-def _check_rungs(
-    runs: Sequence[Configuration], target: Target, scenes: Mapping[str, SceneInfo], ladder: LadderName
-) -> None:
-    """Whether the scenes have the ladder that was asked for, and the rungs that the runs name. Raises StartError."""
-    for run in runs:
-        own = scenes[run.scene].ladder
-        if ladder == "paper" and own is not None:
-            raise StartError(
-                f"The services at {target.url} show {run.scene} with a ladder of its own, and the experiment asks for "
-                "the paper's: start the render service with --ladder paper."
-            )
-        rungs = len(own or target.config.ladder)
-        if run.mode not in PER_VIEW:
-            rung = None if run.dash_representation is None else run.dash_representation.rung
-        else:
-            rung = run.profile if isinstance(run.profile, int) else None
-        if rung is not None and rung >= rungs:
-            raise StartError(f"There is no rung {rung}: the ladder at {target.url} has {rungs}, counted from 0.")
-
-
 def _inputs(configuration: Configuration) -> tuple[object, ...]:
     """The parameters that determine the poses."""
     return (
@@ -231,37 +185,3 @@ def _inputs(configuration: Configuration) -> tuple[object, ...]:
         configuration.seed,
         configuration.duration_s,
     )
-
-
-def changes(kept: Iterable[RunRecord], now: MadeWith) -> list[str]:
-    """Differences from earlier runs, each with old and new value; unknown values do not differ."""
-    found: dict[str, str] = {}
-
-    def compare(name: str, was: object, new: object) -> None:
-        if was is not None and new is not None and was != new:
-            found.setdefault(name, f"{name} ({was}, now {new})")
-
-    for record in kept:
-        scene = now.scenes.get(record.configuration.scene)
-        compare("commit", record.machine.commit, now.commit)
-        compare("browser", record.browser, now.browser)
-        if record.server is not None:
-            compare("render service's commit", record.server.commit, now.server.commit)
-            own = scene.ladder if scene is not None else None
-            compare("ladder", _rungs(record.server.ladder), _rungs(own or now.server.ladder))
-        if scene is not None:
-            compare(f"scene {scene.id}", _size(record.scene_bytes), _size(scene.file_bytes))
-            compare(f"scene {scene.id}", _digest(record.scene_sha256), _digest(scene.file_sha256))
-    return list(found.values())
-
-
-def _rungs(ladder: Iterable[Rung]) -> str:
-    return ", ".join(f"{rung.width}x{rung.height} q{rung.quality}" for rung in ladder)
-
-
-def _size(size: int | None) -> str | None:
-    return None if size is None else f"{size:,} bytes"
-
-
-def _digest(sha256: str | None) -> str | None:
-    return None if sha256 is None else f"SHA-256 {sha256[:12]}…"

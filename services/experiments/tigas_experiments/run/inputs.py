@@ -13,8 +13,9 @@ from tigas_common.errors import StartError
 from tigas_common.files import open_regular
 from tigas_common.wire.render import SceneInfo
 from tigas_experiments.movement.generated import KINDS, generate
-from tigas_experiments.movement.trace import MovementTrace, TimedPose, placed
+from tigas_experiments.movement.trace import MovementTrace, placed
 from tigas_experiments.records.folder import InputDigests
+from tigas_experiments.wire.movement import TimedPose
 from tigas_experiments.wire.run import Configuration, Network
 
 DECIMALS = 9
@@ -32,7 +33,7 @@ class Inputs:
 
     def points(self, configuration: Configuration, scene: SceneInfo) -> list[TimedPose]:
         """The poses of a run, from 0 ms to its end or just after it."""
-        return placed(self._movement(configuration), scene)
+        return placed(self.movement(configuration), scene)
 
     def network(self, network: Network) -> Network:
         """The same, with a path to its trace's file that can be opened."""
@@ -47,8 +48,8 @@ class Inputs:
             movement=None if movement is None else _sha256(movement), trace=None if trace is None else _sha256(trace)
         )
 
-    def _movement(self, configuration: Configuration) -> MovementTrace:
-        """Generated, or from a file; as much as the run needs."""
+    def movement(self, configuration: Configuration) -> MovementTrace:
+        """The movement of a run in a levelled frame."""
         name, begin_s = configuration.movement, configuration.movement_offset_s
         end_s = begin_s + configuration.duration_s
         path = self._movement_file(name)

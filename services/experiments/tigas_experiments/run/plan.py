@@ -1,4 +1,4 @@
-"""An experiment's file: a TOML matrix, and its runs (docs/experiments.md)."""
+"""An experiment's file: a matrix in TOML or JSON, and its runs (docs/experiments.md)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from random import Random
@@ -15,7 +15,8 @@ from typing import Annotated, Any, Self, TypeVar
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
 
 from tigas_common.errors import StartError
-from tigas_common.parsing import sentence
+from tigas_common.files import read_regular
+from tigas_common.parsing import legible, sentence
 from tigas_common.wire.dash import RepresentationRequest
 from tigas_common.wire.model import WireModel
 from tigas_common.wire.render import LadderName
@@ -37,10 +38,10 @@ from tigas_experiments.wire.run import (
     Overscan,
     PredictorName,
 )
-from tigas_experiments.wire.store import ExperimentName
+from tigas_experiments.wire.store import MOST_FILE_CHARACTERS, ExperimentName
 
-MAX_BYTES = 100_000
-"""Maximum size of a file."""
+MAX_VALUES, MAX_VARIANTS = 1000, 100
+"""Maximum lengths of a list in a file, and of the list of variants."""
 MAX_RUNS = 10_000
 MAX_S = 31 * 86_400
 """An experiment that would take longer is a mistake."""
@@ -67,6 +68,8 @@ def _made(mode: Mode) -> Mode:
 def _several(values: tuple[Value, ...]) -> tuple[Value, ...]:
     if not values:
         raise ValueError("there must be at least one")
+    if len(values) > MAX_VALUES:
+        raise ValueError(f"there are {len(values)}; the limit is {MAX_VALUES}")
     for index, value in enumerate(values):
         if value in values[:index]:
             raise ValueError(f"{value!r} is there twice")
@@ -139,7 +142,7 @@ class ExperimentPlan(WireModel):
     """Reprojection: whether frames include a coarse depth map."""
     surround: bool = True
     """Reprojection in the modes `stateless` and `video`: whether small pictures of all directions are requested."""
-    variants: Annotated[tuple[Variant, ...], Field(min_length=1)] = (Variant(),)
+    variants: Annotated[tuple[Variant, ...], Field(min_length=1, max_length=MAX_VARIANTS)] = (Variant(),)
     """Comparisons that are not a product of the above, each with runs of its variant."""
     dash_frame_rate: FrameRate | None = None
     """DASH modes: frames per second; the preset's by default."""
@@ -165,28 +168,40 @@ class ExperimentPlan(WireModel):
     def read(cls, path: Path) -> Self:
         """An experiment's file. Raises StartError with one sentence."""
         try:
-            if path.stat().st_size > MAX_BYTES:
-                raise StartError(f"{path} has more than {MAX_BYTES} bytes, so it is no experiment's file.")
-            data = tomllib.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise StartError(f"{path} cannot be read: {error.strerror or error}.") from None
-        except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise StartError(f"{path} is no TOML: {error}.") from None
-        return cls.of(data, str(path))
+            text = read_regular(path, 4 * MOST_FILE_CHARACTERS).decode("utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise StartError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}.") from None
+        return cls.parse(text, str(path))
+
+    @classmethod
+    def parse(cls, text: str, source: str) -> Self:
+        """The text of a file, TOML or JSON, which messages call `source`. Raises StartError with one sentence."""
+        if len(text) > MOST_FILE_CHARACTERS:
+            raise StartError(f"{source} has more than {MOST_FILE_CHARACTERS:,} characters.")
+        is_json = text.lstrip().startswith("{")
+        try:
+            data = json.loads(text) if is_json else tomllib.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise StartError(f"{source} is no {'JSON' if is_json else 'TOML'}: {legible(str(error), 200)}.") from None
+        return cls.of(data, source)
 
     @classmethod
     def of(cls, data: dict[str, Any], source: str) -> Self:
         """Parse a file's contents. Raises StartError with one sentence."""
         if unknown := [key for key in data if key not in cls.model_fields]:
-            raise StartError(f"{source}: there is no {unknown[0]!r}, only {', '.join(cls.model_fields)}.")
+            raise StartError(f"{source}: there is no {unknown[0][:100]!r}, only {', '.join(cls.model_fields)}.")
         try:
             # By way of JSON: a list of TOML's is a tuple of ours, and nothing else is bent to fit.
             return cls.model_validate_json(json.dumps(data, default=str))
         except ValidationError as error:
             raise StartError(f"{source}: {sentence(error)}") from None
+        except RecursionError:
+            raise StartError(f"{source} is nested too deeply.") from None
 
-    def runs(self, directory: Path) -> list[Configuration]:
+    def runs(self, directory: Path, traces_s: Mapping[str, float] = {}) -> list[Configuration]:
         """All runs, in order; paths are relative to `directory`, and kept unchanged.
+
+        `traces_s` are durations of the shaper's traces, which segments of them need.
 
         Repeats are outermost, so that an interrupted experiment has equal numbers of each kind; controllers are
         innermost, so that drift of the machine affects all of them. Within that order, the seed shuffles. Raises
@@ -204,7 +219,7 @@ class ExperimentPlan(WireModel):
             _check_movement(movement, directory)
         try:
             width, height = parse_viewport(self.viewport)
-            networks, movements = self._networks(directory), self._movements(directory)
+            networks, movements = self._networks(directory, traces_s), self._movements(directory)
             runs = [
                 Configuration(
                     scene=scene,
@@ -237,13 +252,16 @@ class ExperimentPlan(WireModel):
 
     def _profiles(self) -> list[Chosen]:
         """Distinct profiles of all variants."""
-        found: list[Chosen] = []
+        found: dict[str, Chosen] = {}
         for variant in self.variants:
             own = self.model_copy(update=variant.model_dump(exclude_none=True))
-            found += [profile for profile in own._own_profiles() if profile not in found]
-        return found
+            for profile in own._own_profiles():
+                found.setdefault(repr(profile), profile)
+                if len(found) > MAX_RUNS:
+                    raise StartError(f"{self.name} would have more than {MAX_RUNS} runs, which is the limit.")
+        return list(found.values())
 
-    def _own_profiles(self) -> list[Chosen]:
+    def _own_profiles(self) -> Iterator[Chosen]:
         """Each mode, with each of its controllers or representations, and each way to meet movement."""
         models = {"restore": self.restore, "upscale": self.upscale}
         controllers = [{"profile": controller, **models} for controller in self.controllers]
@@ -253,12 +271,10 @@ class ExperimentPlan(WireModel):
             | self.model_dump(include={"overscan", "depth", "surround"})
             for reprojection, prediction in product(self.reprojection, self.prediction)
         ]
-        return [
-            (mode, chosen | motion)
-            for mode in self.modes
-            for chosen in (controllers if mode in PER_VIEW else [{}] if mode in LOCAL else representations)
-            for motion in ([{}] if mode in LOCAL else motions)
-        ]
+        for mode in self.modes:
+            for chosen in controllers if mode in PER_VIEW else [{}] if mode in LOCAL else representations:
+                for motion in [{}] if mode in LOCAL else motions:
+                    yield mode, chosen | motion
 
     def _ordered(
         self, networks: Sequence[tuple[int, Network]], profiles: Sequence[Chosen]
@@ -275,22 +291,23 @@ class ExperimentPlan(WireModel):
                 for profile in in_order(profiles):
                     yield repeat, inputs, profile
 
-    def _networks(self, directory: Path) -> list[tuple[int, Network]]:
+    def _networks(self, directory: Path, traces_s: Mapping[str, float]) -> list[tuple[int, Network]]:
         """Each with the number of the segment that it begins at."""
         found: list[tuple[int, Network]] = []
         for network in (parse_network(text, directory) for text in self.networks):
-            for segment, offset in enumerate(self._trace_offsets(network, directory)):
+            for segment, offset in enumerate(self._trace_offsets(network, directory, traces_s)):
                 begun = network if network.trace is None else network.model_copy(update={"offset_s": offset})
                 rtts = self.rtts_ms
                 found += [(segment, each) for each in ([begun] if rtts is None else map(begun.with_rtt, rtts))]
         return found
 
-    def _trace_offsets(self, network: Network, directory: Path) -> list[float]:
+    def _trace_offsets(self, network: Network, directory: Path, traces_s: Mapping[str, float]) -> list[float]:
         if self.segments == 1 or network.trace is None:
             return [self.trace_offset_s] * self.segments
         return trace_offsets(
             network,
             directory,
+            traces_s,
             begin_s=self.trace_offset_s,
             length_s=self.duration_s,
             count=self.segments,

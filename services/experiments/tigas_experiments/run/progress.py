@@ -19,8 +19,9 @@ from rich.progress import (
 from rich.table import Column
 
 from tigas_experiments.records.folder import RunRecord
+from tigas_experiments.run.experiment import Experiment
 from tigas_experiments.run.plan import lasting
-from tigas_experiments.run.runner import Experiment, RunCallbacks
+from tigas_experiments.run.runner import RunCallbacks
 from tigas_experiments.wire.run import Configuration
 
 SPEED_OVER_S = 3600

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from random import Random
 
@@ -14,15 +15,26 @@ from tigas_experiments.wire.run import Network
 
 
 def trace_offsets(
-    network: Network, directory: Path, *, begin_s: float, length_s: float, count: int, seed: int
+    network: Network,
+    directory: Path,
+    traces_s: Mapping[str, float],
+    *,
+    begin_s: float,
+    length_s: float,
+    count: int,
+    seed: int,
 ) -> list[float]:
-    """Start times (s) of `count` parts of a trace file, in order, from `begin_s` on and without overlap.
+    """Start times (s) of `count` parts of a trace, in order, from `begin_s` on and without overlap.
 
-    Raises StartError if the file is not a TIGAS trace, or too short.
+    Durations of traces without a file are in `traces_s`. Raises StartError if the trace is too short, its duration is
+    unknown, or its file is not a TIGAS trace.
     """
-    if network.trace_file is None:
+    if network.trace_file is not None:
+        end_s = _trace_duration_s(directory / network.trace_file)
+    elif network.name in traces_s:
+        end_s = traces_s[network.name]
+    else:
         raise StartError(f"Segments need the trace's file, so {network.name!r} must be a path.")
-    end_s = _trace_duration_s(directory / network.trace_file)
     room = int((end_s - begin_s) / length_s)
     if room < count:
         raise StartError(

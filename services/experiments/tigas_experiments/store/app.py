@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
@@ -17,7 +16,6 @@ from starlette.types import ASGIApp
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest
 from tigas_common.metrics import CountedRequests, metrics_route, new_registry
-from tigas_common.offload import Offload
 from tigas_common.openapi import index, openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.parsing import parse
@@ -34,26 +32,26 @@ from tigas_common.web import (
     read_body,
     takes,
 )
-from tigas_experiments.records.load import LoadSample
-from tigas_experiments.records.machine import Machine
 from tigas_experiments.records.samples import MAX_PICTURE_BYTES
 from tigas_experiments.store.archive import archive
 from tigas_experiments.store.errors import storage_explained
-from tigas_experiments.store.experiments import MAX_PLAN_BYTES, Experiments
-from tigas_experiments.store.metrics import MonitoredLock, StoreMetrics
+from tigas_experiments.store.experiments import Experiments
+from tigas_experiments.store.metrics import StoreMetrics
 from tigas_experiments.store.movements import Movements
+from tigas_experiments.store.planner import Planner
+from tigas_experiments.store.planning import MAX_REQUEST_BYTES
 from tigas_experiments.store.reports import Reports
 from tigas_experiments.store.rerendering import Rerendering
 from tigas_experiments.store.samples import (
     MAX_INDEX_BYTES,
     check_room,
+    keep_capture,
     keep_index,
     keep_picture,
     list_samples,
     picture,
     uploaded,
 )
-from tigas_experiments.store.upload import check_limit, keep_interrupted, keep_upload
 from tigas_experiments.store.workspace import Workspace
 from tigas_experiments.wire.recording import MAX_BYTES
 from tigas_experiments.wire.store import (
@@ -61,9 +59,11 @@ from tigas_experiments.wire.store import (
     ExperimentCreated,
     ExperimentList,
     ExperimentRequest,
-    InterruptedRun,
     Materialisation,
     MovementList,
+    NextRequest,
+    NextRun,
+    PlanSummary,
     RunRow,
     RunUpload,
     SampleIndex,
@@ -77,6 +77,9 @@ REPORT_HEADERS = NO_STORE | {
     "img-src data:; font-src data:; sandbox allow-scripts allow-popups allow-downloads"
 }
 
+MAX_NAME = 100
+"""Characters of a picture's name."""
+
 # Always served as a picture, regardless of its content.
 PICTURE_HEADERS = NO_STORE | {"X-Content-Type-Options": "nosniff", "Content-Security-Policy": "default-src 'none'"}
 
@@ -89,35 +92,34 @@ class Store:
     experiments: Experiments
     reports: Reports
     movements: Movements
-    load: Sequence[LoadSample]
-    """This machine's load over the longest possible run; grows continuously."""
-    machine: Machine
-    offload: Offload
+    planner: Planner
     rerendering: Rerendering
-    checks: MonitoredLock = field(default_factory=MonitoredLock)
-    """Runs are checked in turn: a long one takes much memory."""
 
 
 def create_app(store: Store, policy: OriginPolicy) -> ASGIApp:
     """The application over a store."""
-    queues = {"check": store.checks, "report": store.reports.lock, "materialise": store.rerendering.lock}
+    queues = {"check": store.planner.checks, "report": store.reports.lock, "materialise": store.rerendering.lock}
     figures = StoreMetrics(store.experiments.results, queues)
     registry = new_registry("store", figures)
     app = Starlette(
         routes=[
             index("Experiment store"),
             openapi("Experiment store"),
+            Route("/plans", summarise, methods=["POST"]),
             Route("/experiments", create, methods=["POST"]),
             Route("/experiments", experiments),
             Route("/experiments/{id}", remove, methods=["DELETE"]),
             Route("/experiments/{id}", experiment),
-            Route("/experiments/{id}/runs", add_run, methods=["POST"]),
+            Route("/experiments/{id}/next", next_run, methods=["POST"]),
+            Route("/experiments/{id}/pages/{page}", release, methods=["DELETE"]),
+            Route("/experiments/{id}/runs/{run}", add_run, methods=["PUT"]),
+            Route("/experiments/{id}/runs/{run}/captures/{name}", add_capture, methods=["PUT"]),
+            Route("/experiments/{id}/runs/{run}/complete", complete_run, methods=["POST"]),
             Route("/experiments/{id}/runs/{run}/samples", samples),
             Route("/experiments/{id}/runs/{run}/samples/{name}", sample),
             Route("/experiments/{id}/materialise", start_rerendering, methods=["POST"]),
             Route("/experiments/{id}/materialise", rerendering),
             Route("/experiments/{id}/materialise", stop_rerendering, methods=["DELETE"]),
-            Route("/experiments/{id}/interrupted-runs", add_interrupted_run, methods=["POST"]),
             Route("/experiments/{id}/runs/{run}/uploaded-samples", uploaded_samples),
             Route("/experiments/{id}/runs/{run}/samples/{name}", add_picture, methods=["PUT"]),
             Route("/experiments/{id}/runs/{run}/samples", complete_samples, methods=["PUT"]),
@@ -141,11 +143,28 @@ async def experiments(request: Request) -> ModelResponse[ExperimentList]:
 
 
 @described(takes=ExperimentRequest)
+async def summarise(request: Request) -> ModelResponse[PlanSummary]:
+    """Expand an experiment's file, and keep nothing."""
+    return json_response(await _store(request).planner.summary(await read_body(request, MAX_REQUEST_BYTES)))
+
+
+@described(takes=ExperimentRequest)
 async def create(request: Request) -> ModelResponse[ExperimentCreated]:
     """Begin an experiment."""
-    body = await read_body(request, MAX_PLAN_BYTES)
-    made = await asyncio.to_thread(_store(request).experiments.create, body, datetime.now(UTC))
+    made = await _store(request).planner.create(await read_body(request, MAX_REQUEST_BYTES))
     return created_response(ExperimentCreated(id=made), f"/experiments/{quote(made)}")
+
+
+@takes(NextRequest)
+async def next_run(request: Request, body: Body[NextRequest]) -> ModelResponse[NextRun]:
+    """Reserve the next run for a page to perform."""
+    return json_response(await _store(request).planner.next(request.path_params["id"], await body.read()))
+
+
+async def release(request: Request) -> Response:
+    """Give up a page's reserved run."""
+    await _store(request).planner.release(request.path_params["id"], request.path_params["page"])
+    return Response(status_code=204)
 
 
 async def experiment(request: Request) -> ModelResponse[Experiment]:
@@ -161,19 +180,26 @@ async def remove(request: Request) -> Response:
 
 @described(takes=RunUpload)
 async def add_run(request: Request) -> ModelResponse[RunRow]:
-    """Keep a run that has ended."""
-    store, name = _store(request), request.path_params["id"]
-    await asyncio.to_thread(store.experiments.find, name)
+    """Keep a performed run; it is incomplete until its captures are there."""
+    store, parameters = _store(request), request.path_params
     with storage_explained(), store.workspace.folder() as folder:
         body = folder / "body.json"
-        await _receive(request, body, MAX_BYTES)
-        run = folder / "run"
-        async with store.checks:
-            limit = check_limit(body.stat().st_size)
-            summary = await store.offload(keep_upload, body, run, tuple(store.load), store.machine, limit=limit)
-        row = await asyncio.to_thread(store.experiments.add_run, name, run, summary)
+        size = await _receive(request, body, MAX_BYTES)
+        row = await store.planner.add(parameters["id"], parameters["run"], body, size, folder / "run")
         _metrics(request).runs += 1
-    return created_response(row, f"/experiments/{quote(name)}")
+    return json_response(row)
+
+
+@described(takes=PICTURES)
+async def add_capture(request: Request) -> Response:
+    """Keep a capture of an incomplete run."""
+    await _keep_picture(request, keep_capture)
+    return Response(status_code=204)
+
+
+async def complete_run(request: Request) -> ModelResponse[RunRow]:
+    """Compare a run's captures, which are all there, with ground truth, and mark it as complete."""
+    return json_response(await _store(request).planner.complete(request.path_params["id"], request.path_params["run"]))
 
 
 async def samples(request: Request) -> ModelResponse[SampleList]:
@@ -205,17 +231,6 @@ async def stop_rerendering(request: Request) -> ModelResponse[Materialisation]:
     return json_response(await _store(request).rerendering.stop(request.path_params["id"]))
 
 
-@takes(InterruptedRun)
-async def add_interrupted_run(request: Request, body: Body[InterruptedRun]) -> ModelResponse[RunRow]:
-    """Make a place for the samples of a run that has no end."""
-    store, name = _store(request), request.path_params["id"]
-    interrupted = await body.read()
-    with storage_explained(), store.workspace.folder() as folder:
-        summary = await asyncio.to_thread(keep_interrupted, folder / "run", interrupted, store.machine)
-        row = await asyncio.to_thread(store.experiments.add_run, name, folder / "run", summary)
-    return created_response(row, f"/experiments/{quote(name)}")
-
-
 async def uploaded_samples(request: Request) -> ModelResponse[UploadedSamples]:
     """List a run's uploaded samples."""
     return json_response(await asyncio.to_thread(lambda: uploaded(_page_run(request))))
@@ -224,12 +239,8 @@ async def uploaded_samples(request: Request) -> ModelResponse[UploadedSamples]:
 @described(takes=PICTURES)
 async def add_picture(request: Request) -> Response:
     """Keep a picture of a sample."""
-    store, name = _store(request), request.path_params["name"]
-    await asyncio.to_thread(lambda: check_room(_page_run(request), name))
-    with storage_explained(), store.workspace.folder() as folder:
-        part = folder / name
-        await _receive(request, part, MAX_PICTURE_BYTES)
-        await asyncio.to_thread(lambda: keep_picture(part, _page_run(request)))
+    await asyncio.to_thread(lambda: check_room(_page_run(request), request.path_params["name"]))
+    await _keep_picture(request, keep_picture)
     return Response(status_code=204)
 
 
@@ -271,8 +282,11 @@ async def movement(request: Request) -> Response:
     return Response(text, media_type="text/csv", headers=NO_STORE)
 
 
-async def _receive(request: Request, path: Path, limit: int) -> None:
-    """Write the body into a file. Raises BodyTooLarge, InvalidRequest if it stops before its end, and OSError."""
+async def _receive(request: Request, path: Path, limit: int) -> int:
+    """Write the body into a file, and return its size.
+
+    Raises BodyTooLarge, InvalidRequest if it stops before its end, and OSError.
+    """
     size, parts, too_large = 0, aiter(request.stream()), BodyTooLarge(f"The body is larger than {limit} bytes.")
     if int(request.headers.get("content-length", 0)) > limit:
         raise too_large
@@ -283,12 +297,22 @@ async def _receive(request: Request, path: Path, limit: int) -> None:
             except ClientDisconnect:
                 raise InvalidRequest("The client left before its request was complete.") from None
             if part is None:
-                return
+                return size
             size += len(part)
             _metrics(request).received_bytes += len(part)
             if size > limit:
                 raise too_large
             await asyncio.to_thread(file.write, part)
+
+
+async def _keep_picture(request: Request, keep: Callable[[Path, Path], None]) -> None:
+    """Receive a picture under its name, and have `keep` move it to its run."""
+    run, name = await asyncio.to_thread(lambda: _page_run(request)), request.path_params["name"]
+    if Path(name).name != name or len(name) > MAX_NAME:
+        raise InvalidRequest(f"{name[:60]!r} is no picture's name.")
+    with storage_explained(), _store(request).workspace.folder() as folder:
+        await _receive(request, folder / name, MAX_PICTURE_BYTES)
+        await asyncio.to_thread(keep, folder / name, run)
 
 
 def _archived(folder: Path) -> Iterator[bytes]:

@@ -38,6 +38,24 @@ class ExperimentInUse(TigasError):
     status, type, title = 409, "experiment-in-use", "The experiment is a command's"
 
 
+class CannotStart(TigasError):
+    """The services cannot make the experiment's runs."""
+
+    status, type, title = 409, "cannot-start", "The experiment cannot be started"
+
+
+class VersionsChanged(TigasError):
+    """The complete runs were made by other versions, or with another ladder or scene."""
+
+    status, type, title = 409, "versions-changed", "The versions have changed"
+
+
+class RunMade(TigasError):
+    """The run is complete, and is not changed any more."""
+
+    status, type, title = 409, "run-complete", "The run is complete"
+
+
 class NothingToReport(TigasError):
     """The experiment has no runs."""
 

@@ -16,12 +16,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
 
-from tigas_common.errors import StartError
+from tigas_common.errors import StartError, StorageFailed
 from tigas_common.files import names_to_disk
-from tigas_common.parsing import parse
 from tigas_experiments.lock import EXPERIMENT, exclusive
 from tigas_experiments.records.files import BrokenRecording
-from tigas_experiments.records.folder import ExperimentRecord, RunRecord, StoredRun, read_experiment, write_experiment
+from tigas_experiments.records.folder import ExperimentRecord, RunRecord, StoredRun, read_experiment
 from tigas_experiments.records.samples import INDEX as SAMPLES
 from tigas_experiments.records.samples import RERENDERED
 from tigas_experiments.records.scores import SCORES
@@ -32,15 +31,12 @@ from tigas_experiments.store.workspace import Workspace
 from tigas_experiments.wire.store import (
     Experiment,
     ExperimentList,
-    ExperimentRequest,
     ExperimentSummary,
     RunRow,
     SampleCounts,
 )
 
 CACHED_RUNS = 10_000
-MAX_PLAN_BYTES = 64 * 1024
-"""Maximum size of a request that creates an experiment."""
 T = TypeVar("T")
 TAKEN = (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR)
 """Error numbers for an existing target."""
@@ -108,25 +104,14 @@ class Experiments:
 
     def page_run(self, experiment: str, name: str) -> Path:
         """The folder of a run in an experiment that a page may change. Also raises ExperimentInUse."""
-        self._check_page(experiment)
+        self.find_page(experiment)
         return self.run(experiment, name)
 
-    def create(self, body: bytes, now: datetime) -> str:
-        """Begin one; its id. Raises InvalidRequest and DiskFull."""
-        request = parse(ExperimentRequest, body, MAX_PLAN_BYTES)
-        slug = re.sub(r"[^A-Za-z0-9.-]+", "-", request.name).strip(".-")[:60] or "experiment"
-        created = now.astimezone(UTC)
-        record = ExperimentRecord(
-            name=self._new_name(request.name),
-            created=created.isoformat(timespec="seconds"),
-            source="page",
-            plan=request.plan,
-            planned=request.planned,
-        )
-        with storage_explained(), self._workspace.folder() as folder:
-            made = folder / "experiment"
-            write_experiment(made, record)
-            return _placed(made, self.results, f"{slug}-{created:%Y%m%d-%H%M%S}")
+    def create(self, made: Path, name: str, now: datetime) -> str:
+        """Move a complete experiment from the workspace to its place; its id. Raises DiskFull."""
+        slug = re.sub(r"[^A-Za-z0-9.-]+", "-", name).strip(".-")[:60] or "experiment"
+        with storage_explained():
+            return _placed(made, self.results, f"{slug}-{now.astimezone(UTC):%Y%m%d-%H%M%S}")
 
     def _read(self) -> Iterator[tuple[Path, ExperimentRecord]]:
         """Folders and records of all readable experiments."""
@@ -138,32 +123,28 @@ class Experiments:
             except BrokenRecording:
                 continue
 
-    def _new_name(self, name: str) -> str:
+    def new_name(self, name: str) -> str:
         """The name, or the first of `NAME (2)`, `NAME (3)`, … that no experiment has yet."""
         taken = {record.name for _, record in self._read()}
         numbered = (f"{name} ({number})" for number in itertools.count(2))
         return next(one for one in itertools.chain([name], numbered) if one not in taken)
 
-    def add_run(self, experiment: str, made: Path, summary: Summary) -> RunRow:
-        """Move a complete run from the workspace into an experiment. Raises UnknownExperiment and ExperimentInUse."""
-        parent = self._check_page(experiment)
-        runs = parent / "runs"
-        with storage_explained():
-            try:
-                runs.mkdir(exist_ok=True)
-                if not _is_folder(runs):
-                    raise UnknownExperiment(f"The experiment {experiment} has no folder for runs.")
-                name = _placed(made, runs, summary.record.configuration.slug)
-            except FileNotFoundError:
-                raise UnknownExperiment(f"The experiment {experiment} was removed meanwhile.") from None
-        return _row(summary.model_copy(update={"folder": name}))
+    def row(self, experiment: str, run: str) -> RunRow:
+        """A run. Raises UnknownExperiment, UnknownRun and StorageFailed."""
+        folder = self.run(experiment, run)
+        if (written := version(folder)) is None:
+            raise UnknownRun(f"The run {run[:100]!r} has no record.")
+        try:
+            return _row_of(folder, written)
+        except BrokenRecording as error:
+            raise StorageFailed(str(error)) from None
 
-    def _check_page(self, experiment: str) -> Path:
-        """Folder of an experiment made on a page: commands refuse to continue with unknown runs."""
+    def find_page(self, experiment: str) -> tuple[Path, ExperimentRecord]:
+        """Folder and record of an experiment of the page. Raises UnknownExperiment and ExperimentInUse."""
         folder, record = self.find(experiment)
         if record.source == "command":
             raise ExperimentInUse(f"The experiment {experiment} is a command's; begin one of the page's own.")
-        return folder
+        return folder, record
 
     def remove(self, experiment: str) -> None:
         """Remove one. Raises UnknownExperiment and ExperimentInUse."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from contextlib import AsyncExitStack
+from functools import partial
 
 from tigas_common.address import say_if_open
 from tigas_common.limits import HttpLimits
@@ -17,6 +18,7 @@ from tigas_experiments.records.machine import this_machine
 from tigas_experiments.store.app import Store, create_app
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.movements import Movements
+from tigas_experiments.store.planner import Planner, render_service
 from tigas_experiments.store.reports import Reports
 from tigas_experiments.store.rerendering import Rerendering
 from tigas_experiments.store.settings import StoreSettings
@@ -41,9 +43,16 @@ async def serve(settings: StoreSettings) -> None:
             experiments=experiments,
             reports=Reports(experiments, workspace, offload_to_process),
             movements=Movements(settings.movements),
-            load=load,
-            machine=await asyncio.to_thread(this_machine),
-            offload=offload_to_process,
+            planner=Planner(
+                experiments,
+                workspace,
+                offload_to_process,
+                movements=settings.movements,
+                render=settings.render,
+                services=partial(render_service, settings.render.rstrip("/")),
+                machine=await asyncio.to_thread(this_machine),
+                load=load,
+            ),
             rerendering=await stack.enter_async_context(Rerendering.opened(experiments, settings.render)),
         )
         policy = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins)

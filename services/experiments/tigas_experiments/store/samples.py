@@ -10,6 +10,7 @@ from pathlib import Path
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest, StorageFailed
 from tigas_common.files import names_to_disk, read_regular, to_disk
+from tigas_experiments.records.folder import StoredRun, capture_path
 from tigas_experiments.records.samples import (
     ENHANCED,
     FOLDER,
@@ -22,7 +23,8 @@ from tigas_experiments.records.samples import (
     sampled_run,
     write_samples,
 )
-from tigas_experiments.store.errors import SamplesComplete, UnknownSample
+from tigas_experiments.run.parsing import MOST_PICTURES
+from tigas_experiments.store.errors import RunMade, SamplesComplete, UnknownSample
 from tigas_experiments.wire.recording import Sample
 from tigas_experiments.wire.store import (
     MOST_SAMPLES,
@@ -37,6 +39,7 @@ from tigas_experiments.wire.store import (
 MEDIA_TYPES = {".jpg": "image/jpeg", ".png": "image/png", ".webp": "image/webp"}
 NUMBER = "[0-9]{6,10}[.]"
 UPLOADED = re.compile(f"{NUMBER}({'|'.join(map(re.escape, (JPEG, *ENHANCED)))})")
+CAPTURE = re.compile("[0-9]{4}[.]png")
 SERVED = re.compile(f"{NUMBER}({'|'.join(map(re.escape, (JPEG, *ENHANCED, REPLAYED, TRUTH)))})")
 MAX_INDEX_BYTES = 16_000_000
 MAX_RUN_BYTES = 8_000_000_000
@@ -128,6 +131,17 @@ def keep_picture(part: Path, run: Path) -> None:
     to_disk(part.parent)
     part.replace(run / FOLDER / part.name)
     names_to_disk(run / FOLDER)
+
+
+def keep_capture(part: Path, run: Path) -> None:
+    """Move a capture, which has its name already, to its run. Raises InvalidRequest, RunMade and OSError."""
+    if not CAPTURE.fullmatch(part.name) or int(part.stem) >= MOST_PICTURES:
+        raise InvalidRequest(f"{part.name[:60]!r} is no capture, such as 0012.png; a run has at most {MOST_PICTURES}.")
+    if StoredRun(run).record.status != "running":
+        raise RunMade(f"The run {run.name} has ended.")
+    if not _is_whole(part):
+        raise InvalidRequest(f"What came as {part.name} is no PNG, or only a part of one.")
+    part.replace(capture_path(run, int(part.stem)))
 
 
 def keep_index(index: SampleIndex, workspace: Path, run: Path) -> None:

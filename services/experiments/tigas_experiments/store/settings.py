@@ -22,7 +22,7 @@ class StoreSettings(ServiceSettings):
     """The directory of experiments, one folder each; created if missing."""
     movements: Annotated[Path, NO_FLAG] = Path("traces/movement")
     """The directory of movement traces."""
-    render: Url = f"http://{PAGE.loopback}"
+    render: Annotated[Url, NO_FLAG] = f"http://{PAGE.loopback}"
     """Base URL of the render service that renders samples again."""
     http: Listen = STORE.loopback
     """Address of the API."""

@@ -1,21 +1,29 @@
-"""A run that a page uploads, from the bytes of its body to a folder of records."""
+"""A page's uploaded run, from the bytes of its body to a folder of records; runs in a process with limits."""
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
+from tigas_common.errors import InvalidRequest
 from tigas_common.files import to_disk
 from tigas_common.offload import Limit
 from tigas_common.parsing import parse
-from tigas_experiments.records.folder import RunRecord, RunWriter
-from tigas_experiments.records.load import Load, LoadSample
+from tigas_experiments.errors import RunFailed
+from tigas_experiments.records.files import BrokenRecording
+from tigas_experiments.records.folder import RunRecord, RunWriter, StoredRun
+from tigas_experiments.records.load import LoadSample
 from tigas_experiments.records.machine import Machine
-from tigas_experiments.records.summary import Records, Summary, figures
+from tigas_experiments.run.outcome import MadeFrom, complete, write_records
 from tigas_experiments.store.errors import storage_explained
 from tigas_experiments.wire.recording import MAX_BYTES
-from tigas_experiments.wire.store import InterruptedRun, RunUpload
+from tigas_experiments.wire.run import Configuration
+from tigas_experiments.wire.store import RunUpload, mismatch
+
+COMPARE = Limit(memory=2_000_000_000, cpu_s=1200)
+"""Of comparing a run's captures with ground truth."""
 
 
 def check_limit(size: int) -> Limit:
@@ -26,60 +34,52 @@ def check_limit(size: int) -> Limit:
     return Limit(memory=256_000_000 + 20 * size, cpu_s=30 + 2 * size // 1_000_000)
 
 
-def keep_upload(body: Path, folder: Path, load: Sequence[LoadSample], machine: Machine) -> Summary:
-    """Write an uploaded run into a new folder, and return its summary.
+def keep_upload(
+    body: Path,
+    folder: Path,
+    configuration: Configuration,
+    made_from: MadeFrom,
+    load: Sequence[LoadSample],
+    machine: Machine,
+) -> RunRecord:
+    """Write an uploaded run into a new folder.
 
     `load` is this machine's recent load. Raises InvalidRequest and DiskFull.
     """
     with storage_explained():
         upload = parse(RunUpload, body.read_bytes(), MAX_BYTES)
-        record = write_run(folder, upload, load, machine)
-        to_disk(folder)
-    if record.status != "complete":
-        return Summary(folder=folder.name, record=record, figures=None, problem=record.problem)
-    records = Records.of_recording(upload.recording, upload.link)
-    return Summary(folder=folder.name, record=record, figures=figures(records), problem=None)
-
-
-def keep_interrupted(folder: Path, interrupted: InterruptedRun, machine: Machine) -> Summary:
-    """Write a run of which there are only samples into a new folder. Raises DiskFull."""
-    with storage_explained():
+        recording = upload.recording
+        if recording is not None and (problem := mismatch(configuration, recording)):
+            raise InvalidRequest(problem)
+        started = (
+            datetime.now(UTC) if recording is None else datetime.fromtimestamp(recording.started_unix_ms / 1000, UTC)
+        )
         record = RunRecord(
             status="running",
             problem=None,
-            configuration=interrupted.configuration,
+            configuration=configuration,
             machine=machine,
-            started=datetime.fromtimestamp(interrupted.started_unix_ms / 1000, UTC).isoformat(timespec="seconds"),
+            started=started.isoformat(timespec="seconds"),
         )
-        record = RunWriter(folder, record).close(
-            status="failed", problem="The page was closed before the run's end; only its samples are left."
-        )
+        browser = None if recording is None else _browser(recording.user_agent)
+        record = write_records(RunWriter(folder, record), upload, load, made_from, browser=browser)
         to_disk(folder)
-    return Summary(folder=folder.name, record=record, figures=None, problem=record.problem)
+        return record
 
 
-def write_run(folder: Path, upload: RunUpload, load: Sequence[LoadSample], machine: Machine) -> RunRecord:
-    """Write a page's run into a new folder, with the part of `load` during the run. Raises OSError."""
-    recording = upload.recording
-    start = recording.started_unix_ms
-    during = [sample for sample in load if 0 <= sample.unix_ms - start <= recording.ended_ms]
-    record = RunRecord(
-        status="running",
-        problem=None,
-        configuration=upload.configuration,
-        machine=machine,
-        started=datetime.fromtimestamp(start / 1000, UTC).isoformat(timespec="seconds"),
-        scene_bytes=upload.scene_bytes,
-        scene_sha256=upload.scene_sha256,
-        backend=upload.backend,
-    )
-    writer = RunWriter(folder, record)
-    writer.recording(recording)
-    writer.link_and_load(upload.link, during)
-    writer.quality(())
-    return writer.close(
-        status="complete" if recording.complete else "failed",
-        problem=None if recording.complete else "The movement was not played to its end.",
-        load=Load.of(during),
-        recording=recording.head,
-    )
+def complete_upload(folder: Path, render: str) -> None:
+    """Complete a run whose captures are all there, or mark it as failed. Raises DiskFull."""
+    with storage_explained():
+        try:
+            asyncio.run(complete(folder, render))
+        except (RunFailed, BrokenRecording) as error:
+            RunWriter.resumed(StoredRun(folder)).close(status="failed", problem=str(error))
+
+
+def _browser(user_agent: str) -> str | None:
+    """Its version: `156.0.0.0` of Chromium, `152.0` of Firefox."""
+    for name in ("Chrome/", "Firefox/", "Version/"):
+        _, found, rest = user_agent.partition(name)
+        if found:
+            return rest.split()[0][:40] if rest.split() else None
+    return None

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
+
+from pydantic import Field
+from typing_extensions import TypedDict
 
 Anchor = Literal["start", "scene"]
 """`start`: the movement begins at the origin and looks along z, which is the scene's start camera.
@@ -19,3 +22,11 @@ QUATERNION_LENGTHS = (0.1, 10.0)
 VIEW_M = 4.0
 """The assumed distance from the scene's start camera to the point that it looks at, in metres, as a scene does not say
 how long its unit is."""
+
+
+class TimedPose(TypedDict):
+    """A pose at a time, in the scene's own frame."""
+
+    t_ms: float
+    position: Annotated[list[float], Field(fail_fast=True)]
+    quaternion: Annotated[list[float], Field(fail_fast=True)]

@@ -10,8 +10,9 @@ from typing import Annotated, Literal, NamedTuple, Self, get_args
 from pydantic import AfterValidator, Field, model_validator
 
 from tigas_common.wire.dash import RepresentationRequest
-from tigas_common.wire.model import MAX_SIDE, WireModel
+from tigas_common.wire.model import MAX_SIDE, Entries, WireModel
 from tigas_common.wire.shaper import LinkSetting
+from tigas_experiments.wire.movement import TimedPose
 
 PerViewMode = Literal["stateless", "video"]
 """The page requests each view, as chosen by a controller: as one JPEG, or as one frame of a video."""
@@ -36,6 +37,11 @@ MODE_NAMES: dict[Mode, str] = {
 }
 MODES: tuple[Mode, ...] = tuple(mode for mode in MODE_NAMES if mode != "local-ply")
 """The modes that new runs can have."""
+SOURCES = ("stateless", "video", "dash", "webrtc", "local")
+"""How the page can show a scene; one file each in web/src/sources."""
+SIDE_MODES = (*PER_VIEW, *DASH, "dash-custom", "webrtc", "local")
+"""Choices for a side of the page's comparison: a source, with the preset of a stream."""
+USUAL_SIDES = ("stateless", "dash-tuned")
 FrameRate = Literal[30, 60]
 OFF: Literal["off"] = "off"
 """In place of a model's name."""
@@ -244,6 +250,20 @@ class Configuration(WireModel):
         shown = (*enhanced, *self.motion, *segment)
         parts = (self.scene, Path(self.movement).stem, network, mode, *shown, f"{self.repeat}")
         return "_".join(re.sub(r"[^A-Za-z0-9.-]+", "-", part).strip(".-")[:40] or "x" for part in parts)
+
+
+class RunPlan(WireModel):
+    """The part of a run that the page plays and records."""
+
+    points: Entries[TimedPose]
+    """The movement, in the order of time."""
+    duration_ms: float
+    capture_every_ms: float
+    """Interval of keeping the screen's picture; 0 keeps none."""
+    sample_stride: int
+    """For the mode `stateless`: every n-th shown frame is sampled; 0 samples none."""
+    download: bool
+    """Whether the recording begins with the mode `local`, and so with the download of the scene."""
 
 
 def _rates(link: LinkSetting) -> str:

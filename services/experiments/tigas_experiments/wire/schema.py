@@ -19,13 +19,15 @@ def schema() -> dict[str, Any]:
     return messages_schema(
         requests=[
             store.ExperimentRequest,
+            store.NextRequest,
             store.RunUpload,
-            store.InterruptedRun,
             store.SampleIndex,
             recording.Sample,
         ],
         answers=[
+            store.PlanSummary,
             store.ExperimentCreated,
+            store.NextRun,
             store.ExperimentList,
             store.Experiment,
             store.RunRow,
@@ -41,7 +43,11 @@ def constants() -> dict[str, dict[str, Any]]:
     """The constants that the page shares, by the name of their module here."""
     terms = [term._asdict() for term in run.LINK_TERMS]
     return {
-        "run": {**_constants(run, "PER_VIEW", "DASH", "LOCAL", "MODE_NAMES", "MODES", "UNSHAPED"), "LINK_TERMS": terms},
+        "run": {
+            **_constants(run, "PER_VIEW", "DASH", "LOCAL", "MODE_NAMES", "MODES", "UNSHAPED"),
+            **_constants(run, "SOURCES", "SIDE_MODES", "USUAL_SIDES"),
+            "LINK_TERMS": terms,
+        },
         "figures": _constants(figures, "INTERACTIVE_MS", "USUAL_INTERVAL_MS", "AGE_EVERY_MS"),
         "movement": _constants(
             movement, "ANCHORS", "UNITS", "COLUMNS", "MAX_DURATION_MS", "MAX_COORDINATE", "QUATERNION_LENGTHS", "VIEW_M"

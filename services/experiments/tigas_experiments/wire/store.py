@@ -14,7 +14,7 @@ from tigas_common.wire.shaper import Backend
 from tigas_experiments.wire.figures import Figures
 from tigas_experiments.wire.movement import Anchor
 from tigas_experiments.wire.recording import LinkSample, Recording, Sample
-from tigas_experiments.wire.run import Configuration
+from tigas_experiments.wire.run import Configuration, RunPlan
 
 AROUND_MS = 600_000
 """Maximum distance of records from a run's start and from its movement's end."""
@@ -22,6 +22,8 @@ MOST_KBPS = 1e9
 MOST_BYTES = 10**15
 MOST_SAMPLES = 10_000
 """Of a run."""
+MOST_FILE_CHARACTERS = 100_000
+"""Of an experiment's file."""
 LATEST_UNIX_MS = 4e12
 """In the year 2096."""
 
@@ -46,37 +48,90 @@ def _finite(plan: dict[str, JsonValue]) -> dict[str, JsonValue]:
 
 
 Plan = Annotated[dict[str, JsonValue], AfterValidator(_finite)]
-"""The plan of an experiment; any JSON object."""
+"""An experiment's file, parsed."""
+PageKey = Annotated[str, Field(pattern="^[A-Za-z0-9-]{1,64}$")]
+"""A page's own name for itself, by chance."""
 
 
 class ExperimentRequest(WireModel):
-    """An experiment that a page begins."""
+    """An experiment's file (docs/experiments.md), and the inputs that only the page has."""
 
-    name: ExperimentName
-    plan: Plan
-    planned: int | None = Field(default=None, ge=0)
-    """How many runs it is to have."""
+    file: str = Field(max_length=MOST_FILE_CHARACTERS)
+    """TOML or JSON."""
+    movements: dict[str, str] = Field(default_factory=dict)
+    """Movement traces by file name, as CSV."""
+    traces_s: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
+    """Durations of the shaper's traces by name; experiments with segments need them."""
+
+
+class PlanSummary(WireModel):
+    """An expanded experiment file."""
+
+    runs: int
+    lasting: str
+    """Approximate duration for people, such as `6 minutes`."""
+    problem: str | None
+    """Why it cannot be expanded, in one sentence."""
 
 
 class ExperimentCreated(WireModel):
-    """The answer to it."""
+    """The answer to an ExperimentRequest."""
 
     id: str
 
 
-class RunUpload(WireModel):
-    """One finished run. Figures can be computed from any valid one."""
+class NextRequest(WireModel):
+    """A page asks for a run to perform."""
 
+    page: PageKey
+    begin: bool = False
+    """Whether the page begins, so that failed runs are tried again."""
+    allow_changes: bool = False
+    """Resume even if the commit, ladder or a scene has changed."""
+
+
+class RunJob(WireModel):
+    """A run for the page to perform."""
+
+    run: str
+    """Its folder."""
+    title: str
+    """Its display name, such as `DASH tuned, 20mbit,20ms-rtt, stroll`."""
     configuration: Configuration
-    recording: Recording
-    link: Entries[LinkSample]
+    settings: dict[str, JsonValue]
+    """Of the viewer, with the seed; settings that are not here have their defaults."""
+    plan: RunPlan
+
+
+class NextRun(WireModel):
+    """The next run of an experiment, or why there is none."""
+
+    job: RunJob | None
+    """Reserved for the page; null if there is none left, or none now."""
+    planned: int
+    missing: int
+    """Number of incomplete runs, including the job."""
+    remaining_s: float
+    """Approximate duration of the missing runs."""
+    wait: bool
+    """Whether to ask again, since other pages perform the other runs."""
+    problem: str | None
+    """Why the experiment has ended before its last run."""
+
+
+class RunUpload(WireModel):
+    """A performed run. Figures can be computed from any valid one."""
+
+    problem: str | None = Field(default=None, min_length=1, max_length=1000)
+    """Why it failed."""
+    recording: Recording | None = None
+    """null only of a failed run."""
+    link: Entries[LinkSample] = ()
     """The shaper's record of its link; none without one."""
-    scene_bytes: int | None = Field(default=None, ge=0, le=MOST_BYTES)
-    """Of the scene's file; None if unknown."""
-    scene_sha256: str | None = Field(default=None, pattern=r"^[0-9a-f]{64}$")
-    """Its SHA-256 in hexadecimal digits; None if unknown."""
     backend: Backend | None = None
-    """Implementation of the link's delay; None without a shaper."""
+    """Implementation of the link's delay; null without a shaper."""
+    sampling_problem: str | None = Field(default=None, min_length=1, max_length=1000)
+    """Why there are fewer samples than were asked for."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -85,18 +140,15 @@ class RunUpload(WireModel):
         return self
 
     def _problems(self) -> Iterator[str]:
-        configuration, recording = self.configuration, self.recording
-        if recording.scene != configuration.scene:
-            yield f"the recording is of the scene {recording.scene!r}, not of {configuration.scene!r}"
-        if recording.mode != configuration.mode.partition("-")[0]:
-            yield f"the recording is of the mode {recording.mode}, not of {configuration.mode}"
-        if abs(recording.duration_ms - configuration.duration_s * 1000) > 1:
-            yield f"the recording lasts {recording.duration_ms:g} ms, not {configuration.duration_s:g} s"
+        recording, link = self.recording, self.link
+        if recording is None:
+            if self.problem is None:
+                yield "a run has a recording or a problem"
+            return
         if not 0 <= recording.started_unix_ms <= LATEST_UNIX_MS:
             yield "the recording started at no time of this century"
         if recording.traffic and max(entry.bytes for entry in recording.traffic) > MOST_BYTES:
             yield "nobody receives so many bytes"
-        link = self.link
         if any(later.at < earlier.at or later.drops < earlier.drops for earlier, later in pairwise(link)):
             yield "the times and the drops of link must not go back"
         rates = (rate for at in link for rate in (at.target_kbps, at.delivered_kbps, at.up_delivered_kbps))
@@ -111,6 +163,17 @@ class RunUpload(WireModel):
             yield "the recording ended long after the run"
 
 
+def mismatch(configuration: Configuration, recording: Recording) -> str | None:
+    """Why a recording is not of a run, in one sentence; None if it can be."""
+    if recording.scene != configuration.scene:
+        return f"The recording is of the scene {recording.scene!r}, not of {configuration.scene!r}."
+    if recording.mode != configuration.mode.partition("-")[0]:
+        return f"The recording is of the mode {recording.mode}, not of {configuration.mode}."
+    if abs(recording.duration_ms - configuration.duration_s * 1000) > 1:
+        return f"The recording lasts {recording.duration_ms:g} ms, not {configuration.duration_s:g} s."
+    return None
+
+
 class SampleCounts(WireModel):
     """Summary of a run's samples."""
 
@@ -121,13 +184,6 @@ class SampleCounts(WireModel):
     """Number of differing frames: ground truth may be of another renderer than the frames."""
     missing: int
     """Number of incomplete samples."""
-
-
-class InterruptedRun(WireModel):
-    """A run with only samples in the page, which was closed before the run's end."""
-
-    configuration: Configuration
-    started_unix_ms: float = Field(ge=0, le=LATEST_UNIX_MS)
 
 
 class SampleIndex(WireModel):

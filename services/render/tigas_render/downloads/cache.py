@@ -1,7 +1,7 @@
 """Keeps the downloadable files of scenes: each is made once, and the least recently used ones are removed to make room.
 
 Next to each file is its metadata, as JSON, written last: a file without it is incomplete. Several processes may share
-the directory.
+the directory. Files are sent whole or in ranges, to a number of clients at a time.
 """
 
 from __future__ import annotations
@@ -15,14 +15,22 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from tigas_common.errors import BrokenScene, InvalidRequest, TigasError
+from starlette.requests import Request
+from starlette.responses import FileResponse, Response
+from starlette.types import Receive, Scope, Send
+
+from tigas_common.address import client_network
+from tigas_common.errors import BrokenScene, InvalidRequest, Overloaded, TigasError
+from tigas_common.limits import ConcurrencyLimit
 from tigas_common.parsing import parse
+from tigas_common.web import has_already
 from tigas_common.wire.render import SceneDownload
-from tigas_render.cache import write_to_cache
-from tigas_render.downloads.compressed_ply import write_compressed_ply
 from tigas_render.downloads.order import Order
-from tigas_render.scenes.ply_header import ANTIALIASED
+from tigas_render.local_files import write_to_cache
+from tigas_render.scenes.compressed_ply import write_compressed_ply
+from tigas_render.scenes.ply import ANTIALIASED
 from tigas_render.scenes.source import SceneSource
 from tigas_render.scenes.start_camera import derive_camera
 from tigas_render.single_flight import SingleFlight
@@ -33,6 +41,9 @@ VERSION = 1
 """Counts up when the content of the file changes, so that files of before are not taken for it."""
 CARD = ".json"
 """Suffix of a metadata file."""
+AT_ONCE, OF_AN_ADDRESS = 128, 32
+"""Answers at a time, each of which holds a connection and an open file until its client has read it."""
+RETRY_S = 5.0
 Make = Callable[[SceneSource, Path], SceneDownload]
 """Writes a scene's file. Raises BrokenScene and OSError."""
 
@@ -64,7 +75,7 @@ def make(source: SceneSource, path: Path) -> SceneDownload:
     """
     gaussians = source.load()
     metadata = source.metadata
-    camera = metadata.camera or derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, metadata.up)
+    camera = metadata.camera or derive_camera(gaussians, metadata.up)
     order = Order.of(gaussians, camera.position).with_neighbours_together(gaussians)
     comments = [*(part.comment for part in order.parts), *([ANTIALIASED] if gaussians.antialiased else ())]
     write_compressed_ply(path, gaussians, order.indices, comments)
@@ -167,3 +178,35 @@ def _about(path: Path) -> SceneDownload | None:
         return about if path.stat().st_size == about.bytes else None
     except (OSError, InvalidRequest):
         return None
+
+
+class Readers:
+    """Answers with files, up to the limit."""
+
+    def __init__(self) -> None:
+        self.limit = ConcurrencyLimit(AT_ONCE, OF_AN_ADDRESS)
+
+    def answer(self, request: Request, source: SceneSource, made: MadeFile) -> Response:
+        """Answer with a scene's file, or a range of it. Sending it raises Overloaded beyond the limit."""
+        tag = f'"{made.about.sha256}"'
+        headers = {"ETag": tag, "Cache-Control": "no-cache"}
+        if has_already(request, tag):
+            return Response(status_code=304, headers=headers)
+        name = f"{source.id}.compressed.ply"
+        return _Reading(self.limit, made.path, headers=headers, media_type="application/octet-stream", filename=name)
+
+
+class _Reading(FileResponse):
+    """A file, sent as fast as its client takes it."""
+
+    chunk_size = 256 * 1024
+
+    def __init__(self, limit: ConcurrencyLimit, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._limit = limit
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        client = scope.get("client")
+        busy = Overloaded("As many scenes are being downloaded as may be; try again in a few seconds.", RETRY_S)
+        with self._limit.one_more(client_network(client[0]) if client else "unknown", busy):
+            await super().__call__(scope, receive, send)

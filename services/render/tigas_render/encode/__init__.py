@@ -1,1 +1,1 @@
-"""Codecs for images in host memory: one module each."""
+"""Codecs for images in host memory."""

@@ -1,6 +1,4 @@
-"""Predicted costs of frames, and the refusal of frames that would hold up other clients: a started one is rarely
-interrupted.
-"""
+"""Predicted costs of frames, and the refusal of frames that would hold up other clients."""
 
 from __future__ import annotations
 

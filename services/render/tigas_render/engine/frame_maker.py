@@ -17,8 +17,8 @@ from functools import partial
 from tigas_common.errors import DeadlineExceeded, Superseded, TigasError
 from tigas_common.wire.render import FrameFormat, RenderRequest, ServerTiming
 from tigas_render.encode.depth_segment import coded, with_depth
+from tigas_render.encode.images import encode_webp
 from tigas_render.encode.video_chains import VideoChains
-from tigas_render.encode.webp import encode_webp
 from tigas_render.engine.work import CallbackQueue, Work
 from tigas_render.engine.work_queue import WorkQueue
 from tigas_render.frame import Frame

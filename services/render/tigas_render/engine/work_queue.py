@@ -118,10 +118,7 @@ class WorkQueue:
             return work
 
     def next(self) -> Work | None:
-        """Wait for the turn to render and for work that can begin, and begin it: `rendered` and `done` must follow.
-
-        None once the queue is closed.
-        """
+        """Wait for a turn, and begin the work that is next: `rendered` and `done` must follow. None once closed."""
         with self._lock:
             while not self._closed:
                 self._is_called = False

@@ -1,27 +1,32 @@
-"""A scene's ladder from its folder to its file: `tigas scene ladder`."""
+"""A scene's ladder from its measurements to its file and plot: `tigas scene ladder`."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
+
+import numpy as np
 
 from tigas_common.errors import StartError
 from tigas_common.files import replace_file
+from tigas_common.installation import install_command
 from tigas_common.sample_cameras import SceneAxes
-from tigas_common.wire.render import DEFAULT_LADDER
-from tigas_render.ladder.choose import choose
+from tigas_common.wire.render import DEFAULT_LADDER, Rung
 from tigas_render.ladder.measure import CANDIDATES, Point, measure, walks
 from tigas_render.raster.base import Rasterizer
-from tigas_render.scenes.columns import Listener
-from tigas_render.scenes.directory import read_folder, read_single
-from tigas_render.scenes.ladder import FILE, LadderFile
+from tigas_render.scenes.directory import read_source
 from tigas_render.scenes.registry import BUILTIN
-from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.scene_file import Listener
+from tigas_render.scenes.source import LADDER, LadderFile, SceneSource
 from tigas_render.scenes.start_camera import derive_camera
 
+RUNGS, VIEWS = 10, 18
 PAPER = tuple((rung.width, rung.height, rung.quality) for rung in DEFAULT_LADDER)
+INK, QUIET, ACCENT, OTHER = "#1c2430", "#c3c9d1", "#2166ac", "#d6604d"
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +43,7 @@ def find_scene(name: str) -> SceneSource:
     """A scene's folder or file, or a built-in scene by its id. Raises StartError."""
     path = Path(name)
     if path.exists():
-        source = read_folder(path.resolve()) if path.is_dir() else read_single(path.resolve())
+        source = read_source(path.resolve())
         if source.error is not None:
             raise StartError(source.error)
         return source
@@ -51,13 +56,15 @@ def place_of(source: SceneSource) -> Path:
     """Path of a scene's ladder.json. Raises StartError for a scene without a folder."""
     if source.folder is None:
         raise StartError(f"{source.id} has no folder: name the ladder's file with --out.")
-    return source.folder / FILE
+    return source.folder / LADDER
 
 
-def make(source: SceneSource, rasterizer: Rasterizer, listener: Listener, *, rungs: int = 10, views: int = 18) -> Made:
+def make(
+    source: SceneSource, rasterizer: Rasterizer, listener: Listener, *, rungs: int = RUNGS, views: int = VIEWS
+) -> Made:
     """Measure a scene and choose its rungs. Raises StartError and BrokenScene."""
     gaussians, metadata = source.load(), source.metadata
-    camera = metadata.camera or derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, metadata.up)
+    camera = metadata.camera or derive_camera(gaussians, metadata.up)
     prepared = rasterizer.prepare(gaussians)
     del gaussians
     poses = walks(SceneAxes.of(camera, metadata.up), f"ladder of {source.id}")
@@ -69,6 +76,105 @@ def make(source: SceneSource, rasterizer: Rasterizer, listener: Listener, *, run
     return Made(file, candidates, [found[setting] for setting in PAPER])
 
 
+def hull(points: Sequence[Point]) -> list[Point]:
+    """The lower convex hull of mean squared error over bytes, from the fewest bytes to the least error.
+
+    No mixture of other settings has less error at the same bytes: the hull of per-title encoding (Netflix, 2015). PSNR
+    over the logarithm of bytes is unsuitable, because nearly all of its points are below the line between its ends.
+    """
+    kept: list[Point] = []
+    for point in sorted(points, key=lambda point: (point.kb, point.mse)):
+        if kept and point.mse >= kept[-1].mse:
+            continue
+        while len(kept) > 1 and _slope(kept[-2], point) <= _slope(kept[-2], kept[-1]):
+            kept.pop()
+        kept.append(point)
+    return kept
+
+
+def choose(points: Sequence[Point], number: int = RUNGS) -> tuple[Rung, ...]:
+    """This many rungs, or fewer if the hull has no more; best first.
+
+    They are on the hull, spaced as evenly by the logarithm of bytes as possible, so that no switch is a jump, and none
+    has more pixels than a better one, so that less detail never takes longer to render.
+    """
+    kept = hull(points)
+    low, high = math.log(kept[0].kb), math.log(kept[-1].kb)
+    chosen = [kept[-1]]
+    for step in range(1, number):
+        wanted = high + (low - high) * step / (number - 1)
+        worse = [
+            point
+            for point in kept
+            if point.kb < chosen[-1].kb and point.width * point.height <= chosen[-1].width * chosen[-1].height
+        ]
+        if not worse:
+            break
+        chosen.append(min(worse, key=lambda point: abs(math.log(point.kb) - wanted)))
+    return tuple(rung(point) for point in chosen)
+
+
+def psnr_at(kept: Sequence[Point], kb: float) -> float:
+    """PSNR in dB of a hull at this many kilobytes: of frames mixed from its two nearest settings."""
+    mse = np.interp(kb, [point.kb for point in kept], [point.mse for point in kept])
+    return 10 * math.log10(255**2 / float(mse))
+
+
+def rung(point: Point) -> Rung:
+    """A setting as a rung, with its measured bytes and error."""
+    return Rung(
+        name=point.name,
+        width=point.width,
+        height=point.height,
+        quality=point.quality,
+        expected_kb=round(point.kb, 2),
+        psnr_db=round(point.psnr_db, 2),
+    )
+
+
+def _slope(start: Point, end: Point) -> float:
+    return (end.mse - start.mse) / (end.kb - start.kb)
+
+
 def write_ladder(path: Path, file: LadderFile) -> None:
     """Write a ladder.json in one step: a process that is killed meanwhile leaves the old one. Raises OSError."""
     replace_file(path, f"{file.model_dump_json(indent=2)}\n".encode())
+
+
+def check_plot(path: Path) -> None:
+    """Raises StartError without matplotlib, and for a file that is to be neither PNG nor SVG."""
+    if find_spec("matplotlib") is None:
+        raise StartError(f"A plot needs matplotlib: {install_command('lab')}")
+    if path.suffix.lower() not in (".png", ".svg"):
+        raise StartError(f"{path} must end in .png or .svg.")
+
+
+def draw(made: Made, name: str, path: Path) -> None:
+    """Write a .png or .svg. Raises OSError."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 4.2), layout="constrained")
+    axes = figure.subplots()
+    points, rungs = made.candidates, made.file.rungs
+    axes.scatter(*_curve(points), s=6, color=QUIET, label="measured")
+    axes.plot(*_curve(hull(points)), color=INK, linewidth=0.8, label="hull")
+    sizes, qualities = [rung.expected_kb for rung in rungs], [rung.psnr_db or 0 for rung in rungs]
+    axes.scatter(sizes, qualities, s=36, color=ACCENT, zorder=3, label="rungs")
+    for rung, size, quality in zip(rungs, sizes, qualities, strict=True):
+        axes.annotate(rung.name, (size, quality), xytext=(4, -10), textcoords="offset points", fontsize=7, color=ACCENT)
+    axes.scatter(*_curve(made.paper), s=36, marker="^", color=OTHER, zorder=3, label="the paper's")
+    axes.set_xscale("log")
+    axes.set_xticks(ticks := [1, 2, 5, 10, 20, 50, 100, 200, 500], [str(tick) for tick in ticks])
+    axes.minorticks_off()
+    axes.set_xlim(0.8 * min(point.kb for point in points), 1.4 * max(point.kb for point in points))
+    axes.set_xlabel("size of a frame, kB")
+    axes.set_ylabel("PSNR at 1280×720, dB")
+    axes.set_title(name, loc="left")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(color="#e4e7eb", linewidth=0.6)
+    axes.legend(frameon=False, loc="lower right")
+    figure.savefig(path, dpi=150, metadata={"Date": None} if path.suffix.lower() == ".svg" else None)
+
+
+def _curve(points: Sequence[Point]) -> tuple[list[float], list[float]]:
+    return [point.kb for point in points], [point.psnr_db for point in points]

@@ -21,9 +21,9 @@ from tigas_common.errors import StartError
 from tigas_common.pose import Pose
 from tigas_common.resources import usable_processors
 from tigas_common.sample_cameras import PER_MOVEMENT, SceneAxes, along, intrinsics
-from tigas_render.encode.jpeg import encode_jpeg
+from tigas_render.encode.images import encode_jpeg
 from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
-from tigas_render.scenes.columns import Listener
+from tigas_render.scenes.scene_file import Listener
 
 DISPLAY = (1280, 720)
 """Pixels of the picture that a viewer sees."""
@@ -31,7 +31,6 @@ SIZES = tuple((32 * step, 18 * step) for step in (40, 35, 30, 26, 23, 20, 17, 15
 """Of frames, width and height in pixels: 16:9, and even."""
 QUALITIES = tuple(range(10, 95, 5))
 """JPEG qualities: above 90, frames grow by half for an invisible gain."""
-VIEWS = 18
 PER_WALK = 3
 TRIES = 4
 """Maximum number of poses tried for a view that is not empty."""
@@ -81,7 +80,7 @@ def measure(
     poses: Iterable[Pose],
     settings: Sequence[Setting],
     listener: Listener,
-    views: int = VIEWS,
+    views: int,
 ) -> list[Point]:
     """The outcome of each setting over this many non-empty views from `poses`. Raises StartError."""
     totals = np.zeros((len(settings), 2))

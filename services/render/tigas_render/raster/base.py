@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -27,6 +28,12 @@ TRANSMITTANCE_MIN = 1e-4
 """A pixel is finished when less light than this passes."""
 CLAMP_MARGIN = 0.3
 """How far outside the viewport the projection's derivative is clamped, in half-widths of it (gsplat 1.5.3)."""
+DEPTH_PIXELS = 184 * 104
+"""Of a map of depth, in any shape. A finer one made warped frames no better."""
+DEPTH_FINEST = 0.5
+"""A map has at most so many pixels for one of the picture's, on each side."""
+OPACITY_MIN = 0.1
+"""Where the Gaussians cover less than this, there is nothing to have a depth."""
 BASIS_CONSTANTS = (
     0.28209479177387814,
     *(-0.4886025119029199, 0.4886025119029199, -0.4886025119029199),
@@ -61,7 +68,7 @@ class Camera:
 Pause = Callable[[], None]
 Depth = NDArray[np.float32]
 """Inverse depth of z, not of the ray, [h, w] in 1/scene units, over the whole picture, at the resolution of
-`depth.depth_size`; 0 is infinitely far.
+`depth_size`; 0 is infinitely far.
 """
 
 
@@ -96,8 +103,7 @@ class Image(ABC):
     def to_host(self) -> NDArray[np.uint8]:
         """The pixels, RGB [H, W, 3]; the caller may modify them until the image is closed."""
 
-    @abstractmethod
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027 - not every image holds any
         """Return the image's memory to its rasteriser; closing twice does nothing."""
 
     def __enter__(self) -> Self:
@@ -191,6 +197,39 @@ def derivative_limits(k: Intrinsics) -> tuple[float, float, float, float]:
         -k.cy / k.fy - margin_y,
         (k.height - k.cy) / k.fy + margin_y,
     )
+
+
+def depth_size(width: int, height: int) -> tuple[int, int]:
+    """Columns and rows of the map of depth for a picture of a size in pixels."""
+    scale = min(DEPTH_FINEST, math.sqrt(DEPTH_PIXELS / (width * height)))
+    return max(1, round(width * scale)), max(1, round(height * scale))
+
+
+def coarse(camera: Camera) -> Camera:
+    """The same view in the pixels of its map of depth, drawn as a picture that is shown as large as the camera's."""
+    k = camera.intrinsics
+    columns, rows = depth_size(k.width, k.height)
+    scale = math.sqrt(k.width * k.height / (columns * rows))
+    margin_x, margin_y = (round(margin / scale) for margin in camera.margins)
+    return replace(
+        camera,
+        intrinsics=k.resized(columns, rows),
+        background=(0.0, 0.0, 0.0),
+        display_scale=camera.display_scale * scale,
+        margins=(margin_x, margin_y),
+    )
+
+
+def inverse_depth(means: NDArray[np.float32]) -> Depth:
+    """Expected inverse depth, float32 [h, w] in 1/scene units; 0, infinitely far, for empty pixels.
+
+    means [h, w, 2]: of weight / z and of weight, the share of light that a Gaussian sends to the picture (its alpha
+    times the transmittance before it). An inverse depth, unlike a depth, may be averaged: it is linear in the
+    picture. The median is no better than the expectation: views of the courtyard warped by 5 and 20 cm had 37.2 and
+    26.2 dB with the expectation, 35.9 and 25.3 dB with the median.
+    """
+    inverse, opacity = means[..., 0], means[..., 1]
+    return np.divide(inverse, opacity, out=np.zeros_like(inverse), where=opacity >= OPACITY_MIN)
 
 
 def one_gaussian() -> Gaussians:

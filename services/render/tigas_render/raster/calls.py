@@ -8,15 +8,23 @@ a frame's time (docs/results/2026-11-gpu.md); a sequence releases it once.
 from __future__ import annotations
 
 import ctypes
+import itertools
+import time
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
-MOST_ARGUMENTS = 11
+MOST_ARGUMENTS: Final = 11
+MOST_CALLS: Final = 24
+"""The limit of calls in one order to a thread."""
+ROWS, FAILED, STATUS, IS_LAST = range(4)
+"""State of a thread: the calls of a new order, the outcome of the last, and whether the thread is to end."""
+
+_libc = ctypes.CDLL(None)
 
 
 class CallError(RuntimeError):
@@ -46,8 +54,7 @@ class Calls:
         self.table = np.zeros((len(calls), 1 + MOST_ARGUMENTS), np.int64)
         """A row per call, the function's address and its arguments, for `make_calls`."""
         for row, call in zip(self.table, calls, strict=True):
-            address = ctypes.cast(call.function, ctypes.c_void_p).value
-            row[: 1 + len(call.arguments)] = [address or 0, *call.arguments]
+            row[: 1 + len(call.arguments)] = [_address(call.function), *call.arguments]
 
     def replace(self, call: int, argument: int, *values: int) -> None:
         """Replace arguments of a call, starting at one of them; both count from 0."""
@@ -88,3 +95,50 @@ def make_calls(calls: Any) -> Any:
         if status != 0:
             return index, status
     return -1, 0
+
+
+def serve(order: int, done: int, bit: int, table: Any, state: Any) -> None:
+    """Execute orders on this thread: each is the first state[ROWS] calls of a table, announced by an eventfd.
+
+    At the end of each, `bit` is added to the eventfd `done`.
+    """
+    counter = np.zeros(1, np.int64)
+    _serve(_address(_libc.read), _address(_libc.write), order, done, bit, counter, table, state)
+
+
+def _address(function: Any) -> int:
+    return ctypes.cast(function, ctypes.c_void_p).value or 0
+
+
+@njit("void(int64, int64, int64, int64, int64, int64[::1], int64[:, ::1], int64[::1])", nogil=True, cache=True)
+def _serve(read, write, orders, done, bit, counter, table, state):  # type: ignore[no-untyped-def]
+    at = counter.ctypes.data
+    while True:
+        call_c(read, (orders, at, 8, 0, 0, 0, 0, 0, 0, 0, 0))
+        rows = state[ROWS]
+        if rows:
+            state[ROWS] = 0
+            state[FAILED], state[STATUS] = make_calls(table[:rows])
+            # From here on the state may hold the next order. The counter adds up the bits of finished threads until it
+            # is read; the system calls order the memory accesses of both sides.
+            counter[0] = bit
+            call_c(write, (done, at, 8, 0, 0, 0, 0, 0, 0, 0, 0))
+        if state[IS_LAST]:
+            return
+
+
+class Stopwatch:
+    """Measures the time between C calls by further calls."""
+
+    def __init__(self, readings: int) -> None:
+        self._times = np.zeros((readings, 2), np.int64)
+        """Seconds and nanoseconds: struct timespec."""
+        self.readings = tuple(
+            Calls(Call(_libc.clock_gettime, (time.CLOCK_MONOTONIC, row.ctypes.data))) for row in self._times
+        )
+        """Calls that record the current time."""
+
+    def seconds(self) -> list[float]:
+        """Seconds from each reading to the next."""
+        times = [seconds + 1e-9 * nanoseconds for seconds, nanoseconds in self._times.tolist()]
+        return [later - earlier for earlier, later in itertools.pairwise(times)]

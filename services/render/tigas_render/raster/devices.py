@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tigas_common.errors import StartError
 from tigas_common.installation import check_versions
-from tigas_render.cache import cache_directory
+from tigas_render.local_files import cache_directory
 from tigas_render.raster.base import Rasterizer
 from tigas_render.raster.instant import NAME, InstantRasterizer
 

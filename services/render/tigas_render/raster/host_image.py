@@ -10,9 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tigas_common.wire.render import FrameFormat
-from tigas_render.encode.jpeg import encode_jpeg
-from tigas_render.encode.png import encode_png
-from tigas_render.encode.yuv420p import encode_yuv420p
+from tigas_render.encode.images import encode_jpeg, encode_png, encode_yuv420p
 from tigas_render.raster.base import Depth, Image
 
 Pixels = NDArray[np.uint8]
@@ -27,31 +25,24 @@ class HostImage(Image):
         self._pixels: Pixels | None = pixels
         self._on_close = on_close
 
-    @property
-    def pixels(self) -> Pixels:
-        """uint8 [H, W, 3], C-contiguous. Raises ValueError once the image is closed."""
+    def to_host(self) -> Pixels:
+        """The pixels themselves, C-contiguous. Raises ValueError once the image is closed."""
         if self._pixels is None:
             raise ValueError("the image is closed")
         return self._pixels
 
-    def to_host(self) -> Pixels:
-        """The pixels themselves."""
-        return self.pixels
-
     def encode(self, format: FrameFormat, quality: int) -> bytes:
-        """The image in a file format. Raises ValueError once the image is closed."""
         match format:
             case "jpeg":
-                return encode_jpeg(self.pixels, quality)
+                return encode_jpeg(self.to_host(), quality)
             case "png":
-                return encode_png(self.pixels)
+                return encode_png(self.to_host())
             case "yuv420p":
-                return encode_yuv420p(self.pixels)
+                return encode_yuv420p(self.to_host())
             case _:
                 assert_never(format)
 
     def close(self) -> None:
-        """Give the pixels back."""
         on_close, self._on_close, self._pixels = self._on_close, None, None
         if on_close is not None:
             on_close()

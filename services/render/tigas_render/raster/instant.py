@@ -6,7 +6,6 @@ Tests and benchmarks of everything except rendering use it as the device `instan
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 import functools
 from dataclasses import dataclass
@@ -14,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tigas_common.wire.render import FrameFormat
-from tigas_render.encode.jpeg import encode_jpeg
-from tigas_render.encode.yuv420p import encode_yuv420p
+from tigas_render.encode.images import encode_jpeg, encode_yuv420p
 from tigas_render.gaussians import Batches
 from tigas_render.raster.base import Camera, PreparedScene
 from tigas_render.raster.calls import Call, Calls
@@ -58,12 +56,6 @@ class InstantJob(Job):
             content = pixels.tobytes() if self.format == "png" else encode_yuv420p(pixels)
         return FetchedImage(self.width, self.height, self.format, self.quality, content)
 
-    def explained(self) -> contextlib.AbstractContextManager[None]:
-        return contextlib.nullcontext()
-
-    def close(self, *, failed: bool) -> None:
-        """Do nothing: the job holds no resources."""
-
 
 class InstantRasterizer(LaneRasterizer):
     """Makes grey frames without depth at an unlimited or a given rate."""
@@ -78,13 +70,11 @@ class InstantRasterizer(LaneRasterizer):
         self.frames_in_flight = 1 if frames_per_s else 6  # as many as CUDA's
 
     def pack(self, scene: Batches) -> PreparedScene:
-        """Read the scene and keep nothing of it."""
         for _ in scene.parts:
             pass
         return InstantScene()
 
     def job(self, scene: PreparedScene, camera: Camera, format: FrameFormat, quality: int, *, depth: bool) -> Job:
-        """A grey frame of the camera's size."""
         k = camera.intrinsics
         return InstantJob(k.width, k.height, format, quality, self._size, self._delay)
 

@@ -1,15 +1,20 @@
 """Lanes: native threads that make frames by C calls, so that the event loop's thread is the only one to run Python.
 
-A lane makes one frame at a time: its calls draw the frame, encode it and copy it to the host.
+A lane makes one frame at a time: its calls draw the frame, encode it and copy it to the host. An eventfd starts it, and
+another reports to the event loop. Ordinary Python threads are too slow for 100 viewers: a thread with one call each for
+launches, encoding and readback acquires the GIL five times a frame (docs/results/2026-11-engine-cost.md).
 """
 
 from __future__ import annotations
 
 import itertools
 import logging
+import os
+import signal
+import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,10 +22,19 @@ from numpy.typing import NDArray
 
 from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.depth_segment import CodedDepth
-from tigas_render.encode.png import encode_png
+from tigas_render.encode.images import encode_png
 from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, Rasterizer
-from tigas_render.raster.calls import Calls
-from tigas_render.raster.native_threads import NativeThreads, Stopwatch
+from tigas_render.raster.calls import (
+    FAILED,
+    IS_LAST,
+    MOST_ARGUMENTS,
+    MOST_CALLS,
+    ROWS,
+    STATUS,
+    Calls,
+    Stopwatch,
+    serve,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -50,9 +64,6 @@ class FetchedImage(Image):
         self._check("png")
         return np.frombuffer(self.content, np.uint8).reshape(self.height, self.width, 3).copy()
 
-    def close(self) -> None:
-        """Do nothing: the image holds no memory of its rasteriser."""
-
     def _check(self, format: FrameFormat) -> None:
         if format != self.format:
             raise ValueError(f"the image was encoded as {self.format}, not {format}")
@@ -69,12 +80,11 @@ class Job(ABC):
     def fetched(self) -> FetchedImage | None:
         """The image, after all calls; None if the buffers were too small and have been enlarged for a new attempt."""
 
-    @abstractmethod
     def explained(self) -> AbstractContextManager[None]:
         """A context that translates the device's errors into the service's."""
+        return nullcontext()
 
-    @abstractmethod
-    def close(self, *, failed: bool) -> None:
+    def close(self, *, failed: bool) -> None:  # noqa: B027 - not every job holds any
         """Release the resources. failed: the device may still be using them."""
 
     def run(self) -> FetchedImage:
@@ -120,15 +130,61 @@ class LaneRasterizer(Rasterizer):
 Finished = Callable[[FetchedImage | Exception], None]
 
 
+class _Lane:
+    """A native thread that executes one job's calls at a time."""
+
+    def __init__(self, bit: int, done: int, enter: Callable[[], None]) -> None:
+        self.bit = bit
+        self.order = os.eventfd(0, os.EFD_CLOEXEC)
+        self.watch = Stopwatch(3)
+        self._calls: tuple[Calls, ...] = ()
+        self._table = np.zeros((MOST_CALLS, 1 + MOST_ARGUMENTS), np.int64)
+        self._state = np.zeros(4, np.int64)
+        self.thread = threading.Thread(target=self._run, args=(done, enter), name=f"lane {bit}", daemon=True)
+        self.thread.start()
+
+    def begin(self, job: Job) -> None:
+        """Execute the job's calls in order, until one fails. Raises RuntimeError after `end`."""
+        if self._state[IS_LAST]:
+            raise RuntimeError("the lanes have ended")
+        began, drawn, done = self.watch.readings
+        with job.explained():
+            draw, fetch = job.calls()
+        self._calls = (began, *draw, drawn, *fetch, done)
+        rows = np.concatenate([calls.table for calls in self._calls])
+        self._table[: len(rows)] = rows
+        self._state[ROWS] = len(rows)
+        os.eventfd_write(self.order, 1)
+
+    def check(self) -> None:
+        """Raise the error of the call that failed, if one did."""
+        failed, status = int(self._state[FAILED]), int(self._state[STATUS])
+        if status:
+            for calls in self._calls:
+                if failed < len(calls.table):
+                    raise calls.error(failed, status)
+                failed -= len(calls.table)
+
+    def end(self) -> None:
+        """Exit after the present job, whose end is still reported."""
+        self._state[IS_LAST] = 1
+        os.eventfd_write(self.order, 1)
+
+    def _run(self, done: int, enter: Callable[[], None]) -> None:
+        signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())  # none interrupts a call
+        enter()
+        serve(self.order, done, self.bit, self._table, self._state)
+
+
 class Lanes:
     """The lanes of a rasteriser, owned by one thread, which they never block."""
 
     def __init__(self, count: int, enter: Callable[[], None]) -> None:
-        """enter: called once in each native thread."""
-        self._threads = NativeThreads(count, enter)
-        self._watches = [Stopwatch(3) for _ in range(count)]
-        self._free = list(range(count))
-        self._jobs: dict[int, tuple[Job, Finished]] = {}
+        """count: at most 63; enter: called once in each native thread, must not raise."""
+        self._done = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
+        self._lanes = [_Lane(1 << number, self._done, enter) for number in range(count)]
+        self._free = list(self._lanes)
+        self._jobs: dict[_Lane, tuple[Job, Finished]] = {}
 
     @property
     def free(self) -> int:
@@ -137,13 +193,13 @@ class Lanes:
 
     def fileno(self) -> int:
         """A descriptor that is readable when there is something to `collect`."""
-        return self._threads.fileno()
+        return self._done
 
     def begin(self, job: Job, finished: Finished) -> None:
         """Make a frame in a free lane. `collect` reports the outcome and closes the job."""
         lane = self._free.pop()
         try:
-            self._start(lane, job)
+            lane.begin(job)
         except BaseException:
             self._free.append(lane)
             job.close(failed=True)
@@ -152,7 +208,11 @@ class Lanes:
 
     def collect(self) -> None:
         """Report the outcomes of all finished frames, in arbitrary order."""
-        results = [(self._jobs[lane][1], self._result(lane)) for lane in self._threads.ended()]
+        try:
+            bits = os.eventfd_read(self._done)
+        except BlockingIOError:
+            return
+        results = [(self._jobs[lane][1], self._result(lane)) for lane in self._lanes if bits & lane.bit]
         for finished, result in results:  # after all lanes are free, in case a callback raises
             if result is not None:
                 try:
@@ -160,19 +220,19 @@ class Lanes:
                 except Exception:
                     logger.exception("A frame was not delivered")
 
-    def _result(self, lane: int) -> FetchedImage | Exception | None:
+    def _result(self, lane: _Lane) -> FetchedImage | Exception | None:
         """The outcome of a lane's job, which is then closed; None if it was restarted with larger buffers."""
         job, _ = self._jobs[lane]
         failed = True
         try:
             with job.explained():
-                self._threads.check(lane)
+                lane.check()
                 image = job.fetched()
                 if image is None:
-                    self._start(lane, job)
+                    lane.begin(job)
                     return None
             failed = False
-            image.rendering, image.encoding = self._watches[lane].seconds()
+            image.rendering, image.encoding = lane.watch.seconds()
             result: FetchedImage | Exception = image
         except Exception as error:
             result = error
@@ -186,14 +246,12 @@ class Lanes:
 
     def end(self) -> None:
         """Wait for the frames in flight and accept no more. Callable on any thread."""
-        self._threads.end()
+        for lane in self._lanes:
+            lane.end()
+        for lane in self._lanes:
+            lane.thread.join()
 
     def close(self) -> None:
         """Release the descriptors, after `end` and a last `collect`."""
-        self._threads.close()
-
-    def _start(self, lane: int, job: Job) -> None:
-        with job.explained():
-            began, drawn, done = self._watches[lane].readings
-            draw, fetch = job.calls()
-            self._threads.begin(lane, began, *draw, drawn, *fetch, done)
+        for descriptor in (*(lane.order for lane in self._lanes), self._done):
+            os.close(descriptor)

@@ -1,18 +1,16 @@
-"""Reads PlayCanvas' compressed PLY: 16 bytes a Gaussian, and a byte for each further coefficient of its colour.
+"""Reads and writes PlayCanvas' compressed PLY: 16 bytes a Gaussian, and a byte for each further coefficient.
 
 The format, as https://github.com/playcanvas/splat-transform writes it: chunks of 256 Gaussians have the ranges of
 their positions, scales (logarithms) and, in all but old files, colours as float32; each Gaussian is four uint32, packed
-within these ranges; coefficients are channel-major. `downloads.compressed_ply` writes it.
+within these ranges; then come all further coefficients, channel-major.
 """
 
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +18,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tigas_common.errors import BrokenScene
-from tigas_common.files import open_regular
-from tigas_render.scenes.columns import BLOCK, C0, Columns, Floats, Listener, blocks, with_largest
-from tigas_render.scenes.ply import rest_names
-from tigas_render.scenes.ply_header import REST_COUNTS, Layout, has_lists, read_layout, says_antialiased, size_problem
-from tigas_render.scenes.scene_file import SceneFile, unreadable
+from tigas_render.gaussians import Gaussians
+from tigas_render.scenes.ply import REST_COUNTS, Layout, has_lists, ply_header, read_layout, rest_names, size_problem
+from tigas_render.scenes.scene_file import (
+    BLOCK,
+    C0,
+    Columns,
+    Floats,
+    Listener,
+    Rows,
+    SceneFile,
+    Table,
+    blocks_of_file,
+    with_largest,
+)
 
 CHUNK = 256
 SH_RANGE = 8.0
@@ -33,35 +40,18 @@ POSITION, SCALE, COLOUR = ("x", "y", "z"), ("scale_x", "scale_y", "scale_z"), ("
 RANGES = tuple(f"{end}_{name}" for names in (POSITION, SCALE, COLOUR) for end in ("min", "max") for name in names)
 """The properties of a chunk."""
 PACKED = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
-
-_Rows = NDArray[np.void]
-
-
-@dataclass(frozen=True, slots=True)
-class _Table:
-    """An element's rows in the file."""
-
-    offset: int
-    count: int
-    dtype: np.dtype[np.void]
-
-    @property
-    def end(self) -> int:
-        return self.offset + self.count * self.dtype.itemsize
-
-    def rows(self, file: BufferedReader, start: int, stop: int) -> _Rows:
-        # a mapping each time: pages of earlier ones do not stay resident, as they would with one mapping of the file
-        return np.memmap(file, self.dtype, "r", self.offset + start * self.dtype.itemsize, (stop - start,))
+WRITTEN = 64 * CHUNK
+"""Gaussians that are packed at a time."""
+LOG_SCALE_LIMIT = 20.0
 
 
 @dataclass(frozen=True, slots=True)
 class _Tables:
-    chunks: _Table
-    vertices: _Table
-    coefficients: _Table | None
+    chunks: Table
+    vertices: Table
+    coefficients: Table | None
     sh_degree: int
     file_bytes: int
-    antialiased: bool
 
 
 def is_compressed(start: bytes) -> bool:
@@ -70,64 +60,46 @@ def is_compressed(start: bytes) -> bool:
 
 
 def read_compressed_ply(path: Path) -> SceneFile:
-    """Description of the file. Raises BrokenScene, with one sentence, if its header or size is wrong."""
-    tables = _read_tables(path)
-    return SceneFile(
-        "compressed PLY",
-        (path,),
-        tables.vertices.count,
-        tables.sh_degree,
-        tables.file_bytes,
-        partial(_decode, path),
-        tables.antialiased,
-    )
-
-
-def _read_tables(path: Path) -> _Tables:
+    """Description of the file. Raises OSError, and BrokenScene, with one sentence, if its header or size is wrong."""
     layout = read_layout(path)
     if layout.ply.text:
         raise BrokenScene(f"{path.name} is a compressed PLY as text; such files are binary.")
     tables = dict(_tables(path.name, layout))
-    chunks, vertices = (_table(path.name, tables, name) for name in ("chunk", "vertex"))
+    for name in ("chunk", "vertex"):
+        if name not in tables:
+            raise BrokenScene(f"{path.name} is no compressed PLY: it has no element '{name}'.")
+    chunks, vertices, coefficients, sh_degree = tables["chunk"], tables["vertex"], tables.get("sh"), 0
     _check_fields(path.name, "vertex", vertices, PACKED, "<u4")
     _check_fields(path.name, "chunk", chunks, RANGES if _has_colours(chunks.dtype) else RANGES[:12], "<f4")
     if vertices.count == 0:
         raise BrokenScene(f"{path.name} has 0 vertices, so there is nothing to show.")
     if chunks.count != math.ceil(vertices.count / CHUNK):
         raise BrokenScene(f"{path.name} has {chunks.count} chunks of {CHUNK} for {vertices.count} vertices.")
-    coefficients, sh_degree = tables.get("sh"), 0
     if coefficients is not None:
         rest = len(coefficients.dtype.names or ())
         if rest not in REST_COUNTS or coefficients.count != vertices.count:
             raise BrokenScene(f"{path.name} has {coefficients.count} × {rest} coefficients in its element 'sh'.")
         sh_degree = REST_COUNTS[rest]
         _check_fields(path.name, "sh", coefficients, rest_names(sh_degree), "u1")
-    needed = max(table.end for table in tables.values())
-    if layout.file_bytes != needed:
-        raise BrokenScene(size_problem(path.name, vertices.count, "", needed, layout.file_bytes))
-    antialiased = says_antialiased(layout.ply.comments)
-    return _Tables(chunks, vertices, coefficients, sh_degree, layout.file_bytes, antialiased)
+    file_bytes, needed = layout.file_bytes, max(table.end for table in tables.values())
+    if file_bytes != needed:
+        raise size_problem(path.name, vertices.count, needed, file_bytes)
+    decode = partial(_decode, path, _Tables(chunks, vertices, coefficients, sh_degree, file_bytes))
+    return SceneFile("compressed PLY", (path,), vertices.count, sh_degree, file_bytes, decode, layout.antialiased)
 
 
-def _tables(name: str, layout: Layout) -> Iterator[tuple[str, _Table]]:
+def _tables(name: str, layout: Layout) -> Iterator[tuple[str, Table]]:
     offset = layout.data_offset
     for element in layout.ply.elements:
         if has_lists(element):
             raise BrokenScene(f"{name} has lists in element '{element.name}'; a compressed PLY has none.")
-        table = _Table(offset, layout.counts[element.name], np.dtype(element.dtype("<")))
+        table = Table(offset, layout.counts[element.name], np.dtype(element.dtype("<")))
         yield element.name, table
         offset = table.end
 
 
-def _table(name: str, tables: dict[str, _Table], element: str) -> _Table:
-    try:
-        return tables[element]
-    except KeyError:
-        raise BrokenScene(f"{name} is no compressed PLY: it has no element '{element}'.") from None
-
-
-def _check_fields(name: str, element: str, table: _Table, names: Sequence[str], kind: str) -> None:
-    fields: Mapping[str, Any] = table.dtype.fields or {}
+def _check_fields(name: str, element: str, table: Table, names: Sequence[str], kind: str) -> None:
+    fields: Any = table.dtype.fields or {}
     wrong = next((field for field in names if field not in fields or fields[field][0] != np.dtype(kind)), None)
     if wrong is not None:
         raise BrokenScene(f"{name} has no property '{wrong}' of the right type in element '{element}'.")
@@ -137,27 +109,19 @@ def _has_colours(chunk: np.dtype[np.void]) -> bool:
     return any(name in RANGES[12:] for name in chunk.names or ())
 
 
-def _decode(path: Path, listener: Listener) -> Iterator[Columns]:
-    tables = _read_tables(path)
-    rest = rest_names(tables.sh_degree)
-    try:
-        with open_regular(path) as file:
-            for block in blocks(tables.vertices.count, listener):
-                if os.fstat(file.fileno()).st_size != tables.file_bytes:
-                    raise BrokenScene(f"{path.name} changed while it was being read; load it again.")
-                first, last = block.start // CHUNK, math.ceil(block.stop / CHUNK)
-                chunks = tables.chunks.rows(file, first, last)
-                columns = _columns(tables.vertices.rows(file, block.start, block.stop), chunks, tables.sh_degree)
-                if tables.coefficients is not None:
-                    rows = tables.coefficients.rows(file, block.start, block.stop)
-                    columns.sh[:, 1:] = _coefficients(rows, rest)
-                yield columns
-    except OSError as error:
-        raise unreadable(path, error) from None
-
-
-def _columns(vertices: _Rows, chunks: _Rows, sh_degree: int) -> Columns:
+def _decode(path: Path, tables: _Tables, listener: Listener) -> Iterator[Columns]:
     assert BLOCK % CHUNK == 0  # so that a block begins with a chunk
+    rest = rest_names(tables.sh_degree)
+    for file, block in blocks_of_file(path, tables.file_bytes, tables.vertices.count, listener):
+        chunks = tables.chunks.rows(file, block.start // CHUNK, math.ceil(block.stop / CHUNK))
+        columns = _columns(tables.vertices.rows(file, block.start, block.stop), chunks, tables.sh_degree)
+        if tables.coefficients is not None:
+            rows = tables.coefficients.rows(file, block.start, block.stop)
+            columns.sh[:, 1:] = _coefficients(rows, rest)
+        yield columns
+
+
+def _columns(vertices: Rows, chunks: Rows, sh_degree: int) -> Columns:
     columns = Columns(len(vertices), sh_degree)
     chunk = np.arange(len(vertices)) // CHUNK
     colour = _shares(vertices["packed_color"], (8, 8, 8, 8))
@@ -184,7 +148,7 @@ def _shares(words: NDArray[np.uint32], bits: Sequence[int]) -> Floats:
     return shares
 
 
-def _within(shares: Floats, chunks: _Rows, names: Sequence[str], chunk: NDArray[np.intp]) -> Floats:
+def _within(shares: Floats, chunks: Rows, names: Sequence[str], chunk: NDArray[np.intp]) -> Floats:
     """Shares [N, 3] of the ranges that their chunks have."""
     low, high = (
         np.column_stack([chunks[f"{end}_{name}"] for name in names]).astype(np.float64)[chunk] for end in ("min", "max")
@@ -193,9 +157,93 @@ def _within(shares: Floats, chunks: _Rows, names: Sequence[str], chunk: NDArray[
     return values
 
 
-def _coefficients(rows: _Rows, names: Sequence[str]) -> Floats:
+def _coefficients(rows: Rows, names: Sequence[str]) -> Floats:
     """[len(rows), K − 1, 3], as PlayCanvas decodes bytes: both ends, and the middles of the steps between."""
     content: Floats = np.column_stack([rows[name] for name in names]).astype(np.float32)
     shares = np.where(content == 0, 0, np.where(content == 255, 1, (content + 0.5) / 256))
     values: Floats = ((shares - 0.5) * SH_RANGE).reshape(len(rows), 3, -1).transpose(0, 2, 1)
     return values
+
+
+def write_compressed_ply(
+    path: Path, gaussians: Gaussians, order: NDArray[np.int64], comments: Iterable[str] = ()
+) -> None:
+    """Write the Gaussians with these indices [M] in this order; those of a chunk should be neighbours.
+
+    comments: for the header.
+
+    Memory beyond the arrays themselves is a few megabytes and 16 bytes per Gaussian. Raises OSError.
+    """
+    rest = rest_names(gaussians.sh_degree)
+    elements = [
+        ("chunk", math.ceil(len(order) / CHUNK), "float", RANGES),
+        ("vertex", len(order), "uint", PACKED),
+        *([("sh", len(order), "uchar", rest)] if rest else []),
+    ]
+    blocks = [order[start : start + WRITTEN] for start in range(0, len(order), WRITTEN)]
+    packed: list[NDArray[np.uint32]] = []
+    with path.open("wb") as file:
+        file.write(ply_header(elements, comments))
+        for ranges, words in (_pack(gaussians, block) for block in blocks):
+            file.write(ranges.astype("<f4").tobytes())
+            packed.append(words)
+        for words in packed:
+            file.write(words.astype("<u4").tobytes())
+        for block in blocks if rest else ():
+            file.write(_packed_coefficients(gaussians, block).tobytes())
+
+
+def _pack(gaussians: Gaussians, block: NDArray[np.int64]) -> tuple[Floats, NDArray[np.uint32]]:
+    """A block's ranges [chunks, 18] and words [len(block), 4]."""
+    scales = gaussians.scales[block].clip(np.finfo(np.float32).tiny)
+    positions, position_ranges = _in_chunk(gaussians.means[block])
+    sizes, size_ranges = _in_chunk(np.log(scales).clip(-LOG_SCALE_LIMIT, LOG_SCALE_LIMIT))
+    hues, hue_ranges = _in_chunk(gaussians.sh[:, 0][block] * C0 + 0.5)
+    opacities = gaussians.opacities[block, None]
+    largest, others = _rotations(gaussians.quaternions[block])
+    words = (
+        _packed(positions, (11, 10, 11)),
+        _packed(others, (10, 10, 10)) | largest << 30,
+        _packed(sizes, (11, 10, 11)),
+        _packed(np.concatenate((hues, opacities), axis=1), (8, 8, 8, 8)),
+    )
+    return np.concatenate((position_ranges, size_ranges, hue_ranges), axis=1), np.stack(words, axis=1)
+
+
+def _in_chunk(values: Floats) -> tuple[Floats, Floats]:
+    """Values [N, 3] as shares, 0 to 1, of their chunks' ranges, and these [chunks, 6]: all lows, then all highs."""
+    starts = np.arange(0, len(values), CHUNK)
+    low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
+    chunk = np.arange(len(values)) // CHUNK
+    extent = np.maximum(high.astype(np.float64) - low, np.finfo(np.float32).tiny)
+    return (values - low[chunk]) / extent[chunk], np.concatenate((low, high), axis=1)
+
+
+def _rotations(quaternions: Floats) -> tuple[NDArray[np.uint32], Floats]:
+    """Of unit quaternions w, x, y, z [N, 4] which part is the largest [N], and the others, from 0 to 1 [N, 3]."""
+    largest = np.abs(quaternions).argmax(1)[:, None]
+    positive = quaternions * np.where(np.take_along_axis(quaternions, largest, 1) < 0, -1, 1)
+    others = positive[np.arange(4) != largest].reshape(-1, 3)
+    return largest[:, 0].astype(np.uint32), others / math.sqrt(2) + 0.5
+
+
+def _packed_coefficients(gaussians: Gaussians, block: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """All but the first, [len(block), 3, K − 1]."""
+    rest = gaussians.sh[block, 1:].transpose(0, 2, 1)
+    # 0 is halfway between two steps: the rounding direction alternates, so that it does not become a colour cast
+    side = 1e-4 * np.where(np.indices(rest.shape).sum(0) % 2, 1, -1)
+    return _whole(rest / SH_RANGE + 0.5 + side, 8).astype(np.uint8)
+
+
+def _packed(shares: Floats, bits: Sequence[int]) -> NDArray[np.uint32]:
+    """Pack fractions [N, k], 0 to 1, with the given bits each, the first in the highest bits: [N]."""
+    word = np.zeros(len(shares), np.uint32)
+    for column, each in zip(shares.T, bits, strict=True):
+        word <<= np.uint32(each)
+        word |= _whole(column, each)
+    return word
+
+
+def _whole(shares: Floats, bits: int) -> NDArray[np.uint32]:
+    whole: NDArray[np.uint32] = np.rint(shares.clip(0, 1) * ((1 << bits) - 1)).astype(np.uint32)
+    return whole

@@ -2,9 +2,9 @@
 
 A folder with a lod-meta.json is a scene of streamed SOG; other files in it are its parts. Otherwise the scene is the
 output of INRIA's training, the `point_cloud/iteration_N/point_cloud.ply` with the highest N, since the `input.ply` in
-the same folder is no 3DGS scene; else a file with a scene's ending (`formats.ENDINGS`), identified by its content; else
-the meta.json of SOG. A folder may hold a `preview.jpg` or `preview.png`, a `scene.json` and a `ladder.json`. A single
-file is a scene by its name without the ending. Hidden files (`.name`) are ignored.
+the same folder is no 3DGS scene; else a file with a scene's ending (ENDINGS), whose format its content tells; else the
+meta.json of SOG. A folder may hold a `preview.jpg` or `preview.png`, a `scene.json` and a `ladder.json`. A single file
+is a scene by its name without the ending. Hidden files (`.name`) are ignored.
 
 Symbolic links are followed, also out of the directory, so that models may be on another disk: anybody able to create
 links here could write files as well, and clients name scenes by id only, never by path.
@@ -15,31 +15,32 @@ from __future__ import annotations
 import hashlib
 import logging
 import re
-from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
 from tigas_common.errors import BrokenScene
 from tigas_common.wire.render import Rung
-from tigas_render.scenes.formats import ENDINGS, ending_rank, open_scene, read_scene_file
-from tigas_render.scenes.ladder import FILE as LADDER_FILE
-from tigas_render.scenes.ladder import BrokenLadder, read_ladder
-from tigas_render.scenes.lod_meta import LOD_META
-from tigas_render.scenes.metadata import SceneMetadata, read_metadata
-from tigas_render.scenes.scene_file import SceneFile
-from tigas_render.scenes.sog_files import META
-from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.compressed_ply import is_compressed, read_compressed_ply
+from tigas_render.scenes.ply import MAX_HEADER, read_ply
+from tigas_render.scenes.scene_file import SceneFile, explained, read_start
+from tigas_render.scenes.sog import read_sog
+from tigas_render.scenes.sog_files import META, ZIP
+from tigas_render.scenes.source import SceneMetadata, SceneSource, read_ladder, read_metadata
+from tigas_render.scenes.splat import looks_like_splat, read_splat
+from tigas_render.scenes.spz import GZIP, MAGIC, read_spz
+from tigas_render.scenes.streamed_sog import LOD_META, read_streamed_sog
 
 _log = logging.getLogger(__name__)
 
 SAFE_NAME = re.compile(r"\w[\w .()+-]{0,127}")
 """Pattern of an id."""
+ENDINGS = (".ply", ".sog", ".spz", ".splat")
+"""Endings of files considered as scenes before their content is checked; among several files, the first ending wins."""
 
 
 def scan_directory(directory: Path) -> dict[str, SceneSource]:
     """Every scene of a models directory by id, broken ones included. A directory that cannot be read has none."""
-    paths = scene_paths(directory)
-    return {id: read_folder(path) if _is_folder(path) else read_single(path) for id, path in sorted(paths.items())}
+    return {id: read_source(path) for id, path in sorted(scene_paths(directory).items())}
 
 
 def scene_paths(directory: Path) -> dict[str, Path]:
@@ -50,13 +51,10 @@ def scene_paths(directory: Path) -> dict[str, Path]:
         _log.warning("The models directory %s cannot be read: %s", directory, error.strerror or error)
         return {}
     paths: dict[str, Path] = {}
-    for path in sorted(entries, key=_rank):
-        folder = _is_folder(path)
-        id = path.name if folder else scene_id(path)
-        if not folder and not _is_scene_file(path):
-            continue
+    for path in sorted((path for path in entries if _is_folder(path) or _is_scene_file(path)), key=_rank):
+        id = path.name if _is_folder(path) else scene_id(path)
         if not SAFE_NAME.fullmatch(id):
-            what = "folder" if folder else "file"
+            what = "folder" if _is_folder(path) else "file"
             _log.warning("Skipped the %s %r: its name has characters that an id may not have", what, path.name)
         elif id in paths:
             _log.warning("Skipped the file %s: there is another scene %s", path.name, id)
@@ -65,15 +63,19 @@ def scene_paths(directory: Path) -> dict[str, Path]:
     return paths
 
 
-def _rank(path: Path) -> tuple[bool, int, str]:
+def scene_id(path: Path) -> str:
+    """Id of a single-file scene: its name without the ending."""
+    return path.stem.removesuffix(".compressed")
+
+
+def _rank(path: Path) -> tuple[int, str]:
     """Folders first; of files with one name, the ending decides."""
-    folder = _is_folder(path)
-    return not folder, 0 if folder else ending_rank(path), path.name
+    return -1 if _is_folder(path) else ENDINGS.index(path.suffix.lower()), path.name
 
 
 def _is_scene_file(path: Path) -> bool:
     try:
-        return ending_rank(path) < len(ENDINGS) and path.is_file()
+        return path.suffix.lower() in ENDINGS and path.is_file()
     except OSError:
         return False
 
@@ -81,36 +83,21 @@ def _is_scene_file(path: Path) -> bool:
 def _is_folder(path: Path) -> bool:
     try:
         return path.is_dir()
-    except OSError:  # a link to an unreadable place: a scene that `read_folder` finds broken
+    except OSError:  # a link to an unreadable place: a scene that `read_source` finds broken
         return True
 
 
-def scene_id(path: Path) -> str:
-    """Id of a single-file scene: its name without the ending."""
-    return path.stem.removesuffix(".compressed")
-
-
-def read_folder(folder: Path) -> SceneSource:
-    """The source of a scene in a folder; a broken scene has an `error`."""
-    return _read(folder.name, lambda: find_scene_file(folder), folder)
-
-
-def read_single(path: Path) -> SceneSource:
-    """The source of a single-file scene; a broken scene has an `error`."""
-    return _read(scene_id(path), lambda: path, None)
-
-
-def _read(id: str, find: Callable[[], Path], folder: Path | None) -> SceneSource:
-    metadata, version, preview = SceneMetadata(), "", None
+def read_source(path: Path) -> SceneSource:
+    """The source of a scene in a folder or a single file; a broken scene has an `error`."""
+    is_folder, metadata, version = _is_folder(path), SceneMetadata(), ""
+    id = path.name if is_folder else scene_id(path)
     try:
-        path = find()
-        version = _version(path)
-        if folder is not None:
-            metadata = read_metadata(folder)
-        file = read_scene_file(path)
+        main = find_scene_file(path) if is_folder else path
+        version = _version(main)
+        metadata = read_metadata(path)
+        file = read_scene_file(main)
         version = ",".join(map(_version, file.files))
-        if folder is not None:
-            preview = next(filter(Path.is_file, (folder / f"preview.{end}" for end in ("jpg", "jpeg", "png"))), None)
+        preview = next(filter(Path.is_file, (path / f"preview.{end}" for end in ("jpg", "jpeg", "png"))), None)
     except BrokenScene as error:
         return SceneSource(id, metadata, version, None, error.detail)
     except OSError as error:
@@ -122,7 +109,7 @@ def _read(id: str, find: Callable[[], Path], folder: Path | None) -> SceneSource
         id,
         metadata,
         version,
-        open=lambda listener: open_scene(path, listener),
+        open=lambda listener: read_scene_file(main).open(listener),
         gaussians=file.count,
         sh_degree=file.sh_degree,
         file_bytes=file.file_bytes,
@@ -130,9 +117,9 @@ def _read(id: str, find: Callable[[], Path], folder: Path | None) -> SceneSource
         antialiased=file.antialiased,
         digest=lambda: _sha256(file.files),
         memory_bytes=file.packed_bytes,
-        folder=folder,
+        folder=path if is_folder else None,
         preview=preview,
-        ladder=None if folder is None else _ladder(folder),
+        ladder=_ladder(path),
     )
 
 
@@ -141,17 +128,12 @@ def _version(path: Path) -> str:
     return f"{path}:{status.st_size}:{status.st_mtime_ns}"
 
 
-def scene_file(path: Path) -> SceneFile:
-    """Description of a scene's file, or of the one in a scene's folder. Raises BrokenScene and OSError."""
-    return read_scene_file(find_scene_file(path) if path.is_dir() else path)
-
-
-def _ladder(folder: Path) -> tuple[Rung, ...] | None:
+def _ladder(scene: Path) -> tuple[Rung, ...] | None:
     """Its own; None if it has none that can be used."""
     try:
-        return read_ladder(folder / LADDER_FILE)
-    except BrokenLadder as error:
-        _log.warning("%s: %s It is shown with the server's ladder.", folder.name, error.detail)
+        return read_ladder(scene)
+    except BrokenScene as error:
+        _log.warning("%s: %s It is shown with the server's ladder.", scene.name, error.detail)
         return None
 
 
@@ -166,6 +148,33 @@ def _read_sha256(path: Path, size: int, modified_ns: int) -> str:
     """Checksum of a file, cached while its size and time are unchanged: it may have gigabytes."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def read_scene_file(path: Path) -> SceneFile:
+    """Description of a scene's file in any format, by its content, or of the one in its folder.
+
+    A SOG scene of several files is its meta.json, a streamed one its lod-meta.json. Raises BrokenScene, with one
+    sentence.
+    """
+    with explained(path):
+        if path.is_dir():
+            path = find_scene_file(path)
+        start, file_bytes = read_start(path, MAX_HEADER)
+        if not start:
+            raise BrokenScene(f"{path.name} is empty.")
+        if start.startswith(b"ply"):
+            return read_compressed_ply(path) if is_compressed(start) else read_ply(path)
+        if start.startswith((GZIP, MAGIC)):
+            return read_spz(path)
+        if start.startswith(ZIP):
+            return read_sog(path, bundled=True)
+        if path.name == LOD_META:
+            return read_streamed_sog(path)
+        if path.name == META or start.lstrip().startswith(b"{"):
+            return read_sog(path, bundled=False)
+        if looks_like_splat(start, file_bytes):
+            return read_splat(path)
+    raise BrokenScene(f"{path.name} is no scene: it is neither PLY, SPZ, SOG nor .splat.")
 
 
 def find_scene_file(folder: Path) -> Path:

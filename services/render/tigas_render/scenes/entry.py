@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 import math
 from dataclasses import dataclass
+from urllib.parse import quote
 
 from tigas_common.errors import Overloaded, TigasError
-from tigas_common.wire.render import Rung, StartCamera
+from tigas_common.wire.render import Rung, SceneInfo, StartCamera
 from tigas_render.raster.base import PreparedScene
 from tigas_render.scenes.source import SceneSource
 
@@ -57,3 +58,27 @@ class Entry:
         """To be unloaded once unused."""
         self.progress = 0.0
         """How much of it has been read, from 0 to 1, while it is loading."""
+
+    def info(self, *, builtin: bool) -> SceneInfo:
+        """The scene, for clients."""
+        source, loaded = self.source, self.loaded
+        return SceneInfo(
+            id=source.id,
+            name=source.name,
+            state="loaded" if loaded else "loading" if self.loading else "broken" if self.error else "unloaded",
+            error=self.error,
+            progress=self.progress if self.loading else None,
+            gaussians=loaded.gaussians if loaded else source.gaussians,
+            sh_degree=source.sh_degree,
+            file_bytes=source.file_bytes,
+            file_sha256=self.sha256,
+            format=source.format,
+            antialiased=source.antialiased,
+            memory_bytes=loaded.prepared.nbytes if loaded else 0,
+            preview=f"/scenes/{quote(source.id)}/preview",
+            up=source.metadata.up,
+            camera=self.camera,
+            background=source.metadata.background,
+            ladder=source.ladder,
+            builtin=builtin,
+        )

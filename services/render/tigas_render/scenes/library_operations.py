@@ -22,15 +22,14 @@ from tigas_common.errors import TigasError, UnknownScene
 from tigas_common.files import check_room, move_new, open_regular, read_regular, replace_file, to_disk
 from tigas_common.limits import IdleTimeout
 from tigas_common.parsing import MAX_BODY
-from tigas_render.locked_directory import locked_directory
-from tigas_render.scenes.columns import Listener
-from tigas_render.scenes.directory import SAFE_NAME, scene_file, scene_id, scene_paths
-from tigas_render.scenes.lod_meta import LOD_META
-from tigas_render.scenes.metadata import METADATA
+from tigas_render.local_files import locked_directory
+from tigas_render.scenes.directory import SAFE_NAME, read_scene_file, scene_id, scene_paths
 from tigas_render.scenes.registry import BUILTIN
-from tigas_render.scenes.scene_file import SceneFile
+from tigas_render.scenes.scene_file import Listener, SceneFile
 from tigas_render.scenes.sog_files import META
+from tigas_render.scenes.source import METADATA
 from tigas_render.scenes.streamed_sog import FORMAT as STREAMED
+from tigas_render.scenes.streamed_sog import LOD_META
 
 COPY_BYTES = 1 << 20
 TIMEOUT_S = 30.0
@@ -71,7 +70,7 @@ def add_scene(source: str, directory: Path, id: str | None, listener: Listener, 
         if remote:
             _fetch(source, part, listener, limit)
         else:
-            _copy(scene_file(Path(source)), part)
+            _copy(read_scene_file(Path(source)), part)
         return id, keep(part, directory, id)
 
 
@@ -87,7 +86,7 @@ def check_free(directory: Path, id: str) -> None:
 
 def keep(part: Path, directory: Path, id: str) -> SceneFile:
     """Read all of a file, and move it into the directory as a scene. Raises as `add_scene` does."""
-    file = scene_file(part)
+    file = read_scene_file(part)
     file.check()
     check_free(directory, id)
     path = directory / f"{id}{ENDINGS.get(file.format, '.spz')}"
@@ -104,7 +103,7 @@ def keep(part: Path, directory: Path, id: str) -> SceneFile:
             to_disk(copy)
             move_new(copy, path)
         part.unlink()
-    return scene_file(path)
+    return read_scene_file(path)
 
 
 def _local_id(path: Path) -> str:

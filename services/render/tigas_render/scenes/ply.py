@@ -1,56 +1,185 @@
-"""Loads 3D Gaussian Splatting scenes in INRIA's PLY format.
+"""Reads 3D Gaussian Splatting scenes in INRIA's PLY format.
 
 The format (https://github.com/graphdeco-inria/gaussian-splatting): `scale_*` are logarithms, `opacity` is a logit,
 `rot_*` is a quaternion w, x, y, z of any length, and `f_rest_*` is channel-major: all red coefficients, then green,
-then blue.
+then blue. The header is validated before anything is allocated. Memory for decoding is a few megabytes for any scene.
 """
 
 from __future__ import annotations
 
 import io
 import itertools
-import os
-from collections.abc import Iterable, Iterator, Sequence
+import re
+import textwrap
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+from plyfile import PlyData, PlyElement, PlyListProperty, PlyParseError
 
 from tigas_common.errors import BrokenScene
 from tigas_common.files import open_regular
-from tigas_render.gaussians import Gaussians
-from tigas_render.scenes.columns import BLOCK, Columns, Floats, Listener, blocks, normalised
-from tigas_render.scenes.ply_header import MAX_HEADER, REQUIRED, PlyHeader, read_header
-from tigas_render.scenes.scene_file import SceneFile, unreadable
+from tigas_render.scenes.scene_file import (
+    Columns,
+    Floats,
+    Listener,
+    Rows,
+    SceneFile,
+    Table,
+    blocks,
+    blocks_of_file,
+    normalised,
+    read_start,
+)
 
-_Block = np.ndarray[tuple[int], np.dtype[np.void]]
+MAX_HEADER = 64 * 1024
+"""The longest header, in bytes; one with SH degree 3 takes about 1,500."""
+REST_COUNTS = {0: 0, 9: 1, 24: 2, 45: 3}
+"""Number of f_rest_* properties to SH degree: 3 · ((degree + 1)² − 1)."""
+ANTIALIASED = "SplatRenderMode: mip"
+"""Brush's comment for that."""
+REQUIRED = (
+    *("x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity"),
+    *("scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"),
+)
+
+_END = re.compile(rb"^end_header *\r?\n", re.MULTILINE)
+_LINE = re.compile(rb" *|[!-~][ -~]*|(comment|obj_info)[\t -~]*")
+"""Without its end. plyfile takes more for white space, and would see elements where `_ELEMENT` sees none."""
+_ELEMENT = re.compile(rb"^(element +([!-~]+) +)([0-9]+) *(\r?)$", re.MULTILINE)
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """The header of any PLY but a big-endian one."""
+
+    ply: PlyData
+    """Without any data."""
+    counts: dict[str, int]
+    """Of each element."""
+    data_offset: int
+    """Bytes before the first element."""
+    file_bytes: int
+
+    @property
+    def antialiased(self) -> bool:
+        """Whether a comment of Brush or Postshot says so; the last word counts."""
+        said = False
+        for comment in self.ply.comments:
+            match comment.lower().split():
+                case ["splatrendermode:", mode]:
+                    said = mode == "mip"
+                case ["antialiased", flag]:  # Postshot's
+                    said = flag == "1"
+        return said
 
 
 def read_ply(path: Path) -> SceneFile:
-    """Description of the file. Raises BrokenScene, with one sentence, if it is not an INRIA 3DGS PLY."""
-    header = read_header(path)
+    """Description of the file. Raises OSError, and BrokenScene, with one sentence, if it is not an INRIA 3DGS PLY."""
+    layout = read_layout(path)
+    ply, counts, offset, file_bytes = layout.ply, layout.counts, layout.data_offset, layout.file_bytes
+    if "vertex" not in ply:
+        raise BrokenScene(f"{path.name} has no element 'vertex', so it holds no Gaussians.")
+    vertex, count = ply["vertex"], counts["vertex"]
+    sh_degree = _check_properties(path.name, vertex)
+    if count == 0:
+        raise BrokenScene(f"{path.name} has 0 vertices, so there is nothing to show.")
+    before = ply.elements[: ply.elements.index(vertex)]
+    after = ply.elements[len(before) + 1 :]
+    if ply.text:
+        skip_lines = sum(counts[element.name] for element in before)
+        needed, is_exact = offset + 2 * (skip_lines + count * len(vertex.properties)) - 1, False  # a digit, a separator
+        decoded = partial(_ascii_rows, path, offset, skip_lines, count, vertex.dtype("="))
+    else:
+        for element in before:
+            if has_lists(element):
+                raise BrokenScene(
+                    f"{path.name} has lists in element '{element.name}' before its vertices; put them after."
+                )
+            offset += counts[element.name] * element.dtype("<").itemsize
+        table = Table(offset, count, vertex.dtype("<"))
+        needed, is_exact = table.end, not any(map(has_lists, after))
+        if is_exact:
+            needed += sum(counts[element.name] * element.dtype("<").itemsize for element in after)
+        decoded = partial(_binary_rows, path, file_bytes, table)
+    if file_bytes < needed or (is_exact and file_bytes != needed):
+        raise size_problem(path.name, count, needed, file_bytes, is_exact=is_exact)
     return SceneFile(
-        "PLY", (path,), header.count, header.sh_degree, header.file_bytes, partial(_decode, path), header.antialiased
+        "PLY", (path,), count, sh_degree, file_bytes, partial(_decode, decoded, sh_degree), layout.antialiased
     )
 
 
-def load_ply(path: Path) -> Gaussians:
-    """Load a scene; Gaussians that cannot be drawn are dropped with a warning (`columns.drawable`).
-
-    Memory beyond the arrays themselves is a few megabytes, for any scene. Raises BrokenScene, with one sentence, if the
-    file is not a complete INRIA 3DGS PLY.
-    """
-    return read_ply(path).load()
-
-
-def _decode(path: Path, listener: Listener) -> Iterator[Columns]:
-    header = read_header(path)
+def read_layout(path: Path) -> Layout:
+    """Read a header; reads at most MAX_HEADER bytes, and trusts no size in them. Raises OSError and BrokenScene."""
+    start, file_bytes = read_start(path, MAX_HEADER)
+    header, counts = _header_and_counts(path.name, start, file_bytes)
     try:
-        decoded = _ascii_blocks(path, header) if header.ascii else _binary_blocks(path, header)
-        for _, block in zip(blocks(header.count, listener), decoded, strict=True):
-            yield _columns(block, header.sh_degree)
-    except OSError as error:
-        raise unreadable(path, error) from None
+        # plyfile would continue with the elements, so it gets an empty file
+        ply = PlyData.read(io.BytesIO(_ELEMENT.sub(rb"\g<1>0\4", header)))
+    except (PlyParseError, ValueError, UnicodeDecodeError) as error:
+        reason = textwrap.shorten(str(error), 120, placeholder=" …").rstrip(".")
+        raise BrokenScene(f"{path.name} has a broken PLY header: {reason}.") from None
+    if not ply.text and ply.byte_order == ">":
+        raise BrokenScene(f"{path.name} is a big-endian PLY; save it as binary_little_endian or ascii.")
+    return Layout(ply, counts, len(header), file_bytes)
+
+
+def _header_and_counts(name: str, start: bytes, file_bytes: int) -> tuple[bytes, dict[str, int]]:
+    """The header up to and with its last line, and each element's count."""
+    if not re.match(rb"ply[ \t]*\r?\n", start):
+        raise BrokenScene(f"{name} is not a PLY file: it does not begin with 'ply'.")
+    end = _END.search(start)
+    if end is None:
+        if file_bytes > MAX_HEADER:
+            raise BrokenScene(f"{name} has a header of more than {MAX_HEADER // 1024} KiB; that is no 3DGS PLY.")
+        raise BrokenScene(f"{name} is truncated: its header has no 'end_header'.")
+    header = start[: end.end()]
+    for number, line in enumerate(header.split(b"\n"), 1):
+        line = line.removesuffix(b"\r")
+        if not _LINE.fullmatch(line):
+            raise BrokenScene(f"{name} has a broken PLY header: line {number} is not plain ASCII text.")
+        if line.split(b" ")[0] == b"element" and not _ELEMENT.fullmatch(line):
+            raise BrokenScene(f"{name} has a broken PLY header: line {number} is not 'element', a name and a count.")
+    counts: dict[str, int] = {}
+    for match in _ELEMENT.finditer(header):
+        if len(match[3]) > 18:
+            raise BrokenScene(f"{name} promises an impossible number of elements: {match[3][:20].decode()}….")
+        counts[match[2].decode("ascii", "replace")] = int(match[3])
+    return header, counts
+
+
+def _check_properties(name: str, vertex: PlyElement) -> int:
+    """The SH degree, after a look at the vertices' properties."""
+    properties = {prop.name: prop for prop in vertex.properties}
+    listed = next((prop for prop, kind in properties.items() if isinstance(kind, PlyListProperty)), None)
+    if listed is not None:
+        raise BrokenScene(
+            f"{name} has a list as property '{listed}' of its vertices; Gaussians have plain numbers only."
+        )
+    missing = next((prop for prop in REQUIRED if prop not in properties), None)
+    if missing is not None:
+        raise BrokenScene(f"{name} is not a 3DGS PLY: its vertices have no property '{missing}'.")
+    rest = sum(prop.startswith("f_rest_") for prop in properties)
+    if rest not in REST_COUNTS:
+        raise BrokenScene(f"{name} has {rest} properties f_rest_*; SH degree 0, 1, 2 or 3 has 0, 9, 24 or 45.")
+    missing = next((f"f_rest_{i}" for i in range(rest) if f"f_rest_{i}" not in properties), None)
+    if missing is not None:
+        raise BrokenScene(f"{name} has {rest} properties f_rest_* but no '{missing}'.")
+    return REST_COUNTS[rest]
+
+
+def has_lists(element: PlyElement) -> bool:
+    """Whether its rows are of different lengths."""
+    return any(isinstance(prop, PlyListProperty) for prop in element.properties)
+
+
+def size_problem(name: str, count: int, needed: int, file_bytes: int, *, is_exact: bool = True) -> BrokenScene:
+    """Error about a file with another size than its header announces."""
+    what = "is truncated" if file_bytes < needed else "is longer than its header says"
+    least = "" if is_exact else "at least "
+    return BrokenScene(f"{name} {what}: {count} vertices make {least}{needed} bytes, the file has {file_bytes}.")
 
 
 def ply_header(elements: Iterable[tuple[str, int, str, Iterable[str]]], comments: Iterable[str] = ()) -> bytes:
@@ -66,37 +195,32 @@ def rest_names(sh_degree: int) -> list[str]:
     return [f"f_rest_{i}" for i in range(3 * ((sh_degree + 1) ** 2 - 1))]
 
 
-def _binary_blocks(path: Path, header: PlyHeader) -> Iterator[_Block]:
-    with open_regular(path) as file:
-        # a mapping per block: pages of earlier blocks do not stay resident, as they would with one mapping of the file
-        for start in range(0, header.count, BLOCK):
-            rows = min(BLOCK, header.count - start)
-            offset = header.offset + start * header.dtype.itemsize
-            if os.fstat(file.fileno()).st_size != header.file_bytes:
-                raise BrokenScene(f"{path.name} changed while it was being read; load it again.")
-            yield np.memmap(file, header.dtype, "r", offset, (rows,))
+def _binary_rows(path: Path, file_bytes: int, table: Table, listener: Listener) -> Iterator[Rows]:
+    for file, rows in blocks_of_file(path, file_bytes, table.count, listener):
+        yield table.rows(file, rows.start, rows.stop)
 
 
-def _ascii_blocks(path: Path, header: PlyHeader) -> Iterator[_Block]:
+def _ascii_rows(
+    path: Path, offset: int, skip_lines: int, count: int, dtype: np.dtype[np.void], listener: Listener
+) -> Iterator[Rows]:
     # NumPy's text reader, as plyfile's takes about a microsecond for each number and reads all of the file at once
     with io.TextIOWrapper(open_regular(path), encoding="ascii", errors="replace") as file:
-        file.seek(header.offset)
+        file.seek(offset)
         lines = iter(lambda: file.readline(MAX_HEADER), "")  # bounded: the file may have no line ends at all
-        for _ in itertools.islice(lines, header.skip_lines):
+        for _ in itertools.islice(lines, skip_lines):
             pass
-        for start in range(0, header.count, BLOCK):
-            rows = list(itertools.islice(lines, min(BLOCK, header.count - start)))
-            if start + len(rows) < min(header.count, start + BLOCK):
+        for rows in blocks(count, listener):
+            some = list(itertools.islice(lines, rows.stop - rows.start))
+            if rows.start + len(some) < rows.stop:
                 raise BrokenScene(
-                    f"{path.name} is truncated: it promises {header.count} vertices and has {start + len(rows)}."
+                    f"{path.name} is truncated: it promises {count} vertices and has {rows.start + len(some)}."
                 )
             try:
-                block = np.loadtxt(rows, header.dtype, comments=None, ndmin=1)
+                block = np.loadtxt(some, dtype, comments=None, ndmin=1)
             except (ValueError, OverflowError) as error:
-                raise BrokenScene(
-                    f"{path.name} has a vertex that cannot be read: {_text_error(error, start)}."
-                ) from None
-            if len(block) != len(rows):
+                reason = _text_error(error, rows.start)
+                raise BrokenScene(f"{path.name} has a vertex that cannot be read: {reason}.") from None
+            if len(block) != len(some):
                 raise BrokenScene(f"{path.name} has an empty line among its vertices.")
             yield block
 
@@ -107,23 +231,24 @@ def _text_error(error: Exception, start: int) -> str:
     return f"{first} (counted from vertex {start})" if start else first
 
 
-def _columns(block: _Block, sh_degree: int) -> Columns:
+def _decode(rows: Callable[[Listener], Iterator[Rows]], sh_degree: int, listener: Listener) -> Iterator[Columns]:
     """Decode a block; a Gaussian with a value that is not finite gets an opacity that drops it."""
-    columns = Columns(len(block), sh_degree)
-    with np.errstate(all="ignore"):
-        values = _values(block, REQUIRED)
-        opacities = 1 / (1 + np.exp(-values[:, 6]))
-        columns.means[:] = values[:, 0:3]
-        columns.scales[:] = np.exp(values[:, 7:10])
-        columns.quaternions[:] = normalised(values[:, 10:14])
-        columns.opacities[:] = np.where(np.isfinite(values).all(1), opacities, np.nan)
-        columns.sh[:, 0] = values[:, 3:6]
-        rest = _values(block, rest_names(sh_degree)).reshape(len(block), 3, -1 if sh_degree else 0)
-    columns.sh[:, 1:] = rest.transpose(0, 2, 1)
-    return columns
+    for block in rows(listener):
+        columns = Columns(len(block), sh_degree)
+        with np.errstate(all="ignore"):
+            values = _values(block, REQUIRED)
+            opacities = 1 / (1 + np.exp(-values[:, 6]))
+            columns.means[:] = values[:, 0:3]
+            columns.scales[:] = np.exp(values[:, 7:10])
+            columns.quaternions[:] = normalised(values[:, 10:14])
+            columns.opacities[:] = np.where(np.isfinite(values).all(1), opacities, np.nan)
+            columns.sh[:, 0] = values[:, 3:6]
+            rest = _values(block, rest_names(sh_degree)).reshape(len(block), 3, -1 if sh_degree else 0)
+        columns.sh[:, 1:] = rest.transpose(0, 2, 1)
+        yield columns
 
 
-def _values(block: _Block, names: Sequence[str]) -> Floats:
+def _values(block: Rows, names: Sequence[str]) -> Floats:
     """[rows, len(names)]; a double beyond float32 becomes infinite."""
     values = np.empty((len(block), len(names)), np.float32)
     for i, name in enumerate(names):

@@ -11,18 +11,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from urllib.parse import quote
 
 from tigas_common.errors import BrokenScene, NoRoom, OutOfDeviceMemory, SceneInUse, TigasError, UnknownScene
 from tigas_common.wire.render import SceneInfo
 from tigas_render.gaussians import Batches
 from tigas_render.raster.base import PreparedScene
 from tigas_render.scenes.demo import DEMO_SOURCE
-from tigas_render.scenes.device_memory import with_room
 from tigas_render.scenes.directory import scan_directory
 from tigas_render.scenes.entry import Entry, LoadedScene, LoadingEnded
-from tigas_render.scenes.scene_statistics import SceneStatistics
 from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.start_camera import SceneStatistics
 
 _log = logging.getLogger(__name__)
 
@@ -216,27 +214,13 @@ class SceneRegistry:
         source, entry.progress = entry.source, 0.0
         try:
             self._make_room(entry, source.memory_bytes)
-            loaded = await with_room(lambda: asyncio.to_thread(self._read, entry, source), self.evict)
+            loaded = await self._read_with_room(entry)
             self._make_room(entry, loaded.prepared.nbytes)
             self._check_wanted(entry)
             if source.digest is not None:
                 entry.sha256 = await asyncio.to_thread(source.digest)
-        except TigasError as error:
-            if isinstance(error, BrokenScene):
-                entry.error = error.detail
-            entry.reserved = 0
-            _log.warning("%s was not loaded: %s", source.id, error.detail)
-            return error
-        except OSError as error:  # the file was renamed or removed meanwhile
-            entry.reserved = 0
-            entry.error = f"{source.name} cannot be read: {error.strerror or error}."
-            _log.warning("%s was not loaded: %s", source.id, entry.error)
-            return BrokenScene(entry.error)
-        except Exception:
-            _log.exception("%s was not loaded", source.id)
-            entry.reserved = 0
-            entry.error = f"{source.name} could not be loaded; the server's log says why."
-            return BrokenScene(entry.error)
+        except Exception as error:
+            return self._failed(entry, error)
         else:
             entry.loaded, entry.camera, entry.last_used = loaded, loaded.camera, self._clock()
             _log.info("Loaded %s: %d Gaussians, %.1f MB", source.id, loaded.gaussians, loaded.prepared.nbytes / 1e6)
@@ -245,9 +229,32 @@ class SceneRegistry:
             entry.loading = None
             self._drop_if_leaving(entry)
 
-    def _read(self, entry: Entry, source: SceneSource) -> LoadedScene:
+    def _failed(self, entry: Entry, error: Exception) -> TigasError:
+        """The error of an entry that was not loaded, for its waiters."""
+        name = entry.source.name
+        if isinstance(error, OSError):  # the file was renamed or removed meanwhile
+            error = BrokenScene(f"{name} cannot be read: {error.strerror or error}.")
+        elif not isinstance(error, TigasError):
+            _log.error("%s was not loaded", entry.source.id, exc_info=error)
+            error = BrokenScene(f"{name} could not be loaded; the server's log says why.")
+        if isinstance(error, BrokenScene):
+            entry.error = error.detail
+        entry.reserved = 0
+        _log.warning("%s was not loaded: %s", entry.source.id, error.detail)
+        return error
+
+    async def _read_with_room(self, entry: Entry) -> LoadedScene:
+        """Read a scene; if the device's memory is full, once more after unloading another."""
+        try:
+            return await asyncio.to_thread(self._read, entry)
+        except OutOfDeviceMemory:
+            if not self.evict():
+                raise
+        return await asyncio.to_thread(self._read, entry)  # after the error, which references the allocations
+
+    def _read(self, entry: Entry) -> LoadedScene:
         """In a worker thread: from the file to the rasteriser's form."""
-        statistics = SceneStatistics()
+        source, statistics = entry.source, SceneStatistics()
 
         def listen(progress: float) -> None:
             entry.progress = progress
@@ -310,32 +317,9 @@ class SceneRegistry:
         except KeyError:
             raise UnknownScene(f"There is no scene {scene_id[:100]!r}.") from None
 
-    def _is_builtin(self, source: SceneSource) -> bool:
-        builtin = self._builtin.get(source.id)
-        return builtin is not None and builtin.version == source.version
-
     def _info(self, entry: Entry) -> SceneInfo:
-        source, loaded = entry.source, entry.loaded
-        return SceneInfo(
-            id=source.id,
-            name=source.name,
-            state="loaded" if loaded else "loading" if entry.loading else "broken" if entry.error else "unloaded",
-            error=entry.error,
-            progress=entry.progress if entry.loading else None,
-            gaussians=loaded.gaussians if loaded else source.gaussians,
-            sh_degree=source.sh_degree,
-            file_bytes=source.file_bytes,
-            file_sha256=entry.sha256,
-            format=source.format,
-            antialiased=source.antialiased,
-            memory_bytes=loaded.prepared.nbytes if loaded else 0,
-            preview=f"/scenes/{quote(source.id)}/preview",
-            up=source.metadata.up,
-            camera=entry.camera,
-            background=source.metadata.background,
-            ladder=source.ladder,
-            builtin=self._is_builtin(source),
-        )
+        builtin = self._builtin.get(entry.source.id)
+        return entry.info(builtin=builtin is not None and builtin.version == entry.source.version)
 
 
 class SceneUse:

@@ -1,21 +1,77 @@
-"""Contents announced by a scene's file in any format, validated against its size before any allocation."""
+"""A scene's file in any format: its description, and its Gaussians, decoded a block at a time."""
 
 from __future__ import annotations
 
 import io
+import logging
+import os
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tigas_common.errors import BrokenScene
 from tigas_common.files import open_regular
 from tigas_render.gaussians import Batches, Gaussians
-from tigas_render.scenes.columns import Columns, Listener, drawable
+
+BLOCK = 4096
+"""Gaussians that are read at a time, so that memory for them does not grow with the scene."""
+FARTHEST = 1e9
+"""Scene units: no camera goes farther, and squares of larger standard deviations overflow."""
+C0 = 0.28209479177387814
+"""The spherical harmonic of degree 0: 1 / (2 √π)."""
+
+_log = logging.getLogger(__name__)
+
+Floats = NDArray[np.floating[Any]]
+Rows = NDArray[np.void]
+Listener = Callable[[float], None]
+"""Progress callback of a long task, from 0 to 1; an exception from it ends the task."""
+
+
+class Columns:
+    """Buffer for a block of Gaussians, as float32. Decoders write every row of every array."""
+
+    def __init__(self, count: int, sh_degree: int) -> None:
+        self.means = np.empty((count, 3), np.float32)
+        self.scales = np.empty((count, 3), np.float32)
+        """Standard deviations."""
+        self.quaternions = np.empty((count, 4), np.float32)
+        """w, x, y, z."""
+        self.opacities = np.empty(count, np.float32)
+        """0 to 1; NaN drops a Gaussian."""
+        self.sh = np.empty((count, (sh_degree + 1) ** 2, 3), np.float32)
+
+    def __len__(self) -> int:
+        return len(self.means)
+
+    def only(self, rows: NDArray[np.bool_], sh_degree: int) -> Columns:
+        """Selected rows, with the coefficients of an equal or higher degree; missing ones are 0."""
+        some = Columns(int(np.count_nonzero(rows)), sh_degree)
+        some.means[:], some.scales[:] = self.means[rows], self.scales[rows]
+        some.quaternions[:], some.opacities[:] = self.quaternions[rows], self.opacities[rows]
+        some.sh[:, : self.sh.shape[1]], some.sh[:, self.sh.shape[1] :] = self.sh[rows], 0
+        return some
+
+    def gaussians(self, *, antialiased: bool) -> Gaussians:
+        """The drawable Gaussians: those that are not finite, extend beyond FARTHEST, or lack a rotation are dropped."""
+        usable = np.isfinite(self.quaternions).all(1) & np.isfinite(self.opacities)
+        usable &= np.isfinite(self.sh).all((1, 2))
+        with np.errstate(invalid="ignore"):
+            usable &= (np.abs(self.means) <= FARTHEST).all(1)
+            usable &= ((self.scales >= 0) & (self.scales <= FARTHEST)).all(1)
+        rows: NDArray[np.bool_] | slice = slice(None) if usable.all() else usable
+        arrays = (self.means, self.scales, self.quaternions, self.opacities, self.sh)
+        return Gaussians(*(array[rows] for array in arrays), antialiased=antialiased)
 
 
 @dataclass(frozen=True, slots=True)
 class SceneFile:
-    """A scene's file, or files, as their headers describe them."""
+    """A scene's file, or files, as their headers describe them, validated against their size."""
 
     format: str
     """For people."""
@@ -27,13 +83,14 @@ class SceneFile:
     """0 to 3."""
     file_bytes: int
     decode: Callable[[Listener], Iterator[Columns]]
-    """Reads them from first to last. Raises BrokenScene. It takes a few megabytes, unless its module says otherwise."""
+    """Reads them from first to last. Raises BrokenScene and OSError. It takes a few megabytes, unless its module says
+    otherwise."""
     antialiased: bool = False
     """Whether it was trained with Mip-Splatting's 2D filter, if the file says so."""
 
     def open(self, listener: Listener) -> Batches:
-        """Its Gaussians, to be read with a progress callback. Reading raises BrokenScene."""
-        return Batches(self.count, drawable(self.files[0], self.decode(listener), antialiased=self.antialiased))
+        """Its drawable Gaussians, to be read with a progress callback. Reading raises BrokenScene."""
+        return Batches(self.count, self._drawable(listener))
 
     def check(self) -> None:
         """Read everything, and keep nothing. Raises BrokenScene."""
@@ -49,21 +106,72 @@ class SceneFile:
         """Bytes that it takes when it is loaded, about: rasterisers keep coefficients in half precision."""
         return self.count * (40 + 6 * (self.sh_degree + 1) ** 2)
 
+    def _drawable(self, listener: Listener) -> Iterator[Gaussians]:
+        path, count, kept = self.files[0], 0, 0
+        with explained(path):
+            for columns in self.decode(listener):
+                gaussians = columns.gaussians(antialiased=self.antialiased)
+                count, kept = count + len(columns), kept + len(gaussians)
+                if len(gaussians):
+                    yield gaussians
+        if kept == 0:
+            raise BrokenScene(f"{path.name} has no Gaussian whose attributes are finite and within 10⁹.")
+        if kept < count:
+            _log.warning("%s: dropped %d of %d Gaussians that are not finite, or beyond 10⁹", path, count - kept, count)
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Rows of a binary file."""
+
+    offset: int
+    """Bytes before the first."""
+    count: int
+    dtype: np.dtype[np.void]
+
+    @property
+    def end(self) -> int:
+        """Bytes up to the end of the last."""
+        return self.offset + self.count * self.dtype.itemsize
+
+    def rows(self, file: io.BufferedReader, start: int, stop: int) -> Rows:
+        """Some of them."""
+        # a mapping each time: pages of earlier ones do not stay resident, as they would with one mapping of the file
+        return np.memmap(file, self.dtype, "r", self.offset + start * self.dtype.itemsize, (stop - start,))
+
+
+def blocks(count: int, listener: Listener) -> Iterator[slice]:
+    """Rows in slices of BLOCK; the listener is called after each."""
+    for start in range(0, count, BLOCK):
+        stop = min(start + BLOCK, count)
+        yield slice(start, stop)
+        listener(stop / count)
+
+
+def blocks_of_file(
+    path: Path, file_bytes: int, count: int, listener: Listener
+) -> Iterator[tuple[io.BufferedReader, slice]]:
+    """The open file with each of its `blocks`. Raises OSError, and BrokenScene if its size changes meanwhile."""
+    with open_regular(path) as file:
+        for rows in blocks(count, listener):
+            if os.fstat(file.fileno()).st_size != file_bytes:
+                raise BrokenScene(f"{path.name} changed while it was being read; load it again.")
+            yield file, rows
+
 
 def read_start(path: Path, limit: int) -> tuple[bytes, int]:
-    """A file's first bytes, at most `limit`, and how many it has. Raises BrokenScene."""
+    """A file's first bytes, at most `limit`, and how many it has. Raises OSError."""
+    with open_regular(path) as file:
+        return file.read(limit), os.fstat(file.fileno()).st_size
+
+
+@contextmanager
+def explained(path: Path) -> Iterator[None]:
+    """Turns the system's errors into a BrokenScene."""
     try:
-        with open_regular(path) as file:
-            file_bytes = file.seek(0, io.SEEK_END)
-            file.seek(0)
-            return file.read(limit), file_bytes
+        yield
     except OSError as error:
-        raise unreadable(path, error) from None
-
-
-def unreadable(path: Path, error: OSError) -> BrokenScene:
-    """Broken scene for a file that the system cannot read."""
-    return BrokenScene(f"{path.name} cannot be read: {error.strerror or error}.")
+        raise BrokenScene(f"{path.name} cannot be read: {error.strerror or error}.") from None
 
 
 def check_packed_count(name: str, count: int, file_bytes: int) -> None:
@@ -72,3 +180,20 @@ def check_packed_count(name: str, count: int, file_bytes: int) -> None:
         raise BrokenScene(f"{name} has 0 Gaussians, so there is nothing to show.")
     if count > file_bytes:
         raise BrokenScene(f"{name} promises {count} Gaussians in {file_bytes} bytes; each takes at least one.")
+
+
+def normalised(quaternions: Floats) -> Floats:
+    """Quaternions [N, 4] with length one; NaN where there is no direction."""
+    wide = quaternions.astype(np.float64)  # as the square of a float32 may overflow
+    with np.errstate(all="ignore"):
+        wide /= np.linalg.norm(wide, axis=1, keepdims=True)
+    return wide
+
+
+def with_largest(others: Floats, largest: NDArray[np.integer[Any]]) -> Floats:
+    """Unit quaternions [N, 4] of which three parts [N, 3] are known, and that the one at `largest` [N] is positive."""
+    quaternions = np.empty((len(others), 4), np.float64)
+    quaternions[np.arange(4) != largest[:, None]] = others.reshape(-1)
+    missing = np.sqrt(np.maximum(0, 1 - (others.astype(np.float64) ** 2).sum(1)))
+    quaternions[np.arange(len(others)), largest] = missing
+    return normalised(quaternions)

@@ -9,21 +9,40 @@ from __future__ import annotations
 
 import io
 import math
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, WebPImagePlugin
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
-from tigas_common.errors import BrokenScene
-from tigas_render.scenes.columns import Columns, Listener, blocks, with_largest
-from tigas_render.scenes.scene_file import SceneFile, check_packed_count, unreadable
-from tigas_render.scenes.sog_files import META, Bundle, Folder, SogFiles
-from tigas_render.scenes.sog_meta import MAX_META, PALETTE_WIDTH, Palette, SogMeta, parse_meta
+from tigas_common.errors import BrokenScene, InvalidRequest
+from tigas_common.parsing import parse
+from tigas_common.wire.model import Entries
+from tigas_render.scenes.scene_file import (
+    Columns,
+    Listener,
+    SceneFile,
+    blocks,
+    check_packed_count,
+    explained,
+    with_largest,
+)
+from tigas_render.scenes.sog_files import META, Read, opened
 
+MAX_META = 256 * 1024
+"""Bytes; three codebooks take about 15,000."""
+MOST_COUNT = 1 << 27
+"""Gaussians: more have no room in an image of WebP that Pillow opens."""
+PALETTE_WIDTH = 64
+"""Entries of the palette in a row of its image."""
+
+PLAIN_NAME = re.compile(r"[\w-][\w .-]{0,99}", re.ASCII)
 SPARE_PIXELS = 1 << 16
 """Beyond as many again as there are Gaussians: images have whole rows, and small scenes may have large ones."""
 MOST_IMAGE_BYTES = 1 << 30
@@ -40,44 +59,126 @@ _Pixels = NDArray[np.uint8]
 _Decoder = Callable[[Columns, slice], None]
 """Writes an attribute of some rows."""
 
+Triple = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+Codebook = Annotated[Entries[FiniteFloat], Field(min_length=256, max_length=256)]
+Name = Annotated[str, Field(max_length=100)]
+
+
+class _Part(BaseModel):
+    """A part of a meta.json; unknown fields are ignored."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class Means(_Part):
+    """Positions, as sign(x) · ln(1 + |x|) in 16 bits."""
+
+    mins: Triple
+    maxs: Triple
+    files: tuple[Name, Name]
+    """The lower bytes, and the upper ones."""
+
+
+class Quaternions(_Part):
+    """Rotations."""
+
+    files: tuple[Name]
+
+
+class Coded(_Part):
+    """Scales, as logarithms, or first coefficients with opacities: bytes that choose from a codebook."""
+
+    codebook: Codebook
+    files: tuple[Name]
+
+
+class Palette(_Part):
+    """The other coefficients: each Gaussian chooses an entry."""
+
+    count: int = Field(ge=1, le=1 << 16)
+    bands: int = Field(ge=1, le=3)
+    codebook: Codebook
+    files: tuple[Name, Name]
+    """The entries, and which of them a Gaussian has."""
+
+    @property
+    def coefficients(self) -> int:
+        """Of each colour in an entry."""
+        return (self.bands + 1) ** 2 - 1
+
+
+class SogMeta(_Part):
+    """The content of a meta.json."""
+
+    version: Literal[2]
+    count: int = Field(ge=1, le=MOST_COUNT)
+    antialias: bool = False
+    model: object = None
+    means: Means
+    scales: Coded
+    quats: Quaternions
+    sh0: Coded
+    shN: Palette | None = None
+
+    @property
+    def sh_degree(self) -> int:
+        """0 to 3."""
+        return self.shN.bands if self.shN else 0
+
+    @property
+    def antialiased(self) -> bool:
+        """Whether it was trained so: splat-transform writes it as `model` since version 3."""
+        return self.antialias or self.model == "antialiased"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All images."""
+        palette = self.shN.files if self.shN else ()
+        return (*self.means.files, *self.scales.files, *self.quats.files, *self.sh0.files, *palette)
+
+    @model_validator(mode="after")
+    def _check_names(self) -> Self:
+        for name in self.names:
+            if not PLAIN_NAME.fullmatch(name):
+                raise ValueError(f"{name[:40]!r} is not a plain name of a file next to it")
+        return self
+
 
 def read_sog(path: Path, *, bundled: bool) -> SceneFile:
-    """Description of the scene with this meta.json, or zip. Raises BrokenScene, with one sentence."""
-    try:
-        with _opened(path, bundled) as files:
-            meta = parse_meta(path.name, files.read(META, MAX_META))
-            paths = files.paths(meta.names)
-            file_bytes = sum(each.stat().st_size for each in paths)
-    except OSError as error:
-        raise BrokenScene(f"{path.name}, or an image of it, cannot be read: {error.strerror or error}.") from None
+    """Description of the scene with this meta.json, or zip. Raises OSError, and BrokenScene, with one sentence."""
+    with opened(path, bundled=bundled) as read:
+        meta = _parse_meta(path.name, read(META, MAX_META))
+    files = (path,) if bundled else (path, *(path.with_name(name) for name in dict.fromkeys(meta.names)))
+    file_bytes = 0
+    for file in files:
+        with explained(file):
+            file_bytes += file.stat().st_size
     check_packed_count(path.name, meta.count, file_bytes)
-    return SceneFile(
-        "SOG" if bundled else "SOG folder",
-        paths,
-        meta.count,
-        meta.sh_degree,
-        file_bytes,
-        partial(_decode, path, bundled, meta.count, meta.sh_degree, file_bytes),
-        meta.antialiased,
-    )
+    format = "SOG" if bundled else "SOG folder"
+    decode = partial(_decode, path, bundled, meta.count, meta.sh_degree, file_bytes)
+    return SceneFile(format, files, meta.count, meta.sh_degree, file_bytes, decode, meta.antialiased)
 
 
-def _opened(path: Path, bundled: bool) -> SogFiles:
+def _parse_meta(name: str, content: bytes) -> SogMeta:
+    """Read a meta.json; `name` is the scene file's, for people."""
     try:
-        return Bundle(path) if bundled else Folder(path)
-    except OSError as error:
-        raise unreadable(path, error) from None
+        return parse(SogMeta, content, MAX_META)
+    except InvalidRequest as error:
+        raise BrokenScene(f"{name} has a meta.json that is not one of SOG, version 2: {error.detail}") from None
 
 
 def _decode(
     path: Path, bundled: bool, count: int, sh_degree: int, file_bytes: int, listener: Listener
 ) -> Iterator[Columns]:
-    with _opened(path, bundled) as files:
-        meta = parse_meta(path.name, files.read(META, MAX_META))
+    with opened(path, bundled=bundled) as read:
+        meta = _parse_meta(path.name, read(META, MAX_META))
         if (meta.count, meta.sh_degree) != (count, sh_degree):
             raise BrokenScene(f"{path.name} changed while it was being read; load it again.")
-        images = _Images(files, count, min(file_bytes, MOST_IMAGE_BYTES))
-        parts = _parts(meta, images)
+        images = _Images(read, count, min(file_bytes, MOST_IMAGE_BYTES))
+        parts: list[Callable[[], _Decoder]]
+        parts = [partial(part, meta, images) for part in (_means, _scales, _quaternions, _colours)]
+        if meta.shN:
+            parts.append(partial(_coefficients, meta.shN, images))
         decoders = []
         for done, part in enumerate(parts, 1):
             decoders.append(part())
@@ -92,8 +193,8 @@ def _decode(
 class _Images:
     """The images of a scene, decoded."""
 
-    def __init__(self, files: SogFiles, count: int, limit: int) -> None:
-        self._files = files
+    def __init__(self, read: Read, count: int, limit: int) -> None:
+        self._read = read
         self._count = count
         self._limit = limit
 
@@ -121,7 +222,7 @@ class _Images:
 
     @contextmanager
     def _decoded(self, name: str, fits: Callable[[int, int], bool]) -> Iterator[Image.Image]:
-        content = self._files.read(name, self._limit)
+        content = self._read(name, self._limit)
         size = _webp_size(content)
         if size is None:
             raise BrokenScene(f"{name} is no lossless WebP image.")
@@ -147,15 +248,6 @@ def _webp_size(content: bytes) -> tuple[int, int] | None:
     if content[12:16] == EXTENDED:
         return int.from_bytes(content[24:27], "little") + 1, int.from_bytes(content[27:30], "little") + 1
     return None
-
-
-def _parts(meta: SogMeta, images: _Images) -> list[Callable[[], _Decoder]]:
-    """Decoders of each attribute's images, each returning a writer for a range of rows."""
-    parts: list[Callable[[], _Decoder]]
-    parts = [partial(part, meta, images) for part in (_means, _scales, _quaternions, _colours)]
-    if meta.shN:
-        parts.append(partial(_coefficients, meta.shN, images))
-    return parts
 
 
 def _means(meta: SogMeta, images: _Images) -> _Decoder:

@@ -7,12 +7,14 @@ import os
 import struct
 import zipfile
 import zlib
-from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Self
 
 from tigas_common.errors import BrokenScene
 from tigas_common.files import open_regular
+from tigas_render.scenes.scene_file import explained
 
 META = "meta.json"
 ZIP = b"PK\x03\x04"
@@ -25,88 +27,46 @@ _END = struct.Struct("<4s4HIIH")
 _UNREADABLE = zipfile.BadZipFile, zlib.error, OSError, EOFError, NotImplementedError, RuntimeError, ValueError
 """Errors of Python's zipfile for damaged, encrypted and unusual files in a zip."""
 
-
-class SogFiles(ABC):
-    """A context manager that closes the files it opened."""
-
-    path: Path
-    """The file that was opened first."""
-
-    @abstractmethod
-    def read(self, name: str, limit: int) -> bytes:
-        """A file's content. Raises BrokenScene if it has more than `limit` bytes, or cannot be read."""
-
-    @abstractmethod
-    def paths(self, names: tuple[str, ...]) -> tuple[Path, ...]:
-        """On disk, of the scene with images of these names."""
-
-    def close(self) -> None:  # noqa: B027 - a folder keeps nothing open
-        """Close all open files."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+Read = Callable[[str, int], bytes]
+"""Reads the file with a name. Raises BrokenScene if it has more than a number of bytes, or cannot be read."""
 
 
-class Folder(SogFiles):
-    """A meta.json with its images next to it."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def read(self, name: str, limit: int) -> bytes:
-        path = self.path if name == META else self.path.with_name(name)
-        try:
-            with open_regular(path) as file:
-                size = os.fstat(file.fileno()).st_size
-                content = file.read(min(size, limit) + 1)  # memory for all that it asks for is taken at once
-        except OSError as error:
-            raise BrokenScene(f"{path.name} cannot be read: {error.strerror or error}.") from None
-        return _within(path.name, content, limit)
-
-    def paths(self, names: tuple[str, ...]) -> tuple[Path, ...]:
-        return (self.path, *(self.path.with_name(name) for name in dict.fromkeys(names)))
-
-
-class Bundle(SogFiles):
-    """A zip with a meta.json and its images."""
-
-    def __init__(self, path: Path) -> None:
-        """Raises BrokenScene and OSError."""
-        self.path = path
-        file = open_regular(path)
+@contextmanager
+def opened(path: Path, *, bundled: bool) -> Iterator[Read]:
+    """The files of the scene with this meta.json, or zip. Raises OSError, and BrokenScene for a damaged zip."""
+    if not bundled:
+        yield lambda name, limit: read_file(path.with_name(path.name if name == META else name), limit)
+        return
+    with open_regular(path) as file:
         try:
             _check_directory(path.name, file)
-            self._zip = zipfile.ZipFile(file)
+            bundle = zipfile.ZipFile(file)
         except (zipfile.BadZipFile, NotImplementedError, ValueError, struct.error) as error:
-            file.close()
             raise BrokenScene(f"{path.name} is a damaged zip: {_reason(error)}.") from None
-        except BaseException:
-            file.close()
-            raise
-        self._file = file
+        with bundle:
+            yield partial(_read_entry, path.name, bundle)
 
-    def read(self, name: str, limit: int) -> bytes:
-        try:
-            about = self._zip.getinfo(name)
-            if about.compress_type not in METHODS:  # of others, Python unpacks all that it has read at once
-                raise NotImplementedError("it is neither stored nor deflated")
-            with self._zip.open(about) as entry:
-                content = entry.read(limit + 1)
-        except KeyError:
-            raise BrokenScene(f"{self.path.name} has no {name} in it.") from None
-        except _UNREADABLE as error:
-            raise BrokenScene(f"{self.path.name} has a {name} that cannot be read: {_reason(error)}.") from None
-        return _within(name, content, limit)
 
-    def paths(self, names: tuple[str, ...]) -> tuple[Path, ...]:
-        return (self.path,)
+def read_file(path: Path, limit: int) -> bytes:
+    """A file's content. Raises BrokenScene if it has more than `limit` bytes, or cannot be read."""
+    with explained(path), open_regular(path) as file:
+        size = os.fstat(file.fileno()).st_size
+        content = file.read(min(size, limit) + 1)  # memory for all that it asks for is taken at once
+    return _within(path.name, content, limit)
 
-    def close(self) -> None:
-        self._zip.close()
-        self._file.close()
+
+def _read_entry(bundle_name: str, bundle: zipfile.ZipFile, name: str, limit: int) -> bytes:
+    try:
+        about = bundle.getinfo(name)
+        if about.compress_type not in METHODS:  # of others, Python unpacks all that it has read at once
+            raise NotImplementedError("it is neither stored nor deflated")
+        with bundle.open(about) as entry:
+            content = entry.read(limit + 1)
+    except KeyError:
+        raise BrokenScene(f"{bundle_name} has no {name} in it.") from None
+    except _UNREADABLE as error:
+        raise BrokenScene(f"{bundle_name} has a {name} that cannot be read: {_reason(error)}.") from None
+    return _within(name, content, limit)
 
 
 def _check_directory(name: str, file: io.BufferedReader) -> None:

@@ -1,16 +1,109 @@
-"""An available scene: the source of its Gaussians, and facts known before they are loaded."""
+"""An available scene: the source of its Gaussians, and facts known before they are loaded.
+
+A scene's folder may have a scene.json with metadata, and a ladder.json with quality levels; both are read strictly.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
+from typing import Annotated, Self, TypeVar
 
-from tigas_common.errors import BrokenScene
-from tigas_common.wire.render import Rung
+from pydantic import Field, field_validator, model_validator
+
+from tigas_common.errors import BrokenScene, InvalidRequest
+from tigas_common.files import open_regular
+from tigas_common.parsing import MAX_BODY, parse
+from tigas_common.wire.model import Entries, Point, Unit, WireModel
+from tigas_common.wire.render import Rung, StartCamera
 from tigas_render.gaussians import Batches, Gaussians
-from tigas_render.scenes.columns import Listener
-from tigas_render.scenes.metadata import SceneMetadata
+from tigas_render.scenes.scene_file import Listener, explained
+
+METADATA, LADDER = "scene.json", "ladder.json"
+"""Names in a scene's folder."""
+DEFAULT_UP: Point = (0.0, -1.0, 0.0)
+"""Captures have OpenCV's axes: y points down."""
+SHORTEST_UP = 1e-6
+"""Smallest longest component: the square of a much shorter vector underflows to 0."""
+MAX_RUNGS = 16
+
+Content = TypeVar("Content", bound=WireModel)
+
+
+class SceneMetadata(WireModel):
+    """The content of a scene.json; every field may be left out."""
+
+    name: str | None = Field(default=None, min_length=1, max_length=128)
+    up: Point = DEFAULT_UP
+    camera: StartCamera | None = None
+    background: tuple[Unit, Unit, Unit] = (0.0, 0.0, 0.0)
+    """RGB, 0 to 1."""
+
+    @field_validator("up")
+    @classmethod
+    def _check_up(cls, up: Point) -> Point:
+        if max(map(abs, up)) < SHORTEST_UP:
+            raise ValueError("a vector of length zero points nowhere")
+        return up
+
+    @model_validator(mode="after")
+    def _check_camera(self) -> Self:
+        if self.camera is not None and self.camera.position == self.camera.look_at:
+            raise ValueError("a camera cannot look at its own position")
+        return self
+
+
+class LadderFile(WireModel):
+    """The content of a ladder.json, which `tigas scene ladder` writes."""
+
+    rungs: Annotated[Entries[Rung], Field(min_length=1, max_length=MAX_RUNGS)]
+    """The best first."""
+    views: int | None = Field(default=None, ge=1)
+    """How many views of the scene it was measured on."""
+    version: str | None = Field(default=None, max_length=100)
+    """Of TIGAS, when it was measured."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if len({rung.name for rung in self.rungs}) < len(self.rungs):
+            raise ValueError("two rungs have the same name")
+        for better, worse in pairwise(self.rungs):
+            if worse.expected_kb >= better.expected_kb:
+                raise ValueError(f"{worse.name!r} must have smaller frames than {better.name!r} before it")
+            if worse.psnr_db is not None and better.psnr_db is not None and worse.psnr_db >= better.psnr_db:
+                raise ValueError(f"{worse.name!r} cannot be better than {better.name!r} before it")
+        return self
+
+
+def read_metadata(scene: Path) -> SceneMetadata:
+    """Read the scene.json in a scene's folder; without one, or for a single file, all fields have their defaults.
+
+    Raises BrokenScene with one sentence on the problem.
+    """
+    return _read_json(scene / METADATA, SceneMetadata) or SceneMetadata()
+
+
+def read_ladder(scene: Path) -> tuple[Rung, ...] | None:
+    """The rungs in the ladder.json of a scene's folder; None without one. Raises BrokenScene like `read_metadata`."""
+    ladder = _read_json(scene / LADDER, LadderFile)
+    return None if ladder is None else ladder.rungs
+
+
+def _read_json(path: Path, kind: type[Content]) -> Content | None:
+    with explained(path):
+        try:
+            with open_regular(path) as file:
+                content = file.read(MAX_BODY + 1)
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+    if len(content) > MAX_BODY:
+        raise BrokenScene(f"{path.name} is larger than {MAX_BODY // 1024} KiB.")
+    try:
+        return parse(kind, content)
+    except InvalidRequest as error:
+        raise BrokenScene(f"{path.name} is not valid: {error.detail}") from None
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -28,8 +28,16 @@ from numpy.typing import NDArray
 
 from tigas_common.errors import BrokenScene
 from tigas_common.files import open_regular
-from tigas_render.scenes.columns import Columns, Floats, Listener, blocks, normalised, with_largest
-from tigas_render.scenes.scene_file import SceneFile, check_packed_count, unreadable
+from tigas_render.scenes.scene_file import (
+    Columns,
+    Floats,
+    Listener,
+    SceneFile,
+    blocks,
+    check_packed_count,
+    normalised,
+    with_largest,
+)
 
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
@@ -93,71 +101,49 @@ class _Header:
     count: int
     sh_degree: int
     fractional_bits: int
-    flags: int
-    streams: int
-    """Version 4."""
+    starts: tuple[int, ...] = ()
+    """Of version 4: where the columns begin."""
 
     @property
-    def antialiased(self) -> bool:
-        return bool(self.flags & _ANTIALIASED)
-
-    @property
-    def widths(self) -> tuple[int, ...]:
+    def widths(self) -> dict[int, int]:
         """Bytes that a Gaussian has in each column: position, opacity, colour, scale, rotation, other coefficients."""
-        return 9, 1, 3, 3, 3 if self.version == 2 else 4, 3 * ((self.sh_degree + 1) ** 2 - 1)
+        widths = (9, 1, 3, 3, 3 if self.version == 2 else 4, 3 * ((self.sh_degree + 1) ** 2 - 1))
+        return {column: width for column, width in enumerate(widths) if width}
 
 
 def read_spz(path: Path) -> SceneFile:
-    """Read and check a file's header. Raises BrokenScene, with one sentence, if it is unreadable."""
+    """Description of the file. Raises OSError, and BrokenScene, with one sentence, if its header is unreadable."""
     with _opened(path) as file:
         file_bytes = file.seek(0, io.SEEK_END)
         file.seek(0)
-        header = _read_header(path.name, _unpacked(file))
-        check_packed_count(path.name, header.count, file_bytes)
-        if header.version == 4:
-            _streams(path.name, file, header, file_bytes)
-    return SceneFile(
-        f"SPZ {header.version}",
-        (path,),
-        header.count,
-        header.sh_degree,
-        file_bytes,
-        partial(_decode, path),
-        header.antialiased,
-    )
+        header, antialiased = _read_header(path.name, file, file_bytes)
+    decode = partial(_decode, path, header)
+    return SceneFile(f"SPZ {header.version}", (path,), header.count, header.sh_degree, file_bytes, decode, antialiased)
 
 
-def _decode(path: Path, listener: Listener) -> Iterator[Columns]:
+def _decode(path: Path, header: _Header, listener: Listener) -> Iterator[Columns]:
     with _opened(path) as file:
-        file_bytes = file.seek(0, io.SEEK_END)
-        file.seek(0)
-        header = _read_header(path.name, _unpacked(file))
-        check_packed_count(path.name, header.count, file_bytes)
-        streams = _column_streams(path.name, file, header, file_bytes)
+        streams = _column_streams(path.name, file, header)
         for block in blocks(header.count, listener):
             rows = block.stop - block.start
             columns = Columns(rows, header.sh_degree)
-            for i, stream in streams.items():
-                width = header.widths[i]
+            for (column, width), stream in zip(header.widths.items(), streams, strict=True):
                 content = np.frombuffer(_exactly(path.name, stream, rows * width), np.uint8)
-                _fill(columns, i, content.reshape(rows, width), header)
+                _fill(columns, column, content.reshape(rows, width), header)
             yield columns
 
 
-def _column_streams(name: str, file: io.BufferedReader, header: _Header, file_bytes: int) -> dict[int, _Stream]:
-    """Readers of the non-empty columns, by number."""
-    numbers = [i for i, width in enumerate(header.widths) if width]
+def _column_streams(name: str, file: io.BufferedReader, header: _Header) -> list[_Stream]:
+    """Readers of the columns."""
     if header.version == 4:
-        starts = _streams(name, file, header, file_bytes)
-        unpacker = zstandard.ZstdDecompressor
-        return {i: unpacker().stream_reader(_from(file, at)) for i, at in zip(numbers, starts, strict=True)}
-    streams: dict[int, _Stream] = {}
+        return [zstandard.ZstdDecompressor().stream_reader(_from(file, start)) for start in header.starts]
+    streams: list[_Stream] = []
     skipped = _HEADER.size
-    for i in numbers:
-        streams[i] = _Inflated(_from(file, 0))
+    for width in header.widths.values():
+        streams.append(_Inflated(_from(file, 0)))
         for start in range(0, skipped, PACKED_BYTES):
-            _exactly(name, streams[i], min(PACKED_BYTES, skipped - start))
-        skipped += header.widths[i] * header.count
+            _exactly(name, streams[-1], min(PACKED_BYTES, skipped - start))
+        skipped += width * header.count
     return streams
 
 
@@ -168,28 +154,22 @@ def _opened(path: Path) -> Iterator[io.BufferedReader]:
             yield file
     except (EOFError, zlib.error, zstandard.ZstdError) as error:
         raise BrokenScene(f"{path.name} is damaged: {str(error).rstrip('.')}.") from None
-    except OSError as error:
-        raise unreadable(path, error) from None
 
 
 def _from(file: io.BufferedReader, at: int) -> io.BufferedReader:
     return io.BufferedReader(_At(file, at), PACKED_BYTES)
 
 
-def _unpacked(file: io.BufferedReader) -> _Stream:
-    """Where the header is: in a gzip stream, or plainly there."""
+def _read_header(name: str, file: io.BufferedReader, file_bytes: int) -> tuple[_Header, bool]:
+    """The header, in a gzip stream or plainly there, and whether the scene was trained antialiased."""
     packed = file.read(2) == GZIP
     file.seek(0)
-    return _Inflated(file) if packed else file
-
-
-def _read_header(name: str, stream: _Stream) -> _Header:
     magic, version, count, sh_degree, fractional_bits, flags, streams = _HEADER.unpack(
-        _exactly(name, stream, _HEADER.size)
+        _exactly(name, _Inflated(file) if packed else file, _HEADER.size)
     )
     if magic != MAGIC:
         raise BrokenScene(f"{name} is no SPZ: it does not begin with {MAGIC.decode()!r}.")
-    if version not in (2, 3, 4) or (version == 4) == isinstance(stream, _Inflated):
+    if version not in (2, 3, 4) or (version == 4) == packed:
         raise BrokenScene(f"{name} has version {version} of SPZ; 2 and 3 in gzip, and 4, can be read.")
     if sh_degree > 3:
         raise BrokenScene(f"{name} has SH degree {sh_degree}; 0 to 3 can be read.")
@@ -197,27 +177,30 @@ def _read_header(name: str, stream: _Stream) -> _Header:
         raise BrokenScene(f"{name} has {fractional_bits} fractional bits in its positions, which have 24.")
     if flags & _EXTENSIONS:
         raise BrokenScene(f"{name} has extensions of SPZ, which cannot be read; write it again without them.")
-    return _Header(version, count, sh_degree, fractional_bits, flags, streams)
+    check_packed_count(name, count, file_bytes)
+    header = _Header(version, count, sh_degree, fractional_bits)
+    if version == 4:
+        header = replace(header, starts=_starts(name, file, header, streams, file_bytes))
+    return header, bool(flags & _ANTIALIASED)
 
 
-def _streams(name: str, file: io.BufferedReader, header: _Header, file_bytes: int) -> list[int]:
+def _starts(name: str, file: io.BufferedReader, header: _Header, streams: int, file_bytes: int) -> tuple[int, ...]:
     """Where the columns of version 4 begin, after a look at the table of them."""
     file.seek(_HEADER.size)
     (table,) = _TABLE.unpack(_exactly(name, file, _TABLE.size))
-    widths = [width for width in header.widths if width]
-    if header.streams != len(widths):
-        raise BrokenScene(f"{name} has {header.streams} streams where {len(widths)} belong.")
+    if streams != len(header.widths):
+        raise BrokenScene(f"{name} has {streams} streams where {len(header.widths)} belong.")
     file.seek(table)
-    entries = [_ENTRY.unpack(_exactly(name, file, _ENTRY.size)) for _ in widths]
+    entries = [_ENTRY.unpack(_exactly(name, file, _ENTRY.size)) for _ in header.widths]
     start, starts = file.tell(), []
-    for width, (packed, unpacked) in zip(widths, entries, strict=True):
+    for width, (packed, unpacked) in zip(header.widths.values(), entries, strict=True):
         if unpacked != width * header.count:
             raise BrokenScene(f"{name} has a stream of {unpacked} bytes where {width * header.count} belong.")
         starts.append(start)
         start += packed
     if start > file_bytes:
         raise BrokenScene(f"{name} is truncated: its streams end at byte {start}, the file has {file_bytes}.")
-    return starts
+    return tuple(starts)
 
 
 def _exactly(name: str, stream: _Stream, size: int) -> bytes:

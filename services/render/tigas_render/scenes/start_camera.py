@@ -8,6 +8,7 @@ Gaussians where there is the most to see.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from tigas_common.wire.model import Point
 from tigas_common.wire.render import StartCamera
-from tigas_render.gaussians import Floats
+from tigas_render.gaussians import Batches, Floats, Gaussians
 
 Doubles = NDArray[np.float64]
 
@@ -34,12 +35,44 @@ FRONT_BIAS = 0.12
 """Bonus for a view along +z: the front in capturing tools, and azimuth 0 of the protocol."""
 
 
-def derive_camera(means: Floats, opacities: Floats, scales: Floats, up: Point) -> StartCamera:
-    """Start camera of a scene of means [N, 3], opacities [N] and scales [N, 3] (standard deviations).
+class SceneStatistics:
+    """Statistics of a scene, collected while its Gaussians pass on their way to the rasteriser."""
 
-    `up` points up in the scene; it need not have length one.
-    """
-    points, radii = _sample(means, opacities, scales)
+    def __init__(self) -> None:
+        self.count = 0
+        """Number of Gaussians that can be drawn."""
+        self.low: NDArray[np.float32] = np.full(3, np.inf, np.float32)
+        self.high: NDArray[np.float32] = np.full(3, -np.inf, np.float32)
+        """Bounds of their centres, [3]."""
+        self._some: list[Gaussians] = []
+
+    def collect(self, scene: Batches) -> Batches:
+        """The same batches; reading them collects the statistics, which are complete in the end."""
+        return Batches(scene.most, self._collected(scene))
+
+    def _collected(self, scene: Batches) -> Iterator[Gaussians]:
+        step = max(1, scene.most // SAMPLE)
+        for part in scene.parts:
+            self.low = np.minimum(self.low, part.means.min(0))
+            self.high = np.maximum(self.high, part.means.max(0))
+            self._some.append(Gaussians(*(array[-self.count % step :: step].copy() for array in part.arrays)))
+            self.count += len(part)
+            yield part
+
+    @property
+    def sample(self) -> Gaussians:
+        """About SAMPLE Gaussians, spread evenly over the file."""
+        columns = zip(*(some.arrays for some in self._some), strict=True)
+        return Gaussians(*(np.concatenate(parts) for parts in columns))
+
+    def camera(self, up: Point) -> StartCamera:
+        """A start camera, as by `derive_camera`."""
+        return derive_camera(self.sample, up)
+
+
+def derive_camera(gaussians: Gaussians, up: Point) -> StartCamera:
+    """Start camera of a scene. `up` points up in it, and need not have length one."""
+    points, radii = _sample(gaussians.means, gaussians.opacities, gaussians.scales)
     frame = _level_frame(up)
     points = points @ frame.T  # [S, 3]: right, down, forward
     low, high = np.quantile(points, (0.015, 0.985), axis=0)

@@ -11,20 +11,76 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
-from tigas_common.errors import BrokenScene
-from tigas_render.scenes.columns import Columns, Listener
-from tigas_render.scenes.lod_meta import LOD_META, MAX_LOD_META, finest, parse_lod_meta
-from tigas_render.scenes.scene_file import SceneFile
-from tigas_render.scenes.sog import read_sog
-from tigas_render.scenes.sog_files import META, Folder
+from tigas_common.errors import BrokenScene, InvalidRequest
+from tigas_common.parsing import parse
+from tigas_common.wire.model import Entries
+from tigas_render.scenes.scene_file import Columns, Listener, SceneFile, explained
+from tigas_render.scenes.sog import MOST_COUNT, PLAIN_NAME, read_sog
+from tigas_render.scenes.sog_files import META, read_file
 
 FORMAT = "streamed SOG"
+LOD_META = "lod-meta.json"
+MAX_LOD_META = 16 << 20
+"""Bytes; a leaf of the tree takes some 500."""
+MOST_FILES = 4096
+"""Of all levels; splat-transform puts half a million Gaussians into each."""
 ENVIRONMENTS = ("environment.sog", f"environment/{META}")
 """The environment of a scene without one in its lod-meta.json."""
+
+
+def _checked(name: str) -> str:
+    if not all(map(PLAIN_NAME.fullmatch, name.split("/"))):
+        raise ValueError(f"{name[:40]!r} is not a plain name of a file in a folder next to it")
+    return name
+
+
+def _without_slash(name: object) -> object:
+    return name.removesuffix("/") if isinstance(name, str) else name
+
+
+Name = Annotated[str, Field(max_length=200), AfterValidator(_checked)]
+Level = Annotated[int, Field(ge=0, lt=64)]
+"""Of detail; 0 is the finest."""
+Index = Annotated[int, Field(ge=0, le=MOST_COUNT)]
+"""Of a Gaussian in a file, or how many there are."""
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Gaussians that follow each other in a file."""
+
+    file: int
+    """Its place among the names."""
+    offset: Index
+    count: Index
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A leaf, if it has levels of detail; otherwise its children make it up."""
+
+    children: Entries[Node] = ()
+    lods: dict[Level, Run] | None = None
+
+
+class LodMeta(BaseModel):
+    """The content of a lod-meta.json; unknown fields are ignored."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    version: Literal[1] = 1
+    """Files from before there were versions have none."""
+    filenames: Annotated[Entries[Name], Field(max_length=MOST_FILES)]
+    tree: Node
+    environment: Annotated[Name, BeforeValidator(_without_slash)] | None = None
+    """The environment of the scene, always drawn: a SOG file, its meta.json, or the folder of that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +90,7 @@ class _Part:
     name: str
     """The file's, as the lod-meta.json has it."""
     file: SceneFile
-    runs: tuple[range, ...]
+    runs: list[range]
 
     @property
     def count(self) -> int:
@@ -55,10 +111,13 @@ class _Part:
 
 def read_streamed_sog(path: Path) -> SceneFile:
     """Description of the scene with this lod-meta.json. Raises BrokenScene, with one sentence."""
-    content = Folder(path).read(LOD_META, MAX_LOD_META)
-    meta = parse_lod_meta(path.name, content)
+    content = read_file(path, MAX_LOD_META)
+    try:
+        meta = parse(LodMeta, content, MAX_LOD_META)
+    except InvalidRequest as error:
+        raise BrokenScene(f"{path.name} is not one of streamed SOG, version 1: {error.detail}") from None
     environment = _environment(path.parent, meta.environment)
-    parts = [_part(path, name, runs) for name, runs in finest(path.name, meta).items() if name != environment]
+    parts = [_part(path, name, runs) for name, runs in _finest(path.name, meta).items() if name != environment]
     if environment is not None:
         parts.append(_part(path, environment, None))
     if not parts:
@@ -75,6 +134,29 @@ def read_streamed_sog(path: Path) -> SceneFile:
     )
 
 
+def _finest(name: str, meta: LodMeta) -> dict[str, list[range]]:
+    """Of each file, the Gaussians that are the finest level of a leaf, in their order there."""
+    chosen: dict[str, list[range]] = {}
+    waiting = [meta.tree]
+    while waiting:
+        node = waiting.pop()
+        if node.lods is None:
+            waiting.extend(reversed(node.children))
+            continue
+        levels = [level for level, run in node.lods.items() if run.count]
+        if not levels:
+            continue
+        run = node.lods[min(levels)]
+        if not 0 <= run.file < len(meta.filenames):
+            raise BrokenScene(f"{name} takes Gaussians from file {run.file}, and names {len(meta.filenames)} files.")
+        chosen.setdefault(meta.filenames[run.file], []).append(range(run.offset, run.offset + run.count))
+    for file, runs in chosen.items():
+        runs.sort(key=lambda run: run.start)
+        if any(before.stop > after.start for before, after in pairwise(runs)):
+            raise BrokenScene(f"{name} takes some Gaussians of {file} twice.")
+    return chosen
+
+
 def _environment(folder: Path, named: str | None) -> str | None:
     """The environment's file: the named one, or one found in the scene's folder."""
     if named is not None:
@@ -89,7 +171,7 @@ def _part(scene: Path, name: str, runs: list[range] | None) -> _Part:
     runs = [range(file.count)] if runs is None else runs
     if runs[-1].stop > file.count:
         raise BrokenScene(f"{scene.name} takes {runs[-1].stop} Gaussians or more of {name}, which has {file.count}.")
-    return _Part(name, file, tuple(runs))
+    return _Part(name, file, runs)
 
 
 def _decode(parts: list[_Part], sh_degree: int, listener: Listener) -> Iterator[Columns]:
@@ -107,6 +189,7 @@ def _heard(listener: Listener, done: int, count: int, total: int, share: float) 
 def _named(name: str) -> Iterator[None]:
     """Says which of the files is broken."""
     try:
-        yield
+        with explained(Path(name)):
+            yield
     except BrokenScene as error:
         raise BrokenScene(f"{name}: {error.detail}") from None

@@ -9,14 +9,14 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from tigas_common.errors import Overloaded, TigasError
+from tigas_common.errors import BrokenScene, Overloaded, TigasError
 from tigas_common.files import storage_explained
 from tigas_common.offload import Limit, Offload, offload_to_process
-from tigas_render.scenes.library_operations import remove_scene, rename_scene
+from tigas_render.scenes.directory import read_scene_file
+from tigas_render.scenes.library_operations import NotAdded, keep, remove_scene, rename_scene
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.settings import RenderSettings
 from tigas_render.single_flight import SingleFlight
-from tigas_render.uploads.checking import keep_upload
 from tigas_render.uploads.parts import MODELS, ScenesFixed, Uploads, WrongOffset, open_uploads
 
 _log = logging.getLogger(__name__)
@@ -103,3 +103,27 @@ class Library:
         _log.info("%s was uploaded: %.1f MB", upload.scene, upload.length / 1e6)
         await self._registry.scan()
         return upload.scene
+
+
+def keep_upload(uploads: Uploads, id: str) -> None:
+    """Check an upload that is whole, and make it a scene, unless it is one already.
+
+    In a process of its own, as the file may be hostile. Raises UnknownUpload, NotAdded, BrokenScene and MemoryError.
+    """
+    upload = uploads.get(id)
+    try:
+        with uploads.locked(upload):
+            if uploads.get(id).added:  # by a check that outlived its service
+                return
+            needed = read_scene_file(upload.path).packed_bytes
+            if needed > uploads.limit:
+                raise BrokenScene(
+                    f"{upload.scene} takes {needed / 1e6:.1f} MB in memory, and all scenes together may take"
+                    f" {uploads.limit / 1e6:.1f} MB."
+                )
+            uploads.note_adding(upload)
+            keep(upload.path, uploads.models, upload.scene)
+    except OSError as error:
+        raise NotAdded(f"{upload.scene} could not be kept: {error.strerror or error}.") from None
+    except RuntimeError as error:  # PyTorch's for a lack of memory
+        raise MemoryError from error

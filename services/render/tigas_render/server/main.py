@@ -16,7 +16,7 @@ from tigas_common.resources import keep_together
 from tigas_common.runner import until_stopped
 from tigas_common.settings import MODELS
 from tigas_common.terminal import printable
-from tigas_render.cache import kept_key
+from tigas_render.local_files import kept_key
 from tigas_render.raster.devices import create_rasterizer
 from tigas_render.server.app import STATIC, create_app
 from tigas_render.server.certificates import CertificateKeeper
@@ -35,10 +35,7 @@ SWITCH_S = 0.0001
 
 
 async def serve(settings: RenderSettings) -> None:
-    """Run the render service in this process until SIGINT or SIGTERM.
-
-    Raises StartError, also once the device is lost.
-    """
+    """Run the render service in this process until SIGINT or SIGTERM. Raises StartError, also for a lost device."""
     async with AsyncExitStack() as stack:
         sockets = stack.enter_context(PublicSockets.bound(settings, 1))
         service = await stack.enter_async_context(opened(settings, say))
@@ -109,8 +106,7 @@ async def until_stopped_or_lost(stop: Coroutine[None, None, None], service: Rend
 
 
 def _prepare_directory(settings: RenderSettings) -> None:
-    """Make the models directory if it is the default, or if pages may add scenes: otherwise its name may be
-    mistyped.
+    """Make the models directory if it is the default or pages may add scenes; any other name may be mistyped.
 
     If the default cannot be made, only the built-in scenes are available. Raises StartError.
     """
@@ -127,10 +123,7 @@ def _prepare_directory(settings: RenderSettings) -> None:
 
 
 def announcement(service: RenderService, http_port: int, devices: Sequence[str]) -> list[str]:
-    """The start message; from now on the service knows its own URL as well.
-
-    devices: all rendering devices.
-    """
+    """The start message, with all rendering devices; from now on the service knows its own URL as well."""
     http = Address(service.settings.http.host, http_port)
     service.url = f"http://{http.reachable_host}:{http.port}"
     lines = []

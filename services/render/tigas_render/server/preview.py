@@ -17,7 +17,7 @@ from tigas_common.files import read_regular
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.model import Point
 from tigas_common.wire.render import StartCamera
-from tigas_render.cache import write_to_cache
+from tigas_render.local_files import write_to_cache
 from tigas_render.raster.base import Camera
 from tigas_render.scenes.source import SceneSource
 from tigas_render.single_flight import SingleFlight

@@ -44,16 +44,10 @@ class PublicSockets:
         return int(self.quic[0][0].getsockname()[1]) if self.quic else None
 
     def fds(self) -> tuple[int, ...]:
-        """The file descriptors of all edges."""
+        """The file descriptors of all edges, each of which inherits them all."""
         tcp = (self.http,) if self.https is None else (self.http, self.https)
         groups = (tcp, *self.quic, *self.relays)
         return tuple(sock.fileno() for group in groups for sock in group)
-
-    def fds_of_others(self, edge: int) -> tuple[int, ...]:
-        """Sockets that an edge, by its number, does not need."""
-        quic = (sock for number, group in enumerate(self.quic) if number != edge for sock in group)
-        inboxes = (inbox for number, (inbox, _) in enumerate(self.relays) if number != edge)
-        return tuple(sock.fileno() for sock in (*quic, *inboxes))
 
     @classmethod
     @contextmanager

@@ -32,8 +32,7 @@ from tigas_common.wire.render import (
 from tigas_render.admission.edge_loads import EdgeLoads
 from tigas_render.admission.load import LoadState
 from tigas_render.admission.viewers import ViewerAdmission
-from tigas_render.downloads.cache import DownloadCache
-from tigas_render.downloads.readers import Readers
+from tigas_render.downloads.cache import DownloadCache, Readers
 from tigas_render.engine.engine import Engine
 from tigas_render.engine.metrics import EngineMetrics
 from tigas_render.enhance.shelf import Shelf
@@ -45,7 +44,6 @@ from tigas_render.scenes.source import SceneSource
 from tigas_render.server.library import Library
 from tigas_render.server.preview import Preview, PreviewCache, preview_camera
 from tigas_render.settings import RenderSettings
-from tigas_render.single_flight import Repeated
 from tigas_render.transport.certificate import Certificate
 
 logger = logging.getLogger(__name__)
@@ -111,7 +109,7 @@ class RenderService(FrameSource):
         self._why_no_training = why_no_training()
         self.downloads = DownloadCache(settings.cache / "downloads", int(settings.downloads_gb * 1e9))
         self.readers = Readers()
-        self.rescan = Repeated(self.registry.scan).run
+        self.rescan = self.registry.scan
         self.library = Library(settings, self.registry)
         self._previews = PreviewCache(settings.cache, self._render_preview)
 
@@ -217,10 +215,7 @@ class RenderService(FrameSource):
         return state.model_copy(update={"problem": await asyncio.to_thread(self.shelf.problem, source)})
 
     def train(self, scene_id: str) -> Training:
-        """Train a scene's networks on its views.
-
-        Raises UnknownScene, BrokenScene, NoTraining, TrainingRuns and NoPlace.
-        """
+        """Train a scene's networks. Raises UnknownScene, BrokenScene, NoTraining, TrainingRuns and NoPlace."""
         source = self.registry.source(scene_id)
         if source.error is not None:
             raise BrokenScene(source.error)

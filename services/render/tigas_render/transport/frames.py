@@ -17,8 +17,7 @@ from tigas_common.wire.render import FrameHeader, RenderRequest
 from tigas_render.admission.load import Load
 from tigas_render.admission.viewers import RequestRate
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
-from tigas_render.transport.datagrams import Datagrams
-from tigas_render.transport.outlet import Outlet
+from tigas_render.transport.outlet import Datagrams, Outlet
 
 logger = logging.getLogger(__name__)
 

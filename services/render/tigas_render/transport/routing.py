@@ -29,10 +29,9 @@ from tigas_render.admission.load import Load
 from tigas_render.frame import Client
 from tigas_render.transport.aioquic_ext.h3 import ServerH3Connection
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
-from tigas_render.transport.datagrams import Datagrams
 from tigas_render.transport.frames import DRAFT_HEADER, RenderSession, SessionFactory, WebTransportStream
 from tigas_render.transport.http import HttpRequest, http_scope, refusal
-from tigas_render.transport.outlet import Outlet, Writer
+from tigas_render.transport.outlet import Datagrams, Outlet, Writer
 
 BUFFERED_STREAM_REJECTED = 0x3994BD84
 """WebTransport's error for a stream of a session that does not exist."""

@@ -13,12 +13,13 @@ import secrets
 import shutil
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from tigas_common.errors import BodyTooLarge, Overloaded, TigasError
 from tigas_common.files import check_room, storage_explained
+from tigas_render.local_files import locked
 from tigas_render.settings import RenderSettings
 
 FOLDER = ".uploads"
@@ -89,7 +90,7 @@ class Uploads:
             raise BodyTooLarge(f"The file has {_gb(length)}; this service takes up to {_gb(self.limit)}.")
         with storage_explained(MODELS):
             self._root.mkdir(exist_ok=True)
-            with _locked(self._root):
+            with locked(self._root):
                 self.expire()
                 others = [
                     each for each in self._all() if not each.added and not self._idle(each.path.parent, STALLED_S)
@@ -142,11 +143,9 @@ class Uploads:
         """Take it for a scene, for clients that ask again, once its file has moved. Raises OSError."""
         (self._folder(upload.id) / _ADDED).touch()
 
-    @contextmanager
-    def locked(self, upload: Upload) -> Iterator[None]:
+    def locked(self, upload: Upload) -> AbstractContextManager[object]:
         """Keep other processes from checking an upload meanwhile. Raises OSError."""
-        with _locked(self._folder(upload.id)):
-            yield
+        return locked(self._folder(upload.id))
 
     def discard(self, id: str) -> None:
         """Give one up. Raises UnknownUpload."""
@@ -184,17 +183,6 @@ class Uploads:
         for folder in self._folders():
             with suppress(UnknownUpload):
                 yield self.get(folder.name)
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Exclude all other processes and threads that lock the folder. Raises OSError."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(handle)
 
 
 def _gb(size: int) -> str:

@@ -78,8 +78,6 @@ class EdgeStart(_Start):
     """The inbox for datagrams that other edges pass on, if the kernel cannot steer them."""
     relays: tuple[int, ...]
     """The sockets to the inboxes of all edges."""
-    others: tuple[int, ...]
-    """The sockets of other edges, to be closed."""
     reset_key: bytes
     retry_key: bytes
 

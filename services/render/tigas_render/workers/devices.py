@@ -12,7 +12,9 @@ from tigas_common.resources import usable_processors
 from tigas_render.settings import RenderSettings
 
 DEV = Path("/dev")
-COUNT = (sys.executable, "-P", "-m", "tigas_render.raster.count_gpus")
+COUNT_GPUS = "from cuda.bindings import driver; driver.cuInit(0); print(driver.cuDeviceGetCount()[1] or 0)"
+"""In a process of its own, as the driver stays loaded in one that has called it; PyTorch would take seconds to load."""
+COUNT = (sys.executable, "-P", "-c", COUNT_GPUS)
 COUNT_S = 30.0
 """Seconds for the driver to answer; a slower one would not answer an engine, either."""
 MIN_CORES = 8

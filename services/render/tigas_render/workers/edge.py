@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 import socket
 import time
 from collections.abc import AsyncIterator, Callable
@@ -50,8 +49,6 @@ async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> 
     """Serve clients until the supervisor ends it."""
     keep_together()
     assert isinstance(start, EdgeStart)
-    for fd in start.others:
-        os.close(fd)
     settings = start.settings
     origins = OriginPolicy.of(settings.addresses, settings.allow_hosts, settings.allow_origins)
     admission = ViewerAdmission(settings.quic_limits)

@@ -11,8 +11,7 @@ from pathlib import Path
 
 from tigas_common.resources import keep_together
 from tigas_common.runner import until_stopped
-from tigas_render.cache import kept_key
-from tigas_render.locked_directory import locked_directory
+from tigas_render.local_files import kept_key, locked_directory
 from tigas_render.server.certificates import CertificateKeeper
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.settings import RenderSettings
@@ -172,7 +171,6 @@ class Supervisor:
                 quic=tuple(sock.fileno() for sock in public.quic[number]) if public.quic else (),
                 relay=public.relays[number][0].fileno() if public.relays else None,
                 relays=tuple(outbox.fileno() for _, outbox in public.relays),
-                others=public.fds_of_others(number),
                 certificate=self._certificate,
                 reset_key=self._reset_key,
                 retry_key=self._retry_key,

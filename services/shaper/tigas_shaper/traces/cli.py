@@ -70,12 +70,19 @@ class Import(_RecordingCommand):
 class Info(_RecordingCommand):
     """Print a trace's duration, rates and outages."""
 
+    plot: Path | None = None
+    """Plot to draw as well: .png, .svg or .pdf."""
+
     def run(self) -> None:
-        """Print two tables."""
+        """Print two tables, and draw the plot."""
         from rich.table import Table
 
         with in_a_sentence(TigasError, OSError):
+            if self.plot and self.plot.suffix.lower() not in (".png", ".svg", ".pdf"):
+                raise TigasError(f"{self.plot}: the file name must end in .png, .svg or .pdf.")
             loaded = _load(self.recording)
+            if self.plot:
+                _plot(loaded, self.plot)
         gaps = loaded.outages
         facts = Table(show_header=False, box=None)
         facts.add_row("name", loaded.name)
@@ -109,37 +116,6 @@ class Info(_RecordingCommand):
         console.print(rates)
 
 
-class Plot(_RecordingCommand):
-    """Plot a trace."""
-
-    picture: Annotated[Path, POSITIONAL]
-    """Output image: .png, .svg or .pdf."""
-
-    def run(self) -> None:
-        """Draw the image."""
-        with in_a_sentence(TigasError, OSError):
-            if self.picture.suffix.lower() not in (".png", ".svg", ".pdf"):
-                raise TigasError(f"{self.picture}: the file name must end in .png, .svg or .pdf.")
-            loaded = _load(self.recording)
-            _plot(loaded, self.picture)
-        print(self.picture)
-
-
-class Generate(Command):
-    """Write TIGAS's own traces, as kept in traces/network."""
-
-    directory: Annotated[Path, POSITIONAL]
-    """Output directory; existing traces are replaced."""
-
-    def run(self) -> None:
-        """Write the traces and print their paths."""
-        from tigas_shaper.traces.generator import write_own_traces
-
-        with in_a_sentence(TigasError, OSError):
-            for path in write_own_traces(self.directory):
-                print(path)
-
-
 class Fetch(Command):
     """Download a published set of traces; an interrupted download resumes where it stopped."""
 
@@ -165,8 +141,8 @@ class Fetch(Command):
 
 
 trace = Group(
-    "Inspect, convert, fetch and generate network traces.",
-    {"import": Import, "info": Info, "plot": Plot, "generate": Generate, "fetch": Fetch},
+    "Inspect, convert and fetch network traces.",
+    {"import": Import, "info": Info, "fetch": Fetch},
 )
 
 

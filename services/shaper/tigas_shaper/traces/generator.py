@@ -1,8 +1,8 @@
 """The project's own traces in traces/network: shapes that test one thing each, and stochastic links.
 
 The parameters of the stochastic ones, and the data they were fitted to, are in docs/network.md. Changing anything here
-changes the files: run `tigas trace generate traces/network` afterwards. Their model is a Markov chain of regimes, and
-autoregressive variation within each.
+changes the files: run `python -m tigas_shaper.traces.generator traces/network` afterwards. Their model is a Markov
+chain of regimes, and autoregressive variation within each.
 
 Bit for bit the same everywhere: `random.Random.random` is documented to be stable for a seed, and its numbers are
 processed only with + − × ÷ and the square root, which IEEE 754 rounds exactly; no exp or log, whose last bit depends on
@@ -12,6 +12,7 @@ the C library. Rates are whole kbit/s.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -207,3 +208,7 @@ def _choose(weights: Mapping[str, float], draw: float) -> str:
         if draw < 0:
             return name
     return name
+
+
+if __name__ == "__main__":
+    print(*write_own_traces(Path(sys.argv[1])), sep="\n")

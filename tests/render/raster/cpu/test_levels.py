@@ -53,7 +53,7 @@ def colours_of(packed: CpuScene, first: int, end: int) -> NDArray[np.float16]:
 
 
 def test_near_by_all_of_a_scene_is_drawn(rasterizer: CpuRasterizer) -> None:
-    packed = rasterizer.prepare(cloud(COUNT, 1, size=0.02))
+    packed = rasterizer.pack(cloud(COUNT, 1, size=0.02).batches())
     view = from_afar(2.0)
     np.testing.assert_array_equal(
         pixels(rasterizer.render(packed, view)), pixels(rasterizer.render(packed, view, "png"))
@@ -61,7 +61,7 @@ def test_near_by_all_of_a_scene_is_drawn(rasterizer: CpuRasterizer) -> None:
 
 
 def test_from_afar_fewer_gaussians_make_nearly_the_same_picture(rasterizer: CpuRasterizer) -> None:
-    packed = rasterizer.prepare(cloud(COUNT, 2, size=0.02))
+    packed = rasterizer.pack(cloud(COUNT, 2, size=0.02).batches())
     everything = COUNT / L.CHUNK
     for distance, share in ((200.0, 0.35), (600.0, 0.1)):
         view = from_afar(distance)
@@ -83,10 +83,10 @@ def test_making_levels_can_be_ended(rasterizer: CpuRasterizer) -> None:
 
 
 def test_levels_take_a_third_more_memory_at_most(rasterizer: CpuRasterizer, monkeypatch: pytest.MonkeyPatch) -> None:
-    with_levels = rasterizer.prepare(cloud(COUNT, 3, size=0.02))
+    with_levels = rasterizer.pack(cloud(COUNT, 3, size=0.02).batches())
     for module in (levels, scene):
         monkeypatch.setattr(module, "FROM", COUNT + 1)
-    without = rasterizer.prepare(cloud(COUNT, 3, size=0.02))
+    without = rasterizer.pack(cloud(COUNT, 3, size=0.02).batches())
     assert 1.2 < with_levels.nbytes / without.nbytes < 1.34
 
 
@@ -100,7 +100,7 @@ def test_what_is_larger_than_a_cell_or_far_outside_is_never_merged(rasterizer: C
     else:
         everything.means[chosen] *= 1e4
     everything.sh[chosen] = 7
-    packed = rasterizer.prepare(everything)
+    packed = rasterizer.pack(everything.batches())
     coarsest = [levels_of_node[levels_of_node[:, 1] > 0][-1] for levels_of_node in packed.nodes.chunks]
     colours = np.concatenate([colours_of(packed, first, end) for first, end in coarsest])
     kept = (np.abs(colours / packed.sh.max() - 1) < 1e-3).all(axis=1).sum()
@@ -125,7 +125,7 @@ def test_strange_scenes_have_levels_that_can_be_drawn(
 ) -> None:
     everything = cloud(20_000, 0)
     strange(everything)
-    packed = rasterizer.prepare(everything)
+    packed = rasterizer.pack(everything.batches())
     for distance in (3.0, 1000.0):
         rasterizer.render(packed, from_afar(distance)).close()
 
@@ -133,7 +133,7 @@ def test_strange_scenes_have_levels_that_can_be_drawn(
 def test_where_there_is_still_too_much_details_are_left_out(
     rasterizer: CpuRasterizer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    packed, view = rasterizer.prepare(cloud(COUNT, 0, size=0.005)), from_afar(100.0)
+    packed, view = rasterizer.pack(cloud(COUNT, 0, size=0.005).batches()), from_afar(100.0)
     usual = chunks_drawn(rasterizer, packed, view)
     monkeypatch.setattr(rasterizer_module, "MOST_CHUNKS", usual // 2)
     assert chunks_drawn(rasterizer, packed, view) <= usual // 2
@@ -149,7 +149,7 @@ def test_what_becomes_one_keeps_its_place_size_colour_and_cover(rasterizer: CpuR
     """Groups of five neighbours, far from others; a few are cut by a cell's border."""
     places = np.random.default_rng(1).uniform(0, 10, (4000, 3))
     number, step, size = 5 * len(places), 0.001, 0.0004
-    packed = rasterizer.prepare(
+    packed = rasterizer.pack(
         gaussians_of(
             means=np.repeat(places, 5, axis=0) + np.tile(np.outer(range(-2, 3), [step, 0, 0]), (len(places), 1)),
             scales=np.full((number, 3), size),
@@ -158,7 +158,7 @@ def test_what_becomes_one_keeps_its_place_size_colour_and_cover(rasterizer: CpuR
             sh=np.tile(
                 [[[1.0, 0, 0]], [[0, 1.0, 0]], [[0, 1.0, 0]], [[0, 1.0, 0]], [[0, 1.0, 0]]], (len(places), 1, 1)
             ),
-        )
+        ).batches()
     )
     first, end = packed.nodes.chunks[2, 1]
     merged = packed.geometry[first:end].transpose(0, 2, 1).reshape(-1, L.GEOMETRY)

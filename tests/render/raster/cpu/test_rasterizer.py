@@ -34,25 +34,25 @@ def test_an_open_image_keeps_its_pixels_while_the_next_is_rendered() -> None:
     rasterizer = CpuRasterizer()
     scene = rasterizer.prepare(cloud(500, 0))
     with rasterizer.render(scene, camera(64, 64, background=(1.0, 0.0, 0.0))) as first:
-        before = first.pixels.copy()
+        before = first.to_host().copy()
         with rasterizer.render(scene, camera(64, 64, background=(0.0, 1.0, 0.0))) as second:
-            assert not np.shares_memory(first.pixels, second.pixels)
-            assert (first.pixels == before).all()
-            assert (second.pixels != before).any()
+            assert not np.shares_memory(first.to_host(), second.to_host())
+            assert (first.to_host() == before).all()
+            assert (second.to_host() != before).any()
 
 
 def test_a_closed_image_gives_its_framebuffer_back_once() -> None:
     rasterizer = CpuRasterizer()
     scene = rasterizer.prepare(cloud(500, 0))
     image = rasterizer.render(scene, camera(64, 64))
-    memory = image.pixels
+    memory = image.to_host()
     image.close()
     image.close()
     with pytest.raises(ValueError, match="closed"):
         image.encode("jpeg", 90)
     first, second = rasterizer.render(scene, camera(32, 64)), rasterizer.render(scene, camera(64, 32))
-    assert np.shares_memory(memory, first.pixels)
-    assert not np.shares_memory(first.pixels, second.pixels)
+    assert np.shares_memory(memory, first.to_host())
+    assert not np.shares_memory(first.to_host(), second.to_host())
 
 
 def test_an_image_encodes_itself() -> None:

@@ -16,7 +16,7 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_render.gaussians import Floats, Gaussians
 from tigas_render.raster.base import Camera
 from tigas_render.raster.cpu import CpuRasterizer
-from tigas_render.scenes.columns import normalised
+from tigas_render.scenes.scene_file import normalised
 
 FAST = CpuRasterizer()
 BLUE = (0.0, 0.0, 1.0)

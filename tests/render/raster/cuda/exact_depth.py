@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tigas_render.raster.base import Depth
-from tigas_render.raster.depth import depth_size, inverse_depth
+from tigas_render.raster.base import Depth, depth_size, inverse_depth
 
 if TYPE_CHECKING:
     from tigas_render.raster.cuda.rasterizer import CudaJob

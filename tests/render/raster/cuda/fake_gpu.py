@@ -20,7 +20,7 @@ import torch
 from tigas_render.raster import lanes  # noqa: F401 - with Numba, before modules are replaced
 from tigas_render.raster.cuda.parameters import LAYOUT
 
-USERS = tuple(f"tigas_render.raster.cuda.{name}" for name in ("driver", "nvjpeg", "rasterizer", "workspace"))
+USERS = tuple(f"tigas_render.raster.cuda.{name}" for name in ("nvidia", "rasterizer", "workspace"))
 """Our modules that import the replaced ones."""
 STATUS = 20
 """Where in a frame's parameters the address is at which it leaves the entries that its lists needed."""

@@ -1,4 +1,4 @@
-"""The kernels read a frame's parameters in the written layout."""
+"""The kernels read a frame's parameters in the written layout; tiles cover the picture and fit the kernels."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from tests.render.raster.views import LEVEL, camera, cloud
 from tigas_common.pose import Intrinsics, Pose
 from tigas_render.raster.base import DILATION, Camera, footprint
 from tigas_render.raster.cuda import compiler
-from tigas_render.raster.cuda.layout import tile_layout
-from tigas_render.raster.cuda.parameters import LAYOUT, write_frame
+from tigas_render.raster.cuda.parameters import LAYOUT, MAX_LISTS, tile_layout, write_frame
 from tigas_render.raster.cuda.scene import pack
 
 
@@ -57,3 +56,20 @@ def test_the_kernels_learn_of_antialiased_training() -> None:
     frame = ctypes.create_string_buffer(LAYOUT.size)
     write_frame(frame, scene, camera(640, 360), tile_layout(640, 360, scene.padded), "jpeg", (0,) * 18, 0)
     assert LAYOUT.unpack(frame.raw)[-9:-7] == pytest.approx((0, DILATION))
+
+
+SIZES = [(1, 1), (320, 180), (640, 360), (1280, 720), (1920, 1080), (3840, 2160), (8192, 2048), (2048, 8192)]
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_tiles_cover_the_picture_and_their_lists_fit_the_kernels(width: int, height: int) -> None:
+    tiles = tile_layout(width, height, 100_000)
+    assert tiles.columns * tiles.side >= width > (tiles.columns - 1) * tiles.side
+    assert tiles.rows * tiles.side >= height > (tiles.rows - 1) * tiles.side
+    assert tiles.slices in {4, 8, 16, 32, 64, 128, 256}
+    assert tiles.tiles * tiles.slices <= MAX_LISTS or tiles.slices == 4
+
+
+def test_small_pictures_and_small_gaussians_have_small_tiles() -> None:
+    assert [tile_layout(width, height, 100_000).side for width, height in SIZES[:4]] == [8, 8, 8, 16]
+    assert tile_layout(1280, 720, 3_000_000).side == 8

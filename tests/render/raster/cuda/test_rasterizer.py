@@ -20,11 +20,10 @@ from tests.render.raster.views import balls, camera, cloud, gsplat_frames, psnr
 from tests.shared_data import reference_scene_ply, shared_file
 from tigas_common.pose import Pose
 from tigas_common.wire.render import FrameFormat
-from tigas_render.encode.yuv420p import encode_yuv420p
+from tigas_render.encode.images import encode_yuv420p
 from tigas_render.gaussians import Gaussians
-from tigas_render.raster.base import Camera, Depth
-from tigas_render.raster.depth import coarse, depth_size, inverse_depth
-from tigas_render.scenes.ply import load_ply
+from tigas_render.raster.base import Camera, Depth, coarse, depth_size, inverse_depth
+from tigas_render.scenes.directory import read_scene_file
 
 if TYPE_CHECKING:
     from tigas_render.raster.cuda.rasterizer import CudaRasterizer
@@ -189,7 +188,7 @@ def test_nothing_to_draw_is_the_background(rasterizer: CudaRasterizer) -> None:
 
 @pytest.mark.parametrize("name", ["guitar", "flowers", "narcissus"])
 def test_every_frame_of_gsplat_is_matched(rasterizer: CudaRasterizer, name: str) -> None:
-    gaussians = load_ply(reference_scene_ply(name))
+    gaussians = read_scene_file(reference_scene_ply(name)).load()
     with np.load(shared_file("reference", "gsplat_renders.npz")) as renders:
         for view, frame in gsplat_frames(renders, name):
             assert psnr(draw(rasterizer, gaussians, view), frame) >= 60
@@ -198,4 +197,4 @@ def test_every_frame_of_gsplat_is_matched(rasterizer: CudaRasterizer, name: str)
 def test_the_reference_itself_agrees_with_its_host_image() -> None:
     gaussians, view = cloud(500, 1), camera(64, 48)
     with ReferenceRasterizer().render(ReferenceRasterizer().prepare(gaussians), view) as image:
-        assert psnr(image.pixels, reference(gaussians, view)) >= 60
+        assert psnr(image.to_host(), reference(gaussians, view)) >= 60

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import random
-
 import pytest
 
-from tests.render.transport.simulated import Simulation, answer_all, frames
+from tests.render.transport.simulated import Simulation, frames
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.02, 0.2])
 def test_streams_arrive_whole_whatever_is_lost(loss: float) -> None:
     simulation = Simulation()
-    generator = random.Random(5)
-    simulation.drop = lambda sender, data: generator.random() < loss
-    bodies = frames(5)
-    streams = answer_all(simulation, bodies)
+    simulation.lose(loss)
+    simulation.exchange(5)
+    stream_id = simulation.open(300_000)
     simulation.run()
-    assert [bytes(simulation.streams[stream_id]) for stream_id in streams] == bodies
+    assert len(simulation.uploads[stream_id]) == 300_000
 
 
 def test_the_oldest_frame_arrives_first() -> None:
     simulation = Simulation()
-    streams = answer_all(simulation, frames(6))
+    streams = simulation.answer_all(frames(6))
     simulation.run()
     assert simulation.ended == streams
     packets = [size for _, sender, size in simulation.sent if sender == "server" and size > 1000]
@@ -44,8 +41,8 @@ def test_an_end_without_data_arrives() -> None:
 def test_a_reset_stops_a_stream_and_no_other() -> None:
     simulation = Simulation()
     bodies = frames(2, 400_000)
-    first, second = answer_all(simulation, bodies)
-    simulation.run(until=simulation.now + 0.1)
+    first, second = simulation.answer_all(bodies)
+    simulation.play(0.1)
     assert 0 < len(simulation.streams[first]) < 400_000
     simulation.server.reset_stream(first, 0)
     simulation.run()
@@ -56,8 +53,7 @@ def test_a_reset_stops_a_stream_and_no_other() -> None:
 def test_finished_streams_leave_nothing_behind() -> None:
     simulation = Simulation()
     for _ in range(30):
-        answer_all(simulation, frames(10, 2000))
-        simulation.run()
+        simulation.exchange(10, 2000)
     simulation.open()  # one more round trip, so that the last acknowledgements are in
     simulation.run()
     assert len(simulation.ended) == 300

@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from tests.render.transport.simulated import Simulation, answer_all, frames
+from tests.render.transport.simulated import Simulation
 
 
 def test_a_window_that_is_not_used_does_not_grow() -> None:
     simulation = Simulation()
-    for body in frames(200, 3000):
-        answer_all(simulation, [body])
-        simulation.run()
+    for _ in range(200):
+        simulation.exchange(size=3000)
     assert simulation.server._loss.congestion_window < 30_000
-    answer_all(simulation, frames(1, 400_000))
-    simulation.run()
+    simulation.exchange(size=400_000)
     assert simulation.server._loss.congestion_window > 60_000
 
 
 def test_a_large_answer_leaves_spread_over_the_round_trip_once_the_window_has_grown() -> None:
     simulation = Simulation()
-    for body in frames(8):
-        answer_all(simulation, [body])
-        simulation.run()
+    for _ in range(8):
+        simulation.exchange()
     simulation.sent.clear()
-    answer_all(simulation, frames(1, 200_000))
-    simulation.run()
+    simulation.exchange(size=200_000)
     times = [time for time, sender, size in simulation.sent if sender == "server" and size > 1000]
     assert max(times.count(time) for time in times) <= 20
     assert times[-1] - times[0] < 0.2

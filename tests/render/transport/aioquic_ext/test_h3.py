@@ -47,32 +47,24 @@ def section(*fields: tuple[bytes, bytes]) -> bytes:
     return pylsqpack.Encoder().encode(REQUEST, [*FIELDS, *fields])[1]
 
 
-# -- frames ------------------------------------------------------------------------------------------------------------
-
-
 def frame_header(frame_type: int, size: int) -> bytes:
     return encode_uint_var(frame_type) + encode_uint_var(size)
 
 
-@pytest.mark.parametrize("size", [MAX_FIELD_SECTION + 1, 1 << 30, (1 << 62) - 1])
-def test_headers_that_promise_too_much_are_refused_before_they_arrive(peer: Peer, size: int) -> None:
-    peer.send(REQUEST, frame_header(FrameType.HEADERS, size))
-    assert peer.closed == ErrorCode.H3_EXCESSIVE_LOAD
+HEADERS = encode_frame(FrameType.HEADERS, section())
+SETTINGS = bytes([StreamType.CONTROL]) + encode_frame(FrameType.SETTINGS, b"")
+TOO_LARGE = {
+    "headers just too long": (REQUEST, frame_header(FrameType.HEADERS, MAX_FIELD_SECTION + 1)),
+    "headers": (REQUEST, frame_header(FrameType.HEADERS, (1 << 62) - 1)),
+    "trailers": (REQUEST, HEADERS + frame_header(FrameType.HEADERS, 1 << 30)),
+    "settings": (CONTROL, bytes([StreamType.CONTROL]) + frame_header(FrameType.SETTINGS, 1 << 30)),
+    "a push id": (CONTROL, SETTINGS + frame_header(FrameType.MAX_PUSH_ID, 1 << 30)),
+}
 
 
-def test_trailers_that_promise_too_much_are_refused_too(peer: Peer) -> None:
-    peer.send(REQUEST, encode_frame(FrameType.HEADERS, section()) + frame_header(FrameType.HEADERS, 1 << 30))
-    assert peer.closed == ErrorCode.H3_EXCESSIVE_LOAD
-
-
-def test_settings_that_promise_too_much_are_refused_before_they_arrive(peer: Peer) -> None:
-    peer.send(CONTROL, bytes([StreamType.CONTROL]) + frame_header(FrameType.SETTINGS, 1 << 30))
-    assert peer.closed == ErrorCode.H3_EXCESSIVE_LOAD
-
-
-def test_a_push_id_that_promises_too_much_is_refused_before_it_arrives(peer: Peer) -> None:
-    peer.settings({})
-    peer.send(CONTROL, frame_header(FrameType.MAX_PUSH_ID, 1 << 30))
+@pytest.mark.parametrize(("stream_id", "data"), TOO_LARGE.values(), ids=TOO_LARGE)
+def test_a_frame_that_promises_too_much_is_refused_before_it_arrives(peer: Peer, stream_id: int, data: bytes) -> None:
+    peer.send(stream_id, data)
     assert peer.closed == ErrorCode.H3_EXCESSIVE_LOAD
 
 
@@ -93,9 +85,6 @@ def test_a_settings_frame_is_cut_until_its_last_byte(peer: Peer) -> None:
     peer.send(CONTROL, content[-1:])
     assert not peer.h3.is_cut(CONTROL)
     assert peer.h3.received_settings == {0x21: 1, Setting.QPACK_MAX_TABLE_CAPACITY: 0}
-
-
-# -- header compression ------------------------------------------------------------------------------------------------
 
 
 def test_clients_are_told_of_no_table_and_of_the_limit(peer: Peer) -> None:
@@ -124,14 +113,17 @@ def test_a_long_section_is_refused_undecoded(peer: Peer, monkeypatch: pytest.Mon
     assert peer.closed == ErrorCode.H3_EXCESSIVE_LOAD
 
 
-@pytest.mark.parametrize("encoded", [section() + LARGEST_STATIC * 1000, section((b"cookie", b"x" * MAX_FIELD_SECTION))])
+@pytest.mark.parametrize(
+    "encoded",
+    [
+        section() + LARGEST_STATIC * 1000,
+        section((b"cookie", b"x" * MAX_FIELD_SECTION)),
+        section(*[(b"%d" % number, b"") for number in range(250)]),
+    ],
+    ids=["references", "a long field", "many fields"],
+)
 def test_a_short_section_that_stands_for_a_long_one_is_refused(peer: Peer, encoded: bytes) -> None:
     peer.send(REQUEST, encode_frame(FrameType.HEADERS, encoded), end=True)
-    assert peer.closed == ErrorCode.H3_EXCESSIVE_LOAD
-
-
-def test_nobody_needs_ten_kilobytes_of_fields(peer: Peer) -> None:
-    peer.send(REQUEST, encode_frame(FrameType.HEADERS, section(*[(b"%d" % number, b"") for number in range(250)])))
     assert peer.closed == ErrorCode.H3_EXCESSIVE_LOAD
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import random
 from collections import deque
 from dataclasses import dataclass
 
 import pytest
 
-from tests.render.transport.simulated import Simulation, answer_all, frames
+from tests.render.transport.simulated import Simulation
 from tigas_render.transport.aioquic_ext.congestion import RENO, LimitedReno
 from tigas_render.transport.aioquic_ext.westwood import HEADROOM, WESTWOOD, Westwood
 
@@ -92,13 +91,10 @@ def test_without_loss_it_is_newreno() -> None:
 def test_frames_on_a_lossy_path_come_sooner_than_with_newreno() -> None:
     took = {}
     for name in (RENO, WESTWOOD):
-        dice = random.Random(7)
-        simulation = Simulation(congestion_control_algorithm=name)
-        simulation.drop = lambda sender, data, dice=dice: dice.random() < 0.02  # type: ignore[misc]
+        simulation = Simulation(congestion_control=name)
+        simulation.lose(0.02)
         begun = simulation.now
-        for body in frames(40, 60_000):
-            answer_all(simulation, [body])
-            simulation.run()
-        assert all(len(body) == 60_000 for body in simulation.streams.values())
+        for _ in range(40):
+            simulation.exchange(size=60_000)
         took[name] = simulation.now - begun
     assert took[WESTWOOD] < 0.6 * took[RENO]

@@ -2,7 +2,7 @@
 import type { ReadonlySignal } from "@preact/signals";
 import { useCallback } from "preact/hooks";
 import type { Columns } from "../../charts/columns";
-import { PLACES } from "../../state/sides";
+import { PLACES } from "../../state/settings";
 import { Chart } from "./chart";
 
 interface Props {

@@ -1,158 +1,201 @@
-/** Setup of an experiment: movement, network, compared modes or controllers, and repetitions. */
+/** Setup of an experiment: a short form that writes its file, which the store expands. */
 
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren, TargetedSubmitEvent } from "preact";
-import { CONTROLLER_NAMES } from "../../abr/registry";
-import { FRAME_RATES } from "../../dash/presets";
-import { webgpuProblem } from "../../enhance/device";
-import { KINDS, OFF } from "../../enhance/model/enhancer";
-import { type Draft, type Lengths, parseDraft, toggled } from "../../experiment/draft";
-import type { ResumedExperiment } from "../../experiment/experiment";
+import { useEffect, useMemo } from "preact/hooks";
+import { CONTROLLER_NAMES, CONTROLLERS } from "../../abr/registry";
+import { type Draft, experimentFile, isPerView, isStreamed, type Profile, toggled } from "../../experiment/file";
 import { presentNetwork } from "../../experiment/link";
-import {
-  conditionLabel,
-  type ExperimentPlan,
-  isDash,
-  isPerView,
-  isStreamed,
-  type Profile,
-  runsOf,
-  timeFor,
-  UNSHAPED,
-} from "../../experiment/plan";
-import { MovementError } from "../../movement/movement";
-import type { TimedPose } from "../../movement/playback";
+import type { StoreApi } from "../../experiment/store-api";
+import { ApiError } from "../../http/problem";
 import type { Shaper } from "../../network/shaper";
-import { PREDICTOR_NAMES } from "../../predict/registry";
 import { config, ladder, settings } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
 import type { ViewerSession } from "../../viewer/session";
 import { MODE_NAMES, MODES } from "../../wire/run";
-import { KIND_NAMES, ModelOptions } from "../enhancement-models";
-import { bitrate, clock } from "../format";
-import { OverscanOptions, overscanOf } from "../overscans";
+import type { ExperimentRequest } from "../../wire/store";
+import { bitrate } from "../format";
 import { PredictionOptions } from "../predictions";
 import { Select, TextField } from "./experiment-fields";
-import { MovementChoice, useMovementOpening, useMovements } from "./experiment-movement";
-
-/** Parameters of a new experiment. */
-export interface ExperimentSetup {
-  readonly plan: ExperimentPlan;
-  /** The movement, in the scene's own frame. */
-  readonly points: readonly TimedPose[];
-  readonly locked: boolean;
-  readonly exportAtEnd: boolean;
-  /** Missing parts of an experiment being resumed. */
-  readonly resumed?: ResumedExperiment;
-}
+import { MovementChoice, movementFile, useMovements } from "./experiment-movement";
 
 interface Props {
   readonly session: ViewerSession;
   readonly shaper: Shaper | null;
-  /** The store's URL. */
-  readonly store: string | undefined;
+  readonly store: StoreApi;
   readonly draft: Draft;
   readonly onDraft: (draft: Draft) => void;
-  readonly onStart: (setup: ExperimentSetup) => void;
+  /** Receives the id of the experiment. */
+  readonly onStart: (id: string) => void;
 }
 
+/** Idle time after which a changed form is expanded, in milliseconds. */
+const EXPAND_AFTER = 300;
+
 export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart }: Props) {
-  const problems = useSignal<readonly string[]>([]);
-  const opening = useMovementOpening(store);
-  const list = useMovements(store);
-  const scene = session.scene.value;
+  const problem = useSignal<string | null>(null);
+  const busy = useSignal(false);
+  /** An edited file, which replaces the form's. */
+  const edited = useSignal<string | null>(null);
+  const list = useMovements(store.base);
   const movement = list.listed.find(({ key }) => key === draft.movement) ?? list.listed[0];
   const set = (part: Partial<Draft>) => {
     onDraft({ ...draft, ...part });
-    problems.value = [];
+    problem.value = null;
   };
+  const present = presentNetwork(shaper);
+  const { name = "", text = null } = movement ? movementFile(movement) : {};
+  const written = experimentFile(draft, {
+    scene: session.scene.value?.id ?? "",
+    movement: name,
+    present: "label" in present ? present.label : "",
+    settings: settings.value,
+    viewport: { width: innerWidth, height: innerHeight },
+  });
+  const file = edited.value ?? written;
+  const request: ExperimentRequest = {
+    file,
+    movements: text === null ? {} : { [name]: text },
+    traces_s: traceDurations(shaper),
+  };
+  const obstacle =
+    edited.value !== null
+      ? null
+      : movement === undefined
+        ? "Choose a movement."
+        : draft.trace === null && "problem" in present
+          ? present.problem
+          : null;
+  const summary = useSummary(store, obstacle === null ? request : null);
 
   const submit = async (event: TargetedSubmitEvent<HTMLFormElement>) => {
     event.preventDefault();
-    const parsed = parseDraft(
-      { ...draft, movement: movement?.name ?? null },
-      scene?.id ?? "",
-      presentNetwork(shaper),
-      lengths(shaper, movement?.duration),
-    );
-    problems.value = "problems" in parsed ? parsed.problems : [];
-    if (scene === null) problems.value = [...problems.value, "The scene is not there yet."];
-    const { locked, exportAtEnd } = draft;
-    if (!("plan" in parsed) || scene === null || movement === undefined) return;
+    problem.value = obstacle;
+    if (obstacle !== null) return;
+    busy.value = true;
     try {
-      const opened = await opening.open(movement, scene);
-      if (opened === null) return;
-      onStart({ plan: parsed.plan, points: opened.points, locked, exportAtEnd });
+      onStart(await store.create(request));
     } catch (error) {
-      if (!(error instanceof MovementError)) throw error;
-      problems.value = [error.message];
+      if (!(error instanceof ApiError)) throw error;
+      problem.value = error.message;
+    } finally {
+      busy.value = false;
     }
   };
 
-  const { name, segments, repeats, duration, seed, stride, locked, exportAtEnd } = draft;
   return (
     <form class="experiment-form" noValidate onSubmit={(event) => void submit(event)}>
-      <TextField label="Name" value={name} wide onValue={(typed) => set({ name: typed })} />
-      <MovementChoice
-        list={list}
-        chosen={movement?.key ?? null}
-        onChoose={(movement) => set({ movement })}
-        onProblem={(sentence) => {
-          problems.value = [sentence];
-        }}
-      />
-      <NetworkChoice shaper={shaper} draft={draft} onChange={set} />
-      <ConditionChoice draft={draft} onChange={set} />
-      <TextField
-        label="Vary the movement"
-        unit="parts"
-        numeric
-        value={segments}
-        onValue={(typed) => set({ segments: typed })}
-      />
-      <TextField label="Runs of each" numeric value={repeats} onValue={(typed) => set({ repeats: typed })} />
-      <TextField
-        label="Each run lasts"
-        unit="s"
-        numeric
-        value={duration}
-        onValue={(typed) => set({ duration: typed })}
-      />
-      <TextField label="Seed" numeric value={seed} onValue={(typed) => set({ seed: typed })} />
-      <TextField
-        label="Save every n-th frame"
-        unit="0 = off"
-        numeric
-        value={stride}
-        disabled={!draft.modes.includes("stateless")}
-        onValue={(typed) => set({ stride: typed })}
-      />
-      <Check checked={locked} onChange={() => set({ locked: !locked })}>
-        Lock input: keys, pointers and buttons rest while it runs
-      </Check>
-      <Check checked={exportAtEnd} onChange={() => set({ exportAtEnd: !exportAtEnd })}>
-        Save all files at the end
-      </Check>
+      <fieldset disabled={edited.value !== null} data-wide class="experiment-fields">
+        <TextField label="Name" value={draft.name} wide onValue={(typed) => set({ name: typed })} />
+        <MovementChoice
+          list={list}
+          chosen={movement?.key ?? null}
+          onChoose={(movement) => set({ movement })}
+          onProblem={(sentence) => {
+            problem.value = sentence;
+          }}
+        />
+        <NetworkChoice shaper={shaper} draft={draft} onChange={set} />
+        <ConditionChoice draft={draft} onChange={set} />
+        <TextField
+          label="Parts of the movement"
+          numeric
+          value={draft.segments}
+          onValue={(typed) => set({ segments: typed })}
+        />
+        <TextField label="Runs of each" numeric value={draft.repeats} onValue={(typed) => set({ repeats: typed })} />
+        <TextField
+          label="Each run lasts"
+          unit="s"
+          numeric
+          value={draft.duration}
+          onValue={(typed) => set({ duration: typed })}
+        />
+        <TextField
+          label="Save every n-th frame"
+          unit="0 = off"
+          numeric
+          value={draft.stride}
+          disabled={!draft.modes.includes("stateless")}
+          onValue={(typed) => set({ stride: typed })}
+        />
+      </fieldset>
+      <details data-wide>
+        <summary>As a file</summary>
+        <textarea
+          aria-label="Experiment’s file"
+          spellcheck={false}
+          rows={12}
+          value={file}
+          onInput={({ currentTarget }) => {
+            edited.value = currentTarget.value;
+            problem.value = null;
+          }}
+        />
+        <p class="muted small">
+          TOML or JSON, as for <code>tigas experiment run</code>.{" "}
+          {edited.value !== null && (
+            <button
+              type="button"
+              class="quiet-button"
+              onClick={() => {
+                edited.value = null;
+              }}
+            >
+              Back to the form
+            </button>
+          )}
+        </p>
+      </details>
       <footer>
         <div class="problems" role="alert">
-          {problems.value.map((sentence) => (
-            <p key={sentence}>{sentence}</p>
-          ))}
+          {problem.value && <p>{problem.value}</p>}
         </div>
         <p class="muted small" data-experiment="estimate">
-          {estimate(draft, lengths(shaper, movement?.duration))}
-          {!store && " There is no store: the results stay in this page until you save them."}
+          {problem.value === null && summary}
         </p>
-        {store && (
-          <a class="button quiet" href={EXPERIMENTS}>
-            All experiments
-          </a>
-        )}
-        <button type="submit" class="button" disabled={opening.busy}>
+        <a class="button quiet" href={EXPERIMENTS}>
+          All experiments
+        </a>
+        <button type="submit" class="button" disabled={busy.value}>
           Start
         </button>
       </footer>
     </form>
+  );
+}
+
+/** Number and duration of the runs, or what is wrong, in one sentence. */
+function useSummary(store: StoreApi, request: ExperimentRequest | null): string {
+  const said = useSignal("");
+  const key = JSON.stringify(request);
+  useEffect(() => {
+    said.value = "";
+    if (key === "null") return undefined;
+    const outdated = new AbortController();
+    const expand = async () => {
+      try {
+        const { runs, lasting, problem } = await store.summary(JSON.parse(key) as ExperimentRequest, outdated.signal);
+        said.value = problem ?? `${runs} ${runs === 1 ? "run" : "runs"}, about ${lasting}.`;
+      } catch (error) {
+        if (outdated.signal.aborted) return;
+        if (!(error instanceof ApiError)) throw error;
+        said.value = error.message;
+      }
+    };
+    const timer = setTimeout(() => void expand(), EXPAND_AFTER);
+    return () => {
+      clearTimeout(timer);
+      outdated.abort();
+    };
+  }, [store, key, said]);
+  return said.value;
+}
+
+function traceDurations(shaper: Shaper | null): Record<string, number> {
+  const traces = shaper?.traces.value ?? [];
+  return Object.fromEntries(
+    traces.flatMap(({ name, duration_ms }) => (duration_ms ? [[name, duration_ms / 1000]] : [])),
   );
 }
 
@@ -196,8 +239,7 @@ function NetworkChoice({ shaper, draft, onChange }: PartProps & { readonly shape
 function ConditionChoice({ draft, onChange }: PartProps) {
   const streams = Boolean(config.value?.services.dash);
   const rung = Math.min(settings.value.profile, ladder.value.length - 1);
-  const profiles = [...new Set<Profile>([...CONTROLLER_NAMES, rung, ...draft.profiles])]; // hidden options are never selected
-  const perView = draft.modes.some(isPerView);
+  const controllers = useMemo<Profile[]>(() => [...CONTROLLER_NAMES, Math.max(0, rung)], [rung]);
   return (
     <>
       <fieldset>
@@ -212,79 +254,36 @@ function ConditionChoice({ draft, onChange }: PartProps) {
             {MODE_NAMES[mode]}
           </Check>
         ))}
-        {!streams && <p class="muted small">This server has no packager for DASH and WebRTC streams.</p>}
       </fieldset>
-      <Select
-        label="DASH frame rate"
-        value={String(draft.frameRate ?? "")}
-        disabled={!draft.modes.some(isDash)}
-        onValue={(value) => onChange({ frameRate: FRAME_RATES.find((rate) => String(rate) === value) ?? null })}
-      >
-        <option value="">the preset’s own</option>
-        {FRAME_RATES.map((rate) => (
-          <option key={rate} value={rate}>
-            {rate} /s
-          </option>
+      <fieldset disabled={!draft.modes.some(isPerView)}>
+        <legend>Controllers, stateless and video</legend>
+        {controllers.map((controller) => (
+          <Check
+            key={controller}
+            checked={draft.controllers.includes(controller)}
+            onChange={() => onChange({ controllers: toggled(draft.controllers, controller, controllers) })}
+          >
+            {titleOf(controller)}
+          </Check>
         ))}
-      </Select>
+      </fieldset>
       <Check checked={draft.reprojection} onChange={() => onChange({ reprojection: !draft.reprojection })}>
         Reprojection
       </Check>
       <Select
         label="Prediction"
         value={draft.prediction}
-        onValue={(name) => onChange({ prediction: PREDICTOR_NAMES.find((one) => one === name) ?? OFF })}
+        onValue={(name) => onChange({ prediction: name as Draft["prediction"] })}
       >
         <PredictionOptions />
       </Select>
-      <Select
-        label="Overscan"
-        value={String(draft.overscan)}
-        disabled={!draft.reprojection}
-        onValue={(value) => onChange({ overscan: overscanOf(value) })}
-      >
-        <OverscanOptions chosen={draft.overscan} />
-      </Select>
-      <Check
-        checked={draft.depth}
-        disabled={!(draft.reprojection && draft.modes.includes("stateless"))}
-        onChange={() => onChange({ depth: !draft.depth })}
-      >
-        Depth, stateless
-      </Check>
-      <Check
-        checked={draft.surround}
-        disabled={!(draft.reprojection && perView)}
-        onChange={() => onChange({ surround: !draft.surround })}
-      >
-        Surround, stateless and video
-      </Check>
-      {KINDS.map((kind) => (
-        <Select
-          key={kind}
-          label={`${KIND_NAMES[kind]}, stateless and video`}
-          value={draft[kind]}
-          disabled={!perView || webgpuProblem() !== null}
-          onValue={(name) => onChange({ [kind]: name })}
-          note={kind === "upscale" ? (webgpuProblem() ?? undefined) : undefined}
-        >
-          <ModelOptions kind={kind} />
-        </Select>
-      ))}
-      <fieldset disabled={!perView}>
-        <legend>Controllers, stateless and video</legend>
-        {profiles.map((profile) => (
-          <Check
-            key={profile}
-            checked={draft.profiles.includes(profile)}
-            onChange={() => onChange({ profiles: toggled(draft.profiles, profile, profiles) })}
-          >
-            {conditionLabel({ mode: "stateless", profile }, ladder.value)}
-          </Check>
-        ))}
-      </fieldset>
     </>
   );
+}
+
+function titleOf(controller: Profile): string {
+  if (typeof controller === "number") return `Fixed: ${ladder.value[controller]?.name ?? `profile ${controller}`}`;
+  return (CONTROLLERS as Readonly<Record<string, { readonly title: string }>>)[controller]?.title ?? controller;
 }
 
 interface CheckProps {
@@ -301,19 +300,4 @@ function Check({ checked, disabled, onChange, children }: CheckProps) {
       <span>{children}</span>
     </label>
   );
-}
-
-/** Of the chosen movement, which is as long as it takes where none is chosen, and of the shaper's traces. */
-function lengths(shaper: Shaper | null, movement = Number.POSITIVE_INFINITY): Lengths {
-  const traces = shaper?.traces.value ?? [];
-  return { movement, traces: Object.fromEntries(traces.map(({ name, duration_ms = 0 }) => [name, duration_ms])) };
-}
-
-/** How many runs it is, and how long they take. */
-function estimate(draft: Draft, lengths: Lengths): string {
-  const parsed = parseDraft({ ...draft, name: "x", movement: "x" }, "", UNSHAPED, lengths);
-  if ("problems" in parsed) return "";
-  const runs = runsOf(parsed.plan).length;
-  const short = lengths.movement < parsed.plan.duration_s * 1000 ? " The movement ends before a run does." : "";
-  return `${runs} ${runs === 1 ? "run" : "runs"}, about ${clock(timeFor(parsed.plan, runs))} min.${short}`;
 }

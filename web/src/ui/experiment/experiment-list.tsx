@@ -3,17 +3,15 @@
 import { useSignal } from "@preact/signals";
 import { Download, FileText, Images, Play, Trash2 } from "lucide";
 import { useCallback, useEffect } from "preact/hooks";
-import { missingRuns, readPlan } from "../../experiment/plan";
 import { StoreApi } from "../../experiment/store-api";
 import { ApiError } from "../../http/problem";
 import { config, refreshScenes } from "../../state/app";
-import { samplesHash, sceneHash } from "../../state/route";
+import { runHash, samplesHash } from "../../state/route";
 import type { ExperimentSummary } from "../../wire/store";
 import { Icon } from "../icon";
 import { IconButton } from "../icon-button";
 import { Question } from "../question";
 import { TopBar } from "../top-bar";
-import { continueExperiment } from "./experiment-dialog";
 import { LocalSamples } from "./local-samples";
 
 export function ExperimentList() {
@@ -54,21 +52,6 @@ function StoredExperiments({ base }: { base: string }) {
   const problem = useSignal<string | null>(null);
   const unwanted = useSignal<ExperimentSummary | null>(null);
   const store = new StoreApi(base);
-  const resume = async (id: string) => {
-    try {
-      const { plan: stored, runs } = await store.get(id);
-      const plan = readPlan(stored);
-      if (plan === null) {
-        problem.value = "This page cannot resume that experiment: another version made its plan.";
-        return;
-      }
-      continueExperiment({ id, plan, runs: missingRuns(plan, runs) });
-      location.hash = sceneHash(plan.scene);
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      problem.value = error.message;
-    }
-  };
   const look = useCallback(async () => {
     try {
       list.value = await new StoreApi(base).list();
@@ -92,7 +75,6 @@ function StoredExperiments({ base }: { base: string }) {
         <Table
           store={store}
           list={list.value}
-          onContinue={(id) => void resume(id)}
           onDelete={(experiment) => {
             unwanted.value = experiment;
           }}
@@ -144,11 +126,10 @@ function dateOf(created: string): string {
 interface TableProps {
   readonly store: StoreApi;
   readonly list: readonly ExperimentSummary[];
-  readonly onContinue: (id: string) => void;
   readonly onDelete: (experiment: ExperimentSummary) => void;
 }
 
-function Table({ store, list, onContinue, onDelete }: TableProps) {
+function Table({ store, list, onDelete }: TableProps) {
   return (
     <div class="experiment-list">
       <table>
@@ -163,7 +144,7 @@ function Table({ store, list, onContinue, onDelete }: TableProps) {
         </thead>
         <tbody>
           {list.map((one) => (
-            <Row key={one.id} store={store} experiment={one} onContinue={onContinue} onDelete={onDelete} />
+            <Row key={one.id} store={store} experiment={one} onDelete={onDelete} />
           ))}
         </tbody>
       </table>
@@ -174,11 +155,10 @@ function Table({ store, list, onContinue, onDelete }: TableProps) {
 interface RowProps {
   readonly store: StoreApi;
   readonly experiment: ExperimentSummary;
-  readonly onContinue: (id: string) => void;
   readonly onDelete: (experiment: ExperimentSummary) => void;
 }
 
-function Row({ store, experiment, onContinue, onDelete }: RowProps) {
+function Row({ store, experiment, onDelete }: RowProps) {
   const { id, name, created, source, planned, runs, complete, sampled } = experiment;
   const unfinished = complete < (planned ?? 0);
   const of = planned ?? runs;
@@ -198,9 +178,9 @@ function Row({ store, experiment, onContinue, onDelete }: RowProps) {
       </td>
       <td>
         {unfinished && source === "page" && (
-          <button type="button" class="quiet-button with-icon" onClick={() => onContinue(id)}>
+          <a class="with-icon" href={runHash(id)}>
             <Icon of={Play} size={14} /> Continue
-          </button>
+          </a>
         )}
         {sampled > 0 && (
           <a class="with-icon" href={samplesHash(id)}>

@@ -1,13 +1,9 @@
 /** The movement of an experiment: from the store, or a file or recording of this visit. */
 
-import { useSignal } from "@preact/signals";
 import { FolderOpen } from "lucide";
-import { useEffect, useMemo, useRef } from "preact/hooks";
-import { MovementError, placeInScene, readMovementFile } from "../../movement/movement";
+import { useRef } from "preact/hooks";
+import { MovementError, readMovementFile, writeMovement } from "../../movement/movement";
 import { addFile, movements, type NamedMovement } from "../../movement/movement-deck";
-import type { TimedPose } from "../../movement/playback";
-import { fetchMovement } from "../../movement/stored-movements";
-import type { SceneInfo } from "../../wire/render";
 import { clock } from "../format";
 import { Icon } from "../icon";
 import { useStoredMovements } from "../use-stored-movements";
@@ -36,43 +32,15 @@ function listed({ origin, name }: Pick<NamedMovement, "origin" | "name">, durati
   return { key: keyOf({ origin, name }), origin, name, duration };
 }
 
-export interface OpenedMovement {
+/** The movement's name in an experiment's file, and its text unless the store has it. */
+export function movementFile({ origin, name }: ListedMovement): {
   readonly name: string;
-  /** In the scene's own frame. */
-  readonly points: readonly TimedPose[];
-}
-
-/** Opens the movement of a form. Closing the form cancels it. */
-export function useMovementOpening(store: string | undefined) {
-  const busy = useSignal(false);
-  const closing = useMemo(() => new AbortController(), []);
-  useEffect(() => () => closing.abort(), [closing]);
-  /** Null if the form was closed meanwhile. Rejects with a MovementError. */
-  const open = async (movement: ListedMovement, scene: SceneInfo): Promise<OpenedMovement | null> => {
-    busy.value = true;
-    try {
-      const { name, trace } = await movementOf(movement, store, closing.signal);
-      return { name, points: placeInScene(trace, scene) };
-    } catch (error) {
-      if (closing.signal.aborted) return null;
-      throw error;
-    } finally {
-      busy.value = false;
-    }
-  };
-  return { busy: busy.value, open };
-}
-
-/** A movement of the list. Rejects with a MovementError, or because `signal` was aborted. */
-async function movementOf(
-  { origin, name }: ListedMovement,
-  store: string | undefined,
-  signal: AbortSignal,
-): Promise<NamedMovement> {
+  readonly text: string | null;
+} {
   const found = movements.peek().find((movement) => movement.origin === origin && movement.name === name);
-  if (found) return found;
-  if (store === undefined) throw new MovementError(`There is no movement ${name}.`);
-  return fetchMovement(store, name, signal);
+  if (!found) return { name: `${name}.csv`, text: null };
+  const file = name.replace(/[/\\]/g, "-");
+  return { name: file.endsWith(".csv") ? file : `${file}.csv`, text: writeMovement(found.trace) };
 }
 
 interface Props {

@@ -20,7 +20,7 @@ vi.mock("../../experiment/sample-upload", () => ({
 }));
 
 const STORE = new StoreApi("http://store.test");
-const ABOUT = { name: "Bus", configuration: { mode: "stateless", profile: "budget" }, started_unix_ms: 5 };
+const ABOUT = { experiment: "Bus", title: "Budget", started_unix_ms: 5 };
 const run = (key: string, more: object = {}) => ({
   key,
   about: ABOUT,
@@ -74,7 +74,7 @@ test("an upload shows how far it is, and what keeps it", async () => {
   });
   await shown();
   await userEvent.click(screen.getByRole("button", { name: "Upload" }));
-  expect(upload).toHaveBeenCalledWith(expect.objectContaining({ key: "a", place: null, store: STORE }));
+  expect(upload).toHaveBeenCalledWith(expect.objectContaining({ key: "a", store: STORE }));
   await vi.waitFor(() => expect(screen.getByLabelText<HTMLProgressElement>("Uploaded").value).toBe(500_000));
   ended.reject(new ApiError("The disk is full.", false));
   expect((await screen.findByRole("alert")).textContent).toBe("The disk is full.");

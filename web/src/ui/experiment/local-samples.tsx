@@ -2,7 +2,6 @@
 import { useSignal } from "@preact/signals";
 import { Trash2, Upload } from "lucide";
 import { useCallback, useEffect, useRef } from "preact/hooks";
-import { conditionLabel, type PlannedRun } from "../../experiment/plan";
 import { deleteSamples, uploadSamples } from "../../experiment/sample-upload";
 import type { StoreApi } from "../../experiment/store-api";
 import { ApiError } from "../../http/problem";
@@ -121,7 +120,7 @@ function Row({ run, store, onDone, onDelete }: RowProps) {
     const progress = (now: number) => {
       sent.value = now;
     };
-    await onDone(uploadSamples({ key, place: null, store, progress, signal: leaving.current.signal }));
+    await onDone(uploadSamples({ key, store, progress, signal: leaving.current.signal }));
     sent.value = null;
   };
   return (
@@ -159,6 +158,5 @@ function Row({ run, store, onDone, onDelete }: RowProps) {
 }
 
 function nameOf({ about }: SampledRun): string {
-  if (!about) return "Unknown";
-  return `${about.name}, ${conditionLabel(about.configuration as PlannedRun)}`; // in a ladder that is not known any more
+  return about ? `${about.experiment}, ${about.title}` : "Unknown";
 }

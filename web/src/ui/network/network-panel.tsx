@@ -29,11 +29,13 @@ const STEPS = 200;
 
 export function NetworkPanel({ base, session }: { base: string; session: ViewerSession }) {
   const shaper = useSignal<Shaper | null>(null);
+  const visible = session.presence.visible.value;
   useEffect(() => {
+    if (!visible) return undefined;
     const current = new Shaper(base, location.href, () => performance.now());
     shaper.value = current;
     return () => current.dispose();
-  }, [base, shaper]);
+  }, [base, visible, shaper]);
   return shaper.value && <Link shaper={shaper.value} session={session} />;
 }
 
@@ -234,9 +236,10 @@ function Direction({ name, of }: { name: string; of: DirectionStatus }) {
 function useFrames(session: ViewerSession): Signal<ReturnType<typeof noColumns>> {
   const columns = useSignal(noColumns(2));
   useEffect(() => {
-    let shown = session.stateless.stats.peek().shown;
+    let shown = session.source.peek()?.stats.peek().shown ?? 0;
     return effect(() => {
-      const stats = session.stateless.stats.value;
+      const stats = session.source.value?.stats.value;
+      if (stats?.kind !== "requests") return;
       columns.value = append(columns.peek(), performance.now() / 1000, frames(stats, shown));
       shown = stats.shown;
     });

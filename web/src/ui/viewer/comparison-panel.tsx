@@ -2,14 +2,14 @@
 
 import { Fragment } from "preact";
 import { useState } from "preact/hooks";
+import { kindsShown, sideTitles } from "../../sources/sides";
 import { settings } from "../../state/app";
-import { PLACES } from "../../state/sides";
+import { PLACES } from "../../state/settings";
 import type { Comparison } from "../../viewer/comparison";
 import type { ViewerSession } from "../../viewer/session";
 import { DistributionChart } from "../chart/distribution-chart";
 import { LiveChart } from "../chart/live-chart";
 import { LastWalk } from "./last-walk";
-import { sideNames } from "./names";
 
 const CHARTS = [
   { name: "Bandwidth", unit: "Mbit/s", stepped: false, columns: "bandwidth" },
@@ -21,7 +21,7 @@ const CHARTS = [
 
 export function ComparisonPanel({ session }: { session: ViewerSession }) {
   const comparison = session.comparison.value;
-  const names = sideNames(settings.value);
+  const names = sideTitles(settings.value);
   if (comparison === null || comparison.sides.length !== names.length) return null;
   return <Charts key={names.join()} names={names} comparison={comparison} />;
 }
@@ -41,7 +41,7 @@ function Charts({ names, comparison }: Props) {
           names={names}
           walk={walks.last.value}
           quality={quality.value}
-          local={sides.map(({ settings }) => settings.value.mode === "local")}
+          local={kindsShown(settings.value).map(({ drawsHere }) => drawsHere)}
         />
       )}
       <div class="comparison">

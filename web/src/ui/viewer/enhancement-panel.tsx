@@ -1,24 +1,23 @@
 /** Which models enhance frames before they are shown, and how that goes. */
-import { ChevronDown } from "lucide";
 import { webgpuProblem } from "../../enhance/device";
 import type { EnhancementStatus } from "../../enhance/enhancement";
-import { KINDS, type Kind } from "../../enhance/model/enhancer";
-import { changeSettings, settings } from "../../state/app";
+import { KINDS } from "../../enhance/model/enhancer";
 import type { ViewerSession } from "../../viewer/session";
-import { KIND_NAMES, ModelOptions } from "../enhancement-models";
-import { Icon } from "../icon";
 import { milliseconds } from "./hud";
 import { enhancementNote } from "./notes";
 import { SceneTraining } from "./scene-training";
+import { Choice } from "./setting";
 
 export function EnhancementPanel({ session }: { session: ViewerSession }) {
   const missing = webgpuProblem();
-  const status = session.enhancement.status.value;
+  const source = session.source.value;
+  const status = source?.enhancement?.status.value ?? { kind: "off" };
+  const stats = source?.stats.value;
   return (
     <>
       <div class="models">
         {KINDS.map((kind) => (
-          <ModelChoice key={kind} kind={kind} disabled={missing !== null} />
+          <Choice key={kind} name={kind} disabled={missing !== null} />
         ))}
       </div>
       {missing && (
@@ -28,30 +27,11 @@ export function EnhancementPanel({ session }: { session: ViewerSession }) {
       )}
       {!missing && status.kind !== "off" && (
         <p class="muted small" role="status" data-enhancement={status.kind}>
-          {sentence(status, session.stateless.stats.value.enhanceMs)}
+          {sentence(status, stats?.kind === "requests" ? stats.enhanceMs : null)}
         </p>
       )}
       <SceneTraining session={session} />
     </>
-  );
-}
-
-function ModelChoice({ kind, disabled }: { kind: Kind; disabled: boolean }) {
-  const chosen = settings.value[kind];
-  return (
-    <label class="number-field">
-      <span>{KIND_NAMES[kind]}</span>
-      <div class="select">
-        <select
-          value={chosen}
-          disabled={disabled}
-          onChange={(event) => changeSettings({ [kind]: event.currentTarget.value })}
-        >
-          <ModelOptions kind={kind} />
-        </select>
-        <Icon of={ChevronDown} size={16} />
-      </div>
-    </label>
   );
 }
 

@@ -1,13 +1,13 @@
 /** Over the stage: that a picture stands still although the camera moved, and for how long. */
 import { Snowflake } from "lucide";
+import { sideTitles } from "../../sources/sides";
 import { settings } from "../../state/app";
 import { FROZEN_AFTER } from "../../view/meter";
 import type { ViewerSession } from "../../viewer/session";
 import { Icon } from "../icon";
-import { sideNames } from "./names";
 
 export function Freeze({ session }: { session: ViewerSession }) {
-  const names = sideNames(settings.value);
+  const names = sideTitles(settings.value);
   const frozen = [session.left, session.right.value].flatMap((side, i) => {
     const time = side?.figures?.frozenFor ?? 0;
     return time < FROZEN_AFTER ? [] : [{ name: names.length > 1 ? `${names[i]}: frozen` : "Frozen", time }];

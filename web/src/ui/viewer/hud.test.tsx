@@ -35,8 +35,12 @@ beforeEach(() => {
 afterEach(cleanup);
 
 const show = (stats: Partial<Stats> = {}, detailed = true) => {
-  session.stateless.stats.value = { ...STATS, ...stats };
-  return render(<Hud session={asSession(session)} detailed={detailed} />).container;
+  session.pictures.stats.value = { ...STATS, ...stats };
+  const { pictures } = session;
+  const Shown = () => (
+    <Hud session={asSession(session)} source={pictures} stats={pictures.stats.value} detailed={detailed} />
+  );
+  return render(<Shown />).container;
 };
 const stat = (root: Element, name: string) => root.querySelector(`[data-stat="${name}"]`)?.textContent;
 
@@ -57,7 +61,7 @@ test("of a video, the bit rate that is asked for and the key frames that came ar
 });
 
 test("where frames cannot be turned, a word says why", () => {
-  session.reprojector.status.value = "lost";
+  session.pictures.reprojection.value = "lost";
   expect(stat(show(), "reprojection-note")).toContain("was lost");
 });
 
@@ -66,7 +70,7 @@ test.each([
   [0, "nothing at this size"],
   [null, "nothing at this size"],
 ])("what enhances frames of rung %s is said of each", (profile, said) => {
-  session.enhancement.status.value = { kind: "on", labels: ["", "Scene-tuned network"] };
+  session.pictures.enhancement.status.value = { kind: "on", labels: ["", "Scene-tuned network"] };
   const frame = { bytes: 52_000, width: 960, height: 540, profile };
   expect(stat(show({ frame }), "enhancement")).toBe(said);
 });
@@ -125,7 +129,7 @@ test.each([
 test("figures follow the session", async () => {
   const hud = show();
   await act(() => {
-    session.stateless.stats.value = { ...STATS, newViewsPerSecond: 12 };
+    session.pictures.stats.value = { ...STATS, newViewsPerSecond: 12 };
   });
   expect(stat(hud, "new-views")).toBe("12");
 });
@@ -153,8 +157,8 @@ test("a server that is the limit is named", () => {
 });
 
 test("no more than the two most important notes are shown", () => {
-  session.reprojector.status.value = "slow";
-  session.enhancement.giveUp("It took 40 ms a frame.");
+  session.pictures.reprojection.value = "slow";
+  session.pictures.enhancement.status.value = { kind: "failed", message: "It took 40 ms a frame." };
   show({ serverBound: true });
   expect(screen.getAllByRole("status").map((note) => note.dataset.stat)).toEqual([
     "reprojection-note",

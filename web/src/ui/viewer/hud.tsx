@@ -2,29 +2,31 @@
 import { ChevronDown, ChevronUp } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { EnhancementStatus } from "../../enhance/enhancement";
+import type { Source } from "../../sources/source";
 import { changeSettings, ladder, settings } from "../../state/app";
+import { SETTINGS } from "../../state/settings";
 import type { Stats } from "../../stateless/stats";
 import type { ViewerSession } from "../../viewer/session";
 import { bitrate, bytes } from "../format";
 import { Icon } from "../icon";
 import { EXPLANATIONS, type Explained } from "./explanations";
-import { TRANSPORT_NAMES } from "./names";
 import { enhancementNote, Notes, serverNote } from "./notes";
 
 const NONE = "–";
 
 interface HudProps {
   readonly session: ViewerSession;
+  readonly source: Source;
+  readonly stats: Stats;
   /** Whether all figures are shown unless the person chose otherwise. */
   readonly detailed: boolean;
   /** Problem with the link that opened this view. */
   readonly linkNote?: string | null;
 }
 
-export function Hud({ session, detailed, linkNote }: HudProps) {
-  const stats = session.stateless.stats.value;
+export function Hud({ session, source, stats, detailed, linkNote }: HudProps) {
   const details = settings.value.hudDetails ?? detailed;
-  const enhancement = session.enhancement.status.value;
+  const enhancement = source.enhancement?.status.value ?? { kind: "off" };
   const { fallback, host } = session.connected.value ?? {};
   return (
     <section class="floating hud" aria-label="Measurements">
@@ -45,7 +47,9 @@ export function Hud({ session, detailed, linkNote }: HudProps) {
       {details && <Details stats={stats} enhancement={enhancement} />}
       <p class="hud-transport" title={EXPLANATIONS.transport}>
         <span class="dot" data-transport={stats.transport ?? "none"} />
-        <span data-stat="transport">{stats.transport ? TRANSPORT_NAMES[stats.transport] : "not connected"}</span>
+        <span data-stat="transport">
+          {stats.transport ? SETTINGS.transport.options[stats.transport] : "not connected"}
+        </span>
         {fallback && (
           <span class="muted" data-stat="fallback">
             {" "}

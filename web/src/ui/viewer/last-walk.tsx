@@ -1,7 +1,7 @@
 /** Side by side: the figures of each side for the last walk, and a sentence that sums them up. They stay until the next walk ends. */
 import type { ComponentChildren } from "preact";
 import type { Unmeasured, Walk, WalkedSide } from "../../charts/walk";
-import { PLACES } from "../../state/sides";
+import { PLACES } from "../../state/settings";
 import type { SeenQuality } from "../../viewer/comparison";
 import { bitrate, bytes } from "../format";
 

@@ -3,7 +3,6 @@ import { cleanup, render, screen } from "@testing-library/preact";
 import { afterEach, expect, test } from "vitest";
 import { type LocalStats, NO_LOCAL_STATS } from "../../local/local-player";
 import { changeSettings, settings } from "../../state/app";
-import { COURTYARD } from "../../state/fake-server";
 import { DEFAULT_SETTINGS } from "../../state/settings";
 import { asSession, fakeLocal, fakeSession } from "../../viewer/fake-session";
 import { LocalRows } from "./local-rows";
@@ -41,7 +40,7 @@ test("a whole scene has no progress any more", () => {
 });
 
 test.each([
-  [{ kind: "connecting" } as const, "Downloading the scene…"],
+  [{ kind: "connecting", message: "Downloading the scene…" } as const, "Downloading the scene…"],
   [{ kind: "lost", message: "The download was cut off." } as const, "The download was cut off. Trying again…"],
   [{ kind: "failed", message: "This scene is too large." } as const, "This scene is too large."],
   [{ kind: "playing" } as const, ""],
@@ -49,7 +48,8 @@ test.each([
 ])("the stage says how a download stands: %j", (phase, said) => {
   changeSettings({ mode: "local" });
   const session = fakeSession();
-  session.local.value = phase && fakeLocal(phase, NO_LOCAL_STATS);
+  session.left.source.value = phase && fakeLocal(phase);
+  session.left.missing.value = phase ? null : "This server does not offer the scene for download";
   render(<StageMessage session={asSession(session)} />);
   expect(screen.getByRole("status").textContent).toBe(said);
 });
@@ -57,12 +57,11 @@ test.each([
 test("the panel says what is downloaded, or that nothing is offered", () => {
   changeSettings({ mode: "local" });
   const session = fakeSession();
-  session.scene.value = { ...COURTYARD, downloads: [{}] };
   render(<ModePanel session={asSession(session)} />);
   expect(screen.getByText(/^The compressed scene is downloaded/)).toBeTruthy();
   expect(screen.queryByRole("alert")).toBeNull();
   cleanup();
-  session.scene.value = COURTYARD;
+  session.left.missing.value = "This server does not offer the scene for download";
   render(<ModePanel session={asSession(session)} />);
   expect(screen.getByRole("alert").textContent).toContain("does not offer the scene for download");
 });

@@ -1,79 +1,63 @@
 /** Selects the mode and the parameters of its stream. */
 
-import type { ComponentChildren } from "preact";
-import { type DashPlan, type DashSetup, FRAME_RATES, PRESETS, type Preset, planFor } from "../../dash/presets";
-import { changeSettings, config, settings } from "../../state/app";
-import { isStreamed, MODES } from "../../state/settings";
-import { settingsShown } from "../../state/sides";
+import { type DashPlan, type DashSetup, FRAME_RATES, planFor } from "../../dash/presets";
+import { SOURCES } from "../../sources/registry";
+import { applies, settingsShown, titleOf } from "../../sources/sides";
+import { changeSettings, settings } from "../../state/app";
+import { COMPARED, MODES } from "../../state/settings";
 import type { ViewerSession } from "../../viewer/session";
-import { CODEC_NAMES, WEBRTC_PLANS, WEBRTC_STREAMS } from "../../webrtc/presets";
 import { ComparisonPanel } from "./comparison-panel";
-import { MODE_NAMES, noPackager } from "./names";
 import { NumberField } from "./number-field";
+import { Segment, SegmentList, Segments } from "./setting";
 import { SidesPanel } from "./sides-panel";
-
-const PRESET_NAMES: Readonly<Record<Preset, string>> = {
-  typical: "Typical",
-  tuned: "Tuned",
-  edge: "Edge",
-  custom: "Custom",
-};
 
 export function ModePanel({ session }: { session: ViewerSession }) {
   const { mode } = settings.value;
-  const shown = settingsShown(settings.value).map((each) => each.mode);
-  const streams = shown.filter(isStreamed);
-  const missing = config.value !== null && !config.value.services.dash;
+  const sides = [session.left, session.right.value].filter((side) => side !== null);
+  const problem = sides.find((side) => side.missing.value !== null);
+  const { about } = session.left.kind.value;
   return (
     <>
-      <Segments name="mode" label="Mode">
+      <SegmentList name="mode" label="Mode">
         {MODES.map((each) => (
           <Segment key={each} name="mode" checked={mode === each} onChoose={() => changeSettings({ mode: each })}>
-            {MODE_NAMES[each]}
+            {titleOf(each)}
           </Segment>
         ))}
-      </Segments>
-      {mode === "local" && <Download session={session} />}
-      {mode === "side-by-side" && <SidesPanel />}
-      {streams[0] && missing && (
-        <p class="notice" role="alert" data-notice="no-packager">
-          {noPackager(streams[0])}: start one with <code>tigas dash</code>, and name it to the server as the service
-          “dash”.
+      </SegmentList>
+      {mode === COMPARED && <SidesPanel />}
+      {problem ? (
+        <p class="notice" role="alert">
+          {problem.missing.value}. {problem.kind.value.remedy}
         </p>
+      ) : (
+        <>
+          {applies("dashCustom", settings.value) && <Streams />}
+          {applies("webrtcStream", settings.value) && <WebRtc />}
+          {mode !== COMPARED && about && <p class="muted small">{about}</p>}
+        </>
       )}
-      {shown.includes("dash") && !missing && <Streams />}
-      {shown.includes("webrtc") && !missing && <WebRtc />}
-      {((isStreamed(mode) && !missing) || mode === "side-by-side") && <ComparisonPanel session={session} />}
+      <ComparisonPanel session={session} />
     </>
   );
 }
 
 /** DASH settings: the preset, unless each side has one, and shared parameters. */
 function Streams() {
-  const { mode, dashPreset, dashCustom } = settings.value;
-  const plans = settingsShown(settings.value).flatMap((shown) => (shown.mode === "dash" ? [planFor(shown)] : []));
-  const custom = settingsShown(settings.value).some((shown) => shown.mode === "dash" && shown.dashPreset === "custom");
+  const { mode, dashCustom } = settings.value;
+  const plans = settingsShown(settings.value)
+    .filter(({ mode: each }) => SOURCES[each].settings.includes("dashCustom"))
+    .map((shown) => ({ ...planFor(shown), custom: shown.dashPreset === "custom" }));
+  const custom = plans.some((one) => one.custom);
   const [plan] = plans;
+  const compared = mode === COMPARED;
   return (
     <>
       <h4 class="segments-name">DASH stream</h4>
-      {mode === "dash" && (
-        <Segments name="preset" label="DASH stream">
-          {PRESETS.map((preset) => (
-            <Segment
-              key={preset}
-              name="preset"
-              checked={preset === dashPreset}
-              onChoose={() => changeSettings({ dashPreset: preset })}
-            >
-              {PRESET_NAMES[preset]}
-            </Segment>
-          ))}
-        </Segments>
-      )}
+      {!compared && <Segments name="dashPreset" />}
       {custom && <Custom setup={dashCustom} />}
       {!custom && (
-        <Segments name="frame-rate" label="Frame rate">
+        <SegmentList name="frame-rate" label="Frame rate">
           {FRAME_RATES.map((rate) => (
             <Segment
               key={rate}
@@ -84,9 +68,9 @@ function Streams() {
               {`${rate} frames/s`}
             </Segment>
           ))}
-        </Segments>
+        </SegmentList>
       )}
-      {mode === "dash" && !custom && plan && <p class="muted small">{sentence(plan)}</p>}
+      {!compared && !custom && plan && <p class="muted small">{sentence(plan)}</p>}
     </>
   );
 }
@@ -96,56 +80,9 @@ function WebRtc() {
   return (
     <>
       <h4 class="segments-name">WebRTC stream</h4>
-      <Segments name="webrtc-stream" label="WebRTC stream">
-        {WEBRTC_STREAMS.map((each) => (
-          <Segment
-            key={each}
-            name="webrtc-stream"
-            checked={each === settings.value.webrtcStream}
-            onChoose={() => changeSettings({ webrtcStream: each })}
-          >
-            {`${CODEC_NAMES[WEBRTC_PLANS[each].codec]}, ${WEBRTC_PLANS[each].frameRate}/s`}
-          </Segment>
-        ))}
-      </Segments>
+      <Segments name="webrtcStream" />
       <p class="muted small">A video whose bit rate follows the browser’s estimate of the link.</p>
     </>
-  );
-}
-
-/** Selects the form of the download. */
-function Download({ session }: { session: ViewerSession }) {
-  const scene = session.scene.value;
-  if (scene === null) return null;
-  if (!scene.downloads?.length) {
-    return (
-      <p class="notice" role="alert" data-notice="no-download">
-        This server does not offer the scene for download.
-      </p>
-    );
-  }
-  return (
-    <p class="muted small">
-      The compressed scene is downloaded, the most important Gaussians first; this browser draws them.
-    </p>
-  );
-}
-
-function Segments({ name, label, children }: { name: string; label: string; children: ComponentChildren }) {
-  return (
-    <fieldset class="segments" data-choice={name}>
-      <legend class="visually-hidden">{label}</legend>
-      {children}
-    </fieldset>
-  );
-}
-
-function Segment(props: { name: string; checked: boolean; onChoose: () => void; children: string }) {
-  return (
-    <label>
-      <input type="radio" class="visually-hidden" name={props.name} checked={props.checked} onChange={props.onChoose} />
-      <span>{props.children}</span>
-    </label>
   );
 }
 

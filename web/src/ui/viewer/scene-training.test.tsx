@@ -61,13 +61,13 @@ test("the networks of a training that ends are used at once, also where there we
   vi.mocked(training).mockResolvedValue({ ...IDLE, state: "done", progress: 1 });
   await next();
   await vi.waitFor(() => expect(session.scene.value?.enhance).toBe("scene"));
-  expect(session.renewals).toBe(0);
+  expect(session.pictures.enhancement.renewals).toBe(0);
 
   vi.mocked(training).mockResolvedValue(HALF);
   await userEvent.click(screen.getByRole("button", { name: "Train the scene’s network again" }));
   vi.mocked(training).mockResolvedValue({ ...IDLE, state: "done", progress: 1 });
   await next();
-  await vi.waitFor(() => expect(session.renewals).toBe(1));
+  await vi.waitFor(() => expect(session.pictures.enhancement.renewals).toBe(1));
 });
 
 test("a server that cannot train says why, and offers nothing", async () => {

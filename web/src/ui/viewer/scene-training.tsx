@@ -37,9 +37,8 @@ function Networks({ session, id }: { session: ViewerSession; id: string }) {
       void take();
       return;
     }
-    const timer = setInterval(() => void take(), ASK_EVERY);
-    return () => clearInterval(timer);
-  }, [running, take]);
+    return session.presence.every(ASK_EVERY, () => void take());
+  }, [running, take, session]);
   if (state.value === null && problem.value === null) return null;
   return (
     <div class="scene-training" data-training={state.value?.state}>
@@ -78,6 +77,6 @@ async function renew(session: ViewerSession, id: string): Promise<void> {
   const { enhance = null } = await fetchScene(id);
   const scene = session.scene.peek();
   if (scene === null) return;
-  if (scene.enhance === enhance) session.enhancement.renew();
+  if (scene.enhance === enhance) session.source.peek()?.enhancement?.renew();
   else session.scene.value = { ...scene, enhance };
 }

@@ -1,19 +1,16 @@
 /** Figures over each picture on the stage: the same ones at the same positions, followed by those of its mode. */
 
-import { NO_LOCAL_STATS } from "../../local/local-player";
+import { sideTitles } from "../../sources/sides";
+import type { Source } from "../../sources/source";
 import { ladder, settings } from "../../state/app";
-import { isPerView } from "../../state/settings";
-import type { Place } from "../../state/sides";
-import { NO_STREAM_STATS } from "../../stream/stream-player";
+import type { Place } from "../../state/settings";
 import { NO_FIGURES } from "../../view/meter";
-import type { Rig } from "../../view/rig";
 import type { ViewerSession } from "../../viewer/session";
 import type { Side } from "../../viewer/side";
 import { bitrate, bytes } from "../format";
 import { EXPLANATIONS } from "./explanations";
 import { DetailsButton, EnhancementRow, latencyName, ReprojectionRow, Row } from "./hud";
 import { LocalRows } from "./local-rows";
-import { sideNames } from "./names";
 import { enhancementNote, Notes } from "./notes";
 import { useLimits } from "./use-limits";
 
@@ -21,12 +18,12 @@ const NONE = "–";
 
 export function SideFigures({ session, detailed }: { session: ViewerSession; detailed: boolean }) {
   const details = settings.value.hudDetails ?? detailed;
-  const [left, right] = sideNames(settings.value);
+  const [left, right] = sideTitles(settings.value);
   return (
     <div class="sides">
-      <SideHud place="left" title={left ?? ""} side={session.left} rig={session.rig} details={details} />
+      <SideHud place="left" title={left ?? ""} side={session.left} session={session} details={details} />
       {session.right.value && (
-        <SideHud place="right" title={right ?? ""} side={session.right.value} rig={session.rig} details={details} />
+        <SideHud place="right" title={right ?? ""} side={session.right.value} session={session} details={details} />
       )}
     </div>
   );
@@ -36,16 +33,18 @@ interface HudProps {
   readonly place: Place;
   readonly title: string;
   readonly side: Side;
-  readonly rig: Rig;
+  readonly session: ViewerSession;
   readonly details: boolean;
 }
 
-function SideHud({ place, title, side, rig, details }: HudProps) {
+function SideHud({ place, title, side, session, details }: HudProps) {
   const figures = side.figures ?? NO_FIGURES;
   const { motionToPhoton, newViewsPerSecond, bandwidth, stalls, picture } = figures;
   const rung = picture?.rung == null ? undefined : ladder.value[picture.rung];
   const { mode } = side.settings.value;
-  const limits = useLimits(side, rig);
+  const source = side.source.value;
+  const enhancement = source?.enhancement?.status.value;
+  const limits = useLimits(side, session);
   return (
     <div class="side">
       <section class="floating side-hud" aria-label={`Measurements: ${title}`} data-side={place} data-mode={mode}>
@@ -85,14 +84,14 @@ function SideHud({ place, title, side, rig, details }: HudProps) {
             <Row name="stalls" label="Stalls">
               {stalls.count === 0 ? "none" : `${stalls.count}, ${(stalls.time / 1000).toFixed(1)} s`}
             </Row>
-            <ModeRows side={side} />
+            {source && <SourceRows source={source} />}
           </dl>
         )}
         <Notes
           most={details ? 2 : 1}
           of={{
             "reprojection-note": side.unturned.value,
-            "enhancement-note": isPerView(mode) ? enhancementNote(side.enhancement.status.value) : null,
+            "enhancement-note": enhancement ? enhancementNote(enhancement) : null,
             ...limits,
           }}
         />
@@ -101,48 +100,48 @@ function SideHud({ place, title, side, rig, details }: HudProps) {
   );
 }
 
-/** Additional figures of a mode. */
-function ModeRows({ side }: { side: Side }) {
-  const { mode } = side.settings.value;
-  if (mode === "local") return <LocalRows stats={side.local.value?.stats.value ?? NO_LOCAL_STATS} />;
-  if (mode === "dash") {
-    const stats = side.stream.value?.stats.value ?? NO_STREAM_STATS;
-    return (
-      <>
-        <Row name="live-latency" label="Live latency">
-          {milliseconds(stats.liveLatency)}
-        </Row>
-        <Row name="target-latency" label="Target">
-          {milliseconds(stats.targetLatency)}
-        </Row>
-        <Row name="buffered" label="Buffer">
-          {milliseconds(stats.buffered)}
-        </Row>
-        <ReprojectionRow stats={stats} />
-      </>
-    );
+/** Additional figures of how the scene is delivered. */
+function SourceRows({ source }: { source: Source }) {
+  const stats = source.stats.value;
+  switch (stats.kind) {
+    case "download":
+      return <LocalRows stats={stats} />;
+    case "stream":
+      return (
+        <>
+          {stats.codec === null ? (
+            <>
+              <Row name="live-latency" label="Live latency">
+                {milliseconds(stats.liveLatency)}
+              </Row>
+              <Row name="target-latency" label="Target">
+                {milliseconds(stats.targetLatency)}
+              </Row>
+              <Row name="buffered" label="Buffer">
+                {milliseconds(stats.buffered)}
+              </Row>
+            </>
+          ) : (
+            <>
+              <Row name="codec" label="Codec">
+                {stats.codec}
+              </Row>
+              <Row name="jitter-buffer" label="Jitter buffer">
+                {milliseconds(stats.jitterBuffer)}
+              </Row>
+            </>
+          )}
+          <ReprojectionRow stats={stats} />
+        </>
+      );
+    case "requests":
+      return (
+        <>
+          {source.enhancement && <EnhancementRow status={source.enhancement.status.value} stats={stats} />}
+          <ReprojectionRow stats={stats} />
+        </>
+      );
   }
-  if (mode === "webrtc") {
-    const stats = side.stream.value?.stats.value ?? NO_STREAM_STATS;
-    return (
-      <>
-        <Row name="codec" label="Codec">
-          {stats.codec ?? NONE}
-        </Row>
-        <Row name="jitter-buffer" label="Jitter buffer">
-          {milliseconds(stats.jitterBuffer)}
-        </Row>
-        <ReprojectionRow stats={stats} />
-      </>
-    );
-  }
-  const stats = side.stateless.stats.value;
-  return (
-    <>
-      <EnhancementRow status={side.enhancement.status.value} stats={stats} />
-      <ReprojectionRow stats={stats} />
-    </>
-  );
 }
 
 function milliseconds(value: number | null | undefined): string {

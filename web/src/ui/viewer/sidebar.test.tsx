@@ -35,7 +35,7 @@ const section = (name: string) =>
 
 test("a controller that adapts shows the rung that it has chosen; a fixed profile is chosen by the person", async () => {
   const user = userEvent.setup();
-  session.stateless.stats.value = { ...NO_STATS, frame: { bytes: 1, width: 640, height: 360, profile: 2 } };
+  session.pictures.stats.value = { ...NO_STATS, frame: { bytes: 1, width: 640, height: 360, profile: 2 } };
   show();
   const quality = section("Quality");
   expect(quality.getByRole("radio", { name: /Medium-Low/ })).toHaveProperty("checked", true);
@@ -87,15 +87,16 @@ test("an overscan that an experiment set is offered, too", () => {
 });
 
 test("a browser that cannot turn frames says so in the panel", () => {
-  session.reprojector.status.value = "slow";
+  session.pictures.reprojection.value = "slow";
   show();
   expect(section("Reprojection").getByRole("status").textContent).toContain("No graphics acceleration");
 });
 
 test("a browser that cannot turn the stream's frames says so, beside frames that are turned, too", () => {
   settings.value = { ...DEFAULT_SETTINGS, mode: "side-by-side" };
-  session.right.value = fakeSide("right");
-  session.right.value.videoReprojector.status.value = "unreadable";
+  const stream = fakeStream({ kind: "playing" });
+  stream.reprojection.value = "unreadable";
+  session.right.value = fakeSide("right", stream);
   show();
   expect(section("Reprojection").getByRole("status").textContent).toContain("WebCodecs");
 });
@@ -146,9 +147,10 @@ test("speeds are set, and the camera is reset and the settings closed by their b
 
 test.each(["DASH", "WebRTC"])("without a packager the mode %s says how to get one", async (name) => {
   show();
+  session.left.missing.value = `This server has no packager for ${name} streams`;
   await userEvent.click(screen.getByRole("radio", { name }));
   expect(settings.value.mode).toBe(name.toLowerCase());
-  expect(screen.getByRole("alert").textContent).toContain(`no packager for ${name} streams: start one with tigas dash`);
+  expect(screen.getByRole("alert").textContent).toContain(`no packager for ${name} streams. Start one with tigas dash`);
   expect(screen.queryByRole("group", { name: "DASH stream" })).toBeNull();
 });
 
@@ -156,7 +158,7 @@ test("with a packager its stream is set up by preset, or number by number", asyn
   const user = userEvent.setup();
   config.value = serverConfig({ dash: "http://dash.test" });
   settings.value = { ...DEFAULT_SETTINGS, mode: "dash" };
-  session.stream.value = fakeStream({ kind: "playing" });
+  session.left.source.value = fakeStream({ kind: "playing" });
   show();
   await user.click(screen.getByRole("radio", { name: "Typical" }));
   expect(settings.value.dashPreset).toBe("typical");

@@ -1,16 +1,13 @@
 /** The viewer's settings: quality, transport, the shaped link if there is one, movement and lens. */
-import { ChevronDown, X } from "lucide";
+import { X } from "lucide";
 import type { ComponentChildren } from "preact";
-import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../../abr/registry";
+import { applies } from "../../sources/sides";
 import { changeSettings, config, ladder, settings } from "../../state/app";
-import { DEFAULT_SETTINGS, isPerView } from "../../state/settings";
-import { settingsShown } from "../../state/sides";
-import type { TransportChoice } from "../../transport/connect";
+import { DEFAULT_SETTINGS, SETTINGS, type Settings } from "../../state/settings";
 import type { Intrinsics } from "../../view/intrinsics";
 import type { ViewerSession } from "../../viewer/session";
 import type { Rung } from "../../wire/render";
 import { bytes } from "../format";
-import { Icon } from "../icon";
 import { IconButton } from "../icon-button";
 import { InsecureHint } from "../insecure-hint";
 import { NetworkPanel } from "../network/network-panel";
@@ -19,9 +16,9 @@ import { CopyLink } from "./copy-link";
 import { EnhancementPanel } from "./enhancement-panel";
 import { ModePanel } from "./mode-panel";
 import { MovementTrace } from "./movement-trace";
-import { TRANSPORT_NAMES } from "./names";
 import { NumberField } from "./number-field";
 import { ReprojectionPanel } from "./reprojection-panel";
+import { Choice, NumberSetting, Toggle } from "./setting";
 
 interface Props {
   readonly session: ViewerSession;
@@ -33,8 +30,7 @@ interface Props {
 
 export function Sidebar({ session, onClose, onReset, onSkip }: Props) {
   const shaper = config.value?.services.shaper;
-  const modes = settingsShown(settings.value).map(({ mode }) => mode);
-  const rendered = modes.some((mode) => mode !== "local");
+  const affects = (name: keyof Settings) => applies(name, settings.value);
   return (
     <aside class="sidebar" aria-label="Settings">
       <button type="button" class="visually-hidden quiet-button" onClick={onSkip}>
@@ -49,18 +45,23 @@ export function Sidebar({ session, onClose, onReset, onSkip }: Props) {
       <Section title="Mode">
         <ModePanel session={session} />
       </Section>
-      {rendered && <Quality session={session} />}
-      {modes.some(isPerView) && (
+      {affects("controller") && <Quality session={session} />}
+      {affects("upscale") && (
         <Section title="Enhancement">
           <EnhancementPanel session={session} />
         </Section>
       )}
-      {rendered && (
+      {affects("reprojection") && (
         <Section title="Reprojection">
           <ReprojectionPanel session={session} />
         </Section>
       )}
-      {rendered && <Transport />}
+      {affects("transport") && (
+        <Section title="Transport">
+          <Choice name="transport" bare />
+          <InsecureHint />
+        </Section>
+      )}
       {shaper && (
         <Section title="Network">
           <NetworkPanel base={shaper} session={session} />
@@ -96,28 +97,20 @@ function Section({
 }
 
 function Quality({ session }: { session: ViewerSession }) {
-  const { controller, profile, refine, webp } = settings.value;
-  const { frame } = session.stateless.stats.value;
+  const { controller, profile } = settings.value;
+  const stats = session.source.value?.stats.value;
+  const frame = stats?.kind === "requests" ? stats.frame : null;
   const adapts = controller !== "fixed";
   const chosen = adapts ? frame?.profile : Math.min(profile, Math.max(0, ladder.value.length - 1));
   return (
     <Section title="Quality">
-      <div class="select">
-        <select
-          aria-label="Adaptation"
-          value={controller}
-          onChange={(event) => changeSettings({ controller: event.currentTarget.value as ControllerName | "fixed" })}
-        >
-          {CONTROLLER_NAMES.map((name) => (
-            <option key={name} value={name}>
-              Automatic: {CONTROLLERS[name].title}
-              {name === DEFAULT_SETTINGS.controller && " (recommended)"}
-            </option>
-          ))}
-          <option value="fixed">Fixed profile</option>
-        </select>
-        <Icon of={ChevronDown} size={16} />
-      </div>
+      <Choice name="controller" bare>
+        {Object.entries(SETTINGS.controller.options).map(([name, title]) => (
+          <option key={name} value={name}>
+            {name === DEFAULT_SETTINGS.controller ? `${title} (recommended)` : title}
+          </option>
+        ))}
+      </Choice>
       <fieldset class="rungs" disabled={adapts}>
         <legend class="visually-hidden">Profile</legend>
         {ladder.value.map((rung, index) => (
@@ -133,14 +126,8 @@ function Quality({ session }: { session: ViewerSession }) {
           </label>
         ))}
       </fieldset>
-      <label class="check">
-        <input type="checkbox" checked={refine} onChange={() => changeSettings({ refine: !refine })} />
-        Sharpen when you stop
-      </label>
-      <label class="check" title="Fewer bytes for the same picture, which takes the server a few milliseconds longer">
-        <input type="checkbox" checked={webp} onChange={() => changeSettings({ webp: !webp })} />
-        WebP on slow links
-      </label>
+      <Toggle name="refine" />
+      <Toggle name="webp" />
       <p class="readout">
         <span>Resolution</span>
         <output>{frame?.width && frame.height ? `${frame.width} × ${frame.height}` : "–"}</output>
@@ -166,26 +153,9 @@ function Movement({ session, onReset }: Pick<Props, "session" | "onReset">) {
         </button>
       }
     >
-      <div class="select">
-        <select
-          aria-label="Dragging"
-          value={settings.value.drag}
-          onChange={(event) => changeSettings({ drag: event.currentTarget.value as "look" | "orbit" })}
-        >
-          <option value="look">Drag to look around</option>
-          <option value="orbit">Drag to orbit</option>
-        </select>
-        <Icon of={ChevronDown} size={16} />
-      </div>
+      <Choice name="drag" bare />
       <div class="fields">
-        <NumberField
-          label="Turn"
-          unit="°/s"
-          min={1}
-          max={720}
-          value={settings.value.turnSpeed}
-          onValue={(turnSpeed) => changeSettings({ turnSpeed })}
-        />
+        <NumberSetting name="turnSpeed" />
         <NumberField
           label="Move"
           unit="units/s"
@@ -241,28 +211,6 @@ function Lens({ session }: { session: ViewerSession }) {
       <p class="muted small">
         For a stage of {width} × {height} pixels. {locked ? "Your choice is kept when the window is resized." : ""}
       </p>
-    </Section>
-  );
-}
-
-function Transport() {
-  return (
-    <Section title="Transport">
-      <div class="select">
-        <select
-          aria-label="Transport"
-          value={settings.value.transport}
-          onChange={(event) => changeSettings({ transport: event.currentTarget.value as TransportChoice })}
-        >
-          {Object.entries(TRANSPORT_NAMES).map(([kind, name]) => (
-            <option key={kind} value={kind}>
-              {name}
-            </option>
-          ))}
-        </select>
-        <Icon of={ChevronDown} size={16} />
-      </div>
-      <InsecureHint />
     </Section>
   );
 }

@@ -1,16 +1,10 @@
 /** Message over the stage: loading, a lost server, or the reason for a missing picture. */
 import { CircleAlert, LoaderCircle, Unplug } from "lucide";
 import type { ComponentChildren } from "preact";
-import type { LocalPlayer } from "../../local/local-player";
-import { config } from "../../state/app";
-import { isStreamed } from "../../state/settings";
-import { STREAM_NAMES, type StreamKind } from "../../stream/stream";
-import type { StreamPhase } from "../../stream/stream-player";
 import type { ConnectionState } from "../../transport/connection";
 import type { ViewerSession } from "../../viewer/session";
 import type { Side } from "../../viewer/side";
 import { Icon } from "../icon";
-import { noPackager } from "./names";
 
 export function StageMessage({ session }: { session: ViewerSession }) {
   const phase = session.phase.value;
@@ -27,7 +21,7 @@ export function StageMessage({ session }: { session: ViewerSession }) {
       {kind === "full" && (
         <Waiting>The server is full. The scene opens automatically as soon as there is room.</Waiting>
       )}
-      {kind === "lost" && <Lost>{message}</Lost>}
+      {kind === "lost" && <Lost>{session.presence.offline.value ? "This device is offline." : message}</Lost>}
       {kind === "failed" && (
         <div class="floating message tall" data-tone="danger">
           <Icon of={CircleAlert} />
@@ -45,12 +39,12 @@ export function StageMessage({ session }: { session: ViewerSession }) {
       {kind === "playing" && (
         <div class="sides">
           <div class="side">
-            <SideMessage side={session.left} session={session} />
+            <SideMessage side={session.left} />
           </div>
           {session.right.value && (
             <div class="side">
               <Connection state={session.rightConnection.value} />
-              <SideMessage side={session.right.value} session={session} />
+              <SideMessage side={session.right.value} />
             </div>
           )}
         </div>
@@ -60,12 +54,20 @@ export function StageMessage({ session }: { session: ViewerSession }) {
 }
 
 /** Reason for a missing or degraded picture. */
-function SideMessage({ side, session }: { side: Side; session: ViewerSession }) {
-  const { mode } = side.settings.value;
-  if (isStreamed(mode)) return <Stream kind={mode} phase={side.stream.value?.phase.value} />;
-  if (mode === "local") return <Local local={side.local.value} session={session} />;
-  const problem = (mode === "video" && side.video.problem.value) || side.stateless.problem.value;
-  return problem && <Failed>{problem}</Failed>;
+function SideMessage({ side }: { side: Side }) {
+  const missing = side.missing.value;
+  if (missing !== null) return <Failed>{missing}; see Settings, Mode.</Failed>;
+  const phase = side.source.value?.phase.value;
+  switch (phase?.kind) {
+    case "connecting":
+      return <Waiting>{phase.message ?? "Connecting…"}</Waiting>;
+    case "lost":
+      return <Lost>{phase.message}</Lost>;
+    case "failed":
+      return <Failed>{phase.message}</Failed>;
+    default:
+      return phase?.problem ? <Failed>{phase.problem}</Failed> : null;
+  }
 }
 
 /** For a side with its own message. */
@@ -74,27 +76,6 @@ function Connection({ state }: { state: ConnectionState | null }) {
   if (state?.status === "full")
     return <Waiting>The server has no room for a second viewer; it is asked again.</Waiting>;
   return state?.status === "lost" ? <Lost>{state.reason}</Lost> : null;
-}
-
-function Stream({ kind, phase }: { kind: StreamKind; phase: StreamPhase | undefined }) {
-  if (phase === undefined) {
-    if (config.value?.services.dash) return null;
-    return <Failed>{noPackager(kind)}; see Settings, Mode.</Failed>;
-  }
-  if (phase.kind === "connecting") return <Waiting>{`Starting the ${STREAM_NAMES[kind]} stream…`}</Waiting>;
-  if (phase.kind === "lost") return <Lost>{phase.message}</Lost>;
-  return phase.kind === "failed" ? <Failed>{phase.message}</Failed> : null;
-}
-
-function Local({ local, session }: { local: LocalPlayer | null; session: ViewerSession }) {
-  if (local === null) {
-    if (session.scene.value === null) return null;
-    return <Failed>This server does not offer the scene for download; see Settings, Mode.</Failed>;
-  }
-  const phase = local.phase.value;
-  if (phase.kind === "connecting") return <Waiting>Downloading the scene…</Waiting>;
-  if (phase.kind === "lost") return <Lost>{phase.message}</Lost>;
-  return phase.kind === "failed" ? <Failed>{phase.message}</Failed> : null;
 }
 
 function Waiting({ children }: { children: ComponentChildren }) {

@@ -1,9 +1,9 @@
 /** Toolbar at the top of the stage: back button, scene name and switches. */
 import { Activity, ArrowLeft, CircleHelp, Columns2, FlaskConical, Maximize, SlidersHorizontal } from "lucide";
-import type { Mode } from "../../state/settings";
+import { titleOf } from "../../sources/sides";
+import { DEFAULT_SETTINGS, type Mode } from "../../state/settings";
 import { Icon } from "../icon";
 import { IconButton } from "../icon-button";
-import { MODE_NAMES } from "./names";
 import type { ViewerActions } from "./use-shortcuts";
 
 interface Props {
@@ -30,9 +30,9 @@ export function Toolbar({ name, usable, actions, mode, hud, sidebar }: Props) {
           <IconButton icon={CircleHelp} label="Help" shortcut="H" onClick={actions.help} />
           <IconButton
             icon={Columns2}
-            label={`Mode: ${MODE_NAMES[mode]}`}
+            label={`Mode: ${titleOf(mode)}`}
             shortcut="M"
-            pressed={mode !== "stateless"}
+            pressed={mode !== DEFAULT_SETTINGS.mode}
             onClick={actions.mode}
           />
           <IconButton icon={Activity} label="Measurements" shortcut="I" pressed={hud} onClick={actions.hud} />

@@ -1,10 +1,11 @@
 /** Bottlenecks other than the link: the renderer or encoder, or this computer. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { isPerView } from "../../state/settings";
+import type { Source } from "../../sources/source";
 import { MANY_REPEATS, repeatedShare } from "../../stream/repeats";
-import type { StreamPlayer } from "../../stream/stream-player";
+import type { Presence } from "../../view/presence";
 import type { Rig } from "../../view/rig";
+import type { ViewerSession } from "../../viewer/session";
 import type { Side } from "../../viewer/side";
 import type { SessionStatus } from "../../wire/dash";
 import { type Said, serverNote } from "./notes";
@@ -16,11 +17,12 @@ const COUNT_EVERY = 2000;
 /** With fewer a second, no mode can look smooth here. */
 const FEW_PICTURES = 30;
 
-export function useLimits(side: Side, rig: Rig): Said {
-  const drawn = useDrawn(rig);
-  const repeated = useRepeats(side.stream.value);
+export function useLimits(side: Side, { rig, presence }: Pick<ViewerSession, "rig" | "presence">): Said {
+  const drawn = useDrawn(rig, presence);
+  const repeated = useRepeats(side.source.value, presence);
+  const { figures } = side;
   return {
-    "server-note": isPerView(side.settings.value.mode) ? serverNote(side.stateless.stats.value) : streamNote(repeated),
+    "server-note": figures?.kind === "requests" ? serverNote(figures) : streamNote(repeated),
     "browser-note": browserNote(drawn),
   };
 }
@@ -37,46 +39,51 @@ function browserNote(drawn: number | null): string | null {
 }
 
 /** The browser's frames per second; null until known and after the page was hidden. */
-function useDrawn(rig: Rig): number | null {
+function useDrawn(rig: Rig, presence: Presence): number | null {
   const rate = useSignal<number | null>(null);
   useEffect(() => {
     let count = 0;
     let since = performance.now();
-    const stop = rig.onSample(() => {
-      count++;
-    });
-    const timer = setInterval(() => {
-      const now = performance.now();
-      rate.value = document.hidden || count === 0 ? null : (count * 1000) / (now - since);
+    const restart = (now: number) => {
       [count, since] = [0, now];
-    }, COUNT_EVERY);
-    return () => {
-      stop();
-      clearInterval(timer);
     };
-  }, [rig, rate]);
+    const stops = [
+      rig.onSample(() => {
+        count++;
+      }),
+      presence.visible.subscribe(() => restart(performance.now())),
+      presence.every(COUNT_EVERY, () => {
+        const now = performance.now();
+        rate.value = count === 0 ? null : (count * 1000) / (now - since);
+        restart(now);
+      }),
+    ];
+    return () => {
+      for (const stop of stops) stop();
+    };
+  }, [rig, presence, rate]);
   return rate.value;
 }
 
 /** Share of the stream's newest frames that repeat the view although the camera moved; null until known. */
-function useRepeats(stream: StreamPlayer | null): number | null {
+function useRepeats(source: Source | null, presence: Presence): number | null {
   const share = useSignal<number | null>(null);
   useEffect(() => {
     share.value = null;
-    if (stream === null) return undefined;
+    if (source?.stats.peek().kind !== "stream") return undefined;
     const asking = new AbortController();
     let before: SessionStatus | null = null;
-    const timer = setInterval(() => {
-      void stream.status(asking.signal).then((status) => {
+    const stop = presence.every(ASK_EVERY, () => {
+      void source.status(asking.signal).then((status) => {
         if (asking.signal.aborted) return;
         share.value = repeatedShare(before, status);
         before = status;
       });
-    }, ASK_EVERY);
+    });
     return () => {
       asking.abort();
-      clearInterval(timer);
+      stop();
     };
-  }, [stream, share]);
+  }, [source, presence, share]);
   return share.value;
 }

@@ -64,13 +64,6 @@ test("a link to the view is copied, and is the page's address", async () => {
   vi.unstubAllGlobals();
 });
 
-test("a URL that names a model which there is not says so, and chooses none", () => {
-  settings.value = { ...settings.value, restore: "anime4k-restore-m", upscale: "bicubic" };
-  show({ upscale: "magic" });
-  expect(settings.value).toMatchObject({ restore: "anime4k-restore-m", upscale: "off" });
-  expect(screen.getByText(/Enhancement is off. There is no model “magic” to upscale with, only off, /)).toBeTruthy();
-});
-
 test("a URL may say how movement is met, and what makes no sense in it changes nothing", () => {
   show({ reprojection: "off", prediction: "linear" });
   expect(settings.value).toMatchObject({ reprojection: false, prediction: "linear" });
@@ -78,7 +71,9 @@ test("a URL may say how movement is met, and what makes no sense in it changes n
   cleanup();
   show({ reprojection: "maybe", prediction: "magic" });
   expect(settings.value).toMatchObject({ reprojection: false, prediction: "linear" });
-  expect(screen.getByText("The link sets reprojection to “maybe”: it is either on or off.")).toBeTruthy();
+  expect(
+    screen.getByText("The link sets reprojection to “maybe”, which it cannot be; choose one of on, off."),
+  ).toBeTruthy();
 });
 
 test("a link can insist on reprojection where there is no graphics acceleration", () => {
@@ -107,13 +102,14 @@ test.each([
   [
     { left: "local-ply" },
     undefined,
-    /^The link sets left to “local-ply”, which does not exist; choose one of stateless, video, /,
+    /^The link sets left to “local-ply”, which it cannot be; choose one of stateless, video, /,
   ],
   [
     { prediction: "magic" },
     undefined,
-    /^The link names a prediction that does not exist, “magic”; choose one of off, velocity, /,
+    /^The link sets prediction to “magic”, which it cannot be; choose one of off, velocity, /,
   ],
+  [{ upscale: "magic" }, undefined, /^The link sets upscale to “magic”, which it cannot be; choose one of off, /],
   [{ at: "here" }, undefined, /^The link's place cannot be read/],
   [{ profile: "-2" }, undefined, "The link sets profile to “-2”, which it cannot be."],
   [{}, ["predicton"], /^The link names “predicton”, which means nothing here; it may name at, mode, /],

@@ -9,6 +9,7 @@ import { serverConfig } from "../../state/fake-server";
 import type { Asked } from "../../state/route";
 import { DEFAULT_SETTINGS } from "../../state/settings";
 import { NO_STATS } from "../../stateless/stats";
+import { FakeTransport } from "../../transport/fake";
 import { type Comparison, UNSCORED } from "../../viewer/comparison";
 import { type FakeSession, fakeLocal, fakeSession, fakeSide, fakeStream } from "../../viewer/fake-session";
 import type { SessionStatus } from "../../wire/dash";
@@ -53,8 +54,9 @@ test("opens the scene, names it, and gives the keys to the stage", () => {
 test("the stage tells scripts how it stands", async () => {
   show();
   await act(() => {
-    session.stateless.stats.value = { ...NO_STATS, shown: 4, settled: false, transport: "fetch" };
-    session.stream.value = fakeStream({ kind: "connecting" }, { shown: 2 });
+    session.pictures.stats.value = { ...NO_STATS, shown: 4, settled: false };
+    session.connected.value = { transport: new FakeTransport(() => 0), fallback: null, host: null };
+    session.right.value = fakeSide("right", fakeStream({ kind: "connecting" }));
   });
   expect({ ...stage().dataset }).toEqual({
     phase: "playing",
@@ -62,10 +64,8 @@ test("the stage tells scripts how it stands", async () => {
     frames: "4",
     settled: "false",
     mode: "stateless",
-    stream: "connecting",
-    streamFrames: "2",
-    local: "off",
-    localComplete: "false",
+    sources: "playing connecting",
+    shown: "4 0",
   });
 });
 
@@ -88,7 +88,7 @@ test("keys open help, hide the measurements, open the settings and change the mo
     await user.keyboard("m");
     modes.push(settings.value.mode);
   }
-  expect(modes).toEqual(["video", "dash", "webrtc", "side-by-side", "local"]);
+  expect(modes).toEqual(["video", "dash", "webrtc", "local", "side-by-side"]);
 });
 
 test("help names the keys as the keyboard in use does", async () => {
@@ -113,11 +113,14 @@ test.each([
   [{ reprojection: true, prediction: "linear" }, "slow", false],
 ] as const)("an experiment begins with the viewer's own settings: %o, turning %s", async (chosen, status, checked) => {
   settings.value = { ...settings.value, ...chosen };
-  session.reprojector.status.value = status;
+  session.pictures.reprojection.value = status;
+  config.value = serverConfig({ store: "http://store.test" });
+  vi.stubGlobal("fetch", async () => Response.json({ movements: [] }));
   show();
   await userEvent.keyboard("x");
   expect((await screen.findByRole<HTMLInputElement>("checkbox", { name: "Reprojection" })).checked).toBe(checked);
   expect(screen.getByRole<HTMLSelectElement>("combobox", { name: "Prediction" }).value).toBe("linear");
+  vi.unstubAllGlobals();
 });
 
 test("a dialog gives the focus back to what opened it, and the settings give it to the stage", async () => {
@@ -161,7 +164,7 @@ test("a picture that stands still for a second is called frozen, also where ther
   show();
   const freeze = async (frozenFor: number) => {
     await act(() => {
-      session.stateless.stats.value = { ...NO_STATS, frozenFor };
+      session.pictures.stats.value = { ...NO_STATS, frozenFor };
     });
     return document.querySelector("[data-stat=frozen]")?.textContent;
   };
@@ -198,10 +201,9 @@ test("the measurements are those of the mode", async () => {
   show();
   await act(() => {
     settings.value = { ...settings.value, mode: "side-by-side", left: "local", right: "dash-edge" };
-    session.local.value = fakeLocal({ kind: "playing" }, { drawn: 300 });
-    const right = fakeSide("right");
-    right.stream.value = fakeStream({ kind: "playing" }, { liveLatency: 320, stalls: { count: 2, time: 1500 } });
-    session.right.value = right;
+    session.left.source.value = fakeLocal({ kind: "playing" }, { drawn: 300 });
+    const stream = fakeStream({ kind: "playing" }, { liveLatency: 320, stalls: { count: 2, time: 1500 } });
+    session.right.value = fakeSide("right", stream);
   });
   const names = screen.getAllByRole("region").map((region) => region.getAttribute("aria-label"));
   expect(names).toEqual(["Measurements: Local", "Measurements: DASH, edge"]);
@@ -251,7 +253,7 @@ test("a stream whose frames show nothing new says that the server is the limit, 
   let ticks = 0;
   const stream = fakeStream({ kind: "playing" });
   stream.status = async () => ({ id: "a", frames: 60 * ticks, repeated: 45 * ticks++, dropped: 0 }) as SessionStatus;
-  session.stream.value = stream;
+  session.left.source.value = stream;
   show();
   for (let i = 0; i < 60; i++) {
     session.rig.sample(performance.now());
@@ -260,17 +262,6 @@ test("a stream whose frames show nothing new says that the server is the limit, 
   vi.useRealTimers();
   expect(screen.getByText(/^The server is slow, not your connection: 75 % of the stream’s frames/)).toBeTruthy();
   expect(screen.getByText("This computer is slow: it shows only 10 pictures per second.")).toBeTruthy();
-});
-
-test("where this browser cannot decode video, the mode Video says so, and the others do not", async () => {
-  session.video.problem.value = "This browser does not decode H.264.";
-  settings.value = { ...settings.value, mode: "video" };
-  show();
-  expect(screen.getByText("This browser does not decode H.264.")).toBeTruthy();
-  await act(() => {
-    settings.value = { ...settings.value, mode: "stateless" };
-  });
-  expect(screen.queryByText("This browser does not decode H.264.")).toBeNull();
 });
 
 test.each([
@@ -353,24 +344,14 @@ test("settings and details begin open only where there is room, and details not 
 });
 
 test.each([
-  [{ kind: "connecting" }, "Starting the WebRTC stream…"],
+  [{ kind: "connecting", message: "Starting the WebRTC stream…" }, "Starting the WebRTC stream…"],
   [{ kind: "lost", message: "The stream broke." }, "The stream broke. Trying again…"],
   [{ kind: "failed", message: "This browser cannot." }, "This browser cannot."],
-] as const)("a stream that is %j says: %s", (phase, sentence) => {
-  settings.value = { ...settings.value, mode: "webrtc" };
-  session.stream.value = fakeStream(phase);
+  [{ kind: "playing", problem: "The server has no memory left." }, "The server has no memory left."],
+] as const)("a picture that is %j says: %s", (phase, sentence) => {
+  session.pictures.phase.value = phase;
   show();
   expect(screen.getByText(sentence)).toBeTruthy();
-});
-
-test("frames that are refused say why, unless none are asked for", async () => {
-  session.stateless.problem.value = "The server has no memory left.";
-  show();
-  expect(screen.getByText("The server has no memory left.")).toBeTruthy();
-  await act(() => {
-    settings.value = { ...settings.value, mode: "dash" };
-  });
-  expect(screen.queryByText("The server has no memory left.")).toBeNull();
 });
 
 test("scripts can drive the viewer for as long as it is open", async () => {
@@ -384,9 +365,11 @@ test("scripts can drive the viewer for as long as it is open", async () => {
 test("what a person should know of enhancement is said", async () => {
   show();
   await act(() => {
-    session.enhancement.status.value = { kind: "starting", message: null };
+    session.pictures.enhancement.status.value = { kind: "starting", message: null };
   });
   expect(document.querySelector("[data-stat=enhancement-note]")).toBeNull();
-  await act(() => session.enhancement.giveUp("It took 40 ms a frame."));
+  await act(() => {
+    session.pictures.enhancement.status.value = { kind: "failed", message: "It took 40 ms a frame." };
+  });
   expect(screen.getByText("Enhancement is off. It took 40 ms a frame.")).toBeTruthy();
 });

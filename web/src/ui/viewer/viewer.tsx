@@ -2,15 +2,13 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { KINDS, OFF } from "../../enhance/model/enhancer";
-import { nameProblem } from "../../enhance/registry";
 import { offerBridge } from "../../experiment/bridge";
 import { Runner } from "../../experiment/runner";
 import { turning } from "../../reproject/acceleration";
-import { changeSettings, settings } from "../../state/app";
+import { changeSettings, page, settings } from "../../state/app";
 import { linkedPose, linkedSettings } from "../../state/link";
 import type { Asked } from "../../state/route";
-import { isPerView, MODES } from "../../state/settings";
+import { MODES } from "../../state/settings";
 import { added } from "../../uploads/uploads";
 import { keepAddress } from "../../viewer/address";
 import { ViewerSession } from "../../viewer/session";
@@ -45,10 +43,8 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
   const left = useRef<HTMLDivElement>(null);
   const right = useRef<HTMLDivElement>(null);
   const session = useSignal<ViewerSession | null>(null);
-  const runner = useSignal<Runner | null>(null);
   const help = useSignal(false);
   const experiment = useSignal(false);
-  const locked = useSignal(false);
   const wide = useMedia(WIDE);
   const detailed = !useMedia(TOUCH) && wide;
   const fullscreen = useFullscreen(root);
@@ -61,26 +57,24 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
   useEffect(() => {
     if (!stage.current || !left.current || !right.current) return undefined;
     const place = { element: stage.current, left: left.current, right: right.current };
-    const current = new ViewerSession(sceneId, place);
+    const current = new ViewerSession(sceneId, place, page);
     session.value = current;
     const movementRunner = new Runner(current);
-    runner.value = movementRunner;
     const withdraw = offerBridge(movementRunner);
     const leaveAddress = keepAddress(current);
     stage.current.focus({ preventScroll: true });
     return () => {
       session.value = null;
-      runner.value = null;
       withdraw();
       leaveAddress();
       movementRunner.dispose();
       current.dispose();
     };
-  }, [sceneId, session, runner]);
+  }, [sceneId, session]);
 
   const live = session.value;
   useEffect(() => {
-    if (live) choose(asked, live);
+    if (live) choose(asked);
   }, [asked, live]);
   const entered = live?.scene.value != null;
   useEffect(() => {
@@ -103,7 +97,7 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
       else changeSettings({ sidebar: !sidebarOpen });
     },
     reset: () => session.value?.rig.resetCamera(),
-    mode: () => changeSettings({ mode: MODES[(MODES.indexOf(mode) + 1) % MODES.length] ?? "stateless" }),
+    mode: () => changeSettings({ mode: MODES[(MODES.indexOf(mode) + 1) % MODES.length] ?? mode }),
     experiment: () => {
       experiment.value = !experiment.value;
     },
@@ -111,9 +105,11 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
     lock: () => void session.value?.input.lock(),
     fullscreen: fullscreen.toggle,
   };
+  const stats = live?.source.value?.stats.value;
+  const note = linkNote(asked, unknown);
   const phase = live?.phase.value.kind ?? "connecting";
   const usable = phase !== "failed";
-  useShortcuts(actions, locked.value || !usable);
+  useShortcuts(actions, !usable);
   useFocusReturn(root, stage);
 
   const name = live?.scene.value?.name ?? sceneId;
@@ -123,7 +119,7 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
 
   return (
     <div class="viewer" ref={root} data-sidebar={usable && sidebarOpen ? "open" : "closed"}>
-      <main class="stage-area" inert={locked.value}>
+      <main class="stage-area">
         <div
           class="stage"
           ref={stage}
@@ -132,23 +128,18 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
           role="application"
           aria-label={`${name}: arrow keys turn, W A S D walk, Space and Shift rise and sink, H shows help`}
           data-phase={phase}
-          data-transport={live?.stateless.stats.value.transport}
-          data-frames={live?.stateless.stats.value.shown}
-          data-settled={live?.stateless.stats.value.settled}
+          data-transport={live?.connected.value?.transport.kind}
+          data-frames={stats?.shown}
+          data-settled={stats?.settled}
           data-mode={mode}
-          data-stream={live?.stream.value?.phase.value.kind ?? "off"}
-          data-stream-frames={live?.stream.value?.stats.value.shown}
-          data-local={live?.local.value?.phase.value.kind ?? "off"}
-          data-local-complete={live?.local.value?.stats.value.completeMs != null}
+          data-sources={live?.sources.value.map((each) => each.phase.value.kind).join(" ")}
+          data-shown={live?.sources.value.map((each) => each.stats.value.shown).join(" ")}
         >
           <div class="pane" ref={left} />
           <div class="pane" ref={right} />
         </div>
         <Toolbar name={name} usable={usable} actions={actions} mode={mode} hud={hud} sidebar={sidebarOpen} />
-        {live && entered && hud && usable && isPerView(mode) && (
-          <Hud session={live} detailed={detailed} linkNote={linkNote(asked, unknown)} />
-        )}
-        {live && entered && hud && usable && !isPerView(mode) && <SideFigures session={live} detailed={detailed} />}
+        {live && entered && hud && usable && <Figures session={live} detailed={detailed} note={note} />}
         {live && usable && <MovePad input={live.input} />}
         {live && <MovementStatus deck={live.movement} />}
         {live && <StageMessage session={live} />}
@@ -170,21 +161,23 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
           }}
         />
       )}
-      {live && runner.value && (
-        <ExperimentDialog session={live} runner={runner.value} open={experiment} locked={locked} />
-      )}
+      {live && <ExperimentDialog session={live} open={experiment} />}
     </div>
   );
 }
 
-/** The link's setting, stored like one chosen by the user, unless its value is unavailable. */
-function choose(asked: Asked, session: ViewerSession): void {
-  const named = KINDS.flatMap((kind) => (asked[kind] === undefined ? [] : [{ kind, name: asked[kind] }]));
-  const problem = named.map(({ kind, name }) => nameProblem(kind, name)).find((one) => one !== null);
-  changeSettings({
-    ...linkedSettings(asked),
-    ...(problem && Object.fromEntries(named.map(({ kind }) => [kind, OFF]))),
-  });
+/** Of single pictures with all of their figures, or else of each side in the same form. */
+function Figures({ session, detailed, note }: { session: ViewerSession; detailed: boolean; note: string | null }) {
+  const source = session.source.value;
+  const stats = source?.stats.value;
+  if (source === null || stats?.kind !== "requests" || session.right.value) {
+    return <SideFigures session={session} detailed={detailed} />;
+  }
+  return <Hud session={session} source={source} stats={stats} detailed={detailed} linkNote={note} />;
+}
+
+/** The link's settings, stored like those chosen by the user. */
+function choose(asked: Asked): void {
+  changeSettings(linkedSettings(asked));
   if (asked.reprojection === "on") turning.value = "forced";
-  if (problem) session.enhancement.giveUp(problem);
 }

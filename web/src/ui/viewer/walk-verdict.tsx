@@ -1,8 +1,8 @@
 /** Over the stage, while the settings are closed: the last walk in one sentence, which opens all of its figures. */
+import { sideTitles } from "../../sources/sides";
 import { settings } from "../../state/app";
 import type { ViewerSession } from "../../viewer/session";
 import { verdict } from "./last-walk";
-import { sideNames } from "./names";
 
 export function WalkVerdict({ session, onOpen }: { session: ViewerSession; onOpen: () => void }) {
   const comparison = session.comparison.value;
@@ -10,7 +10,7 @@ export function WalkVerdict({ session, onOpen }: { session: ViewerSession; onOpe
   if (!comparison || !walk || comparison.sides.length < 2) return null;
   return (
     <button type="button" class="floating walk-verdict" title="All figures of the walk" onClick={onOpen}>
-      <span role="status">{verdict(walk, sideNames(settings.value), comparison.quality.value)}</span>
+      <span role="status">{verdict(walk, sideTitles(settings.value), comparison.quality.value)}</span>
     </button>
   );
 }

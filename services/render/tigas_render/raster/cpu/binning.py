@@ -1,4 +1,7 @@
-"""The second and third stage: one list of Gaussians for each tile, nearest first."""
+"""The second and third stage: one list of Gaussians for each tile, nearest first.
+
+A Gaussian is in the lists of the tiles that it touches: exact spans of its ellipse alpha ≥ 1/255 over a strip of rows.
+"""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
@@ -7,11 +10,9 @@ import numpy as np
 from numba import prange
 
 from tigas_render.raster.cpu import layout as L
-from tigas_render.raster.cpu.intrinsics import fetch_add, prefetch
-from tigas_render.raster.cpu.kernel import kernel
-from tigas_render.raster.cpu.tiles import has_corners, list_tiles
+from tigas_render.raster.cpu.kernel import bits_of, fetch_add, kernel, prefetch
 
-U = np.uint64
+U, F = np.uint64, np.float32
 DIGIT = 8
 """Bits sorted by at once."""
 DIGITS = 3
@@ -118,3 +119,87 @@ def sort_list(entries, spare, start, end, histogram):
             value = (U(digit) << U(DIGIT)) + (((entry - base) >> bits) & mask)
             target[histogram[value]] = entry
             histogram[value] += 1
+
+
+@kernel(exact=True)
+def span(splats, at, y0, y1, x0, x1):
+    """First and last + 1 of the pixel columns x0 … x1 - 1 that the splat at `at` touches in rows y0 … y1 - 1.
+
+    With a dx² + 2b dx dy + c dy² = k as the ellipse, its right-most point has dy = -b/c · dx. Where that lies outside
+    the strip, the strip's nearer edge has the right-most point; the left-most follows by symmetry.
+    """
+    a, b, c = -splats[at + L.XX], F(-0.5) * splats[at + L.XY], -splats[at + L.YY]
+    k = splats[at + L.LOG] - F(L.LOG_ALPHA_MIN)
+    u, v = splats[at + L.CENTRE_X], splats[at + L.CENTRE_Y]
+    low, high = F(y0) + F(0.5) - v, F(y1) - F(0.5) - v
+    determinant = a * c - b * b
+    if not determinant > F(1e-30):  # far larger than any picture
+        return x0, x1
+    widest = -b * np.sqrt(k / (c * determinant))
+    right_dy = min(max(widest, low), high)
+    left_dy = min(max(-widest, low), high)
+    right = (-b * right_dy + np.sqrt(max(a * k - determinant * right_dy * right_dy, F(0)))) / a
+    left = (-b * left_dy - np.sqrt(max(a * k - determinant * left_dy * left_dy, F(0)))) / a
+    # rounding may cost a hair: widen by a hundredth of a pixel; clamp before converting to int
+    first = max(x0, int(min(max(u + left + F(0.49), F(x0)), F(x1))))
+    end = min(x1, int(min(max(u + right + F(0.51), F(x0)), F(x1))))
+    return first, end
+
+
+@kernel()
+def count_tiles(splats, at, counts, tiles_x):
+    """Add 1 to the counter of every tile that the splat at `at` touches; gives the box of these tiles in 32 bits."""
+    x0, x1, y0, y1 = pixel_box(splats, at)
+    tx0, tx1, ty0, ty1 = x0 // L.TILE, (x1 - 1) // L.TILE, y0 // L.TILE, (y1 - 1) // L.TILE
+    for ty in range(ty0, ty1 + 1):
+        first, last = tx0, tx1
+        if tx0 < tx1 and ty0 < ty1:
+            first, last = tile_span(splats, at, ty)
+        for tile in range(ty * tiles_x + first, ty * tiles_x + last + 1):
+            counts[tile] += 1
+    return U(tx0) | U(ty0) << U(8) | U(tx1) << U(16) | U(ty1) << U(24)
+
+
+@kernel(inline=True)
+def list_tiles(splats, at, box, entry, cursors, tiles_x, begin, end, entries):
+    """Append `entry` to the list of each tile from `begin` to `end` - 1 that count_tiles counted, at its cursor.
+
+    box: the result of count_tiles; the splat is examined only if the box has corners that it may not touch.
+    """
+    byte = U(0xFF)
+    tx0, ty0 = np.int64(box & byte), np.int64(box >> U(8) & byte)
+    tx1, ty1 = np.int64(box >> U(16) & byte), np.int64(box >> U(24) & byte)
+    for ty in range(ty0, ty1 + 1):
+        first, last = tx0, tx1
+        if tx0 < tx1 and ty0 < ty1:
+            first, last = tile_span(splats, at, ty)
+        for tile in range(max(begin, ty * tiles_x + first), min(end, ty * tiles_x + last + 1)):
+            cursor = cursors[tile]
+            entries[cursor] = entry
+            cursors[tile] = cursor + 1
+
+
+@kernel(inline=True)
+def has_corners(box):
+    """Whether a box of tiles, in the lower 32 bits, has at least two rows and two columns."""
+    difference = (box >> U(16)) ^ box
+    return difference & U(0xFF) != U(0) and difference & U(0xFF00) != U(0)
+
+
+@kernel(exact=True)
+def tile_span(splats, at, ty):
+    """First and last tile column that the splat at `at` touches in the tile row ty.
+
+    Exact, because count_tiles and list_tiles must come to the same result.
+    """
+    x0, x1, y0, y1 = pixel_box(splats, at)
+    left, right = span(splats, at, max(y0, ty * L.TILE), min(y1, ty * L.TILE + L.TILE), x0, x1)
+    return left // L.TILE, (right - 1) // L.TILE
+
+
+@kernel(inline=True)
+def pixel_box(splats, at):
+    """x0, x1, y0, y1: the splat at `at` touches no pixel outside columns x0 … x1 - 1 and rows y0 … y1 - 1."""
+    columns, rows = bits_of(splats[at + L.COLUMNS]), bits_of(splats[at + L.ROWS])
+    mask, shift = np.uint32(0xFFFF), np.uint32(16)
+    return np.int64(columns & mask), np.int64(columns >> shift), np.int64(rows & mask), np.int64(rows >> shift)

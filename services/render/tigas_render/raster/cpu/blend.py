@@ -8,12 +8,12 @@ from numba import prange
 
 from tigas_render.raster.base import ALPHA_MAX, TRANSMITTANCE_MIN
 from tigas_render.raster.cpu import layout as L
-from tigas_render.raster.cpu.depth import CELL
-from tigas_render.raster.cpu.intrinsics import fetch_add, prefetch
-from tigas_render.raster.cpu.kernel import kernel
-from tigas_render.raster.cpu.tiles import pixel_box
+from tigas_render.raster.cpu.binning import pixel_box
+from tigas_render.raster.cpu.kernel import fetch_add, kernel, prefetch
 
 U, F = np.uint64, np.float32
+CELL = 2
+"""Pixels on each side of a cell of depth; tiles consist of whole cells, so that every cell has one writer."""
 CHECK_EVERY = 32
 """Gaussians between two looks at whether a tile is finished."""
 AHEAD = 16
@@ -137,3 +137,25 @@ def write_cells(acc, x0, y0, width, height, cells):
                     opacity += F(1) - abs(acc[at + LIGHT])
             cells[cy, cx, 0] = inverse
             cells[cy, cx, 1] = opacity
+
+
+@kernel()
+def average_cells(cells, width, height, means):
+    """Average cells over the pixels of a map, means [h, w, 2]; a cell between several counts by area in each."""
+    rows, columns = means.shape[:2]
+    across, down = width / columns, height / rows
+    for row in range(rows):
+        top, bottom = row * down, (row + 1) * down
+        for column in range(columns):
+            left, right = column * across, (column + 1) * across
+            inverse, opacity = 0.0, 0.0
+            for cy in range(int(top) // CELL, min(int(np.ceil(bottom / CELL)), cells.shape[0])):
+                y0, y1 = cy * CELL, min(cy * CELL + CELL, height)
+                share_y = max(0.0, min(bottom, y1) - max(top, y0)) / (y1 - y0)
+                for cx in range(int(left) // CELL, min(int(np.ceil(right / CELL)), cells.shape[1])):
+                    x0, x1 = cx * CELL, min(cx * CELL + CELL, width)
+                    share = share_y * max(0.0, min(right, x1) - max(left, x0)) / (x1 - x0)
+                    inverse += share * cells[cy, cx, 0]
+                    opacity += share * cells[cy, cx, 1]
+            means[row, column, 0] = inverse / (across * down)
+            means[row, column, 1] = opacity / (across * down)

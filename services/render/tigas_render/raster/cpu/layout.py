@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 
-from tigas_render.raster.base import ALPHA_MIN
+import numpy as np
+from numpy.typing import NDArray
+
+from tigas_render.raster.base import ALPHA_MIN, Camera, derivative_limits, footprint
 
 CHUNK = 256
 """Gaussians that are neighbours in space and are culled, projected and stored together."""
@@ -43,3 +46,28 @@ ALPHA_SCALE = 1 / 8
 """Visible alphas, 1/255 to 1, have a scaled logarithm of -1 to 0, where a short polynomial serves for exp2."""
 LOG_ALPHA_MIN = math.log2(ALPHA_MIN) * ALPHA_SCALE
 """The scaled logarithm below which a Gaussian is not drawn."""
+
+# A camera: float64 [VIEW]
+ROTATION = 0
+"""Nine numbers: world to camera, row by row."""
+EYE = 9
+"""Three numbers: the camera's centre."""
+FX, FY, CX, CY = 12, 13, 14, 15
+LEFT, RIGHT, TOP, BOTTOM = 16, 17, 18, 19
+"""Limits of x/z and y/z at which the projection's derivative is taken."""
+WIDTH, HEIGHT = 20, 21
+DILATION, FILTERED = 22, 23
+"""Added to the diagonal of a projected covariance, in pixels²: before the low-pass filter, and with it."""
+VIEW = 24
+
+
+def fill_view(camera: Camera, antialiased: bool, view: NDArray[np.float64]) -> None:
+    """Write a camera into `view` [VIEW]; antialiased: how the scene was trained."""
+    k = camera.intrinsics
+    view[ROTATION:EYE] = np.array(camera.pose.rotation).T.ravel()
+    view[EYE:FX] = camera.pose.position
+    view[FX:LEFT] = k.fx, k.fy, k.cx, k.cy
+    view[LEFT:WIDTH] = derivative_limits(camera.viewport)
+    view[WIDTH], view[HEIGHT] = k.width, k.height
+    dilation, low_pass = footprint(camera.display_scale, antialiased)
+    view[DILATION], view[FILTERED] = dilation, dilation + low_pass

@@ -3,7 +3,7 @@
 A node is a group of neighbouring chunks. Its first level is all of its Gaussians; each further one has at most a
 quarter of the previous one. Cells are those of the Z-order's grid, as small as that number allows. Only Gaussians
 smaller than a cell are merged, so that a level differs from the full detail by no more than a cell's edge. A node is
-drawn at the coarsest level with a short edge on screen (`culling.choose_chunks`).
+drawn at the coarsest level with a short edge on screen (`project.choose_chunks`).
 """
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from tigas_render.raster.base import ALPHA_MAX, DILATION
 from tigas_render.raster.cpu import layout as L
-from tigas_render.raster.cpu.intrinsics import widen
-from tigas_render.raster.cpu.kernel import kernel
+from tigas_render.raster.cpu.kernel import kernel, widen
 from tigas_render.raster.cpu.order import Grid, code_of
 
 U = np.uint64

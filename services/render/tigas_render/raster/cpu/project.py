@@ -1,4 +1,6 @@
-"""The first stage: projects Gaussians to compact records of the visible ones, and counts their tiles."""
+"""The first stage: chooses chunks that may be in the picture, at a level of detail, projects their Gaussians to compact
+records of the visible ones, and counts their tiles.
+"""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
@@ -8,16 +10,15 @@ import math
 import numpy as np
 from numba import prange
 
-from tigas_render.raster.base import NEAR_PLANE
+from tigas_render.raster.base import ALPHA_MIN, NEAR_PLANE
 from tigas_render.raster.cpu import layout as L
-from tigas_render.raster.cpu import view as V
-from tigas_render.raster.cpu.culling import is_outside
-from tigas_render.raster.cpu.intrinsics import bits_of, fetch_add, float_of
-from tigas_render.raster.cpu.kernel import kernel
+from tigas_render.raster.cpu.binning import count_tiles
+from tigas_render.raster.cpu.kernel import bits_of, fetch_add, float_of, kernel
 from tigas_render.raster.cpu.sh import shade
-from tigas_render.raster.cpu.tiles import count_tiles
 
 U, F = np.uint64, np.float32
+REACH = math.sqrt(2 * math.log(1 / ALPHA_MIN)) * 1.01
+"""Standard deviations beyond which even an opaque Gaussian is not drawn, and a little for rounding."""
 LOG_E = F(math.log2(math.e) * L.ALPHA_SCALE)
 """Turns sigma into a scaled binary logarithm."""
 TWO_LN_2 = F(2 * math.log(2) / L.ALPHA_SCALE)
@@ -28,6 +29,73 @@ FARTHEST = F(1e7)
 L0, L1, L2, L3, L4 = F(1.4427446), F(-0.71988666), F(0.47765657), F(-0.40174732), F(0.33878011)
 TWO_THIRDS = np.uint32(0x3F2AAAAB)
 """The bits of a float32."""
+
+
+@kernel()
+def choose_chunks(chunks, edges, bounds, view, edge_pixels, chosen):
+    """Write the visible chunks of each node into `chosen`; returns their number.
+
+    chunks, edges, bounds: see `levels.Nodes`. A node is drawn at its coarsest level whose cells, seen from its nearest
+    corner, have edges of at most edge_pixels; 0 for the full detail.
+    """
+    count, focal = 0, max(view[L.FX], view[L.FY])
+    for node in range(bounds.shape[0]):
+        if is_outside(bounds[node], view):
+            continue
+        reach = edge_pixels * nearest_depth(bounds[node], view) / focal
+        level = 0
+        for coarser in range(1, edges.shape[1]):
+            if edges[node, coarser] <= reach:
+                level = coarser
+        for chunk in range(chunks[node, level, 0], chunks[node, level, 1]):
+            chosen[count] = chunk
+            count += 1
+    return count
+
+
+@kernel()
+def nearest_depth(bounds, view):
+    """The depth of a bounding box's nearest corner."""
+    depth = 0.0
+    for axis in range(3):
+        slope = view[6 + axis]
+        corner = bounds[(L.BOUND_LOW if slope > 0 else L.BOUND_HIGH) + axis]
+        depth += slope * (corner - view[L.EYE + axis])
+    return depth
+
+
+@kernel()
+def is_outside(bounds, view):
+    """Whether no Gaussian within some bounds can be drawn; False when in doubt.
+
+    The centres lie inside the picture of the bounding box, as long as that is in front of the camera. The projected
+    deviation is at most the norm of the projection's derivative times the greatest deviation.
+    """
+    nearest, farthest = math.inf, -math.inf
+    left, right, top, bottom = math.inf, -math.inf, math.inf, -math.inf
+    for corner in range(8):
+        x = bounds[L.BOUND_HIGH if corner & 1 else L.BOUND_LOW] - view[L.EYE]
+        y = bounds[(L.BOUND_HIGH if corner & 2 else L.BOUND_LOW) + 1] - view[L.EYE + 1]
+        z = bounds[(L.BOUND_HIGH if corner & 4 else L.BOUND_LOW) + 2] - view[L.EYE + 2]
+        depth = view[6] * x + view[7] * y + view[8] * z
+        nearest, farthest = min(nearest, depth), max(farthest, depth)
+        if depth > 0:
+            u = (view[0] * x + view[1] * y + view[2] * z) / depth
+            v = (view[3] * x + view[4] * y + view[5] * z) / depth
+            left, right = min(left, u), max(right, u)
+            top, bottom = min(top, v), max(bottom, v)
+    if farthest < 0.999 * NEAR_PLANE:
+        return True
+    if not nearest > 0.999 * NEAR_PLANE:
+        return False
+    deviation = bounds[L.BOUND_SCALE] / nearest
+    slope_x = max(abs(view[L.LEFT]), abs(view[L.RIGHT]))
+    slope_y = max(abs(view[L.TOP]), abs(view[L.BOTTOM]))
+    reach_x = REACH * math.sqrt((view[L.FX] * deviation) ** 2 * (1 + slope_x * slope_x) + view[L.FILTERED]) + 1
+    reach_y = REACH * math.sqrt((view[L.FY] * deviation) ** 2 * (1 + slope_y * slope_y) + view[L.FILTERED]) + 1
+    u0, u1 = view[L.FX] * left + view[L.CX] - reach_x, view[L.FX] * right + view[L.CX] + reach_x
+    v0, v1 = view[L.FY] * top + view[L.CY] - reach_y, view[L.FY] * bottom + view[L.CY] + reach_y
+    return u1 < 0 or u0 > view[L.WIDTH] or v1 < 0 or v0 > view[L.HEIGHT]
 
 
 @kernel(parallel=True)
@@ -70,11 +138,11 @@ def project_chunk(geometry, start, view, out):
     r00, r01, r02 = F(view[0]), F(view[1]), F(view[2])
     r10, r11, r12 = F(view[3]), F(view[4]), F(view[5])
     r20, r21, r22 = F(view[6]), F(view[7]), F(view[8])
-    ex, ey, ez = F(view[V.EYE]), F(view[V.EYE + 1]), F(view[V.EYE + 2])
-    fx, fy, cx, cy = F(view[V.FX]), F(view[V.FY]), F(view[V.CX]), F(view[V.CY])
-    x_low, x_high, y_low, y_high = F(view[V.LEFT]), F(view[V.RIGHT]), F(view[V.TOP]), F(view[V.BOTTOM])
-    width, height = F(view[V.WIDTH]), F(view[V.HEIGHT])
-    dilation, filtered = F(view[V.DILATION]), F(view[V.FILTERED])
+    ex, ey, ez = F(view[L.EYE]), F(view[L.EYE + 1]), F(view[L.EYE + 2])
+    fx, fy, cx, cy = F(view[L.FX]), F(view[L.FY]), F(view[L.CX]), F(view[L.CY])
+    x_low, x_high, y_low, y_high = F(view[L.LEFT]), F(view[L.RIGHT]), F(view[L.TOP]), F(view[L.BOTTOM])
+    width, height = F(view[L.WIDTH]), F(view[L.HEIGHT])
+    dilation, filtered = F(view[L.DILATION]), F(view[L.FILTERED])
     for i in range(U(L.CHUNK)):
         at = start + i
         x = geometry[at + U(L.MEAN_X * L.CHUNK)] - ex
@@ -149,7 +217,7 @@ def log2(x):
 @kernel()
 def keep_visible(geometry, start, sh, sh_start, coefficients, view, projected, splats, keys, into, counts, tiles_x):
     """Shade a projected chunk's visible Gaussians and write their records from splats[into]; gives their number."""
-    eye = (F(view[V.EYE]), F(view[V.EYE + 1]), F(view[V.EYE + 2]))
+    eye = (F(view[L.EYE]), F(view[L.EYE + 1]), F(view[L.EYE + 2]))
     at = into
     for lane0 in range(0, L.CHUNK, L.LANES):
         seen = np.uint32(0)

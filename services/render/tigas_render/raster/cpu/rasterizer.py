@@ -8,31 +8,57 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import FrameFormat
-from tigas_render.gaussians import Batches, Gaussians
-from tigas_render.raster.base import Camera, Pause, PreparedScene, Rasterizer, one_gaussian
+from tigas_render.gaussians import Batches
+from tigas_render.raster.base import (
+    Camera,
+    Pause,
+    PreparedScene,
+    Rasterizer,
+    depth_size,
+    inverse_depth,
+    one_gaussian,
+)
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu.binning import AHEAD, DIGIT, DIGITS, fill_lists, place_lists, sort_lists
-from tigas_render.raster.cpu.blend import TILE_FLOATS, blend
-from tigas_render.raster.cpu.culling import choose_chunks
-from tigas_render.raster.cpu.depth import CELL, average_cells
+from tigas_render.raster.cpu.blend import CELL, TILE_FLOATS, average_cells, blend
 from tigas_render.raster.cpu.levels import EDGE_PIXELS, MOST_CHUNKS, MOST_EDGE_PIXELS
-from tigas_render.raster.cpu.project import project
+from tigas_render.raster.cpu.project import choose_chunks, project
 from tigas_render.raster.cpu.scene import CpuScene, pack
-from tigas_render.raster.cpu.view import VIEW, fill_view
-from tigas_render.raster.cpu.workspace import Workspace
-from tigas_render.raster.depth import depth_size, inverse_depth
 from tigas_render.raster.host_image import FramebufferPool, HostImage
 
 SLICES_PER_THREAD = 8
 """Pieces of work per thread while projecting and binning: enough to even out, few enough to count tiles in each."""
 PAUSE_EVERY_S = 0.003
 """How long is drawn between two pauses, in seconds: much shorter, and the cores wait for each other too often."""
+CACHE_LINE = 64
+"""Bytes."""
 MAX_ENTRIES = 1 << 24
 """Entries of tile lists held at once: a frame with more is drawn in several bands, so that memory stays bounded."""
+
+
+class Workspace:
+    """Named one-dimensional buffers; asking for more than there is makes a buffer half again as large, content lost."""
+
+    def __init__(self) -> None:
+        self._buffers: dict[str, NDArray[Any]] = {}
+
+    def get(self, name: str, size: int, dtype: DTypeLike) -> NDArray[Any]:
+        """The first `size` items of the buffer `name`, aligned to a cache line; not cleared."""
+        buffer = self._buffers.get(name)
+        if buffer is None or buffer.size < size:
+            buffer = _aligned(max(size, 3 * buffer.size // 2 if buffer is not None else 0), np.dtype(dtype))
+            self._buffers[name] = buffer
+        return buffer[:size]
+
+
+def _aligned(size: int, dtype: np.dtype[Any]) -> NDArray[Any]:
+    raw = np.empty(size * dtype.itemsize + CACHE_LINE, np.uint8)
+    offset = -raw.ctypes.data % CACHE_LINE
+    return raw[offset : offset + size * dtype.itemsize].view(dtype)
 
 
 @dataclass(slots=True)
@@ -77,11 +103,7 @@ class CpuRasterizer(Rasterizer):
         self._turn = np.zeros(1, np.int64)
 
     def pack(self, scene: Batches) -> CpuScene:
-        """Pack a scene; see `scene.pack`."""
         return pack(scene)
-
-    def prepare(self, gaussians: Gaussians) -> CpuScene:
-        return pack(gaussians.batches())
 
     def render(
         self,
@@ -125,7 +147,6 @@ class CpuRasterizer(Rasterizer):
             tiles = max(job.tiles_x, int(tiles * min(2.0, PAUSE_EVERY_S / seconds)))
 
     def warm_up(self) -> None:
-        """Compile every kernel, or load it from the cache."""
         pose = Pose((0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
         camera = Camera(pose, Intrinsics(16.0, 16.0, 8.0, 8.0, 16, 16))
         for depth in (False, True):
@@ -140,8 +161,8 @@ class CpuRasterizer(Rasterizer):
         `choose_chunks`.
         """
         k, get = camera.intrinsics, self._workspace.get
-        view = get("view", VIEW, np.float64)
-        fill_view(camera, scene.antialiased, view)
+        view = get("view", L.VIEW, np.float64)
+        L.fill_view(camera, scene.antialiased, view)
         chosen = self._choose(scene, view, edge_pixels)
         tiles_x, tiles_y = -(-k.width // L.TILE), -(-k.height // L.TILE)
         parts = max(1, min(len(chosen), self._threads * SLICES_PER_THREAD))
@@ -205,7 +226,7 @@ class CpuRasterizer(Rasterizer):
         """Draw the listed tiles into the image."""
         accumulators = self._per_thread("accumulators", TILE_FLOATS, np.float32)
         blend(
-            job.splats, job.starts, job.begin, job.end, job.in_order, job.background, job.image.pixels, job.cells,
+            job.splats, job.starts, job.begin, job.end, job.in_order, job.background, job.image.to_host(), job.cells,
             accumulators, self._turn_from(job.begin),
         )  # fmt: skip
 

@@ -6,8 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from tigas_render.raster.cpu import layout as L
-from tigas_render.raster.cpu.intrinsics import prefetch, widen
-from tigas_render.raster.cpu.kernel import kernel
+from tigas_render.raster.cpu.kernel import kernel, prefetch, widen
 
 U, F = np.uint64, np.float32
 CACHE_LINE_HALVES = 32

@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tigas_render.cache import write_to_cache
+from tigas_render.local_files import write_to_cache
+from tigas_render.raster.cuda.scene import CHUNK
 
 if TYPE_CHECKING:
-    from cuda.core import ObjectCode
+    from cuda.core import Device, Kernel, LaunchConfig, ObjectCode
 
 KERNELS = Path(__file__).parent / "kernels"
 """Directory of the sources: `.cu` files have kernels, `.cuh` files shared code."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """One kernel of a frame and how it is launched. Every grid is as large as the device can hold at once."""
+
+    name: str
+    kernel: Kernel
+    config: LaunchConfig
 
 
 def load_kernels(arch: str, cache: Path) -> ObjectCode:
@@ -46,3 +57,23 @@ def cached_path(arch: str, cache: Path) -> Path:
     for path in sorted(KERNELS.iterdir()):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return cache / f"cuda-{arch}-{digest.hexdigest()[:16]}.cubin"
+
+
+def make_stages(device: Device, kernels: dict[str, Kernel], side: int) -> tuple[Stage, ...]:
+    """The kernels of a frame, for tiles of one size."""
+    from cuda.core import LaunchConfig
+
+    processors = device.properties.multiprocessor_count
+
+    def stage(name: str, kernel: Kernel, threads: int) -> Stage:
+        blocks = kernel.occupancy.max_active_blocks_per_multiprocessor(threads, 0)
+        return Stage(name, kernel, LaunchConfig(grid=processors * blocks, block=threads))
+
+    return (
+        Stage("begin", kernels["begin"], LaunchConfig(grid=2 * processors, block=CHUNK)),
+        stage("project", kernels[f"project_{side}"], CHUNK),
+        stage("large", kernels[f"large_{side}"], CHUNK),
+        stage("place", kernels["place"], CHUNK),
+        stage("bin", kernels[f"bin_{side}"], CHUNK),
+        stage("blend", kernels[f"blend_{side}"], 256),
+    )

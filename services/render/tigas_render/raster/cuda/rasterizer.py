@@ -15,13 +15,13 @@ from cuda.core._utils.cuda_utils import CUDAError  # no public name yet
 from tigas_common.errors import DeviceLost, OutOfDeviceMemory
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import FrameFormat
-from tigas_render.gaussians import Batches, Gaussians
+from tigas_render.gaussians import Batches
 from tigas_render.raster.base import Camera, PreparedScene, one_gaussian
 from tigas_render.raster.calls import Calls
-from tigas_render.raster.cuda.compiler import load_kernels
-from tigas_render.raster.cuda.nvjpeg import ALLOCATOR_FAILURE, NvJpeg, NvJpegError
+from tigas_render.raster.cuda.compiler import load_kernels, make_stages
+from tigas_render.raster.cuda.nvidia import ALLOCATOR_FAILURE, NvJpeg, NvJpegError
 from tigas_render.raster.cuda.scene import CudaScene, pack
-from tigas_render.raster.cuda.workspace import Workspace, make_stages
+from tigas_render.raster.cuda.workspace import Workspace
 from tigas_render.raster.lanes import FetchedImage, Job, LaneRasterizer
 
 SIDES = (8, 16)
@@ -74,9 +74,6 @@ class CudaRasterizer(LaneRasterizer):
             packed = pack(scene, self._device)
             torch.cuda.current_stream(self._device).synchronize()  # frames read it from other streams
             return packed
-
-    def prepare(self, gaussians: Gaussians) -> CudaScene:
-        return self.pack(gaussians.batches())
 
     def job(self, scene: PreparedScene, camera: Camera, format: FrameFormat, quality: int, *, depth: bool) -> CudaJob:
         """One view in a workspace. Raises OutOfDeviceMemory and DeviceLost."""

@@ -6,20 +6,18 @@ import ctypes
 from dataclasses import dataclass
 
 import torch
-from cuda.core import Device, Kernel, LaunchConfig, Stream, launch
+from cuda.core import Kernel, Stream, launch
 from cuda.core.graph import Graph
 
 from tigas_common.errors import Overloaded
 from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.depth_segment import CodedDepth
-from tigas_render.raster.base import Camera
+from tigas_render.raster.base import Camera, coarse
 from tigas_render.raster.calls import Call, Calls
-from tigas_render.raster.cuda.driver import driver_call
-from tigas_render.raster.cuda.layout import TileLayout, tile_layout
-from tigas_render.raster.cuda.nvjpeg import JpegEncoder, NvJpeg
-from tigas_render.raster.cuda.parameters import LAYOUT, PixelFormat, write_frame
+from tigas_render.raster.cuda.compiler import Stage
+from tigas_render.raster.cuda.nvidia import JpegEncoder, NvJpeg, driver_call
+from tigas_render.raster.cuda.parameters import LAYOUT, PixelFormat, TileLayout, tile_layout, write_frame
 from tigas_render.raster.cuda.scene import CHUNK, CudaScene
-from tigas_render.raster.depth import coarse
 
 FIRST_CAPACITY = 1 << 21
 """Entries of all tiles' lists together that a workspace begins with; it grows when a frame needs more."""
@@ -41,15 +39,6 @@ ENTRIES_PER_PARTIAL = 256
 
 DEPTH_QUALITY = 28
 """JPEG quality of encoded depth, as accurate as the WebP of the CPU path."""
-
-
-@dataclass(frozen=True, slots=True)
-class Stage:
-    """One kernel of a frame and how it is launched. Every grid is as large as the device can hold at once."""
-
-    name: str
-    kernel: Kernel
-    config: LaunchConfig
 
 
 class Parameters:
@@ -331,21 +320,3 @@ def picture_bytes(width: int, height: int, format: FrameFormat) -> int:
             return width * height + 2 * ((width + 1) // 2) * ((height + 1) // 2)
         case _:
             raise ValueError(f"{format} has no pixels of its own")
-
-
-def make_stages(device: Device, kernels: dict[str, Kernel], side: int) -> tuple[Stage, ...]:
-    """The kernels of a frame, for tiles of one size."""
-    processors = device.properties.multiprocessor_count
-
-    def stage(name: str, kernel: Kernel, threads: int) -> Stage:
-        blocks = kernel.occupancy.max_active_blocks_per_multiprocessor(threads, 0)
-        return Stage(name, kernel, LaunchConfig(grid=processors * blocks, block=threads))
-
-    return (
-        Stage("begin", kernels["begin"], LaunchConfig(grid=2 * processors, block=CHUNK)),
-        stage("project", kernels[f"project_{side}"], CHUNK),
-        stage("large", kernels[f"large_{side}"], CHUNK),
-        stage("place", kernels["place"], CHUNK),
-        stage("bin", kernels[f"bin_{side}"], CHUNK),
-        stage("blend", kernels[f"blend_{side}"], 256),
-    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from tigas_render.scenes.directory import read_folder
+from tigas_render.scenes.directory import read_source
 
-DEMO_SOURCE = replace(read_folder(Path(__file__).parent), id="courtyard", folder=None)
+DEMO_SOURCE = replace(read_source(Path(__file__).parent), id="courtyard", folder=None)
 """The courtyard as a scene source. It is read-only."""

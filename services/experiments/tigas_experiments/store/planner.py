@@ -1,0 +1,317 @@
+"""Hands out an experiment's runs to pages, one at a time to each, and takes the performed ones."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+
+from tigas_common.errors import StartError
+from tigas_common.files import names_to_disk
+from tigas_common.offload import Offload
+from tigas_common.wire.render import SceneInfo, ServerConfig
+from tigas_experiments.records.folder import StoredRun
+from tigas_experiments.records.load import LoadSample
+from tigas_experiments.records.machine import Machine, Server
+from tigas_experiments.report.controllers import run_names
+from tigas_experiments.run.checks import MadeWith, changes, check_services
+from tigas_experiments.run.experiment import GIVE_UP_AFTER, RUNS, Experiment
+from tigas_experiments.run.inputs import points_sha256
+from tigas_experiments.run.job import page_settings, run_plan
+from tigas_experiments.run.outcome import MadeFrom
+from tigas_experiments.run.plan import lasting, seconds
+from tigas_experiments.run.targets import Target, load_scene, make_download, read_config
+from tigas_experiments.store.errors import (
+    CannotStart,
+    RunMade,
+    UnknownExperiment,
+    UnknownRun,
+    VersionsChanged,
+    storage_explained,
+)
+from tigas_experiments.store.experiments import Experiments
+from tigas_experiments.store.metrics import MonitoredLock
+from tigas_experiments.store.planning import LIMIT, BrokenPlan, expand, placed_points, reopen
+from tigas_experiments.store.upload import COMPARE, check_limit, complete_upload, keep_upload
+from tigas_experiments.store.workspace import Workspace
+from tigas_experiments.wire.movement import TimedPose
+from tigas_experiments.wire.run import Configuration
+from tigas_experiments.wire.store import NextRequest, NextRun, PlanSummary, RunJob, RunRow
+
+LEASE_S = 300.0
+"""How much longer than its warm-up and movement a page may take for a run. Nothing is sent during a run."""
+Services = Callable[[Configuration], Awaitable[tuple[ServerConfig, SceneInfo]]]
+"""Configuration and scene of the render service for a run. Raises StartError."""
+
+
+@dataclass(slots=True)
+class _Lease:
+    """A run that a page performs."""
+
+    page: str
+    configuration: Configuration
+    until: float
+
+
+@dataclass(slots=True)
+class _Session:
+    """An experiment that pages perform."""
+
+    experiment: Experiment
+    missing: dict[str, Configuration]
+    """Incomplete runs by folder."""
+    names: dict[str, str]
+    made_from: dict[str, MadeFrom] = field(default_factory=dict)
+    """Inputs and services of reserved runs, as they were at the beginning."""
+    leases: dict[str, _Lease] = field(default_factory=dict)
+    failed: set[str] = field(default_factory=set)
+    """Runs that are not tried again until a page begins anew."""
+    failures: int = 0
+    """Consecutive ones."""
+    last_problem: str | None = None
+
+    @property
+    def why_given_up(self) -> str | None:
+        """Why its other runs are not tried, in a sentence or two."""
+        if self.failures < GIVE_UP_AFTER:
+            return None
+        return (
+            f"{self.failures} runs in a row failed, so the others are not tried. The last one failed for this: "
+            f"{self.last_problem}"
+        )
+
+    def ended(self, run: str, problem: str | None) -> None:
+        """Note the end of a run."""
+        self.leases.pop(run, None)
+        self.made_from.pop(run, None)
+        if problem is None:
+            self.missing.pop(run, None)
+            self.failures = 0
+        else:
+            self.failed.add(run)
+            self.failures += 1
+            self.last_problem = problem
+
+
+async def render_service(url: str, run: Configuration) -> tuple[ServerConfig, SceneInfo]:
+    """The render service at a URL, with a run's scene loaded and its download prepared. Raises StartError."""
+    config, scene = await read_config(url), await load_scene(url, run.scene)
+    if run.local and scene.downloads:
+        await make_download(url, scene.id)
+    return config, scene
+
+
+class Planner:
+    """The experiments that pages perform."""
+
+    def __init__(
+        self,
+        experiments: Experiments,
+        workspace: Workspace,
+        offload: Offload,
+        *,
+        movements: Path,
+        render: str,
+        services: Services,
+        machine: Machine,
+        load: Sequence[LoadSample],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._experiments = experiments
+        self._workspace = workspace
+        self._offload = offload
+        self._movements = movements
+        self._render = render.rstrip("/")
+        self._services = services
+        self._machine = machine
+        self._load = load
+        """This machine's load over the longest possible run; grows continuously."""
+        self._clock = clock
+        self._sessions: dict[str, _Session] = {}
+        self._opening = asyncio.Lock()
+        self.checks = MonitoredLock()
+        """Runs are checked in turn: a long one takes much memory."""
+
+    async def summary(self, body: bytes) -> PlanSummary:
+        """Expand a file without keeping anything. Raises InvalidRequest and TooCostly."""
+        with storage_explained(), self._workspace.folder() as folder:
+            try:
+                experiment, _ = await self._offload(expand, body, self._movements, folder / "experiment", limit=LIMIT)
+            except BrokenPlan as error:
+                return PlanSummary(runs=0, lasting="", problem=error.detail)
+        return PlanSummary(runs=len(experiment.runs), lasting=lasting(experiment.runs), problem=None)
+
+    async def create(self, body: bytes) -> str:
+        """Begin an experiment; its id. Raises InvalidRequest, TooCostly and DiskFull."""
+        with storage_explained(), self._workspace.folder() as folder:
+            made = folder / "experiment"
+            experiment, traces_s = await self._offload(expand, body, self._movements, made, limit=LIMIT)
+            name = await asyncio.to_thread(self._experiments.new_name, experiment.plan.name)
+            await asyncio.to_thread(experiment.write, traces_s, name)
+            return await asyncio.to_thread(self._experiments.create, made, name, datetime.now(UTC))
+
+    async def next(self, experiment: str, asked: NextRequest) -> NextRun:
+        """Reserve a run for a page.
+
+        Raises UnknownExperiment, ExperimentInUse, InvalidRequest, CannotStart and VersionsChanged.
+        """
+        async with self._opening:
+            session = await self._session(experiment)
+            self._release(session, asked.page)
+            if asked.begin and not session.leases:
+                session.missing = await _missing_runs(session.experiment)
+                session.failed, session.failures = set(), 0
+                if session.missing:
+                    await self._check(session, asked)
+            lease = self._reserve(session, asked.page)
+        job = None
+        if lease is not None:
+            try:
+                job = await self._job(session, lease.configuration)
+            except BaseException:
+                self._release(session, asked.page)
+                raise
+        untried = session.missing.keys() - session.failed
+        return NextRun(
+            job=job,
+            planned=len(session.experiment.runs),
+            missing=len(session.missing),
+            remaining_s=seconds([session.missing[run] for run in untried]),
+            wait=job is None and session.why_given_up is None and bool(untried),
+            problem=session.why_given_up,
+        )
+
+    async def release(self, experiment: str, page: str) -> None:
+        """Give up a page's runs. Raises UnknownExperiment."""
+        await asyncio.to_thread(self._experiments.find, experiment)
+        if (session := self._sessions.get(experiment)) is not None:
+            self._release(session, page)
+
+    async def add(self, experiment: str, run: str, body: Path, size: int, made: Path) -> RunRow:
+        """Keep a performed run from a body of `size` bytes; it is incomplete until `complete`.
+
+        `made` is a free path in the workspace.
+
+        Raises UnknownExperiment, ExperimentInUse, UnknownRun, RunMade, InvalidRequest, TooCostly and DiskFull.
+        """
+        session = await self._session(experiment)
+        configuration = self._missing(session, run)
+        if (lease := session.leases.get(run)) is not None:
+            lease.until = self._clock() + LEASE_S
+        made_from = session.made_from.get(run) or (await self._made_from(session, configuration))[0]
+        async with self.checks:
+            limit, load = check_limit(size), tuple(self._load)
+            record = await self._offload(
+                keep_upload, body, made, configuration, made_from, load, self._machine, limit=limit
+            )
+        self._missing(session, run)  # another page may have completed it meanwhile
+        with storage_explained():
+            try:
+                await asyncio.to_thread(_place, made, session.experiment, configuration)
+            except FileNotFoundError:
+                raise UnknownExperiment(f"The experiment {experiment} was removed meanwhile.") from None
+        if record.status == "failed":
+            session.ended(run, record.problem)
+        return await asyncio.to_thread(self._experiments.row, experiment, run)
+
+    async def complete(self, experiment: str, run: str) -> RunRow:
+        """Complete a run whose captures are all there. Raises as `add` does."""
+        session = await self._session(experiment)
+        self._missing(session, run)
+        folder = await asyncio.to_thread(self._experiments.page_run, experiment, run)
+        if await asyncio.to_thread(lambda: StoredRun(folder).record.status) == "running":
+            async with self.checks:
+                await self._offload(complete_upload, folder, self._render, limit=COMPARE)
+        row = await asyncio.to_thread(self._experiments.row, experiment, run)
+        session.ended(run, row.problem)
+        return row
+
+    async def _session(self, experiment: str) -> _Session:
+        folder, record = await asyncio.to_thread(self._experiments.find_page, experiment)
+        if experiment not in self._sessions:
+            reopened = await self._offload(reopen, folder, record, limit=LIMIT)
+            missing = await _missing_runs(reopened)
+            self._sessions.setdefault(experiment, _Session(reopened, missing, run_names(reopened.runs)))
+        return self._sessions[experiment]
+
+    async def _check(self, session: _Session, asked: NextRequest) -> None:
+        """Before the first run: whether all can be made, by the versions that made the others."""
+        missing = tuple(session.missing.values())
+        scenes = {}
+        try:
+            for run in {(run.scene, run.local): run for run in missing}.values():
+                config, scenes[run.scene] = await self._services(run)
+            check_services(missing, Target(self._render, config), scenes, session.experiment.plan.ladder)
+        except StartError as error:
+            raise CannotStart(str(error)) from None
+        if not asked.allow_changes:
+            kept = await asyncio.to_thread(session.experiment.kept, missing)
+            now = MadeWith(self._machine.commit, None, Server.of(config), scenes)
+            if changed := changes(kept, now):
+                raise VersionsChanged(
+                    f"Since the complete runs were made, there is another {' and another '.join(changed)}."
+                )
+
+    def _reserve(self, session: _Session, page: str) -> _Lease | None:
+        """A run that no other page performs; of all runs with a shaped link, only one at a time."""
+        if session.why_given_up is not None:
+            return None
+        shaped = any(lease.configuration.network.shaped for lease in self._leases())
+        for run, configuration in session.missing.items():
+            if run in session.leases or run in session.failed or (shaped and configuration.network.shaped):
+                continue
+            until = self._clock() + configuration.warm_up_s + configuration.duration_s + LEASE_S
+            session.leases[run] = _Lease(page, configuration, until)
+            return session.leases[run]
+        return None
+
+    def _leases(self) -> Iterator[_Lease]:
+        """Of all experiments, after removing expired ones."""
+        now = self._clock()
+        for session in self._sessions.values():
+            session.leases = {run: lease for run, lease in session.leases.items() if lease.until > now}
+            yield from session.leases.values()
+
+    def _release(self, session: _Session, page: str) -> None:
+        session.leases = {run: lease for run, lease in session.leases.items() if lease.page != page}
+
+    def _missing(self, session: _Session, run: str) -> Configuration:
+        if (configuration := session.missing.get(run)) is not None:
+            return configuration
+        if run in session.names:
+            raise RunMade(f"The run {run} is complete already.")
+        raise UnknownRun(f"The experiment has no run {run[:100]!r}.")
+
+    async def _job(self, session: _Session, configuration: Configuration) -> RunJob:
+        session.made_from[configuration.slug], points = await self._made_from(session, configuration)
+        return RunJob(
+            run=configuration.slug,
+            title=session.names[configuration.slug],
+            configuration=configuration,
+            settings=page_settings(configuration),
+            plan=run_plan(configuration, points),
+        )
+
+    async def _made_from(self, session: _Session, configuration: Configuration) -> tuple[MadeFrom, list[TimedPose]]:
+        try:
+            config, scene = await self._services(configuration)
+        except StartError as error:
+            raise CannotStart(str(error)) from None
+        points, digests = await self._offload(
+            placed_points, session.experiment.inputs, configuration, scene, limit=LIMIT
+        )
+        return MadeFrom(digests, points_sha256(points), config, scene), points
+
+
+async def _missing_runs(experiment: Experiment) -> dict[str, Configuration]:
+    return {run.slug: run for run in await asyncio.to_thread(experiment.missing)}
+
+
+def _place(made: Path, experiment: Experiment, configuration: Configuration) -> None:
+    """Move a run from the workspace to its place. Raises OSError."""
+    experiment.set_aside(configuration)
+    made.rename(experiment.folder(configuration))
+    names_to_disk(experiment.out / RUNS)

@@ -1,0 +1,17 @@
+/** The mode `dash`: a stream over DASH, by preset. */
+import { overDash } from "../dash/dash-views";
+import { PRESETS, planFor } from "../dash/presets";
+import { streamed } from "./streamed";
+
+export const DASH = streamed({
+  kind: "dash",
+  variants: PRESETS.map((preset) => ({
+    name: `dash-${preset}`,
+    title: `DASH, ${preset}`,
+    settings: { dashPreset: preset },
+  })),
+  settings: ["dashPreset", "dashFrameRate", "dashRepresentation", "dashCustom"],
+  planOf: planFor,
+  adaptive: ({ adaptive }) => adaptive,
+  open: overDash,
+});

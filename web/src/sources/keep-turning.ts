@@ -1,0 +1,23 @@
+/** Turns pictures as the settings have it. */
+import { computed, effect, untracked } from "@preact/signals";
+import { turning } from "../reproject/acceleration";
+import type { Reprojector } from "../reproject/reprojector";
+import { viewDistance } from "../view/camera";
+import type { SourceContext } from "./source";
+
+/** Until the function that this returns is called. */
+export function keepTurning(
+  reprojector: Pick<Reprojector<unknown>, "on" | "off">,
+  settings: SourceContext["settings"],
+  scene: SourceContext["scene"],
+): () => void {
+  const distance = computed(() =>
+    settings.value.reprojection && scene.value !== null ? viewDistance(scene.value) : null,
+  );
+  const forced = computed(() => turning.value === "forced");
+  return effect(() => {
+    const { value } = distance;
+    void forced.value; // it begins anew once someone asks for it
+    untracked(() => (value === null ? reprojector.off() : reprojector.on(value)));
+  });
+}
