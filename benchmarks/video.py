@@ -30,8 +30,7 @@ from benchmarks.views import View, centred_lens, chosen
 from tigas_common.command import POSITIONAL, Command, Metavar, parse
 from tigas_common.pose import Pose
 from tigas_common.wire.render import SceneInfo, StartCamera
-from tigas_experiments.movement.placement import placed
-from tigas_experiments.movement.trace import MovementTrace
+from tigas_experiments.movement.trace import MovementTrace, placed
 from tigas_render.encode.h264 import PRESET, H264Encoder, Preset
 from tigas_render.encode.images import KB, KR, encode_jpeg, encode_yuv420p
 from tigas_render.raster.base import Camera, PreparedScene

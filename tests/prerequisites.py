@@ -103,7 +103,7 @@ def _nvrtc() -> bool:
 
 
 def _metric_weights() -> bool:
-    from tigas_experiments.quality.sources import SOURCES
+    from tigas_experiments.quality.weights import SOURCES
 
     return all(source.cached.exists() for source in SOURCES)
 

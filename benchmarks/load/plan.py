@@ -12,8 +12,7 @@ import numpy as np
 
 from tigas_common.sample_cameras import intrinsics
 from tigas_common.wire.render import RenderRequest, SceneInfo
-from tigas_experiments.movement.placement import placed
-from tigas_experiments.movement.trace import MovementTrace
+from tigas_experiments.movement.trace import MovementTrace, placed
 
 Transport = Literal["webtransport", "post", "mixed"]
 

@@ -10,8 +10,7 @@ import pytest
 import torch
 
 from tests.experiments.triplets_made_up import view, write_triplets
-from tigas_experiments.quality.meters import Meter, Meters, distance
-from tigas_experiments.quality.metrics import PICTURE_METRICS
+from tigas_experiments.quality.metrics import PICTURE_METRICS, Meter, Meters, distance
 from tigas_experiments.quality.perceptual import Dists, Lpips
 from tigas_experiments.quality.picture import Picture, encode
 from tigas_experiments.records.samples import TRUTH, write_sample_file

@@ -1,7 +1,11 @@
-"""Errors of a run."""
+"""Errors with a reason in one sentence."""
 
 from __future__ import annotations
 
 
 class RunFailed(Exception):
-    """Why a run has no result, in one sentence. Other runs go on."""
+    """Reason why a run has no result. Other runs go on."""
+
+
+class MetricUnavailable(Exception):
+    """Reason why a metric cannot be computed here, and the command that helps. Other metrics can."""

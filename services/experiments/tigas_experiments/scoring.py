@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
 
-from tigas_experiments.quality.meters import VIDEO, Meters
+from tigas_experiments.quality.metrics import VIDEO, Meters
 from tigas_experiments.quality.picture import BrokenPicture, Picture
 from tigas_experiments.quality.vmaf import vmaf_and_vif
 from tigas_experiments.records.files import BrokenRecording

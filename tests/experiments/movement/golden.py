@@ -12,8 +12,7 @@ from typing import Any
 
 from tests.scenes import scene
 from tigas_common.wire.render import StartCamera
-from tigas_experiments.movement.placement import placed
-from tigas_experiments.movement.trace import MovementTrace
+from tigas_experiments.movement.trace import MovementTrace, placed
 
 FILE = Path(__file__).with_name("golden.json")
 HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n"

@@ -19,10 +19,9 @@ from tigas_experiments.movement.eyenavgs import (
     read_settings,
     scene_of,
 )
-from tigas_experiments.movement.placement import placed
 from tigas_experiments.movement.summary import Summary
 from tigas_experiments.movement.table import MovementError
-from tigas_experiments.movement.trace import MovementTrace
+from tigas_experiments.movement.trace import MovementTrace, placed
 
 NTHU = (
     "ViewIndex,FOV1,FOV2,FOV3,FOV4,PositionX,PositionY,PositionZ,QuaternionX,QuaternionY,QuaternionZ,QuaternionW,"
@@ -57,7 +56,7 @@ def test_position_and_rotation_are_turned_to_opencv(header: str, tmp_path: Path)
     turned = Rotation.from_euler("YXZ", (40, -20, 15), degrees=True)
     x, y, z, w = turned.as_quat().tolist()
     way = read_eyes(write(tmp_path / "u_s.csv", header, both(100, (1, 2, 3), (x, y, z, w))), "left")
-    assert way.points[0]["t_ms"] == 0
+    assert way.times_ms[0] == 0
     np.testing.assert_allclose(way.positions[0], (1, -2, -3))
     ours = Rotation.from_quat(way.quaternions[0])
     flip = np.array((1, -1, -1))

@@ -49,33 +49,6 @@ def test_a_longer_one_begins_with_the_shorter_one_at_the_origin(kind: str) -> No
     assert short.duration_ms >= 7000
 
 
-def test_the_stroll_is_the_one_that_earlier_comparisons_were_made_with() -> None:
-    trace = generate("stroll", 60, 1)
-    for index, position, quaternion in STROLL:
-        np.testing.assert_allclose(trace.positions[index], position, atol=1e-12)
-        np.testing.assert_allclose(trace.quaternions[index], quaternion, atol=1e-12)
-
-
-STROLL = [
-    (
-        600,
-        [-0.018158107664447642, 0.0, 0.7664688324948081],
-        [-0.0162576755580925, 0.26218272901053014, 0.004417669265546778, 0.9648711773041513],
-    ),
-    (
-        1800,
-        [-0.10046666831403822, 0.0, 0.37160732723152223],
-        [0.000387340193449118, -0.3970581291657839, 0.0001675721117001936, 0.9177933666956466],
-    ),
-    (
-        3600,
-        [-0.16887314782681132, 0.0, 0.8282667957998926],
-        [0.043683069158639065, 0.03807127163250029, -0.0016658713502784464, 0.998318382390012],
-    ),
-]
-"""Index, position and quaternion: seed 1."""
-
-
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_they_move_as_they_are_called(seed: int) -> None:
     stroll, look, quick, orbit = (Summary.of(generate(kind, 120, seed)) for kind in KINDS)

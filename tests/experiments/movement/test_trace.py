@@ -1,21 +1,30 @@
-"""Movement traces: reading, repairs, refusals, and interpolation."""
+"""Movement traces: reading, repairs, refusals, interpolation, and their place in a scene.
+
+The page's reader and placer are tested with the same golden file.
+"""
 
 from __future__ import annotations
 
+import json
 import math
 import tracemalloc
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.experiments.movement.golden import FILE, MOVEMENTS, REFUSED, golden
 from tests.scenes import scene
-from tigas_experiments.movement.placement import placed
+from tigas_common.pose import Pose
+from tigas_common.wire.render import SceneInfo, StartCamera
 from tigas_experiments.movement.table import MovementError
-from tigas_experiments.movement.trace import MovementTrace
+from tigas_experiments.movement.trace import MovementTrace, metre, placed
+from tigas_experiments.wire.movement import TimedPose
 
+KEPT: dict[str, Any] = json.loads(FILE.read_text(encoding="utf-8"))
 HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n"
 POSE = "0,1,2,3,0,0,0,1\n"
 LATER = "20,1,2,3,0,0,0,1\n"
@@ -154,19 +163,95 @@ def test_what_the_file_says_of_itself_is_kept_and_written_as_one_line_each() -> 
 def test_between_poses_it_goes_straight_and_turns_along_the_arc_and_the_ends_hold() -> None:
     half = math.sqrt(0.5)
     trace = parse(f"{HEADER}100,0,0,0,0,0,0,1\n200,1,0,0,0,{half},0,{half}\n400,3,4,0,0,-{half},0,-{half}\n")
-    assert [trace.pose_at(at)["position"][0] for at in (-50, 0, 25, 100, 200, 300, 999)] == [0, 0, 0.25, 1, 2, 3, 3]
-    third = trace.pose_at(100 / 3)["quaternion"]
-    assert math.degrees(2 * math.atan2(third[1], third[3])) == pytest.approx(30)
+    positions, quaternions = trace.poses_at([-50, 0, 25, 100, 200, 300, 999, 100 / 3, 150])
+    assert positions[:7, 0].tolist() == [0, 0, 0.25, 1, 2, 3, 3]
+    assert math.degrees(2 * math.atan2(quaternions[7, 1], quaternions[7, 3])) == pytest.approx(30)
     # a rotation and its negative are the same: nothing turns
-    assert np.abs(trace.pose_at(150)["quaternion"]) == pytest.approx([0, half, 0, half])
+    assert np.abs(quaternions[8]) == pytest.approx([0, half, 0, half])
+    alone = parse(HEADER + POSE)
+    assert (alone.duration_ms, alone.poses_at([500])[0].tolist()) == (0, [[1, 2, 3]])
 
 
-def test_a_pose_alone_stands() -> None:
-    trace = parse(HEADER + POSE)
-    assert (trace.duration_ms, trace.pose_at(500)["position"]) == (0, [1, 2, 3])
-
-
-def test_until_keeps_what_leads_to_the_end() -> None:
+def test_a_part_keeps_what_leads_to_its_end() -> None:
     trace = parse(HEADER + "".join(f"{at},{at},0,0,0,0,0,1\n" for at in (0, 40, 80, 120)))
     for end, last in ((0, 0), (39, 40), (40, 40), (41, 80), (500, 120)):
-        assert trace.until(end).duration_ms == last
+        assert trace.part(0, end).duration_ms == last
+    part = trace.part(50, 90)
+    assert (part.times_ms.tolist(), part.positions[:, 0].tolist()) == ([0, 30, 70], [50, 80, 120])
+
+
+ONE_AHEAD = "t_ms,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n20,0,-0.5,1,0,0,0,1\n"
+EAST = scene(camera=StartCamera(position=(1, -2, 3), look_at=(9, -2, 3)))
+
+
+def points(comments: str, where: SceneInfo = EAST) -> list[TimedPose]:
+    return placed(MovementTrace.parse(comments + ONE_AHEAD, "walk.csv"), where)
+
+
+def axes(point: TimedPose) -> Pose:
+    x, y, z, w = point["quaternion"]
+    return Pose.from_quaternion((0, 0, 0), (x, y, z, w))
+
+
+def test_from_the_start_ahead_is_where_the_start_camera_looks() -> None:
+    first, second = points("# anchor: start\n")
+    assert first["position"] == pytest.approx([1, -2, 3])
+    assert second["position"] == pytest.approx([2, -2.5, 3])
+    assert [row[2] for row in axes(second).rotation] == pytest.approx([1, 0, 0])
+
+
+def test_a_metre_is_a_quarter_of_the_way_to_what_the_start_camera_looks_at() -> None:
+    assert metre(EAST) == 2
+    assert points("# anchor: start\n# unit: m\n")[1]["position"] == pytest.approx([3, -3, 3])
+    assert metre(scene()) == 1
+
+
+def test_a_camera_that_looks_up_does_not_tilt_the_movement() -> None:
+    steep = scene(camera=StartCamera(position=(0, 0, 0), look_at=(0, -3, 1)))
+    assert points("# anchor: start\n", steep)[1]["position"] == pytest.approx([0, -0.5, 1])
+
+
+def test_in_a_scene_with_z_up_the_floor_is_x_and_y() -> None:
+    up = scene(up=(0, 0, 2), camera=StartCamera(position=(0, 0, 1.6), look_at=(0, 5, 1.6)))
+    second = points("# anchor: start\n", up)[1]
+    assert second["position"] == pytest.approx([0, 1, 2.1])
+    rotation = axes(second).rotation
+    assert [row[1] for row in rotation] == pytest.approx([0, 0, -1]), "the picture's down is the scene's"
+    assert [row[2] for row in rotation] == pytest.approx([0, 1, 0])
+
+
+def test_of_a_scene_itself_only_the_frame_changes() -> None:
+    tilted = scene(up=(math.sin(0.2), -math.cos(0.2), 0), camera=EAST.camera)
+    second = points("", tilted)[1]
+    assert second["position"] == pytest.approx([0.5 * math.sin(0.2), -0.5 * math.cos(0.2), 1])
+
+
+def test_each_movement_is_where_it_was_in_each_scene() -> None:
+    now = golden()
+    assert {key: KEPT[key] for key in ("movements", "refused", "scenes")} == {
+        key: json.loads(json.dumps(now[key])) for key in ("movements", "refused", "scenes")
+    }
+    for kept, made in zip(KEPT["placed"], now["placed"], strict=True):
+        assert (kept["movement"], kept["scene"]) == (made["movement"], made["scene"])
+        assert [point["t_ms"] for point in kept["points"]] == [point["t_ms"] for point in made["points"]]
+        for key in ("position", "quaternion"):
+            expected, got = (np.array([point[key] for point in of["points"]]) for of in (kept, made))
+            if key == "quaternion":  # its negative is the same rotation
+                got *= np.sign((got * expected).sum(axis=1, keepdims=True))
+            np.testing.assert_allclose(got, expected, atol=1e-12, err_msg=f"{kept['movement']} in {kept['scene']}")
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_no_movement_is_refused_with_one_sentence(name: str) -> None:
+    with pytest.raises(MovementError, match=r"^walk\.csv[^\n]+\.$"):
+        MovementTrace.parse(REFUSED[name], "walk.csv")
+
+
+@pytest.mark.parametrize("name", MOVEMENTS)
+def test_what_is_written_is_read_back(name: str) -> None:
+    trace = MovementTrace.parse(MOVEMENTS[name], name)
+    again = MovementTrace.parse(trace.text(), name)
+    assert again.text() == trace.text()
+    np.testing.assert_allclose(again.positions, trace.positions, atol=1e-6)
+    np.testing.assert_allclose(again.quaternions, trace.quaternions, atol=2e-6)
+    assert (again.anchor, again.unit, again.comments) == (trace.anchor, trace.unit, trace.comments)

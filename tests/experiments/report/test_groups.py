@@ -13,7 +13,7 @@ from tests.experiments.report.synthetic_results import download, groups, write_r
 from tigas_common.errors import StartError
 from tigas_experiments.records.folder import ExperimentRecord
 from tigas_experiments.report.estimates import Estimate
-from tigas_experiments.report.groups import Group, Groups, choose_baseline
+from tigas_experiments.report.groups import Groups, choose_baseline, runs_behind
 from tigas_experiments.report.metrics import IN_TIME, METRICS
 from tigas_experiments.report.run_table import Block, load
 from tigas_experiments.report.tables import overall_markdown
@@ -172,13 +172,10 @@ def test_the_baseline_is_the_first_of_the_file_unless_another_is_chosen(tmp_path
 def test_a_caption_says_how_many_runs_a_mean_is_of(tmp_path: Path) -> None:
     one, two = groups(tmp_path, {}, {"controller": "budget"}, {"controller": "budget", "repeat": 1})
 
-    def behind(*those: Group) -> str:
-        return Groups.runs_behind(those)
-
-    assert [behind(one), behind(one, one), behind(two)] == [
+    assert [runs_behind([one]), runs_behind([one, one]), runs_behind([two])] == [
         "One run.",
         "One run each.",
         "Means over 2 runs, with their range.",
     ]
     found = groups(tmp_path / "other", {}, {"movement": "orbit"}, {"movement": "orbit", "repeat": 1})
-    assert behind(*found, one) == "Means over 1 to 3 runs (2 movements), with their range."
+    assert runs_behind([*found, one]) == "Means over 1 to 3 runs (2 movements), with their range."

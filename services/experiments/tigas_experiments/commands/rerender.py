@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tigas_common.cli import in_a_sentence
 from tigas_common.command import POSITIONAL, Command, Metavar
 from tigas_common.errors import StartError
-from tigas_common.terminal import make_console
+from tigas_common.terminal import make_console, progress_bar
 from tigas_common.topology import PAGE
 
 if TYPE_CHECKING:  # heavy
@@ -41,7 +42,6 @@ class Rerender(SamplesCommand, RenderCommand):
     """
 
     def run(self) -> None:
-        """Render the samples and print a table of runs."""
         from rich.table import Table
 
         from tigas_experiments.commands.options import end_as_ctrl_c
@@ -62,41 +62,37 @@ class Rerender(SamplesCommand, RenderCommand):
             counts = (len(one.samples), one.identical, one.different, one.missing)
             table.add_row(one.folder, *map(str, counts), style="yellow" if one.different or one.problems else None)
         console.print(table)
-        for one in outcomes:
-            for problem in one.problems:
-                console.print(f"{one.folder}: {problem}", style="yellow", soft_wrap=True)
+        doubts = [f"{one.folder}: {problem}" for one in outcomes for problem in one.problems]
         if any(one.different for one in outcomes):
-            console.print(
-                "The render service answers differently now: ground truth may be of another renderer than the frames.",
-                style="yellow",
-                soft_wrap=True,
+            doubts.append(
+                "The render service answers differently now: ground truth may be of another renderer than the frames."
             )
+        for doubt in doubts:
+            console.print(doubt, style="yellow", soft_wrap=True)
         if any(one.problems for one in outcomes):
             raise SystemExit(1)
 
 
 def rerender_all(folder: Path, render: str, *, again: bool = False) -> list[SampledRun]:
-    """Materialise all samples of a run or an experiment, with a progress bar. Raises StartError and OSError."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
+    """Render all samples of a run or an experiment, with a progress bar. Raises StartError and OSError."""
     from tigas_experiments.samples.renderer import Renderer, RendererAway
     from tigas_experiments.samples.rerender import locked, rerender, sampled_runs
 
     runs = sampled_runs(folder)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
 
-    async def all_of_them(bar: Progress) -> list[SampledRun]:
+    async def all_of_them(show: Callable[[float, str], None]) -> list[SampledRun]:
         outcomes = []
         async with Renderer.at(render) as renderer:
-            for number, run in enumerate(runs, 1):
-                task = bar.add_task(f"run {number} of {len(runs)}", total=None)
-                on_progress = lambda done, total, task=task: bar.update(task, completed=done, total=total)  # noqa: E731
+            for number, run in enumerate(runs):
+
+                def on_progress(done: int, total: int, number: int = number) -> None:
+                    show((number + done / total) / len(runs), f"run {number + 1} of {len(runs)}")
+
                 outcomes.append(await rerender(run, renderer, on_progress, again=again))
-                bar.remove_task(task)
         return outcomes
 
-    with locked(folder), Progress(*columns, console=make_console(stderr=True), transient=True) as bar:
+    with locked(folder), progress_bar() as show:
         try:
-            return asyncio.run(all_of_them(bar))
+            return asyncio.run(all_of_them(show))
         except RendererAway as error:
             raise StartError(str(error)) from None

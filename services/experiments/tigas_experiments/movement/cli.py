@@ -32,7 +32,6 @@ class Make(Command):
     """Random seed."""
 
     def run(self) -> None:
-        """Generate the movement and write it."""
         from tigas_experiments.movement.generated import KINDS, generate
 
         with in_a_sentence(StartError, OSError):
@@ -61,7 +60,6 @@ class Import(Command):
     """Units per metre in the scene to walk in; unless given, the start camera's subject is 4 m away."""
 
     def run(self) -> None:
-        """Convert the recording and write the movement."""
         from dataclasses import replace
 
         from tigas_experiments.movement import eyenavgs
@@ -71,7 +69,7 @@ class Import(Command):
             if self.settings is None:
                 if self.metre is not None:
                     raise StartError("--metre needs --settings.")
-                made = eyenavgs.in_its_scene(way, _numbers(self.up or "0,-1,0", 3, "--up"))
+                made = eyenavgs.in_its_scene(way, _axis(self.up or "0,-1,0"))
                 changes = "in the scene's own place"
             else:
                 if self.up is not None:
@@ -101,10 +99,9 @@ class Show(Command):
     """Plot to draw as well: .png, .svg or .pdf."""
 
     def run(self) -> None:
-        """Print tables and draw the plot."""
         from rich.table import Table
 
-        from tigas_experiments.movement.summary import Summary
+        from tigas_experiments.movement.summary import Summary, plot_movement
         from tigas_experiments.movement.trace import GAP_MS, MovementTrace
 
         with in_a_sentence(StartError, OSError):
@@ -115,25 +112,22 @@ class Show(Command):
             unit = "m" if trace.unit == "m" else "units"
             begins = {"start": "at the scene's start camera", "scene": "where it is in the scene"}
             facts = Table(show_header=False, box=None)
-            for key, value in trace.comments.items():
+            for key, value in (
+                *trace.comments.items(),
+                ("begins", begins[trace.anchor]),
+                ("duration", f"{summary.duration_s:g} s in {summary.poses:,} poses"),
+                ("rate", f"{summary.median_rate_hz:.1f}/s, longest step {summary.longest_step_ms:.0f} ms"),
+                ("gaps", f"{len(gaps)}, together {gaps.sum() / 1000:g} s" if len(gaps) else f"none > {GAP_MS:g} ms"),
+                ("way", f"{summary.path:.1f} {unit}, {summary.speed:.2f} {unit}/s on average"),
+                *(("note", note) for note in trace.notes),
+            ):
                 facts.add_row(key, value)
-            facts.add_row("begins", begins[trace.anchor])
-            facts.add_row("duration", f"{summary.duration_s:g} s in {summary.poses:,} poses")
-            facts.add_row("rate", f"{summary.median_rate_hz:.1f}/s, longest step {summary.longest_step_ms:.0f} ms")
-            facts.add_row(
-                "gaps", f"{len(gaps)}, together {gaps.sum() / 1000:g} s" if len(gaps) else f"none > {GAP_MS:g} ms"
-            )
-            facts.add_row("way", f"{summary.path:.1f} {unit}, {summary.speed:.2f} {unit}/s on average")
-            for note in trace.notes:
-                facts.add_row("note", note)
             turning = Table(box=None)
             turning.add_column("turning")
             for percent in summary.turning:
                 turning.add_column({50: "median", 100: "max"}.get(percent, f"{percent} %"), justify="right")
             turning.add_row("degrees/s", *(f"{value:.0f}" for value in summary.turning.values()))
             if self.plot is not None:
-                from tigas_experiments.movement.plot import plot_movement
-
                 plot_movement(trace, self.file.stem, self.plot)
         console = make_console(soft_wrap=True)
         console.print(facts)
@@ -145,16 +139,15 @@ class Show(Command):
 movement = Group("Generate, import and inspect movement traces.", {"make": Make, "import": Import, "show": Show})
 
 
-def _numbers(text: str, count: int, option: str) -> list[float]:
-    """Finite numbers, not all of them 0."""
+def _axis(text: str) -> list[float]:
     import math
 
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError:
         values = []
-    if len(values) != count or not all(map(math.isfinite, values)) or not any(values):
-        raise StartError(f"{option} takes {count} numbers such as {','.join(['0'] * (count - 1))},1, not {text!r}.")
+    if len(values) != 3 or not 0 < math.hypot(*values) < math.inf:
+        raise StartError(f"--up takes 3 numbers such as 0,0,1, not {text!r}.")
     return values
 
 

@@ -17,19 +17,16 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tigas_experiments.movement.placement import level
-from tigas_experiments.movement.table import Floats, MovementError, Table, read_text
+from tigas_experiments.movement.table import MovementError, Table, read_text
 from tigas_experiments.movement.trace import (
     TOO_FAR,
     MovementTrace,
-    between,
+    level,
     unit_quaternions,
 )
 from tigas_experiments.wire.movement import MAX_COORDINATE, MAX_DURATION_MS
 
 Eye = Literal["left", "right", "middle"]
-Quaternion = tuple[float, float, float, float]
-
 VIEWS = {"left": 0, "right": 1}
 TIMES = ("timestep", "Timestamp")
 """Time columns of NTHU and Rutgers, milliseconds."""
@@ -46,8 +43,8 @@ class SceneSettings:
 
     scale: float
     """The scene's units a metre."""
-    level: Quaternion
-    """x, y, z, w: levels a vector of the recording's frame."""
+    level: Sequence[float]
+    """Quaternion x, y, z, w, of any length, that levels a vector of the recording's frame."""
 
 
 def read_eyes(path: Path, eye: Eye) -> MovementTrace:
@@ -112,24 +109,15 @@ def read_settings(path: Path, scene: str) -> SceneSettings:
         known = ", ".join(repr(row.get("Scene_Name"))[:30] for row in rows[:8])
         raise MovementError(f"{path} says nothing of the scene {scene!r}; it knows {known or 'none'}.")
     try:
-        return settings(float(row["Scale"]), [float(part) for part in row["Quaternion"].split(",")])
+        scale, level = float(row["Scale"]), [float(part) for part in row["Quaternion"].split(",")]
+        if 0 < scale < math.inf and 0 < math.hypot(*level) < math.inf and len(level) == 4:
+            return SceneSettings(scale, level)
     except (KeyError, TypeError, ValueError, AttributeError):
-        raise MovementError(f"{path}: the scene {scene!r} has no Scale and Quaternion that are numbers.") from None
-
-
-def settings(scale: float, level: Sequence[float]) -> SceneSettings:
-    """Checked settings. Raises ValueError with one sentence."""
-    if not (math.isfinite(scale) and scale > 0):
-        raise ValueError("a scale is a positive number")
-    length = math.hypot(*level)
-    if len(level) != 4 or not (math.isfinite(length) and length > 0):
-        raise ValueError("a level is four numbers x,y,z,w that are a rotation")
-    x, y, z, w = (part / length for part in level)
-    return SceneSettings(scale, (x, y, z, w))
+        pass
+    raise MovementError(f"{path}: the scene {scene!r} has no Scale and Quaternion that are numbers.")
 
 
 def scene_of(path: Path) -> str:
-    """The scene's name, from that of a recording: user3_train.csv."""
     return path.stem.partition("_")[2]
 
 
@@ -138,13 +126,10 @@ def _middle(left: MovementTrace, right: MovementTrace, name: str) -> MovementTra
     times = left.times_ms[(left.times_ms >= right.times_ms[0]) & (left.times_ms <= right.times_ms[-1])]
     if not len(times):
         raise MovementError(f"{name} has no time at which both eyes were recorded.")
-    (left_positions, left_quaternions), (right_positions, right_quaternions) = (
-        left.poses_at(times),
-        right.poses_at(times),
-    )
-    middle = between(Rotation.from_quat(left_quaternions), Rotation.from_quat(right_quaternions), 0.5)
-    positions: Floats = (left_positions + right_positions) / 2
-    return replace(left, times_ms=times, positions=positions, quaternions=middle.as_quat())
+    (left_at, left_turn), (right_at, right_turn) = left.poses_at(times), right.poses_at(times)
+    first, second = Rotation.from_quat(left_turn), Rotation.from_quat(right_turn)
+    middle = first * (first.inv() * second) ** 0.5
+    return replace(left, times_ms=times, positions=(left_at + right_at) / 2, quaternions=middle.as_quat())
 
 
 def _turned(way: MovementTrace, rotation: Rotation) -> MovementTrace:

@@ -1,9 +1,10 @@
-"""Statistics of a movement: duration, density, distance and speed."""
+"""Statistics of a movement, and a drawing: duration, density, distance and speed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,12 +13,15 @@ from tigas_experiments.movement.table import Floats
 from tigas_experiments.movement.trace import MovementTrace
 
 INTERVAL_MS = 100.0
-"""Way and speeds are measured over about a tenth of a second, so that the noise of single poses is not counted."""
+"""Distance and speeds are measured over about a tenth of a second, so that the noise of single poses is not counted."""
 PERCENTILES = (50, 90, 95, 99, 100)
+BLUE, ORANGE, GREEN = "#0072b2", "#d55e00", "#009e73"
+"""Okabe and Ito's palette for colour blindness."""
+MOST = 5000
+"""Maximum number of drawn poses."""
 
 
-@dataclass(frozen=True, slots=True)
-class Pace:
+class Pace(NamedTuple):
     """Speeds over time, between poses about `INTERVAL_MS` apart."""
 
     times_s: Floats
@@ -29,7 +33,6 @@ class Pace:
 
     @classmethod
     def of(cls, trace: MovementTrace) -> Pace:
-        """A trace's."""
         count = max(1, round(trace.duration_ms / INTERVAL_MS))
         times = np.linspace(0, trace.duration_ms, count + 1)
         positions, quaternions = trace.poses_at(times)
@@ -40,10 +43,7 @@ class Pace:
         return cls(times / 1000, np.linalg.norm(np.diff(positions, axis=0), axis=1), turning)
 
 
-@dataclass(frozen=True, slots=True)
-class Summary:
-    """A trace's figures."""
-
+class Summary(NamedTuple):
     poses: int
     duration_s: float
     median_rate_hz: float
@@ -58,7 +58,6 @@ class Summary:
 
     @classmethod
     def of(cls, trace: MovementTrace) -> Summary:
-        """A trace's."""
         pace, seconds = Pace.of(trace), trace.duration_ms / 1000
         steps = np.diff(trace.times_ms)
         path = float(pace.moved.sum())
@@ -66,8 +65,44 @@ class Summary:
             poses=len(trace.times_ms),
             duration_s=seconds,
             median_rate_hz=float(1000 / np.median(steps)) if len(steps) else 0.0,
-            longest_step_ms=float(steps.max()) if len(steps) else 0.0,
+            longest_step_ms=float(steps.max(initial=0)),
             path=path,
             speed=path / seconds if seconds else 0.0,
             turning={percent: float(np.percentile(pace.turning, percent)) for percent in PERCENTILES},
         )
+
+
+def plot_movement(trace: MovementTrace, title: str, path: Path) -> None:
+    """Draw the way from above, the angles over time and the turning speed, as the path's kind, such as .png or .svg.
+
+    Raises OSError, and ValueError for other kinds.
+    """
+    from matplotlib.figure import Figure  # heavy
+
+    times = np.linspace(0, trace.duration_ms, min(MOST, len(trace.times_ms)))
+    positions, quaternions = trace.poses_at(times)
+    matrix = Rotation.from_quat(quaternions).as_matrix()
+    # R = Ry(yaw) · Rx(pitch) · Rz(roll); as_euler would warn of a camera that looks straight down
+    angles = {
+        "to the right": np.unwrap(np.arctan2(matrix[:, 0, 2], matrix[:, 2, 2])),
+        "up": np.arcsin(np.clip(-matrix[:, 1, 2], -1, 1)),
+        "clockwise": np.arctan2(matrix[:, 1, 0], matrix[:, 1, 1]),
+    }
+    figure = Figure(figsize=(10, 4.4), layout="constrained")
+    panels = figure.subplot_mosaic([["way", "angles"], ["way", "turning"]], width_ratios=(2, 3))
+    way = panels["way"]
+    way.plot(positions[:, 0], positions[:, 2], color=BLUE, linewidth=1)
+    way.plot(positions[0, 0], positions[0, 2], "o", color=ORANGE, label="begins")
+    unit = "m" if trace.unit == "m" else "the scene's unit"
+    way.set(title=title, xlabel=f"x, {unit}", ylabel=f"z, {unit}", aspect="equal", adjustable="datalim")
+    way.legend(frameon=False)
+    for (label, values), colour in zip(angles.items(), (BLUE, ORANGE, GREEN), strict=True):
+        panels["angles"].plot(times / 1000, np.degrees(values), color=colour, linewidth=1, label=label)
+    panels["angles"].set_ylabel("degrees")
+    panels["angles"].legend(frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
+    pace = Pace.of(trace)
+    panels["turning"].stairs(pace.turning, pace.times_s, baseline=None, color=BLUE, linewidth=1)
+    panels["turning"].set(xlabel="s", ylabel="degrees a second")
+    for panel in panels.values():
+        panel.grid(alpha=0.25)
+    figure.savefig(path, dpi=130)

@@ -1,16 +1,18 @@
-"""Movement traces: poses of a camera with their own time stamps, and their CSV (docs/experiments.md)."""
+"""Movement traces: poses of a camera with their own time stamps, their CSV, and their place in a scene."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
+from tigas_common.wire.render import SceneInfo
 from tigas_experiments.movement.table import Floats, MovementError, Table, read_text
 from tigas_experiments.wire.movement import (
     ANCHORS,
@@ -19,6 +21,7 @@ from tigas_experiments.wire.movement import (
     MAX_DURATION_MS,
     QUATERNION_LENGTHS,
     UNITS,
+    VIEW_M,
     Anchor,
     TimedPose,
     Unit,
@@ -98,69 +101,43 @@ class MovementTrace:
 
     @property
     def duration_ms(self) -> float:
-        """Duration from the first pose to the last."""
         return float(self.times_ms[-1])
 
     @property
     def description(self) -> str:
-        """The file's description, or an empty string."""
         return self.comments.get("description", "")
 
     @property
     def gaps_ms(self) -> Floats:
-        """The lengths of the steps that are gaps."""
         steps = np.diff(self.times_ms)
         return steps[steps > GAP_MS]
 
     def gap_notes(self) -> list[str]:
-        """A sentence on its gaps, if it has any."""
         gaps = self.gaps_ms
         if not len(gaps):
             return []
         count = "One gap" if len(gaps) == 1 else f"{len(gaps):,} gaps"
         return [f"{count} between poses, up to {gaps.max():,.0f} ms long, will be played straight across."]
 
-    @property
-    def points(self) -> list[TimedPose]:
-        """All poses, in the trace's own frame and unit."""
-        return as_points(self.times_ms, self.positions, self.quaternions)
-
-    def pose_at(self, t_ms: float) -> TimedPose:
-        """The pose at a time: straight between positions, along the arc between rotations; the ends hold."""
-        return as_points([t_ms], *self.poses_at([t_ms]))[0]
-
     def poses_at(self, times_ms: ArrayLike) -> tuple[Floats, Floats]:
-        """Positions [M, 3] and quaternions [M, 4] at times [M], as `pose_at` says."""
-        at = np.asarray(times_ms, np.float64)
-        after = np.clip(np.searchsorted(self.times_ms, at, side="right"), 0, len(self.times_ms) - 1)
-        before = np.maximum(after - 1, 0)
-        span = self.times_ms[after] - self.times_ms[before]
-        share = np.clip((at - self.times_ms[before]) / np.where(span > 0, span, 1), 0, 1)[:, None]
-        positions = self.positions[before] + share * (self.positions[after] - self.positions[before])
-        first, second = Rotation.from_quat(self.quaternions[before]), Rotation.from_quat(self.quaternions[after])
-        return positions, between(first, second, share).as_quat()
+        """Positions [M, 3] and quaternions [M, 4] at times [M]: straight between positions, along the arc between
+        rotations; the ends hold.
+        """
+        at = np.clip(np.asarray(times_ms, np.float64), self.times_ms[0], self.times_ms[-1])
+        positions = np.column_stack([np.interp(at, self.times_ms, axis) for axis in self.positions.T])
+        if len(self.times_ms) == 1:
+            return positions, np.repeat(self.quaternions, len(at), axis=0)
+        return positions, Slerp(self.times_ms, Rotation.from_quat(self.quaternions))(at).as_quat()
 
     def part(self, from_ms: float, to_ms: float) -> MovementTrace:
         """From a time, which becomes 0, up to the first pose at or after another."""
-        if not from_ms:
-            return self.until(to_ms)
         first, last = np.searchsorted(self.times_ms, from_ms, side="right"), np.searchsorted(self.times_ms, to_ms) + 1
-        position, quaternion = self.poses_at([from_ms])
+        begin = (self.positions[:1], self.quaternions[:1]) if from_ms == 0 else self.poses_at([from_ms])  # exactly
         return replace(
             self,
             times_ms=np.concatenate(([0.0], self.times_ms[first:last] - from_ms)),
-            positions=np.concatenate((position, self.positions[first:last])),
-            quaternions=np.concatenate((quaternion, self.quaternions[first:last])),
-        )
-
-    def until(self, t_ms: float) -> MovementTrace:
-        """Its beginning: up to the first pose at or after a time."""
-        count = int(np.searchsorted(self.times_ms, t_ms)) + 1
-        return replace(
-            self,
-            times_ms=self.times_ms[:count],
-            positions=self.positions[:count],
-            quaternions=self.quaternions[:count],
+            positions=np.concatenate((begin[0], self.positions[first:last])),
+            quaternions=np.concatenate((begin[1], self.quaternions[first:last])),
         )
 
 
@@ -174,17 +151,6 @@ def unit_quaternions(table: Table, quaternions: Floats) -> tuple[Floats, list[st
     return quaternions / lengths[:, None], notes
 
 
-def between(first: Rotation, second: Rotation, share: ArrayLike) -> Rotation:
-    """Spherical linear interpolation (Shoemake 1985), the shorter way; shares [N, 1] from 0, the first, to 1."""
-    return first * Rotation.from_rotvec((first.inv() * second).as_rotvec() * share)
-
-
-def as_points(times_ms: ArrayLike, positions: Floats, quaternions: Floats) -> list[TimedPose]:
-    """Poses as dictionaries, from `times_ms` [N], `positions` [N, 3] and `quaternions` [N, 4]."""
-    rows = zip(np.asarray(times_ms, np.float64).tolist(), positions.tolist(), quaternions.tolist(), strict=True)
-    return [TimedPose(t_ms=at, position=position, quaternion=quaternion) for at, position, quaternion in rows]
-
-
 def _cell(value: float) -> str:
     return f"{value:.6f}".rstrip("0").rstrip(".")
 
@@ -194,3 +160,49 @@ def _choice(value: str, known: tuple[T, ...], name: str, key: str) -> T:
         if value == one:
             return one
     raise MovementError(f"{name}: its {key} is {value[:30]!r}, and not {' or '.join(known)}.")
+
+
+def placed(trace: MovementTrace, scene: SceneInfo) -> list[TimedPose]:
+    """The poses of a movement in the scene's own frame and unit.
+
+    With `anchor: start` it begins where the start camera stands, turned by its azimuth (not by its elevation: a
+    movement looks level before it looks up or down); in a scene without one, at the origin.
+    """
+    to_scene = level(scene.up)
+    positions, rotations = trace.positions, Rotation.from_quat(trace.quaternions)
+    if trace.anchor == "start":
+        origin, azimuth = _start(scene, to_scene)
+        turn = Rotation.from_rotvec((0, azimuth, 0))
+        scale = metre(scene) if trace.unit == "m" else 1.0
+        positions, rotations = origin + scale * turn.apply(positions), turn * rotations
+    poses = to_scene.apply(positions).tolist(), (to_scene * rotations).as_quat().tolist()
+    return [
+        TimedPose(t_ms=at, position=position, quaternion=quaternion)
+        for at, position, quaternion in zip(trace.times_ms.tolist(), *poses, strict=True)
+    ]
+
+
+def level(up: Sequence[float]) -> Rotation:
+    """Shortest rotation from the levelled frame, where up is [0, -1, 0], to a scene's frame with this up axis."""
+    towards = np.asarray(up) / (np.linalg.norm(up) or 1.0)
+    axis = np.cross((0.0, -1.0, 0.0), towards)
+    sine, cosine = float(np.linalg.norm(axis)), float(-towards[1])
+    if sine < 1e-9:
+        return Rotation.identity() if cosine >= 0 else Rotation.from_rotvec((math.pi, 0, 0))
+    return Rotation.from_rotvec(axis / sine * math.atan2(sine, cosine))
+
+
+def metre(scene: SceneInfo) -> float:
+    """Scene units per metre: the start camera's subject is `VIEW_M` away. 1 without a camera."""
+    if scene.camera is None:
+        return 1.0
+    return math.dist(scene.camera.position, scene.camera.look_at) / VIEW_M or 1.0
+
+
+def _start(scene: SceneInfo, to_scene: Rotation) -> tuple[Floats, float]:
+    """Position and azimuth in radians of the start camera, in the levelled frame."""
+    if scene.camera is None:
+        return np.zeros(3), 0.0
+    position, target = to_scene.inv().apply((scene.camera.position, scene.camera.look_at))
+    x, _, z = target - position
+    return position, math.atan2(x, z)

@@ -45,7 +45,6 @@ class GroundTruth:
         self._last: tuple[Input, Picture] | None = None
 
     async def picture(self, pose: Input) -> Picture:
-        """Ground truth of a pose."""
         if self._last is None or self._last[0] != pose:
             self._last = (pose, await self._render(pose))
         return self._last[1]

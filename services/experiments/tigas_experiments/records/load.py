@@ -48,8 +48,6 @@ class LoadSample(WireModel):
 
 
 class Load(WireModel):
-    """The load of a whole run."""
-
     cpu_mean: float
     cpu_max: float
     saturated_share: float
@@ -64,7 +62,6 @@ class Load(WireModel):
 
     @property
     def saturated(self) -> bool:
-        """Whether the figures are doubtful."""
         return self.saturated_share > TOO_OFTEN
 
     @property
@@ -141,7 +138,6 @@ class Reading:
         )
 
     def sample_since(self, before: Reading, unix_ms: float, load_average: float) -> LoadSample:
-        """The load between two readings."""
         elapsed_s = self.at_s - before.at_s
         busy_s = self.busy_s - before.busy_s
         shares = [_share(busy_s, busy_s + self.idle_s - before.idle_s)]

@@ -45,7 +45,6 @@ class Server(WireModel):
 
     @classmethod
     def of(cls, config: ServerConfig, scene: SceneInfo | None = None) -> Self:
-        """From the service's public configuration and a run's scene."""
         own = scene.ladder if scene is not None else None
         return cls(
             version=config.version,
@@ -57,7 +56,6 @@ class Server(WireModel):
 
 
 def this_machine() -> Machine:
-    """The current machine."""
     return Machine(
         system=f"{platform.system()} {platform.release()} {platform.machine()}",
         processor=_processor(),

@@ -167,7 +167,6 @@ class SampledRun:
 
 
 def sampled_run(run: Path) -> SampledRun:
-    """The current state of a run's samples, from its folder."""
     try:
         return SampledRun(run.name, tuple(read_samples(run)), read_rerendered(run))
     except BrokenRecording as error:

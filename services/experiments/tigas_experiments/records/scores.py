@@ -53,12 +53,10 @@ class Score(WireModel):
 
     @property
     def values(self) -> dict[Name, float]:
-        """The computed values."""
         every: dict[Name, float | None] = {metric.name: getattr(self, metric.name) for metric in PICTURE_METRICS}
         return {name: value for name, value in every.items() if value is not None}
 
     def has(self, names: Iterable[Name]) -> bool:
-        """Whether all of these were computed."""
         return self.values.keys() >= set(names)
 
 
@@ -87,7 +85,6 @@ class Triplet:
 
     @property
     def name(self) -> str:
-        """Display name."""
         return f"{'picture' if 'seen' in self.pictures else 'sample'} {self.seq}"
 
     def read(self) -> Contents:
@@ -98,8 +95,6 @@ class Triplet:
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """Contents of a triplet's files."""
-
     pictures: dict[Kind, bytes]
     truth: bytes
 

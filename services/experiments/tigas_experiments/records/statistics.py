@@ -86,7 +86,6 @@ def latencies(
 
 
 def view_latencies(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> ViewLatencies:
-    """Like `latencies`, for views."""
     values = answers(inputs, frames, view)
     return ViewLatencies(unanswered=sum(map(math.isinf, values)), **_percentiles(values, 50, 90, 95, 99))
 
@@ -166,7 +165,6 @@ def response_times(replies: Sequence[Reply]) -> ResponseTimes:
 
 
 def requests(sent: Sequence[Request]) -> Requests | None:
-    """Number of requests by fate; None without requests."""
     fates = Counter(request.fate for request in sent)
     return Requests(sent=len(sent), **{fate: fates[fate] for fate in get_args(Fate)}) if sent else None
 
@@ -281,13 +279,11 @@ def mean_over_time(points: Sequence[tuple[float, float]]) -> float | None:
 
 
 def _weighted_mean(spans: Sequence[tuple[float, float]]) -> float | None:
-    """Mean of (value, weight); None without weight."""
     total = sum(weight for _, weight in spans)
     return sum(value * weight for value, weight in spans) / total if total > 0 else None
 
 
 def mean(values: Sequence[float]) -> float | None:
-    """Arithmetic mean; None without values."""
     return sum(values) / len(values) if values else None
 
 

@@ -112,7 +112,6 @@ def read(folder: Path) -> tuple[Summary, Records | None]:
 
 
 def figures(records: Records) -> Figures:
-    """All figures of a complete run."""
     inputs, frames, link, duration = records.inputs, records.frames, records.link, records.head.duration_ms
     interval = records.head.display_interval_ms or USUAL_INTERVAL_MS
     start = next((sample for sample in link if sample.position_ms is not None), None)
@@ -142,7 +141,6 @@ def figures(records: Records) -> Figures:
 
 
 def _quality(entries: Sequence[CaptureQuality], scores: Sequence[Score]) -> QualityFigures:
-    """Means over the kept pictures that have each comparison."""
     means: dict[str, float | None] = {}
     for name in ("picture", "view", "seen"):
         known = [quality for entry in entries if (quality := getattr(entry, name)) is not None]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import io
 import lzma
 import tarfile
-from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
+from typing import BinaryIO
 
 from pydantic import Field, ValidationError
 
@@ -47,17 +47,21 @@ def pack(folder: Path, archive: Path, options: Options) -> None:
     """
     name = folder.resolve().name
     unfinished = archive.with_name(f".{archive.name}.part")
+
+    def add(path: str | Path, file: BinaryIO, size: int) -> None:
+        entry = tarfile.TarInfo(str(Path(name, path)))
+        entry.size = size
+        tar.addfile(entry, file)
+
     try:
         with tarfile.open(unfinished, "w:xz", format=tarfile.GNU_FORMAT) as tar:
             data = (options.model_dump_json(indent=2) + "\n").encode()
-            entry = tarfile.TarInfo(str(Path(name, OPTIONS)))
-            entry.size = len(data)
-            tar.addfile(entry, io.BytesIO(data))
-            for path in _files(folder):
-                entry = tarfile.TarInfo(str(Path(name, path.relative_to(folder))))
-                entry.size = path.stat().st_size
-                with path.open("rb") as file:
-                    tar.addfile(entry, file)
+            add(OPTIONS, io.BytesIO(data), len(data))
+            runs = [path for run in run_folders(folder) for path in sorted(run.rglob("*")) if not path.is_symlink()]
+            for path in (folder / "experiment.json", folder / LADDER, *runs):
+                if path.is_file():
+                    with path.open("rb") as file:
+                        add(path.relative_to(folder), file, path.stat().st_size)
         unfinished.replace(archive)
     finally:
         unfinished.unlink(missing_ok=True)
@@ -100,11 +104,3 @@ def _one_folder(archive: Path, tar: tarfile.TarFile) -> str:
 
 def _no_archive(archive: Path, why: str) -> StartError:
     return StartError(f"{archive} is not an archive of `tigas report --archive`: {why.rstrip('.')}.")
-
-
-def _files(folder: Path) -> Iterator[Path]:
-    for name in ("experiment.json", LADDER):
-        if (path := folder / name).is_file():
-            yield path
-    for run in run_folders(folder):
-        yield from sorted(path for path in run.rglob("*") if path.is_file() and not path.is_symlink())

@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
-
 from tigas_common.cli import in_a_sentence
 from tigas_common.command import POSITIONAL, Command, Metavar
 from tigas_common.errors import StartError
-from tigas_common.terminal import make_console, printable
+from tigas_common.terminal import make_console, printable, progress_bar
 
 if TYPE_CHECKING:  # heavy
     from tigas_experiments.report.report import Report as Written
@@ -32,22 +30,13 @@ class Report(Command):
     """Archive (.tar.xz) to pack the raw runs into as well, from which the report can be made again."""
 
     def run(self) -> None:
-        """Write the report and print its tables."""
         from tigas_experiments.report.archive import Options, pack, read_options, unpack
         from tigas_experiments.report.report import write_report
 
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-        with (
-            in_a_sentence(StartError, OSError),
-            Progress(*columns, console=make_console(stderr=True), transient=True) as bar,
-        ):
-            tasks: dict[str, TaskID] = {}
+        def on_progress(step: str, done: int, total: int | None) -> None:
+            show(1.0 if total is None else done / total, step if total else f"{step}: {done}")
 
-            def on_progress(step: str, done: int, total: int | None) -> None:
-                if step not in tasks:
-                    tasks[step] = bar.add_task(step)
-                bar.update(tasks[step], completed=done, total=total)
-
+        with in_a_sentence(StartError, OSError), progress_bar() as show:
             folder = unpack(self.folder) if self.folder.is_file() else self.folder
             baseline = self.baseline or read_options(folder).baseline
             made = write_report(folder, folder, on_progress, baseline=baseline)
@@ -59,7 +48,6 @@ class Report(Command):
 
 
 def _print(made: Written) -> None:
-    """Print the tables of networks, the warnings, and where the report is."""
     from tigas_experiments.report.run_listing import by_network, in_terminal
 
     console = make_console()

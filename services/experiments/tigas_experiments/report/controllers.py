@@ -80,7 +80,6 @@ class Controller:
 
     @classmethod
     def of(cls, configuration: Configuration) -> Controller:
-        """The controller of a run."""
         mode = configuration.mode
         if mode not in PER_VIEW:
             return cls(mode, None, configuration.dash_representation, motion=configuration.motion)
@@ -89,7 +88,6 @@ class Controller:
 
     @property
     def fixed(self) -> bool:
-        """Whether the quality is constant."""
         return isinstance(self.profile, int) or self.representation is not None
 
     @property
@@ -106,7 +104,6 @@ class Controller:
 
     @property
     def title(self) -> str:
-        """Display name."""
         mode = MODE_NAMES[self.mode].replace(",", "")  # without commas, for lists
         profile = f"Profile {self.profile}" if isinstance(self.profile, int) else self.profile
         name = self._joined(

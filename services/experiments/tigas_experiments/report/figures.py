@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from tigas_experiments.report.controllers import Controller, Look
-from tigas_experiments.report.groups import Group, Groups
+from tigas_experiments.report.groups import Group, Groups, runs_behind
 from tigas_experiments.report.metrics import IN_TIME, PART_TITLES, Metric, chosen
 from tigas_experiments.report.plot import (
     MOST_COLUMNS,
@@ -32,7 +32,13 @@ from tigas_experiments.report.plot import (
     style,
 )
 from tigas_experiments.report.quality_figures import enhancement_heat_map, quality, quality_heat_map, quality_over_all
-from tigas_experiments.report.time_figures import bandwidth, frame_ages, frame_ages_over_time, heights, latencies
+from tigas_experiments.report.time_figures import (
+    bandwidth,
+    frame_ages,
+    frame_ages_over_time,
+    heights_over_time,
+    latencies,
+)
 
 OVERVIEW = chosen(
     "motion_to_photon_p50_ms",
@@ -97,7 +103,7 @@ def overview(groups: Groups) -> Plot | None:
         axes.set_xlim(-0.5, len(names) - 0.5)
         axes.grid(visible=False, axis="x")
     label_lowest(panels)
-    caption = f"Each controller over each network, {groups.lowest_title}. {groups.runs_behind(own)}"
+    caption = f"Each controller over each network, {groups.lowest_title}. {runs_behind(own)}"
     return Plot.of(figure, panels, "overview", "Overview", caption)
 
 
@@ -113,7 +119,7 @@ def over_rtt(groups: Groups, network: str) -> Plot | None:
         _draw_estimates(axes, at, metric, groups.looks)
         axes.set_xlabel("Round trip, ms")
         axes.set_xticks(rtts, [f"{rtt:g}" for rtt in rtts])
-    caption = f"Over {network}; lines and whiskers: {groups.runs_behind([*at])}"
+    caption = f"Over {network}; lines and whiskers: {runs_behind([*at])}"
     return Plot.of(figure, panels, "rtt", "Effect of the round trip", caption)
 
 
@@ -172,7 +178,7 @@ def latency_parts(groups: Groups) -> Plot | None:
     figure, axes = _stacked_bars(labels, bars)
     axes.set(xlabel="Mean frame age, ms (lower is better)", xlim=(0, None))
     caption = (
-        f"Each controller over each network, {groups.lowest_title}. {groups.runs_behind(groups.lowest)} Network "
+        f"Each controller over each network, {groups.lowest_title}. {runs_behind(groups.lowest)} Network "
         "includes both directions; the last part includes decoding and the wait for the display."
     )
     return Plot.of(figure, [axes], "latency-parts", "Parts of the frame age", caption)
@@ -225,7 +231,7 @@ NETWORK_FIGURES: tuple[Callable[[Groups, str], Plot | None], ...] = (
     latencies,
     frame_ages,
     frame_ages_over_time,
-    heights,
+    heights_over_time,
     profiles,
     bandwidth,
     quality,

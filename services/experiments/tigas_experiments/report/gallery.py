@@ -63,10 +63,10 @@ class Snapshot(NamedTuple):
     view: str
 
 
-def snapshots(runs: Sequence[Run], titles: Sequence[str]) -> list[Snapshot]:
-    """Snapshots of the complete runs that kept one, without broken ones."""
+def snapshots(runs: Sequence[tuple[str, Run]]) -> list[Snapshot]:
+    """Snapshots of the complete runs (by title) that kept one, without broken ones."""
     found: list[Snapshot] = []
-    for run, title in zip(runs, titles, strict=True):
+    for title, run in runs:
         with suppress(BrokenRecording, BrokenPicture):
             if run.problem is None and (stored := read_snapshot(run.folder)) is not None:
                 at, shown, view = stored[0], decode(stored[1]), decode(stored[2])
@@ -128,7 +128,6 @@ def _about(sample: Sample) -> str:
 
 
 def _scores(run: Run, seq: int, kind: Kind) -> str:
-    """Formatted scores of one of a sample's pictures."""
     values = next((score.values for score in run.scores if score.key == (seq, kind)), {})
     return ", ".join(
         f"{metric.title} {values[metric.name]:.{metric.digits}f} {metric.unit}".rstrip()

@@ -6,9 +6,10 @@ better than it is.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -26,28 +27,34 @@ AnyRow = TypeVar("AnyRow", "Group", "Difference")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """All runs of one condition."""
+    """All runs of one condition, or of a controller at one round trip over all networks."""
 
     condition: Condition
-    runs: tuple[Run, ...]
+    runs: Sequence[Run]
+    networks: Sequence[Group] = ()
+    """Groups of single networks that it consists of."""
 
     @property
     def controller(self) -> Controller:
-        """The controller or stream under comparison."""
         return self.condition.controller
 
     @property
     def labels(self) -> list[str]:
         """First cells of its row: a controller is marked with * if the machine was the bottleneck in any run."""
-        return _labels(self.condition, self.runs)
+        title = self.controller.title + "*" * any(run.saturated for run in self.runs)
+        return [*self.condition.labels, title, str(len(self.runs))]
 
     def estimate(self, metric: Metric) -> Estimate | None:
-        """Mean over blocks with its interval, and range over runs; None if no run has the metric."""
+        """Mean over blocks with its interval, and range over runs; None if no run has the metric.
+
+        Over all networks: mean and range of the networks' means, which are weighted equally.
+        """
+        if self.networks:
+            return Estimate.over([found.mean for each in self.networks if (found := each.estimate(metric))])
         values = [value for run in self.runs if (value := run.values[metric.name]) is not None]
         return Estimate.over([*self.blocks(metric).values()], runs=values)
 
     def blocks(self, metric: Metric) -> dict[Block, float]:
-        """Mean over repeats in each block that has the metric."""
         values: dict[Block, list[float]] = {}
         for run in self.runs:
             if (value := run.values[metric.name]) is not None:
@@ -56,7 +63,6 @@ class Group:
 
     @property
     def all_blocks(self) -> set[Block]:
-        """Blocks covered by the runs."""
         return {run.block for run in self.runs}
 
     def pooled(self, series: str) -> Floats:
@@ -65,35 +71,15 @@ class Group:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Overall:
-    """One controller at one round trip, over all networks."""
-
-    condition: Condition
-    groups: tuple[Group, ...]
-    """One for each network."""
-
-    @property
-    def labels(self) -> list[str]:
-        """First cells of its row, as a group's."""
-        return _labels(self.condition, [run for group in self.groups for run in group.runs])
-
-    def estimate(self, metric: Metric) -> Estimate | None:
-        """Mean and range of the networks' means, which are weighted equally."""
-        found = [group.estimate(metric) for group in self.groups]
-        return Estimate.over([each.mean for each in found if each is not None])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Difference:
     """A controller against the baseline at one round trip, over one network or all of them."""
 
     condition: Condition
-    pairs: tuple[tuple[Group, Group], ...]
+    pairs: Sequence[tuple[Group, Group]]
     """Groups of the controller and of the baseline, one pair per network."""
 
     @property
     def baseline(self) -> Controller:
-        """The baseline."""
         return self.pairs[0][1].controller
 
     @property
@@ -108,45 +94,32 @@ class Difference:
         return Estimate.over([value for found in values for value in found.values()], metric.step)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Comparison:
+class Comparison(NamedTuple):
     """All runs over one network at one round trip."""
 
     runs: Mapping[Condition, Sequence[Run]]
-
-    @property
-    def _blocks(self) -> dict[Condition, set[Block]]:
-        return {condition: {run.block for run in runs} for condition, runs in self.runs.items()}
-
-    @property
-    def common(self) -> set[Block]:
-        """Blocks covered by all controllers."""
-        return set.intersection(*self._blocks.values())
-
-    @property
-    def missing(self) -> dict[Controller, int]:
-        """Number of blocks that each controller lacks, if any."""
-        every = set.union(*self._blocks.values())
-        return {
-            condition.controller: len(every - own) for condition, own in self._blocks.items() if len(own) < len(every)
-        }
-
-    @property
-    def common_runs(self) -> Mapping[Condition, Sequence[Run]]:
-        """Runs of the common blocks; all runs without common blocks."""
-        common = self.common
-        if not common:
-            return self.runs
-        return {condition: [run for run in runs if run.block in common] for condition, runs in self.runs.items()}
+    common: set[Block]
+    """Blocks covered by all controllers."""
+    missing: Counter[Controller]
+    """Number of blocks that each controller lacks, if any."""
+    kept: Mapping[Condition, Sequence[Run]]
+    """Runs of the common blocks; all runs without common blocks."""
 
 
 def comparisons(runs: Iterable[Run]) -> list[Comparison]:
     """One comparison for each network and round trip."""
-    found: dict[tuple[str, float | None], dict[Condition, list[Run]]] = {}
+    conditions: dict[tuple[str, float | None], dict[Condition, list[Run]]] = {}
     for run in runs:
         condition = Condition.of(run.record)
-        found.setdefault(condition[:2], {}).setdefault(condition, []).append(run)
-    return [Comparison(own) for own in found.values()]
+        conditions.setdefault(condition[:2], {}).setdefault(condition, []).append(run)
+    found = []
+    for own in conditions.values():
+        blocks = {condition: {run.block for run in runs} for condition, runs in own.items()}
+        common, every = set.intersection(*blocks.values()), set.union(*blocks.values())
+        missing = Counter({condition.controller: len(every - covered) for condition, covered in blocks.items()})
+        kept = {condition: [run for run in runs if run.block in (common or every)] for condition, runs in own.items()}
+        found.append(Comparison(own, common, +missing, kept))
+    return found
 
 
 class Groups(tuple[Group, ...]):
@@ -156,22 +129,16 @@ class Groups(tuple[Group, ...]):
 
     @classmethod
     def of(cls, runs: Iterable[Run]) -> Groups:
-        """Groups of the runs in common blocks, or of all runs without common blocks."""
-        found = [
-            Group(condition, tuple(common))
-            for compared in comparisons(runs)
-            for condition, common in compared.common_runs.items()
-        ]
+        found = [Group(condition, kept) for compared in comparisons(runs) for condition, kept in compared.kept.items()]
         order = in_order(group.controller for group in found)
 
         def place(group: Group) -> tuple[str, float, int]:
-            return group.condition.network, rtt_order(group.condition.rtt_ms), order.index(group.controller)
+            return group.condition.network, _rtt_order(group.condition), order.index(group.controller)
 
         return cls(sorted(found, key=place))
 
     @property
     def networks(self) -> list[str]:
-        """Names of the networks."""
         return list(dict.fromkeys(group.condition.network for group in self))
 
     @property
@@ -200,6 +167,11 @@ class Groups(tuple[Group, ...]):
         """Groups of a network at its lowest round trip."""
         return self.at(network, self.base_rtt(network))
 
+    def base_title(self, network: str) -> str:
+        """A network and its lowest round trip, in a caption."""
+        rtt = self.base_rtt(network)
+        return network if rtt is None else f"{network} at {rtt:g} ms round trip"
+
     @property
     def lowest(self) -> list[Group]:
         """Groups of each network at its lowest round trip."""
@@ -211,37 +183,23 @@ class Groups(tuple[Group, ...]):
         found = sorted({rtt for name in self.networks if (rtt := self.base_rtt(name)) is not None})
         return f"at its lowest round trip ({', '.join(f'{rtt:g}' for rtt in found)} ms)" if found else "unchanged"
 
-    def base_title(self, network: str) -> str:
-        """A network and its lowest round trip, in a caption."""
-        rtt = self.base_rtt(network)
-        return network if rtt is None else f"{network} at {rtt:g} ms round trip"
-
-    @staticmethod
-    def runs_behind(groups: Sequence[Group]) -> str:
-        """A sentence on the number of runs behind means and ranges."""
-        counts = sorted({len(group.runs) for group in groups})
-        if counts == [1]:
-            return "One run each." if len(groups) > 1 else "One run."
-        blocks = [run.block for group in groups for run in group.runs]
-        kinds = {"scenes": {each.scene for each in blocks}, "movements": {each.movement for each in blocks}}
-        several = [f"{len(found)} {name}" for name, found in kinds.items() if len(found) > 1]
-        of = f" ({' and '.join(several)})" if several else ""
-        return f"Means over {' to '.join(map(str, dict.fromkeys((counts[0], counts[-1]))))} runs{of}, with their range."
-
-    def overall(self) -> list[Overall]:
+    def overall(self) -> list[Group]:
         """Means over all networks of the controllers that all of them have at one round trip."""
-        return [Overall(condition, tuple(own)) for condition, own in self._everywhere(self)]
+        return [
+            Group(condition, [run for group in own for run in group.runs], own)
+            for condition, own in self._everywhere(self)
+        ]
 
     def against(self, baseline: Controller) -> list[Difference]:
         """Differences from the baseline over all networks at their common round trips, then over each network."""
-        each: list[Difference] = []
-        for network, rtt in self.conditions:
-            by_controller = {group.controller: group for group in self.at(network, rtt)}
-            base = by_controller.pop(baseline, None)
-            if base is not None:
-                each += [Difference(group.condition, ((group, base),)) for group in by_controller.values()]
+        bases = {group.condition[:2]: group for group in self if group.controller == baseline}
+        each = [
+            Difference(group.condition, [(group, bases[group.condition[:2]])])
+            for group in self
+            if group.condition[:2] in bases and group.controller != baseline
+        ]
         over_all = [
-            Difference(condition, tuple(pair for one in own for pair in one.pairs))
+            Difference(condition, [pair for one in own for pair in one.pairs])
             for condition, own in self._everywhere(each)
             if len(self.networks) > 1
         ]
@@ -253,9 +211,21 @@ class Groups(tuple[Group, ...]):
         for row in rows:
             found.setdefault(row.condition._replace(network=ALL), []).append(row)
         order = list(self.looks)
-        for condition in sorted(found, key=lambda each: (rtt_order(each.rtt_ms), order.index(each.controller))):
+        for condition in sorted(found, key=lambda each: (_rtt_order(each), order.index(each.controller))):
             if len(found[condition]) == len(self.networks):
                 yield condition, found[condition]
+
+
+def runs_behind(groups: Sequence[Group]) -> str:
+    """A sentence on the number of runs behind means and ranges."""
+    counts = sorted({len(group.runs) for group in groups})
+    if counts == [1]:
+        return "One run each." if len(groups) > 1 else "One run."
+    blocks = [run.block for group in groups for run in group.runs]
+    kinds = {"scenes": {each.scene for each in blocks}, "movements": {each.movement for each in blocks}}
+    several = [f"{len(found)} {name}" for name, found in kinds.items() if len(found) > 1]
+    of = f" ({' and '.join(several)})" if several else ""
+    return f"Means over {' to '.join(map(str, dict.fromkeys((counts[0], counts[-1]))))} runs{of}, with their range."
 
 
 def choose_baseline(groups: Groups, experiment: ExperimentRecord | None, asked: str | None) -> Controller | None:
@@ -283,11 +253,6 @@ def _planned(experiment: ExperimentRecord | None) -> list[str]:
     return [name for mode in modes for name in of_mode.get(str(mode), [str(mode)])]
 
 
-def rtt_order(rtt_ms: float | None) -> float:
+def _rtt_order(condition: Condition) -> float:
     """Sort key of a round trip: unknown ones first."""
-    return -1.0 if rtt_ms is None else rtt_ms
-
-
-def _labels(condition: Condition, runs: Sequence[Run]) -> list[str]:
-    title = condition.controller.title + "*" * any(run.saturated for run in runs)
-    return [*condition.labels, title, str(len(runs))]
+    return -1.0 if condition.rtt_ms is None else condition.rtt_ms

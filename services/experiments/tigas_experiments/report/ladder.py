@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tigas_common.errors import StartError
-from tigas_common.pose import Intrinsics, Pose
+from tigas_common.pose import Pose
 from tigas_common.wire.render import RenderRequest, Rung
 from tigas_experiments.quality.picture import Picture, Quality, compare, decode, upscaled
 from tigas_experiments.records.files import BrokenRecording
@@ -27,8 +26,7 @@ DETAIL = 4
 """Magnification of the detail below each picture."""
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(NamedTuple):
     """The view at one rung."""
 
     number: int
@@ -50,7 +48,7 @@ async def ladder(renderer: Renderer, scene: str, pose: Pose, lens: Lens) -> list
     Raises RendererAway, NotRendered and BrokenPicture.
     """
     rungs = (await renderer.load(scene)).ladder or (await renderer.config()).ladder
-    view = _at_best(lens.intrinsics, rungs[0])
+    view = lens.intrinsics.resized(*rungs[0].size_for(lens.width, lens.height))
     truth = decode(await renderer.frame(RenderRequest.at(scene, pose, view, format="png")))
     found = []
     for number, rung in enumerate(rungs):
@@ -78,16 +76,20 @@ def middle_view(folder: Path) -> tuple[str, Pose, Lens]:
 
 def write_ladder(steps: Sequence[Step], folder: Path) -> list[Path]:
     """Write both files and return their paths. Raises OSError."""
-    shape = steps[0].shown.shape
-    height = PICTURE_IN * shape[0] / shape[1]
+    picture, table = folder / LADDER, folder / "ladder.csv"
+    height, width = steps[0].shown.shape[:2]
+    inner = [slice((side - side // DETAIL) // 2, (side + side // DETAIL) // 2) for side in (height, width)]
     with style():
-        figure = Figure(figsize=(PICTURE_IN * len(steps), 2 * height + 0.5), layout="constrained")
+        figure = Figure(figsize=(PICTURE_IN * len(steps), 2 * PICTURE_IN * height / width + 0.5), layout="constrained")
         panels = figure.subplots(2, len(steps), squeeze=False)
-        for column, step in enumerate(steps):
-            _draw(panels[0, column], step.shown)
-            _draw(panels[1, column], _middle(step.shown))
-            panels[0, column].set_title(_title(step))
-        picture, table = folder / LADDER, folder / "ladder.csv"
+        for (whole, detail), step in zip(panels.T, steps, strict=True):
+            for axes, shown in ((whole, step.shown), (detail, step.shown[inner[0], inner[1]])):
+                axes.imshow(shown, interpolation="antialiased")
+                axes.set_axis_off()
+            whole.set_title(
+                f"{step.number} {step.rung.name}: {step.width}×{step.height}, q{step.rung.quality}\n"
+                f"{step.bytes / 1000:,.1f} kB, {step.quality.psnr_db:.1f} dB, SSIM {step.quality.ssim:.3f}"
+            )
         figure.savefig(picture, dpi=DPI, pil_kwargs={"quality": 90})
     with table.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -96,25 +98,3 @@ def write_ladder(steps: Sequence[Step], folder: Path) -> list[Path]:
             size = (step.width, step.height, step.rung.quality, step.bytes)
             writer.writerow((step.number, step.rung.name, *size, step.quality.psnr_db, step.quality.ssim))
     return [picture, table]
-
-
-def _at_best(intrinsics: Intrinsics, best: Rung) -> Intrinsics:
-    return intrinsics.resized(*best.size_for(intrinsics.width, intrinsics.height))
-
-
-def _title(step: Step) -> str:
-    return (
-        f"{step.number} {step.rung.name}: {step.width}×{step.height}, q{step.rung.quality}\n"
-        f"{step.bytes / 1000:,.1f} kB, {step.quality.psnr_db:.1f} dB, SSIM {step.quality.ssim:.3f}"
-    )
-
-
-def _draw(axes: Axes, picture: Picture) -> None:
-    axes.imshow(picture, interpolation="antialiased")
-    axes.set_axis_off()
-
-
-def _middle(picture: Picture) -> Picture:
-    height, width = (side // DETAIL for side in picture.shape[:2])
-    top, left = (picture.shape[0] - height) // 2, (picture.shape[1] - width) // 2
-    return picture[top : top + height, left : left + width]

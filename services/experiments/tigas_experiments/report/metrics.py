@@ -57,7 +57,6 @@ class Metric:
 
     @property
     def heading(self) -> str:
-        """Title and unit."""
         return f"{self.title}, {self.unit}" if self.unit else self.title
 
     def text(self, value: Value) -> str:
@@ -68,7 +67,6 @@ class Metric:
 
 
 def values_of(head: RecordingHead, figures: Figures, age_parts: Mapping[str, float]) -> dict[str, Value]:
-    """Values of all metrics of a run."""
     minutes = head.duration_ms / 60_000
     computed: dict[str, Value] = {f"age_{part}_ms": ms for part, ms in age_parts.items()}
     computed["freezes_per_min"] = figures.freezes.count / minutes
@@ -154,7 +152,6 @@ METRICS = {metric.name: metric for metric in _TABLE}
 
 
 def chosen(*names: str) -> tuple[Metric, ...]:
-    """The metrics of these columns."""
     return tuple(METRICS[name] for name in names)
 
 

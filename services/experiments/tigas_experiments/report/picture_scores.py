@@ -19,8 +19,6 @@ ORDER: tuple[PictureKind, ...] = ("original", "enhanced", "difference", "seen")
 
 @dataclass(frozen=True, slots=True)
 class Mean:
-    """Mean score over pictures."""
-
     mean: float
     deviation: float | None
     """Standard deviation of the pictures; None for a single one."""
@@ -84,5 +82,4 @@ def rows_of(groups: Groups) -> list[Row]:
 
 
 def computed(rows: Sequence[Row]) -> list[PictureMetric]:
-    """Metrics that at least one row has."""
     return [metric for metric in PICTURE_METRICS if any(row.values.get(metric.name) for row in rows)]

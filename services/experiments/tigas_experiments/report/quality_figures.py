@@ -102,11 +102,11 @@ def quality_over_all(groups: Groups) -> Plot | None:
 
 def _rate_distortion(found: RateDistortion, looks: Mapping[Controller, Look], where: str) -> Plot | None:
     """A curve through the fixed rungs of a mode, a point for each adaptive controller."""
-    rates = [rate for each in found.series for one in each.controllers for rate in each.values(one, RECEIVED)]
+    rates = [rate for each in found.series for one in each.samples for rate in each.values(one, RECEIVED)]
     metrics = [
         metric
         for metric in QUALITIES
-        if any(series.values(controller, metric) for series in found.series for controller in series.controllers)
+        if any(series.values(controller, metric) for series in found.series for controller in series.samples)
     ]
     figure, panels = panel_grid(len(metrics), columns=2)
     for axes, metric in zip(panels, metrics, strict=True):
@@ -124,9 +124,9 @@ def _rate_distortion(found: RateDistortion, looks: Mapping[Controller, Look], wh
 
 
 def _draw_series(axes: Axes, series: Series, metric: Metric, looks: Mapping[Controller, Look]) -> None:
-    colour = looks[series.controllers[0]].colour
+    colour = looks[next(iter(series.samples))].colour
     means: list[tuple[float, float]] = []
-    for controller in series.controllers:
+    for controller in series.samples:
         rates, qualities = series.values(controller, RECEIVED, metric), series.values(controller, metric)
         rate, quality = Estimate.over(rates), Estimate.over(qualities)
         if rate is None or quality is None:

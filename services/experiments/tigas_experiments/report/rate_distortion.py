@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from tigas_experiments.report.controllers import Controller, in_order
 from tigas_experiments.report.estimates import Estimate
-from tigas_experiments.report.groups import Group, Groups
+from tigas_experiments.report.groups import ALL, Group, Groups
 from tigas_experiments.report.metrics import METRICS, Metric, chosen
 from tigas_experiments.report.run_table import Block
 from tigas_experiments.wire.run import MODE_NAMES
@@ -30,19 +31,12 @@ class Series:
     samples: Mapping[Controller, Mapping[Block, Sample]]
 
     @property
-    def controllers(self) -> list[Controller]:
-        """The controllers, in the order of tables."""
-        return list(self.samples)
-
-    @property
     def is_curve(self) -> bool:
-        """Whether quality is known at several fixed rates."""
         return len(self.samples) > 1
 
     @property
     def title(self) -> str:
-        """Display name."""
-        first = self.controllers[0]
+        first = next(iter(self.samples))
         if not self.is_curve:
             return first.title
         name = "Fixed rungs" if first.mode == "stateless" else f"{MODE_NAMES[first.mode].replace(',', '')}, fixed"
@@ -59,17 +53,6 @@ class Series:
         found = sorted((sample[RECEIVED], sample[metric]) for sample in samples if metric in sample)
         return found if len(found) > 1 or not self.is_curve else []
 
-    @property
-    def blocks(self) -> list[Block]:
-        """Blocks of all controllers."""
-        return list(dict.fromkeys(block for samples in self.samples.values() for block in samples))
-
-    @property
-    def rates_text(self) -> str:
-        """Mean rates of the lowest and the highest controller."""
-        means = [float(np.mean(self.values(each, RECEIVED))) for each in self.samples]
-        return _range(min(means), max(means))
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EqualRate:
@@ -79,68 +62,64 @@ class EqualRate:
     other: Series
     blocks: int
     """Number of blocks in which both have a quality."""
-    overlapping: int
-    """Number of these blocks in which their rates overlap."""
-    rates: tuple[float, float] | None
-    """Lowest and highest compared rate, Mbit/s; None if rates overlap in no block."""
+    ranges: Sequence[tuple[float, float]]
+    """Compared rates, Mbit/s, of the blocks in which they overlap."""
     differences: Mapping[Metric, Estimate | None]
     """Quality of the series minus that of the curve, over the overlapping blocks."""
 
     @classmethod
     def of(cls, curve: Series, other: Series) -> EqualRate:
-        """Compare them block by block."""
         values: dict[Metric, list[float]] = {metric: [] for metric in QUALITIES}
-        ranges: dict[Block, tuple[float, float]] = {}
-        compared = set()
-        for block in other.blocks:
+        ranges: dict[Block, tuple[float, float] | None] = {}
+        for block in dict.fromkeys(block for samples in other.samples.values() for block in samples):
             for metric in QUALITIES:
                 one, two = curve.points(block, metric), other.points(block, metric)
-                if not one or not two:
-                    continue
-                compared.add(block)
-                low, high = max(one[0][0], two[0][0]), min(one[-1][0], two[-1][0])
-                if low <= high:
-                    ranges[block] = (low, high)
-                    values[metric].append(_mean_over(low, high, one, two))
-        ends = [*zip(*ranges.values(), strict=True)]
-        return cls(
-            curve=curve,
-            other=other,
-            blocks=len(compared),
-            overlapping=len(ranges),
-            rates=(min(ends[0]), max(ends[1])) if ends else None,
-            differences={metric: Estimate.over(values[metric], metric.step) for metric in QUALITIES},
-        )
+                if one and two:
+                    low, high = max(one[0][0], two[0][0]), min(one[-1][0], two[-1][0])
+                    ranges.setdefault(block, None)
+                    if low <= high:
+                        ranges[block] = (low, high)
+                        values[metric].append(_mean_over(low, high, one, two))
+        estimates = {metric: Estimate.over(values[metric], metric.step) for metric in QUALITIES}
+        return cls(curve, other, len(ranges), [each for each in ranges.values() if each], estimates)
 
-    def estimate(self, metric: Metric) -> Estimate | None:
-        """Difference of a quality."""
-        return self.differences[metric]
+    @property
+    def rates(self) -> tuple[float, float] | None:
+        """Lowest and highest compared rate, Mbit/s; None if rates overlap in no block."""
+        return (min(low for low, _ in self.ranges), max(high for _, high in self.ranges)) if self.ranges else None
 
     @property
     def labels(self) -> list[str]:
         """First cells of its row: titles, and the rates and blocks unless there is no overlap."""
         titles = [self.curve.title, self.other.title]
-        return titles if self.rates is None else [*titles, _range(*self.rates), f"{self.overlapping} of {self.blocks}"]
+        return [*titles, _range(*self.rates), f"{len(self.ranges)} of {self.blocks}"] if self.rates else titles
+
+    def estimate(self, metric: Metric) -> Estimate | None:
+        return self.differences[metric]
 
     @property
     def no_overlap(self) -> str:
         """Explanation of a missing difference; empty unless it is missing."""
-        ranges = [f"{series.title} {series.rates_text}" for series in (self.curve, self.other)]
-        return "" if self.rates else f"no overlap: {', '.join(ranges)} Mbit/s"
+        if self.rates:
+            return ""
+        ranges = []
+        for series in (self.curve, self.other):
+            means = [float(np.mean(series.values(each, RECEIVED))) for each in series.samples]
+            ranges.append(f"{series.title} {_range(min(means), max(means))}")
+        return f"no overlap: {', '.join(ranges)} Mbit/s"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RateDistortion:
-    """All series of one network and round trip, or of several networks."""
+    """All series of one network and round trip, or of all networks."""
 
-    network: str | None
-    """None for all networks."""
+    network: str
     rtt_ms: float | None
-    series: tuple[Series, ...]
+    series: Sequence[Series]
     """Curves first."""
 
     @classmethod
-    def of(cls, groups: Sequence[Group], network: str | None, rtt_ms: float | None) -> RateDistortion | None:
+    def of(cls, groups: Sequence[Group], network: str, rtt_ms: float | None) -> RateDistortion | None:
         """Series of groups with different controllers and perhaps networks; None without a measured quality."""
         samples: dict[Controller, dict[Block, Sample]] = {}
         for group in groups:
@@ -155,38 +134,30 @@ class RateDistortion:
             key = (each.mode, each.motion) if each.fixed else each
             series.setdefault(key, {})[each] = samples[each]
         found = sorted(map(Series, series.values()), key=lambda one: not one.is_curve)
-        return cls(network, rtt_ms, tuple(found)) if found else None
+        return cls(network, rtt_ms, found) if found else None
 
     @property
     def title(self) -> str:
-        """Caption of its table."""
         rtt = "" if self.rtt_ms is None else f", {self.rtt_ms:g} ms round trip"
-        return "All networks" if self.network is None else f"{self.network}{rtt}"
+        return "All networks" if self.network == ALL else f"{self.network}{rtt}"
 
     @property
     def equal_rates(self) -> list[EqualRate]:
         """Each curve against all later series: curves first, then adaptive controllers."""
-        return [
-            EqualRate.of(curve, other)
-            for place, curve in enumerate(self.series)
-            if curve.is_curve
-            for other in self.series[place + 1 :]
-        ]
+        curves = [(place, one) for place, one in enumerate(self.series, 1) if one.is_curve]
+        return [EqualRate.of(curve, other) for place, curve in curves for other in self.series[place:]]
 
 
 def by_condition(groups: Groups) -> list[RateDistortion]:
-    """Series of each network at each round trip."""
     found = (RateDistortion.of(groups.at(network, rtt), network, rtt) for network, rtt in groups.conditions)
     return [one for one in found if one is not None]
 
 
 def over_all(groups: Groups) -> RateDistortion | None:
     """Controllers that all networks share, each at its lowest round trip. None with fewer than two networks."""
-    own = [group for network in groups.networks for group in groups.base(network)]
-    everywhere = [
-        group for group in own if sum(each.controller == group.controller for each in own) == len(groups.networks)
-    ]
-    return RateDistortion.of(everywhere, None, None) if len(groups.networks) > 1 else None
+    networks = Counter(group.controller for group in groups.lowest)
+    everywhere = [group for group in groups.lowest if networks[group.controller] == len(groups.networks)]
+    return RateDistortion.of(everywhere, ALL, None) if len(groups.networks) > 1 else None
 
 
 def _range(low: float, high: float) -> str:

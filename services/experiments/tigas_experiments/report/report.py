@@ -2,29 +2,52 @@
 
 from __future__ import annotations
 
+import base64
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from tigas_common.files import read_regular
+from tigas_experiments.records.samples import MAX_PICTURE_BYTES
+from tigas_experiments.report.controllers import Controller
+from tigas_experiments.report.estimates import LEAST_BLOCKS, signed
 from tigas_experiments.report.figures import MOST_NETWORKS, OVERVIEW_FIGURES, figures
+from tigas_experiments.report.gallery import Snapshot, gallery, snapshots
 from tigas_experiments.report.groups import Groups, choose_baseline
-from tigas_experiments.report.page import page
+from tigas_experiments.report.metrics import TABLE
 from tigas_experiments.report.plot import Plot
-from tigas_experiments.report.rate_distortion import by_condition, over_all
-from tigas_experiments.report.run_listing import markdown
-from tigas_experiments.report.run_table import OnProgress, Results, load
+from tigas_experiments.report.rate_distortion import QUALITIES, by_condition, over_all
+from tigas_experiments.report.run_listing import COLUMN_GROUPS, by_network, markdown, titles
+from tigas_experiments.report.run_table import LADDER, OnProgress, Results, Run, load
 from tigas_experiments.report.tables import overall_markdown, write_csv
 from tigas_experiments.report.time_figures import write_headline
 from tigas_experiments.report.warnings import warnings
+from tigas_experiments.wire.figures import INTERACTIVE_MS
+
+MOST_RUNS = 16
+"""Maximum number of runs of a network that are listed one by one."""
+Plots = dict[str | None, list[Plot]]
+"""Figures by network; None: over all networks."""
 
 
 class Report(NamedTuple):
-    """A report that was written."""
-
     results: Results
     baseline: str | None
     """Name of the controller that the others were compared with; None without runs."""
     warnings: list[str]
     page: Path
+
+
+class Listing(NamedTuple):
+    """The runs over one network at one round trip, one by one."""
+
+    label: str
+    runs: list[tuple[str, Run]]
+    """Titles and runs."""
+    snapshots: list[Snapshot]
 
 
 def write_report(
@@ -45,21 +68,50 @@ def write_report(
     differences = groups.against(base) if base is not None else []
     distortions = [found for found in (over_all(groups), *by_condition(groups)) if found is not None]
     csv_files = write_csv(results, groups, differences, distortions, out)
+    totals, complete = groups.overall(), [run for run in results.made if run.problem is None]
     (out / "table.md").write_text(markdown(results.made), encoding="utf-8")
-    (out / "overall.md").write_text(overall_markdown(groups.overall()), encoding="utf-8")
-    told = warnings(results)
+    (out / "overall.md").write_text(overall_markdown(totals), encoding="utf-8")
+    report = Report(results, None if base is None else base.name, warnings(results), out / "report.html")
     plots = _write_figures(groups, out, on_progress)
-    path = out / "report.html"
-    path.write_text(page(results, groups, differences, distortions, told, plots, csv_files), encoding="utf-8")
-    return Report(results, None if base is None else base.name, told, path)
+    streams = {run: run.record.recording.dash for run in complete if run.record.recording}
+    environment = Environment(
+        loader=PackageLoader("tigas_experiments.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    page = environment.get_template("report.html.j2").render(
+        results=results,
+        groups=groups,
+        complete=complete,
+        warnings=report.warnings,
+        plots=plots,
+        listings=_listings(results, plots),
+        totals=totals if len(groups.networks) > 1 else [],
+        differences=differences,
+        equal_rates=[each for each in distortions if each.equal_rates],
+        samples=gallery(results.runs),
+        ladder=_ladder(folder),
+        csv={path.name: _download(path) for path in csv_files},
+        streams={Controller.of(run.configuration).title_with_mode: dash for run, dash in streams.items() if dash},
+        columns=TABLE,
+        column_groups=COLUMN_GROUPS,
+        qualities=QUALITIES,
+        interactive_ms=f"{INTERACTIVE_MS:g}",
+        least_blocks=LEAST_BLOCKS,
+        signed=signed,
+    )
+    report.page.write_text(page, encoding="utf-8")
+    return report
 
 
-def _write_figures(groups: Groups, out: Path, on_progress: OnProgress) -> dict[str | None, list[Plot]]:
+def _write_figures(groups: Groups, out: Path, on_progress: OnProgress) -> Plots:
     """Write all figures by network, and remove figures of earlier reports."""
     earlier = [*(f"{name}.svg" for name in OVERVIEW_FIGURES), "headline.svg", "headline.png"]
     for old in (*out.glob("[0-9][0-9]-*_*.svg"), *(out / name for name in earlier)):
         old.unlink(missing_ok=True)
-    plots: dict[str | None, list[Plot]] = {network: [] for network in (None, *groups.networks[:MOST_NETWORKS])}
+    plots: Plots = {network: [] for network in (None, *groups.networks[:MOST_NETWORKS])}
     for count, (network, plot) in enumerate(figures(groups), 1):
         (out / f"{plot.name}.svg").write_text(plot.svg, encoding="utf-8")
         plots[network].append(plot)
@@ -67,3 +119,28 @@ def _write_figures(groups: Groups, out: Path, on_progress: OnProgress) -> dict[s
     if groups:
         write_headline(groups, out)
     return plots
+
+
+def _listings(results: Results, plots: Plots) -> dict[str, list[Listing]]:
+    """Listings by network, for networks with figures of their own and at most MOST_RUNS runs per round trip."""
+    found: dict[str, list[Listing]] = {}
+    for label, runs in by_network(results.made).items():
+        network = runs[0].configuration.network.name
+        if network in plots and len(runs) <= MOST_RUNS:
+            named = list(zip(titles(runs), runs, strict=True))
+            found.setdefault(network, []).append(Listing(label, named, snapshots(named)))
+    return found
+
+
+def _download(path: Path) -> Markup:
+    """A link that contains the file."""
+    data = base64.b64encode(path.read_bytes()).decode()
+    return Markup('<a download="{0}" href="data:text/csv;base64,{1}">{0}</a>').format(path.name, data)
+
+
+def _ladder(folder: Path) -> str | None:
+    """The ladder's picture as a data: URL; None without one."""
+    with suppress(OSError):
+        data = read_regular(folder / LADDER, MAX_PICTURE_BYTES)
+        return f"data:image/jpeg;base64,{base64.b64encode(data).decode()}"
+    return None

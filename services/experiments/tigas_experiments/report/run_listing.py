@@ -33,11 +33,9 @@ class Column:
 
     @property
     def unit(self) -> str:
-        """The metric's unit."""
         return METRICS[self.metric].unit
 
     def cell(self, run: Run) -> str:
-        """Formatted value without its unit."""
         return METRICS[self.metric].text(run.values.get(self.metric))
 
 
@@ -69,13 +67,11 @@ COLUMN_GROUPS = [(name, list(members)) for name, members in groupby(COLUMNS, lam
 
 
 def label(run: Run) -> str:
-    """Name of a run within its network."""
     name, repeat = Controller.of(run.configuration).title_with_mode, run.configuration.repeat
     return f"{name} ({repeat + 1})" if repeat else name
 
 
 def titles(runs: Sequence[Run]) -> list[str]:
-    """Distinct names of runs over one network."""
     several = [
         name for name in ("scene", "movement", "segment") if len({getattr(run.configuration, name) for run in runs}) > 1
     ]

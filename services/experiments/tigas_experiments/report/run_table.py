@@ -49,7 +49,6 @@ class Block(NamedTuple):
 
     @classmethod
     def of(cls, configuration: Configuration) -> Block:
-        """The block of a run."""
         network, movement = configuration.network, Path(configuration.movement).name
         return cls(network.name, network.offset_s, configuration.scene, movement, configuration.movement_offset_s)
 
@@ -65,7 +64,6 @@ class Condition(NamedTuple):
 
     @classmethod
     def of(cls, record: RunRecord) -> Condition:
-        """The condition of a run."""
         network = record.configuration.network
         return cls(network.name, network.round_trip_ms, Controller.of(record.configuration))
 
@@ -97,12 +95,10 @@ class Run:
 
     @property
     def name(self) -> str:
-        """The folder's name."""
         return self.folder.name
 
     @property
     def configuration(self) -> Configuration:
-        """The run's configuration."""
         return self.record.configuration
 
     @property
@@ -113,8 +109,6 @@ class Run:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Results:
-    """Contents of an experiment's folder."""
-
     folder: Path
     experiment: ExperimentRecord | None
     """None for a hand-made folder or an unreadable record: the report only needs runs."""
@@ -130,7 +124,6 @@ class Results:
 
     @property
     def title(self) -> str:
-        """The experiment's name."""
         return self.folder.resolve().name if self.experiment is None else self.experiment.name
 
 
@@ -173,24 +166,21 @@ def run_folders(folder: Path) -> list[Path]:
 
 def run_table(results: Results, compared: Collection[Run]) -> list[Row]:
     """All runs, sorted by folder; `compared` are the runs in means and differences."""
-    rows = {
-        run.name: {
+    rows: dict[str, Row] = {
+        name: {"folder": name, "status": "broken", "problem": reason} for name, reason in results.failures.items()
+    }
+    for run in results.made:
+        broken = run.problem is not None and run.record.status == "complete"
+        rows[run.name] = {
             "folder": run.name,
-            "status": run.record.status if run.problem is None or run.record.status != "complete" else "broken",
+            "status": "broken" if broken else run.record.status,
             "problem": run.problem or "",
             "compared": run in compared if run.problem is None else None,
             **_record(run.record),
             **run.values,
             **{f"profile_{profile}_pct": 100 * share for profile, share in run.profile_shares.items()},
         }
-        for run in results.made
-    }
-    unreadable = {
-        name: {"folder": name, "status": "broken", "problem": reason}
-        for name, reason in results.failures.items()
-        if name not in rows
-    }
-    return [row for _, row in sorted({**rows, **unreadable}.items())]
+    return [row for _, row in sorted(rows.items())]
 
 
 def _record(record: RunRecord) -> Row:
@@ -230,10 +220,9 @@ def _flat(prefix: str, value: Any) -> Row:
 def _read(folder: Path, relative: Callable[[str], str]) -> Run:
     """Raises BrokenRecording."""
     summary, records = read(folder)
-    problem = None if summary.problem is None else relative(summary.problem)
-    run = Run(folder, summary.record, Block.of(summary.record.configuration), sampled_run(folder), problem)
+    run = Run(folder, summary.record, Block.of(summary.record.configuration), sampled_run(folder))
     if summary.figures is None or records is None:
-        return run
+        return replace(run, problem=relative(summary.problem or ""))
     parts = statistics.age_parts(records.inputs, records.frames, records.replies)
     return replace(
         run,
@@ -241,7 +230,7 @@ def _read(folder: Path, relative: Callable[[str], str]) -> Run:
         profile_shares=summary.figures.rungs.share,
         series=_series(records),
         scores=records.scores,
-        scores_problem=None if records.scores_problem is None else relative(records.scores_problem),
+        scores_problem=relative(records.scores_problem or "") or None,
     )
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tigas_experiments.report.estimates import Estimate
-from tigas_experiments.report.groups import ALL, Difference, Group, Groups, Overall
+from tigas_experiments.report.groups import Difference, Group, Groups
 from tigas_experiments.report.metrics import METRICS, TABLE
 from tigas_experiments.report.picture_scores import computed, rows_of
 from tigas_experiments.report.rate_distortion import QUALITIES, RateDistortion
@@ -38,7 +38,7 @@ def write_csv(
     return [_write(folder / name, [*rows]) for name, rows in files.items()]
 
 
-def overall_markdown(rows: Sequence[Overall]) -> str:
+def overall_markdown(rows: Sequence[Group]) -> str:
     """Means over all networks, for papers."""
     if not rows:
         return "No controller was measured over all networks at one round trip.\n"
@@ -95,7 +95,6 @@ def _difference(difference: Difference) -> Iterator[Row]:
 
 
 def _picture_scores(groups: Groups) -> Iterator[Row]:
-    """One row for each metric of each kind of pictures."""
     for row in rows_of(groups):
         for metric in computed([row]):
             mean = row.mean(metric)
@@ -122,13 +121,13 @@ def _equal_rates(found: RateDistortion) -> Iterator[Row]:
         for metric in QUALITIES:
             estimate = each.differences[metric]
             yield {
-                "network": found.network or ALL,
+                "network": found.network,
                 "rtt_ms": found.rtt_ms,
                 "curve": each.curve.title,
                 "compared": each.other.title,
                 "figure": metric.name,
                 "blocks": each.blocks,
-                "blocks_overlapping": each.overlapping,
+                "blocks_overlapping": len(each.ranges),
                 "from_mbit_s": each.rates and each.rates[0],
                 "to_mbit_s": each.rates and each.rates[1],
                 "difference": estimate and estimate.mean,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from scipy.stats import binned_statistic
 
 from tigas_experiments.report.controllers import Controller, Look
-from tigas_experiments.report.groups import Group, Groups
+from tigas_experiments.report.groups import Group, Groups, runs_behind
 from tigas_experiments.report.plot import (
     AREA,
     INK,
@@ -40,7 +40,6 @@ BINS = 240
 """Maximum points of a time series."""
 MOST_HEADLINES = 8
 """Maximum panels of the headline."""
-MEDIANS = f"Medians where frames are closer than 1/{BINS} of the run."
 DASHED = f"Dashed: {INTERACTIVE_MS:g} ms."
 
 
@@ -78,7 +77,6 @@ def write_headline(groups: Groups, folder: Path) -> None:
 
 
 def _by_rtt(groups: Groups, network: str) -> dict[str, list[Group]]:
-    """Groups by round trip, or together without known round trips."""
     rtts = groups.rtts(network)
     return {f"{rtt:g} ms round trip": groups.at(network, rtt) for rtt in rtts} or {
         short(network): groups.at(network, None)
@@ -161,40 +159,37 @@ def distribution(values: Floats) -> tuple[Floats, Floats]:
 
 def frame_ages_over_time(groups: Groups, network: str) -> Plot | None:
     """Age of each frame in the first run of each controller."""
-    drawn = _over_time(groups, network, "age")
-    if drawn is None:
-        return None
-    figure, axes, values = drawn
-    interactive_limit(axes)
-    plain_log(axes, values)
-    axes.set(ylabel="Frame age, ms")
-    caption = f"Over {groups.base_title(network)}, first run of each controller. {MEDIANS} {DASHED}"
-    return Plot.of(figure, [axes], "frame-age-over-time", "Frame age over time", caption)
+    return _over_time(groups, network, "age", "Frame age over time", "Frame age, ms")
 
 
-def heights(groups: Groups, network: str) -> Plot | None:
+def heights_over_time(groups: Groups, network: str) -> Plot | None:
     """Resolution on the screen in the first run of each controller."""
-    drawn = _over_time(groups, network, "height", drawstyle="steps-post")
-    if drawn is None:
+    return _over_time(groups, network, "height", "Height of the frame on the screen", "Height, pixels")
+
+
+def _over_time(groups: Groups, network: str, series: Literal["age", "height"], title: str, label: str) -> Plot | None:
+    own = {group: group.runs[0].series[series] for group in groups.base(network)}
+    own = {group: points for group, points in own.items() if len(points)}
+    if not own:
         return None
-    figure, axes, _ = drawn
-    axes.set(ylabel="Height, pixels", ylim=(0, None))
-    caption = f"Over {groups.base_title(network)}, first run of each controller. {MEDIANS}"
-    return Plot.of(figure, [axes], "height-over-time", "Height of the frame on the screen", caption)
-
-
-def _over_time(groups: Groups, network: str, series: str, **line: Any) -> tuple[Figure, Axes, list[float]] | None:
-    """A series of each controller's first run, with its drawn values; None if there is none."""
-    own = [group for group in groups.base(network) if len(group.runs[0].series[series])]
     figure, (axes,) = panel_grid(1, width=WIDE_IN)
+    axes.set(xlabel="Time, s", ylabel=label)
     drawn: list[float] = []
-    for group in own:
-        times, values = binned(*group.runs[0].series[series].T)
-        look = groups.looks[group.controller].line
-        axes.plot(times, values, linewidth=1.2, label=group.controller.title, **look, **line)
+    for group, points in own.items():
+        times, values = binned(*points.T)
+        line: dict[str, Any] = {"label": group.controller.title, **groups.looks[group.controller].line}
+        axes.plot(times, values, linewidth=1.2, drawstyle="default" if series == "age" else "steps-post", **line)
         drawn += values.tolist()
-    axes.set(xlabel="Time, s", xlim=(0, None))
-    return (figure, axes, drawn) if own else None
+    axes.set(xlim=(0, None), ylim=(0, None))
+    if series == "age":
+        interactive_limit(axes)
+        plain_log(axes, drawn)
+    caption = (
+        f"Over {groups.base_title(network)}, first run of each controller; medians where frames are closer than "
+        f"1/{BINS} of the run. {DASHED if series == 'age' else ''}".rstrip()
+    )
+    name = "frame-age" if series == "age" else series
+    return Plot.of(figure, [axes], f"{name}-over-time", title, caption)
 
 
 def bandwidth(groups: Groups, network: str) -> Plot | None:
@@ -224,7 +219,7 @@ def bandwidth(groups: Groups, network: str) -> Plot | None:
     for axes in panels:
         axes.set(xlabel="Time, s", xlim=(0, None))
     caption = (
-        f"Data received by the viewer over {groups.base_title(network)}. {groups.runs_behind(own)} Grey: the link at "
+        f"Data received by the viewer over {groups.base_title(network)}. {runs_behind(own)} Grey: the link at "
         "its full rate, as a download of the scene's file would use it."
     )
     return Plot.of(figure, panels, "bandwidth", "Received data", caption)

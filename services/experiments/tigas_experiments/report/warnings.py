@@ -36,11 +36,10 @@ def warnings(results: Results) -> list[str]:
 
 
 def _failures(results: Results) -> list[str]:
-    """Warnings on failed runs."""
-    total = len(results.runs) + len(results.failures)
     by_reason: dict[str, list[str]] = {}
     for name, reason in results.failures.items():
         by_reason.setdefault(reason, []).append(name)
+    total = len(results.runs) + len(results.failures)
     if len(by_reason) > FEW:
         return [f"{len(results.failures)} of {total} runs failed and are in no figure; the page lists the reasons."]
     return [f"{_named(names, total)}: no result. {reason}" for reason, names in by_reason.items()]
@@ -50,13 +49,11 @@ def _runs(runs: Sequence[Run]) -> list[str]:
     """One sentence per kind of problem, with the affected runs."""
     found = _busy(runs)
     for run in runs:
-        record, load = run.record, run.record.load
+        load, recording, problem = run.record.load, run.record.recording, run.record.sampling_problem
         kinds = {
             "the machine's load is unknown.": load is None,
-            f"{record.sampling_problem}": record.sampling_problem is not None,
-            "the page was hidden at times, so the browser may have delayed frames.": (
-                record.recording is not None and record.recording.hidden
-            ),
+            f"{problem}": problem is not None,
+            "the page was hidden at times, so the browser may have delayed frames.": recording and recording.hidden,
             "services ran on another machine, without monitoring of its load.": load and load.services == "elsewhere",
             "the services' threads were not monitored.": load and load.services == "processors",
             "threads were not monitored.": load and load.pegged is None,
@@ -64,7 +61,8 @@ def _runs(runs: Sequence[Run]) -> list[str]:
         for sentence, applies in kinds.items():
             if applies:
                 found.setdefault(sentence, []).append(run)
-    return [f"{_named([_name(run) for run in those], len(runs))}: {sentence}" for sentence, those in found.items()]
+    names = {run: f"{run.configuration.network.label}, {label(run)}" for run in runs}
+    return [f"{_named([names[run] for run in own], len(runs))}: {sentence}" for sentence, own in found.items()]
 
 
 def _busy(runs: Sequence[Run]) -> dict[str, list[Run]]:
@@ -72,22 +70,15 @@ def _busy(runs: Sequence[Run]) -> dict[str, list[Run]]:
     found: dict[str, list[Run]] = {}
     loads = {run: run.record.load for run in runs if run.record.load is not None}
     if saturated := {run: load for run, load in loads.items() if load.saturated}:
-        sentence = (
-            "the machine's processors were saturated during "
-            f"{_shares(load.saturated_share for load in saturated.values())} of the run "
-            f"({_shares(load.cpu_mean for load in saturated.values())} busy on average), which affects latencies and "
-            "frame rates; marked with *."
-        )
-        found[sentence] = [*saturated]
+        shares = _range(load.saturated_share for load in saturated.values())
+        busy = _range(load.cpu_mean for load in saturated.values())
+        sentence = f"the machine's processors were saturated during {shares} of the run ({busy} busy on average), which"
+        found[f"{sentence} affects latencies and frame rates; marked with *."] = [*saturated]
     for process in dict.fromkeys(process for load in loads.values() for process in load.often_pegged):
-        shares = {run: load.often_pegged[process] for run, load in loads.items() if process in load.often_pegged}
-        limit = f"the busiest thread of {process} was at its limit in {_shares(shares.values())} of the samples."
-        found[limit] = [*shares]
+        pegged = {run: load.often_pegged[process] for run, load in loads.items() if process in load.often_pegged}
+        sentence = f"the busiest thread of {process} was at its limit in {_range(pegged.values())} of the samples."
+        found[sentence] = [*pegged]
     return found
-
-
-def _name(run: Run) -> str:
-    return f"{run.configuration.network.label}, {label(run)}"
 
 
 def _named(names: Sequence[str], total: int) -> str:
@@ -99,26 +90,21 @@ def _named(names: Sequence[str], total: int) -> str:
     return f"{len(names)} of {total} runs" + (f" ({'; '.join(names)})" if len(names) <= FEW else "")
 
 
-def _shares(values: Iterable[float]) -> str:
-    """Range of percentages."""
-    found = sorted(values)
-    return " to ".join(dict.fromkeys(f"{value:.0%}" for value in (found[0], found[-1])))
+def _range(shares: Iterable[float]) -> str:
+    found = sorted(shares)
+    return " to ".join(dict.fromkeys(f"{share:.0%}" for share in (found[0], found[-1])))
 
 
 def _samples(runs: Sequence[Run]) -> list[str]:
-    """Warnings on doubtful or missing ground truth of samples."""
     found = [
         f"{run.name}: rendering again gave different frames for {run.sampled.different} of {len(run.sampled.samples)} "
         "samples, so ground truth may come from another renderer than the frames."
         for run in runs
         if run.sampled.different
     ]
-    if missing := sum(run.sampled.missing for run in runs):
-        total = sum(len(run.sampled.samples) for run in runs)
-        found.append(
-            f"{missing} of {total} samples have not been rendered again yet: run `tigas experiment rerender DIR`."
-        )
-    return found
+    total, missing = sum(len(run.sampled.samples) for run in runs), sum(run.sampled.missing for run in runs)
+    again = f"{missing} of {total} samples have not been rendered again yet: run `tigas experiment rerender DIR`."
+    return [*found, again] if missing else found
 
 
 def _uncommon(runs: Sequence[Run]) -> list[str]:
@@ -126,9 +112,7 @@ def _uncommon(runs: Sequence[Run]) -> list[str]:
     found = []
     compared = [each for each in comparisons(runs) if each.missing]
     if partly := [each for each in compared if each.common]:
-        left_out = sum(
-            len(own) - len(each.common_runs[condition]) for each in partly for condition, own in each.runs.items()
-        )
+        left_out = sum(len(own) - len(each.kept[condition]) for each in partly for condition, own in each.runs.items())
         found.append(
             f"Tables and figures leave out {left_out} of {len(runs)} runs, because not all controllers have "
             f"runs of their blocks: {_lacking(partly)}."
@@ -143,20 +127,20 @@ def _uncommon(runs: Sequence[Run]) -> list[str]:
 
 
 def _lacking(compared: Sequence[Comparison]) -> str:
-    missing = sum((Counter(each.missing) for each in compared), Counter[Controller]())
+    missing = sum((each.missing for each in compared), Counter[Controller]())
     return ", ".join(f"{controller.title} lacks {count}" for controller, count in missing.most_common())
 
 
 def _changed(runs: Sequence[Run]) -> list[tuple[str, str]]:
     """Kind and name of inputs with different contents in different runs."""
-    contents: dict[tuple[str, str, type], set[str | int]] = {}
+    contents: dict[tuple[str, str, type], set[object]] = {}
     for run in runs:
-        record, digests = run.record, run.record.inputs_sha256
+        digests = run.record.inputs_sha256
         for kind, name, content in (
-            ("scene", run.block.scene, record.scene_bytes),
-            ("scene", run.block.scene, record.scene_sha256),
-            ("movement", run.block.movement, digests.movement if digests else None),
-            ("trace", run.block.network, digests.trace if digests else None),
+            ("scene", run.block.scene, run.record.scene_bytes),
+            ("scene", run.block.scene, run.record.scene_sha256),
+            ("movement", run.block.movement, digests and digests.movement),
+            ("trace", run.block.network, digests and digests.trace),
         ):
             if content is not None:
                 contents.setdefault((kind, name, type(content)), set()).add(content)
@@ -165,12 +149,10 @@ def _changed(runs: Sequence[Run]) -> list[tuple[str, str]]:
 
 def _pooled(runs: Sequence[Run]) -> dict[str, list[str]]:
     """Values that rows, lines and points pool."""
-    all_of_them = [run.configuration for run in runs]
-    positions = (f"{each.network.offset_s:g} s" for each in all_of_them if each.network.trace is not None)
-    found = {
-        "durations": {f"{each.duration_s:g} s" for each in all_of_them},
-        "viewports": {f"{each.width}×{each.height}" for each in all_of_them},
-        # segments are blocks
-        "trace positions": set() if any(each.segment for each in all_of_them) else set(positions),
+    every = [run.configuration for run in runs]
+    positions = {f"{each.network.offset_s:g} s" for each in every if each.network.trace is not None}
+    return {
+        "durations": sorted({f"{each.duration_s:g} s" for each in every}),
+        "viewports": sorted({f"{each.width}×{each.height}" for each in every}),
+        "trace positions": [] if any(each.segment for each in every) else sorted(positions),  # segments are blocks
     }
-    return {name: sorted(values) for name, values in found.items()}

@@ -13,8 +13,7 @@ from tigas_common.errors import StartError
 from tigas_common.files import open_regular
 from tigas_common.wire.render import SceneInfo
 from tigas_experiments.movement.generated import KINDS, generate
-from tigas_experiments.movement.placement import placed
-from tigas_experiments.movement.trace import MovementTrace
+from tigas_experiments.movement.trace import MovementTrace, placed
 from tigas_experiments.records.folder import InputDigests
 from tigas_experiments.wire.movement import TimedPose
 from tigas_experiments.wire.run import Configuration, Network
