@@ -37,7 +37,7 @@ def test_a_lost_packet_holds_up_its_own_frame_only() -> None:
         return True
 
     simulation.drop = lose_one
-    first, second, third = answer_all(simulation, frames(3, 3000))
+    first, second, third = simulation.answer_all(frames(3, 3000))
     simulation.run()
     assert simulation.ended == [second, third, first]
 
