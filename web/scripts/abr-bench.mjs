@@ -73,7 +73,7 @@ async function main() {
     { PAPER_LADDER },
     { CONTROLLER_NAMES },
     { seeded },
-    { INTERACTIVE },
+    { INTERACTIVE_MS },
     { WAYS },
     { Head },
     { readMovement },
@@ -88,13 +88,13 @@ async function main() {
       "abr/ladder",
       "abr/registry",
       "abr/random",
-      "experiment/figures",
+      "wire/figures",
       "abr/controller",
       "simulator/head",
       "movement/movement",
     ].map(load),
   );
-  const columns = figuresWithin(INTERACTIVE);
+  const columns = figuresWithin(INTERACTIVE_MS);
   const ladder = values.ladder === undefined ? PAPER_LADDER : JSON.parse(readFileSync(values.ladder, "utf8")).rungs;
   if (!WAYS.includes(values.way)) throw new Error(`--way is one of ${WAYS.join(", ")}, not "${values.way}".`);
   const seed = number("--seed", values.seed);

@@ -64,7 +64,7 @@ async function main() {
     { table, overTraces },
     { PAPER_LADDER },
     { PaperEndpoints },
-    { INTERACTIVE },
+    { INTERACTIVE_MS },
     { WAYS },
   ] = await Promise.all(
     [
@@ -74,7 +74,7 @@ async function main() {
       "simulator/report",
       "abr/ladder",
       "simulator/endpoints",
-      "experiment/figures",
+      "wire/figures",
       "abr/controller",
     ].map((name) => load(source(name))),
   );
@@ -118,7 +118,7 @@ async function main() {
   process.stdout.write(`${table(values.each || positionals.length === 1 ? runs : means)}\n`);
   if (values.each && positionals.length > 1) process.stdout.write(`\n${table(means)}\n`);
   if (values.json !== undefined) writeFileSync(values.json, `${JSON.stringify({ options: values, runs }, null, 1)}\n`);
-  if (values.plot !== undefined) writeFileSync(values.plot, await plot(runs, INTERACTIVE));
+  if (values.plot !== undefined) writeFileSync(values.plot, await plot(runs, INTERACTIVE_MS));
 }
 
 /** Figures against the round trip, or for each trace where there is only one. */
