@@ -2,31 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from tests.experiments.made_up import configuration
-from tigas_experiments.report.controllers import (
-    FIXED_COLOUR,
-    FIXED_DASHES,
-    KNOWN_LOOKS,
-    OTHER_COLOURS,
-    Controller,
-    in_order,
-    looks,
-    run_names,
-)
+from tigas_experiments.report.controllers import Controller, in_order, looks, run_names
 from tigas_experiments.wire.run import Configuration, Mode
 
-LINES = {"-": "solid", "--": "dashed", ":": "dotted", "-.": "double"}
-"""How the page calls them: as the style of a border."""
-IN_THE_PAGE = Path(__file__).parents[3] / "web/src/experiment/looks.json"
 PAGES = ("#ffffff", "#181b21")
 """Background colours of both themes."""
 TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
@@ -37,13 +23,6 @@ SIGHTS = {
     "tritanopia": np.array([[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]]),
 }
 """Simulates colour vision deficiency on linear sRGB: Machado, Oliveira and Fernandes (2009), severity 1."""
-
-
-def test_the_page_has_the_colours_and_lines_of_reports() -> None:
-    known = {name: {"colour": look.colour, "line": LINES[look.dashes]} for name, look in KNOWN_LOOKS.items()}
-    fixed = {"colour": FIXED_COLOUR, "lines": [LINES[dashes] for dashes in FIXED_DASHES]}
-    expected = {"known": known, "others": list(OTHER_COLOURS), "fixed": fixed}
-    assert json.loads(IN_THE_PAGE.read_text()) == expected
 
 
 def test_a_controller_looks_the_same_in_every_report() -> None:
