@@ -166,7 +166,7 @@ def curves(size: tuple[int, int], walks: Sequence[Sequence[Picture]]) -> dict[st
 
 
 def at_picture(samples: Sequence[Sample], wanted_db: float) -> tuple[float, float]:
-    """Bytes and milliseconds at the wanted quality; those of the curve's end if it is better."""
+    """Bytes and milliseconds at the wanted quality, or at the curve's end if that is better."""
     known = [each.psnr_db for each in samples]
     size = np.interp(wanted_db, known, np.log([each.size for each in samples]))
     return math.exp(size), float(np.interp(wanted_db, known, [each.encode_ms for each in samples]))

@@ -19,7 +19,7 @@ MISSING = "missing"
 LEAST_SPANS = 6
 """Minimum spans of an interval: with fewer, all of them have the same sign by chance in more than 5 % of all cases."""
 SPAN_MS = 500.0
-"""Length of a span: latencies of neighbouring frames are correlated, those of neighbouring spans hardly."""
+"""Length of a span: latencies are correlated from frame to frame, but hardly from span to span."""
 RESAMPLES = 400
 SEED = 1
 MOST_CPU = 0.85

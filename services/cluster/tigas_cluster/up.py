@@ -122,7 +122,7 @@ def _say(text: str) -> None:
 
 
 def _pages(settings: ClusterSettings, port: int, names: Sequence[str]) -> Iterator[str]:
-    """The page's origins, which differ from those of the hosts."""
+    """The page's origins, which differ from the hosts' origins."""
     at_port = "" if port == 80 else f":{port}"
     own = () if settings.http.is_loopback else (settings.http.reachable_host, socket.gethostname(), *names)
     for name in dict.fromkeys(("localhost", LOOPBACK, *own)):

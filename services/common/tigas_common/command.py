@@ -35,7 +35,7 @@ REST: Final = "rest"
 
 
 class Command(BaseModel, ABC):
-    """A command of `tigas`. Its docstring and those of its fields are the text of --help."""
+    """A command of `tigas`. Its docstring and its fields' docstrings are the text of --help."""
 
     model_config = SettingsConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 

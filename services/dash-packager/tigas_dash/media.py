@@ -67,7 +67,7 @@ class Media:
 
     @property
     def tracks(self) -> list[Track]:
-        """Those of all representations, the best first."""
+        """All representations' segments, the best first."""
         return list(self._tracks.values())
 
     def track(self, representation: str) -> Track:

@@ -22,7 +22,7 @@ class Progress:
 
     frames: int = 0
     repeated: int = 0
-    """Those that show the last view again, as no newer came in time."""
+    """Frames that repeat the last view because no newer one arrived in time."""
     dropped: int = 0
     """Frames that were left out, as the stream was late."""
 

@@ -222,7 +222,7 @@ export class MovementDeck {
   }
 }
 
-/** Adds a file's movement to those of this visit; reading the same file again replaces its movement. */
+/** Adds a file's movement to this visit's; reading the same file again replaces it. */
 export function addFile(name: string, trace: MovementTrace): NamedMovement {
   const movement: NamedMovement = { name, origin: "file", trace };
   const others = movements.peek().filter((other) => other.name !== name || other.origin !== "file");

@@ -30,7 +30,7 @@ const REST = 200;
 /** A view that turns further from one sample to the next is a cut, in degrees. */
 const CUT = 30;
 const DEGREES = 180 / Math.PI;
-/** Percentiles are kept for this long, in milliseconds: those of two seconds hardly change sooner. */
+/** Percentiles are kept for this long, in milliseconds: over two seconds they hardly change sooner. */
 const KEPT_FOR = 100;
 
 interface Sample {

@@ -1,5 +1,5 @@
 /**
- * Controllers for the simulator: those of the registry, the first Budget, a fixed rung, or Latency with another target.
+ * Controllers for the simulator: the registry's, the first Budget, a fixed rung, or Latency with another target.
  */
 import type { ControllerFactory } from "../abr/controller";
 import { FixedController } from "../abr/fixed";

@@ -1,4 +1,4 @@
-/** Settings of each picture on the stage: the common settings or, in a comparison, those of its side. */
+/** Settings of each picture on the stage: the common settings or, in a comparison, its side's own. */
 import { stepOfBitrate } from "../abr/video-ladder";
 import { COMPARED, type Mode, PLACES, type Place, type Settings, type SideSettings } from "../state/settings";
 import type { Rung } from "../wire/render";

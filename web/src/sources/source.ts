@@ -23,7 +23,7 @@ export type SourcePhase =
   | { readonly kind: "lost"; readonly message: string }
   | { readonly kind: "failed"; readonly message: string };
 
-/** Figures of every source, with those of its kind of delivery. */
+/** Figures of every source, and of its kind of delivery. */
 export type SourceStats = Stats | StreamStats | LocalStats;
 
 /** Shows the scene in one mode until it is disposed of, which removes its elements from the pane. */

@@ -224,7 +224,7 @@ const parse = (stored: unknown) => v.parse(Stored, stored) as Settings;
 
 export const DEFAULT_SETTINGS: Settings = parse({});
 
-/** Settings that links may contain: those that affect the view. */
+/** Settings that affect the view, which links may contain. */
 export const LINKED = NAMES.filter((name) => about(name).linked) as readonly LinkedName[];
 
 /** The settings that affect measurements, as text to compare. */

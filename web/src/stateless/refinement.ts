@@ -20,7 +20,7 @@ const LONGEST_LINK = 3000;
 /** Largest growth in pixels from step to step where the link is slow, and the smallest growth. */
 const GROWTH = 4;
 const LEAST_GROWTH = 1.3;
-/** Bytes per pixel before the first step: those of the paper's best rung. */
+/** Bytes per pixel before the first step, as on the paper's best rung. */
 const BYTES_A_PIXEL = 240_000 / (1280 * 720);
 
 /** A view as the page asks for it: by a pose, for a viewport. */

@@ -1,4 +1,4 @@
-"""Checks before the first run: the services can make all runs, and are those that earlier runs were made with."""
+"""Checks before the first run: the services can make all runs, and have the versions of earlier runs."""
 
 from __future__ import annotations
 

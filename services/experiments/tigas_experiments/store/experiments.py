@@ -1,4 +1,4 @@
-"""Experiments as folders of one directory, including those of commands: listed, created, extended and removed.
+"""Experiments of pages and commands as folders of one directory: listed, created, extended and removed.
 
 All functions block; the application calls them in threads. An experiment's id is its folder's name. Links are not
 followed, so that nothing outside the directory can be reached.

@@ -168,7 +168,7 @@ def _coefficients(rows: Rows, names: Sequence[str]) -> Floats:
 def write_compressed_ply(
     path: Path, gaussians: Gaussians, order: NDArray[np.int64], comments: Iterable[str] = ()
 ) -> None:
-    """Write the Gaussians with these indices [M] in this order; those of a chunk should be neighbours.
+    """Write the Gaussians with these indices [M] in this order; a chunk should hold neighbours.
 
     comments: for the header.
 

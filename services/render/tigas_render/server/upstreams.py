@@ -47,7 +47,7 @@ NORMAL, NO_CODE, SERVICE_LOST = 1000, 1005, 1014
 
 
 class Upstreams:
-    """An ASGI application around another one, which gets all paths except those of the services."""
+    """An ASGI application around another one, which gets all paths except the services'."""
 
     def __init__(
         self, app: ASGIApp, urls: Mapping[ServiceName, str], origins: OriginPolicy, processes: int = 1

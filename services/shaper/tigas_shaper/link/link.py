@@ -120,7 +120,7 @@ class ShapedLink:
 
 @dataclass(frozen=True, slots=True)
 class Counters:
-    """tc's counters for one direction. Bytes are those of whole Ethernet frames."""
+    """tc's counters for one direction. Bytes include Ethernet headers."""
 
     sent_bytes: int
     dropped_packets: int

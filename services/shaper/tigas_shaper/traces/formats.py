@@ -1,4 +1,4 @@
-"""Reads traces in our own format and in those of published recordings; detected by content, never by name."""
+"""Reads traces in our own format and in the formats of published recordings; detected by content, never by name."""
 
 from __future__ import annotations
 

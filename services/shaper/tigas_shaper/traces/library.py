@@ -1,4 +1,4 @@
-"""The available traces: those of a directory, and uploaded ones."""
+"""The available traces: a directory's, and uploaded ones."""
 
 from __future__ import annotations
 

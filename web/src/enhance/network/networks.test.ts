@@ -46,7 +46,7 @@ test("values keep their tensor and their place", () => {
   expect(network?.layers[1]?.weights.at(-1)).toBe(108 + 4 + 432 - 1);
 });
 
-/** A tensor after those of ONE. */
+/** A tensor after ONE's tensors. */
 const WITH_MORE = (() => {
   const { header, data } = weights([ONE]);
   const more = { dtype: "F16", shape: [], data_offsets: [data.byteLength, data.byteLength + 2] };

@@ -1,4 +1,4 @@
-/** Figures of a download, in addition to those of every mode: its progress and the rendered part. */
+/** Additional figures of a download: its progress and the rendered part. */
 import type { LocalStats } from "../../local/local-player";
 import { bytes } from "../format";
 import { Row } from "./hud";

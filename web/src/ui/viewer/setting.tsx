@@ -47,7 +47,7 @@ export function Toggle({
 }
 
 interface ListProps extends Props<LabelledName> {
-  /** The options; by default those of the table. */
+  /** The options; by default, the table's. */
   readonly children?: ComponentChildren;
   /** Whether the label is left to assistive technology: a heading already says it. */
   readonly bare?: boolean;

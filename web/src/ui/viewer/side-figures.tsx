@@ -1,4 +1,4 @@
-/** Figures over each picture on the stage: the same ones at the same positions, followed by those of its mode. */
+/** Figures over each picture on the stage: the same ones at the same positions, then its mode's own. */
 
 import { sideTitles } from "../../sources/sides";
 import type { Source } from "../../sources/source";

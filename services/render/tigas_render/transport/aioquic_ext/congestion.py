@@ -64,7 +64,7 @@ class LimitedReno(RenoCongestionControl):
             self._full_at = packets[-1].packet_number
 
     def on_packets_acked(self, packets: Sequence[QuicSentPacket], now: float) -> None:
-        """Grow the window for those of the packets, in the order of their numbers, that were sent while it was full."""
+        """Grow the window for packets, in the order of their numbers, that were sent while it was full."""
         first_spare = bisect_right(packets, self._full_at, key=attrgetter("packet_number"))
         for packet in packets[:first_spare]:
             super().on_packet_acked(now=now, packet=packet)
