@@ -74,7 +74,7 @@ def page(lab: Lab, render: None, tmp_path: Path) -> Iterator[Page]:
 
 def test_the_page_crosses_the_link_and_survives_an_outage(link: ShaperProcess, page: Page) -> None:
     link.post("/link", down_kbps=10_000, up_kbps=5_000, delay_ms=10)
-    page.goto(f"{PAGE_ORIGINS[0]}/{SCENE}")
+    page.goto(f"{PAGE_ORIGINS[0]}/{SCENE}", wait_until="commit")
     assert page.evaluate("isSecureContext")
     expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams", timeout=PATIENCE)
     wait_for_frames(page)

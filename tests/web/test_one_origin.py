@@ -19,6 +19,13 @@ from tests.web.server import Packager, RenderServer, Store
 from tests.web.stage import SCENE
 
 NAME = "My first experiment"
+FILE = f"""name = "{NAME}"
+scenes = ["pebbles"]
+movements = ["stroll"]
+networks = ["20mbit,20ms-rtt"]
+controllers = [3]
+duration_s = 1.5
+"""
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +56,7 @@ def asked(page: Page) -> set[str]:
 
 
 def test_a_page_over_https_plays_dash_and_lists_experiments(secure_url: str, open_page: OpenPage) -> None:
-    body = json.dumps({"name": NAME, "plan": {}}).encode()
+    body = json.dumps({"file": FILE}).encode()
     unchecked = ssl._create_unverified_context()
     with urlopen(f"{secure_url}services/store/experiments", body, context=unchecked) as made:
         assert made.status == 201
