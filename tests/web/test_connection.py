@@ -57,6 +57,7 @@ def test_a_page_over_plain_http_works_and_names_the_secure_one(open_page: OpenPa
     expect(page.locator("[data-stat=fallback]")).to_contain_text("secure context")
     wait_for_frames(page)
     assert picture(page).std() > 10, "the picture is blank"
+    page.unroute_all(behavior="ignoreErrors")
 
 
 def test_frames_flow_again_within_seconds_of_a_restart(open_page: OpenPage, server: RenderServer) -> None:

@@ -135,6 +135,7 @@ def test_what_is_seen_is_the_view_of_that_moment(slow: Callable[..., Page]) -> N
     assert errors[0] < 0.6 * errors[1], errors
 
 
+@pytest.mark.extended  # recorded runs end when the connection is lost
 def test_in_an_outage_a_turn_shows_the_surround(slow: Callable[..., Page]) -> None:
     truth = view_at(slow(reprojection=False), 80)
     page = slow(overscan=0)

@@ -28,7 +28,8 @@ export function openPoseSocket(
     },
     close() {
       socket.removeEventListener("close", onClose);
-      socket.close();
+      if (socket.readyState === WebSocket.CONNECTING) socket.addEventListener("open", () => socket.close());
+      else socket.close();
     },
   };
 }

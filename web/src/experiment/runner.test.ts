@@ -48,6 +48,7 @@ beforeEach(() => {
     seed: signal(1),
     connected: signal(null),
     source: signal({ phase, enhancement: { status: enhancement }, played: () => ({}) }),
+    sources: signal([{ played: () => ({}) }]),
     left: { picture: () => null },
     unturned,
     phase: visit,

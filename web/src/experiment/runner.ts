@@ -244,7 +244,7 @@ export class Runner {
         scene: rig.scene?.id ?? "",
         mode: settings.peek().mode,
         transport: this.#session.connected.peek()?.transport.kind ?? null,
-        ...{ dash: null, webrtc: null, local: null, ...this.#session.source.peek()?.played(startedAt) },
+        ...this.#played(startedAt),
         user_agent: navigator.userAgent,
         lens,
         started_unix_ms: performance.timeOrigin + startedAt,
@@ -271,6 +271,12 @@ export class Runner {
     if (phase.value.kind !== "playing") return "The connection was lost during the run.";
     if (shown?.kind === "failed") return shown.message;
     return stopped ? `The ${titleOf(settings.peek().mode)} stream was lost during the run.` : null;
+  }
+
+  /** Figures of the streams and downloads on the stage. */
+  #played(startedAt: number): Pick<Required<Recording>, "dash" | "webrtc" | "local"> {
+    const sources = this.#session.sources.peek();
+    return Object.assign({ dash: null, webrtc: null, local: null }, ...sources.map((one) => one.played(startedAt)));
   }
 
   #unturned(): string | null {
