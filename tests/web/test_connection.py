@@ -49,7 +49,7 @@ def test_a_page_over_plain_http_works_and_names_the_secure_one(open_page: OpenPa
         else:
             route.fulfill(response=answer)
 
-    page = open_page()
+    page = open_page(expected_errors="ERR_")  # requests after the end of the test
     page.route("http://tigas.example/**", from_another_device)
     page.goto("http://tigas.example/")
     expect(page.get_by_role("link", name="the secure page")).to_have_attribute("href", "https://tigas.example:8443/")
