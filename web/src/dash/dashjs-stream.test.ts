@@ -6,16 +6,17 @@ import { playStream } from "./dashjs-stream";
  * The relevant part of dash.js: a player that waits until its video can play, as `VideoModel.setPlaybackRate` of 5.2
  * does.
  */
-const players = vi.hoisted(() => [] as { element: HTMLVideoElement | null; rates: number }[]);
+const players = vi.hoisted(() => [] as { element: HTMLVideoElement | null; rates: number; warnings: number }[]);
 vi.mock("dashjs", () => {
   const create = () => {
-    const player = { element: null as HTMLVideoElement | null, rates: 0 };
+    const player = { element: null as HTMLVideoElement | null, rates: 0, warnings: 0 };
     players.push(player);
     return {
       updateSettings: () => undefined,
       on: () => undefined,
       getVersion: () => "5",
       initialize: (video: HTMLVideoElement) => {
+        video.play().catch(() => player.warnings++);
         player.element = video;
         video.addEventListener("canplay", () => {
           player.rates++;
@@ -30,12 +31,15 @@ vi.mock("dashjs", () => {
   return { supportsMediaSource: () => true, MediaPlayer: Object.assign(() => ({ create }), { events: {} }) };
 });
 
+// As the browser does: a play request ends with the stream that it is for.
+let interrupt: (error: Error) => void;
 const EVENTS = { received: () => undefined, failed: () => undefined };
 let video: HTMLVideoElement;
 
 beforeEach(() => {
   players.length = 0;
   video = document.createElement("video");
+  video.play = () => new Promise((_, reject) => (interrupt = reject));
 });
 
 test("a player that has gone hears nothing of the video that the next one plays", () => {
@@ -48,4 +52,16 @@ test("a player that has gone hears nothing of the video that the next one plays"
   video.dispatchEvent(new Event("canplay"));
   expect(players.map(({ rates }) => rates)).toEqual([0, 1]);
   expect(video.addEventListener).toBe(listen);
+});
+
+test("a play request interrupted by the end of the stream is no problem; another one is", async () => {
+  const stream = playStream(video, "/a.mpd", EVENTS);
+  interrupt(new Error("not allowed"));
+  await vi.waitFor(() => expect(players[0]?.warnings).toBe(1));
+  stream.dispose();
+  playStream(video, "/b.mpd", EVENTS).dispose();
+  interrupt(new Error("interrupted"));
+  await Promise.resolve();
+  await Promise.resolve();
+  expect(players[1]?.warnings).toBe(0);
 });

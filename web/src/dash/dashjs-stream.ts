@@ -31,7 +31,7 @@ export const playStream: PlayStream = (video, manifest, events) => {
   player.on("fragmentLoadingProgress" as "fragmentLoadingCompleted", (event) => count(event, false));
   player.on(names.FRAGMENT_LOADING_COMPLETED, (event) => count(event, true));
   player.on(names.ERROR, (event) => events.failed(reasonOf(event as MediaPlayerErrorEvent)));
-  const deafen = listeningAsLongAs(video);
+  const release = borrow(video);
   player.initialize(video, manifest, true);
   return {
     player: `dash.js ${player.getVersion()}`,
@@ -42,25 +42,31 @@ export const playStream: PlayStream = (video, manifest, events) => {
     aim: (target) => player.updateSettings({ streaming: { delay: { liveDelay: target / 1000 } } }),
     dispose: () => {
       player.destroy();
-      deafen();
+      release();
     },
   };
 };
 
 /**
- * Returns a function that removes all listeners added to the video from now on. dash.js leaves a failing listener
- * behind: it waits until the video can play to set the playback rate (`VideoModel`), which may happen during the next
- * player's lifetime.
+ * Removes dash.js's traces from the video when the returned function is called. dash.js leaves a failing listener behind:
+ * it waits until the video can play to set the playback rate (`VideoModel`), which may happen during the next player's
+ * lifetime. Its `destroy()` also resets the log level, so a play request that is interrupted by it would be logged.
  */
-function listeningAsLongAs(video: HTMLVideoElement): () => void {
+function borrow(video: HTMLVideoElement): () => void {
   const visit = new AbortController();
   const listen = video.addEventListener.bind(video) as EventTarget["addEventListener"];
   video.addEventListener = ((type, listener, options) => {
     const chosen = typeof options === "object" ? options : { capture: options === true };
     listen(type, listener, { ...chosen, signal: visit.signal });
   }) as EventTarget["addEventListener"];
+  const play = video.play.bind(video);
+  video.play = () =>
+    play().catch((error: unknown) => {
+      if (!visit.signal.aborted) throw error;
+    });
   return () => {
-    Reflect.deleteProperty(video, "addEventListener"); // the prototype's is seen again
+    Reflect.deleteProperty(video, "addEventListener"); // the prototype's methods are seen again
+    Reflect.deleteProperty(video, "play");
     visit.abort();
   };
 }
