@@ -16,8 +16,8 @@ from prometheus_client.registry import Collector
 
 from tigas_common.address import bracketed, is_loopback
 from tigas_common.errors import BrokenScene, DeviceLost, Overloaded
-from tigas_common.installation import this_commit
 from tigas_common.http_server import tcp_congestion_control
+from tigas_common.installation import this_commit
 from tigas_common.metrics import labelled_gauge
 from tigas_common.origins import OriginPolicy
 from tigas_common.topology import reached
