@@ -47,7 +47,9 @@ test("two viewers on a page have their own scene, server, settings and camera", 
     ["garden", ""],
     ["hall", "https://lab.test"],
   ]);
-  expect([left, right].map((container) => container.querySelectorAll("canvas").length)).toEqual([1, 1]);
+  expect(
+    [left, right].map((container) => container.firstElementChild?.shadowRoot?.querySelectorAll("canvas").length),
+  ).toEqual([1, 1]);
   hall.set({ drag: "orbit", refine: false });
   garden.follow((at) => ({ position: [at / 1000, 0, 0], quaternion: [0, 0, 0, 1] }));
   await host.frames(5);

@@ -1,6 +1,7 @@
 /** A viewer in an element of any page, without controls: `const viewer = createViewer(element, { scene: "garden" })`. */
 import { effect, untracked } from "@preact/signals";
 import type { SceneInfo } from "#client/wire/render";
+import { openStage } from "./embed/stage";
 import { ViewerSession } from "./session/session";
 import type { Settings } from "./state/settings";
 import { validSettings } from "./state/settings";
@@ -37,25 +38,23 @@ export interface ViewerEvents {
 const FULL = "The server is full. The scene opens automatically as soon as there is room.";
 
 export class Viewer {
-  readonly #element: HTMLElement;
   readonly #session: ViewerSession;
+  readonly #close: () => void;
   readonly #stops = new Set<() => void>();
 
   constructor(container: HTMLElement, { scene, server = "", settings = {}, camera, label = scene }: ViewerOptions) {
     const state = new ViewerState({}, server.replace(/\/+$/, ""));
     state.settings.value = validSettings({ ...state.settings.peek(), ...settings });
-    const [element, left, right] = ["stage", "pane", "pane"].map((name) => {
-      const div = container.ownerDocument.createElement("div");
-      div.className = name;
-      return div;
-    }) as [HTMLDivElement, HTMLDivElement, HTMLDivElement];
-    element.tabIndex = 0;
-    element.setAttribute("role", "application");
-    element.setAttribute("aria-label", label);
-    element.append(left, right);
-    container.append(element);
-    this.#element = element;
-    this.#session = new ViewerSession(scene, { element, left, right }, state);
+    const stage = openStage(container, label);
+    this.#session = new ViewerSession(scene, stage, state);
+    const stopMarking = effect(() => {
+      stage.element.dataset.phase = this.#session.phase.value.kind;
+    });
+    this.#close = () => {
+      stopMarking();
+      this.#session.dispose();
+      stage.close();
+    };
     if (camera) this.on("loaded", () => this.look(camera));
   }
 
@@ -107,8 +106,7 @@ export class Viewer {
 
   destroy(): void {
     for (const stop of this.#stops) stop();
-    this.#session.dispose();
-    this.#element.remove();
+    this.#close();
   }
 
   #listen(name: keyof ViewerEvents, tell: (event: never) => void): () => void {
@@ -152,7 +150,7 @@ export class Viewer {
   }
 }
 
-/** Shows a scene in an element, which it fills, until it is destroyed. The page loads `viewer.css`. */
+/** Shows a scene in an element, which it fills, until it is destroyed. */
 export function createViewer(container: HTMLElement, options: ViewerOptions): Viewer {
   return new Viewer(container, options);
 }

@@ -47,6 +47,8 @@ export interface Stage {
   readonly left: HTMLElement;
   /** Empty unless two modes are compared. */
   readonly right: HTMLElement;
+  /** There is other content beside it: keys, gamepads and the wheel move the camera only while it has the focus. */
+  readonly sharesPage?: boolean;
 }
 
 export class ViewerSession {
@@ -110,6 +112,7 @@ export class ViewerSession {
       focal: () => this.rig.intrinsics.value,
       orbits: () => settings.peek().drag === "orbit",
       onFocus: (event) => this.#focus(event),
+      sharesPage: stage.sharesPage ?? false,
     });
     this.rig = new Rig({
       sampleInput: (elapsed) => this.input.sample(elapsed),
