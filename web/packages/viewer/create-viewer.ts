@@ -22,8 +22,11 @@ export interface ViewerOptions {
   readonly label?: string;
 }
 
-/** Why there is no picture: the server is away or full, the scene cannot be had, or the mode is not available. */
-export type ViewerErrorCode = "lost" | "full" | "failed" | "unavailable";
+/**
+ * Why there is no picture: the server is away or full, the scene cannot be shown, or the mode is not available; `invalid`: an
+ * attribute of the element makes no sense.
+ */
+export type ViewerErrorCode = "lost" | "full" | "failed" | "unavailable" | "invalid";
 
 export interface ViewerEvents {
   /** The scene is there, and the camera in it. */
@@ -40,6 +43,8 @@ const FULL = "The server is full. The scene opens automatically as soon as there
 export class Viewer {
   readonly #session: ViewerSession;
   readonly #close: () => void;
+  /** Where the camera begins once the scene is loaded. */
+  #start: ScenePose | null = null;
   readonly #stops = new Set<() => void>();
 
   constructor(container: HTMLElement, { scene, server = "", settings = {}, camera, label = scene }: ViewerOptions) {
@@ -55,7 +60,10 @@ export class Viewer {
       this.#session.dispose();
       stage.close();
     };
-    if (camera) this.on("loaded", () => this.look(camera));
+    if (camera) this.look(camera);
+    this.on("loaded", () => {
+      if (this.#start) this.look(this.#start);
+    });
   }
 
   /** The camera's present pose in the scene's own frame. */
@@ -70,7 +78,8 @@ export class Viewer {
 
   /** Puts the camera at a pose of the scene, upright. */
   look(pose: ScenePose): void {
-    this.#session.rig.place(pose);
+    if (this.#session.scene.peek() === null) this.#start = pose;
+    else this.#session.rig.place(pose);
   }
 
   /** Puts the camera at the scene's start view. */
