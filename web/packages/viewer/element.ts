@@ -107,7 +107,7 @@ export class TigasViewer extends Base {
     try {
       const pose = attributePose(this.#attribute);
       this.#viewer?.set(attributeSettings(this.#attribute));
-      if (place && pose) this.#viewer?.look(pose);
+      if (place && pose && this.#viewer) this.#viewer.camera = pose;
       this.#say({ invalid: "" });
     } catch (error) {
       const message = error instanceof Error ? error.message : String(error);
