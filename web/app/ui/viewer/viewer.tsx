@@ -26,6 +26,7 @@ import { StageMessage } from "./stage-message";
 import { Toolbar } from "./toolbar";
 import { useFocusReturn } from "./use-focus-return";
 import { useFullscreen } from "./use-fullscreen";
+import { useScreenshot } from "./use-screenshot";
 import { useShortcuts } from "./use-shortcuts";
 import { WalkVerdict } from "./walk-verdict";
 
@@ -85,6 +86,7 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
     if (live && entered && pose) live.rig.place(pose);
   }, [asked, live, entered]);
 
+  const picture = useScreenshot(live);
   const { hud, sidebar, mode, drag } = settings.value;
   const sidebarOpen = fullscreen.on ? besideFullscreen.value : (sidebar ?? wide);
   const actions = {
@@ -103,6 +105,7 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
     },
     drag: () => changeSettings({ drag: drag === "look" ? "orbit" : "look" }),
     lock: () => void session.value?.input.lock(),
+    screenshot: picture.take,
     fullscreen: fullscreen.toggle,
   };
   const stats = live?.source.value?.stats.value;
@@ -138,12 +141,25 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
           <div class="pane" ref={left} />
           <div class="pane" ref={right} />
         </div>
-        <Toolbar name={name} usable={usable} actions={actions} mode={mode} hud={hud} sidebar={sidebarOpen} />
+        <Toolbar
+          name={name}
+          usable={usable}
+          actions={actions}
+          mode={mode}
+          hud={hud}
+          sidebar={sidebarOpen}
+          saving={picture.busy}
+        />
         {live && entered && hud && usable && <Figures session={live} detailed={detailed} note={note} />}
         {live && usable && <MovePad input={live.input} />}
         {live && <MovementStatus deck={live.movement} />}
         {live && <StageMessage session={live} />}
         {live && <Freeze session={live} />}
+        {picture.problem && (
+          <p class="floating freeze" role="alert">
+            {picture.problem}
+          </p>
+        )}
         {live && !sidebarOpen && <WalkVerdict session={live} onOpen={actions.sidebar} />}
       </main>
       {live && usable && sidebarOpen && (

@@ -9,6 +9,7 @@ import type { ScenePose } from "../view/camera";
 import type { Figures } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
 import { Journey } from "./journey";
+import { type ScreenshotSize, screenshot } from "./screenshot";
 
 /**
  * Why there is no picture: the server is away or full, the scene cannot be shown, or the mode is not available; `invalid`: an
@@ -103,6 +104,11 @@ export class ViewerControl {
   /** A copy of the screen; null before the first picture. */
   picture(): Promise<ImageBitmap> | null {
     return this.#session.left.picture();
+  }
+
+  /** A PNG of the view at full quality, rendered by the server. Rejects with the reason in one sentence. */
+  screenshot(size: ScreenshotSize = {}): Promise<Blob> {
+    return screenshot(this.#session, size);
   }
 
   /** Subscribes; returns a function that unsubscribes. A scene or an error that is already known is reported at once. */

@@ -77,6 +77,8 @@ export class ViewerSession {
   readonly unturned = computed(() => this.left.unturned.value ?? this.right.value?.unturned.value ?? null);
   readonly input: StageInput;
   readonly stage: Stage;
+  /** Pixels of the screen along one of the viewport's. */
+  readonly pixelRatio = signal(devicePixelRatio);
   /** Of the controllers' random numbers. */
   readonly seed = signal(1);
   readonly #sceneId: string;
@@ -95,7 +97,6 @@ export class ViewerSession {
   #loading: Promise<SceneInfo> | undefined;
   /** Where it is loaded, in a cluster. */
   #host: string | null = null;
-  readonly #pixelRatio = signal(devicePixelRatio);
   #animation = 0;
   /** Bytes of sides that were closed. */
   #receivedBefore = 0;
@@ -170,7 +171,7 @@ export class ViewerSession {
       ladder,
       left: this.presence.left,
       seed: this.seed,
-      pixelRatio: this.#pixelRatio,
+      pixelRatio: this.pixelRatio,
       onShown: this.#shown.tell,
       onSent: this.#sent.tell,
       onReplied: this.#replied.tell,
@@ -219,7 +220,7 @@ export class ViewerSession {
     observer.observe(left);
     const screen = new AbortController();
     const followScreen = () => {
-      this.#pixelRatio.value = devicePixelRatio;
+      this.pixelRatio.value = devicePixelRatio;
       const query = matchMedia(`(resolution: ${devicePixelRatio}dppx)`);
       query.addEventListener("change", followScreen, { once: true, signal: screen.signal });
     };

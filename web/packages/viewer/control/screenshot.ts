@@ -1,0 +1,38 @@
+/** The present view as a file at full quality: rendered anew by the server, in any size. */
+import { losslessView } from "../quality/ground-truth";
+import type { ViewerSession } from "../session/session";
+import type { Intrinsics, Viewport } from "../view/intrinsics";
+
+/** In pixels; by default those of the screen. A side that is left out follows from the other. */
+export type ScreenshotSize = Partial<Viewport>;
+
+/** A PNG of the view. Rejects with the reason, in one sentence for the user. */
+export async function screenshot(
+  { rig, scene, state, pixelRatio }: Pick<ViewerSession, "rig" | "scene" | "state" | "pixelRatio">,
+  size: ScreenshotSize = {},
+  signal: AbortSignal = new AbortController().signal,
+): Promise<Blob> {
+  const id = scene.peek()?.id;
+  if (id === undefined) throw new Error("The scene is not loaded yet.");
+  const view = { ...rig.viewport.peek(), ...rig.intrinsics.peek() };
+  const lens = lensFor(view, sizeFor(view, size, pixelRatio.peek()));
+  return losslessView({ server: state.config.peek(), scene: id, lens }, rig.pose, signal);
+}
+
+function sizeFor(view: Viewport, { width, height }: ScreenshotSize, pixelRatio: number): Viewport {
+  const scale = width !== undefined ? width / view.width : height !== undefined ? height / view.height : pixelRatio;
+  return { width: width ?? Math.round(view.width * scale), height: height ?? Math.round(view.height * scale) };
+}
+
+/** Shows as much from top to bottom as the view; another shape shows more or less at the sides. */
+export function lensFor(view: Intrinsics & Viewport, { width, height }: Viewport): Intrinsics & Viewport {
+  const scale = height / view.height;
+  return {
+    width,
+    height,
+    fx: view.fx * scale,
+    fy: view.fy * scale,
+    cx: width / 2 + (view.cx - view.width / 2) * scale,
+    cy: view.cy * scale,
+  };
+}
