@@ -106,6 +106,16 @@ test("T and a button save a picture of the view, and say why there is none", asy
   expect((await screen.findByRole("alert")).textContent).toBe("The picture was not saved. The server is busy.");
 });
 
+test("without controls there is only the view", async () => {
+  settings.value = { ...settings.value, sidebar: true };
+  render(<Viewer sceneId="courtyard" asked={{}} bare />);
+  await userEvent.keyboard("h");
+  expect(stage()).toBeTruthy();
+  for (const role of ["toolbar", "dialog", "complementary", "region", "link"]) {
+    expect(screen.queryByRole(role)).toBeNull();
+  }
+});
+
 test("help names the keys as the keyboard in use does", async () => {
   const layout = new Map([
     ["KeyW", "z"],

@@ -4,6 +4,8 @@ import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { offerBridge } from "#lab/experiment/bridge";
 import { Runner } from "#lab/experiment/runner";
+import { ViewerControl } from "#viewer/control/viewer-control";
+import { answerParent } from "#viewer/embed/frame-messages";
 import { turning } from "#viewer/reproject/acceleration";
 import { ViewerSession } from "#viewer/session/session";
 import { MODES } from "#viewer/state/settings";
@@ -36,9 +38,11 @@ interface Props {
   readonly asked: Asked;
   /** Unknown values in the link. */
   readonly unknown?: readonly string[] | undefined;
+  /** Without any controls, as in a frame of another page. */
+  readonly bare?: boolean;
 }
 
-export function Viewer({ sceneId, asked, unknown }: Props) {
+export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
   const root = useRef<HTMLDivElement>(null);
   const stage = useRef<HTMLDivElement>(null);
   const left = useRef<HTMLDivElement>(null);
@@ -62,16 +66,20 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
     session.value = current;
     const movementRunner = new Runner(current);
     const withdraw = offerBridge(movementRunner);
-    const leaveAddress = keepAddress(current);
+    const leaveAddress = bare ? () => undefined : keepAddress(current);
+    const control = new ViewerControl(current);
+    const leaveParent = answerParent(control);
     stage.current.focus({ preventScroll: true });
     return () => {
       session.value = null;
       withdraw();
       leaveAddress();
+      leaveParent();
+      control.destroy();
       movementRunner.dispose();
       current.dispose();
     };
-  }, [sceneId, session]);
+  }, [sceneId, session, bare]);
 
   const live = session.value;
   useEffect(() => {
@@ -111,7 +119,7 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
   const stats = live?.source.value?.stats.value;
   const note = linkNote(asked, unknown);
   const phase = live?.phase.value.kind ?? "connecting";
-  const usable = phase !== "failed";
+  const usable = phase !== "failed" && !bare;
   useShortcuts(actions, !usable);
   useFocusReturn(root, stage);
 
@@ -141,15 +149,17 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
           <div class="pane" ref={left} />
           <div class="pane" ref={right} />
         </div>
-        <Toolbar
-          name={name}
-          usable={usable}
-          actions={actions}
-          mode={mode}
-          hud={hud}
-          sidebar={sidebarOpen}
-          saving={picture.busy}
-        />
+        {!bare && (
+          <Toolbar
+            name={name}
+            usable={usable}
+            actions={actions}
+            mode={mode}
+            hud={hud}
+            sidebar={sidebarOpen}
+            saving={picture.busy}
+          />
+        )}
         {live && entered && hud && usable && <Figures session={live} detailed={detailed} note={note} />}
         {live && usable && <MovePad input={live.input} />}
         {live && <MovementStatus deck={live.movement} />}
@@ -160,7 +170,7 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
             {picture.problem}
           </p>
         )}
-        {live && !sidebarOpen && <WalkVerdict session={live} onOpen={actions.sidebar} />}
+        {live && !bare && !sidebarOpen && <WalkVerdict session={live} onOpen={actions.sidebar} />}
       </main>
       {live && usable && sidebarOpen && (
         <Sidebar
