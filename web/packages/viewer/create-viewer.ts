@@ -1,20 +1,25 @@
 /** A viewer in an element of any page, without controls: `const viewer = createViewer(element, { scene: "garden" })`. */
 import { effect } from "@preact/signals";
 import { ViewerControl } from "./control/viewer-control";
+import type { ViewerSettings } from "./control/viewer-settings";
 import { openStage } from "./embed/stage";
 import { ViewerSession } from "./session/session";
-import { type Settings, validSettings } from "./state/settings";
+import { validSettings } from "./state/settings";
 import { ViewerState } from "./state/viewer-state";
 import type { ScenePose } from "./view/camera";
 
 export type { ViewerErrorCode, ViewerEvents } from "./control/viewer-control";
+export type { ViewerSettings } from "./control/viewer-settings";
+export type { Easing } from "./movement/camera-path";
+export type { TimedPose } from "./movement/playback";
+export type { ScenePose } from "./view/camera";
 
 export interface ViewerOptions {
   /** The scene's id. */
   readonly scene: string;
   /** URL of the server; by default the page's own. */
   readonly server?: string;
-  readonly settings?: Partial<Settings>;
+  readonly settings?: Partial<ViewerSettings>;
   /** Where the camera begins; by default the scene's start view. */
   readonly camera?: ScenePose;
   /** Text for assistive technology. */

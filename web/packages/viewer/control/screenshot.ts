@@ -3,13 +3,13 @@ import { losslessView } from "../quality/ground-truth";
 import type { ViewerSession } from "../session/session";
 import type { Intrinsics, Viewport } from "../view/intrinsics";
 
-/** In pixels; by default those of the screen. A side that is left out follows from the other. */
-export type ScreenshotSize = Partial<Viewport>;
-
-/** A PNG of the view. Rejects with the reason, in one sentence for the user. */
+/**
+ * A PNG of the view; `size` is in pixels, by default the screen's. A side that is left out follows from the other. Rejects with the
+ * reason, in one sentence for the user.
+ */
 export async function screenshot(
   { rig, scene, state, pixelRatio }: Pick<ViewerSession, "rig" | "scene" | "state" | "pixelRatio">,
-  size: ScreenshotSize = {},
+  size: Partial<Viewport> = {},
   signal: AbortSignal = new AbortController().signal,
 ): Promise<Blob> {
   const id = scene.peek()?.id;
@@ -19,7 +19,7 @@ export async function screenshot(
   return losslessView({ server: state.config.peek(), scene: id, lens }, rig.pose, signal);
 }
 
-function sizeFor(view: Viewport, { width, height }: ScreenshotSize, pixelRatio: number): Viewport {
+function sizeFor(view: Viewport, { width, height }: Partial<Viewport>, pixelRatio: number): Viewport {
   const scale = width !== undefined ? width / view.width : height !== undefined ? height / view.height : pixelRatio;
   return { width: width ?? Math.round(view.width * scale), height: height ?? Math.round(view.height * scale) };
 }

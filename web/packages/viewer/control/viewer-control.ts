@@ -4,12 +4,14 @@ import type { SceneInfo } from "#client/wire/render";
 import { type CameraPath, cameraPath, type Easing } from "../movement/camera-path";
 import type { TimedPose } from "../movement/playback";
 import type { ViewerSession } from "../session/session";
-import { type Settings, validSettings } from "../state/settings";
+import { validSettings } from "../state/settings";
 import type { ScenePose } from "../view/camera";
+import type { Viewport } from "../view/intrinsics";
 import type { Figures } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
 import { Journey } from "./journey";
-import { type ScreenshotSize, screenshot } from "./screenshot";
+import { screenshot } from "./screenshot";
+import type { ViewerSettings } from "./viewer-settings";
 
 /**
  * Why there is no picture: the server is away or full, the scene cannot be shown, or the mode is not available; `invalid`: an
@@ -37,6 +39,7 @@ export class ViewerControl {
   /** Where the camera begins once the scene is loaded. */
   #start: ScenePose | null = null;
 
+  /** @internal */
   constructor(session: ViewerSession) {
     this.#session = session;
     this.on("loaded", () => {
@@ -59,12 +62,12 @@ export class ViewerControl {
     rig.place(pose);
   }
 
-  get settings(): Settings {
+  get settings(): ViewerSettings {
     return this.#session.state.settings.peek();
   }
 
   /** Changes settings; the rest stays. Throws if one does not exist or make sense. */
-  set(settings: Partial<Settings>): void {
+  set(settings: Partial<ViewerSettings>): void {
     this.#session.state.settings.value = validSettings({ ...this.settings, ...settings });
   }
 
@@ -107,7 +110,7 @@ export class ViewerControl {
   }
 
   /** A PNG of the view at full quality, rendered by the server. Rejects with the reason in one sentence. */
-  screenshot(size: ScreenshotSize = {}): Promise<Blob> {
+  screenshot(size: Partial<Viewport> = {}): Promise<Blob> {
     return screenshot(this.#session, size);
   }
 
