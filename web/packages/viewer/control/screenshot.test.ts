@@ -59,6 +59,17 @@ test.each([
   expect(asked().fx).toBe(asked().fy);
 });
 
+test("waits while the server draws for moving viewers", async () => {
+  vi.useFakeTimers();
+  const busy = { type: "tigas:overloaded", title: "", status: 503, detail: "Other viewers wait." };
+  const answers = [Response.json(busy, { status: 503 }), png()];
+  server(() => answers.shift() ?? png());
+  const taken = screenshot(visit());
+  await vi.advanceTimersByTimeAsync(3000);
+  expect((await taken).type).toBe("image/png");
+  vi.useRealTimers();
+});
+
 test("says why there is none", async () => {
   const problem = { type: "tigas:invalid-request", title: "", status: 422, detail: "The picture is too large." };
   server(() => Response.json(problem, { status: 422 }));
