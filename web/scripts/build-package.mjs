@@ -47,7 +47,7 @@ function inlineWorkers() {
     name: "inline-workers",
     enforce: "pre",
     transform(code, id) {
-      if (!id.startsWith(VIEWER)) return undefined;
+      if (!id.startsWith(join(WEB, "packages"))) return undefined;
       const imports = [];
       const inlined = code.replaceAll(started, (_, path) => {
         const name = `InlineWorker${imports.length}`;
