@@ -11,6 +11,7 @@ import type { Figures } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
 import { Journey } from "./journey";
 import { screenshot } from "./screenshot";
+import { exportVideo, type VideoOptions } from "./video-export";
 import type { ViewerSettings } from "./viewer-settings";
 
 /**
@@ -112,6 +113,14 @@ export class ViewerControl {
   /** A PNG of the view at full quality, rendered by the server. Rejects with the reason in one sentence. */
   screenshot(size: Partial<Viewport> = {}): Promise<Blob> {
     return screenshot(this.#session, size);
+  }
+
+  /** A camera path as a video at full quality, which takes longer than the path. Rejects with the reason in one sentence. */
+  video(
+    keyframes: readonly TimedPose[],
+    { easing = "linear", ...options }: VideoOptions & { readonly easing?: Easing } = {},
+  ): Promise<Blob> {
+    return exportVideo(this.#session, cameraPath(keyframes, { easing }), options);
   }
 
   /** Subscribes; returns a function that unsubscribes. A scene or an error that is already known is reported at once. */
