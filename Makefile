@@ -173,7 +173,7 @@ TORCH = torch==$(shell sed -n '/^name = "torch"$$/{n;s/version = "\(.*\)"/\1/p}'
 
 # Only what builds the page: without types, source maps, debug builds and other module formats, which are most of it.
 UNUSED := typescript @typescript dashjs/dist/legacy dashjs/dist/modern/umd lucide/dist/cjs lucide/dist/umd \
-	playcanvas/build/playcanvas.*
+	playcanvas/build/playcanvas.* mediabunny/dist/bundles mediabunny/src
 web/node_modules/.build: web/package.json web/package-lock.json
 	@node -e 'const [major, minor] = process.versions.node.split("."); process.exit(major > 22 || (major == 22 && minor >= 12) || (major == 20 && minor >= 19) ? 0 : 1)' 2>/dev/null || { echo "The web client needs Node.js 20.19, or 22.12 or newer: https://nodejs.org"; exit 1; }
 	@echo "== web client: dependencies of the page"

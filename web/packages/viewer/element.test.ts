@@ -63,7 +63,7 @@ test("shows a scene of a server from the pose in the attribute, after its thumbn
   expect(new Set(told)).toEqual(new Set(["frame", "stats"]));
 });
 
-test("tells of the scene and of an error with its code", async () => {
+test("reports the scene, and an error with its code", async () => {
   vi.mocked(loadScene).mockRejectedValue(new ApiError("There is no scene attic.", false));
   document.body.innerHTML = "<tigas-viewer></tigas-viewer>";
   const element = document.querySelector("tigas-viewer") as TigasViewer;

@@ -43,7 +43,7 @@ const ACTIONS: Readonly<Record<string, (control: Control, message: Message) => P
   }),
 };
 
-/** Answers the parent's messages and tells it `{tigas: "loaded", scene}`; returns a function that stops. */
+/** Answers the parent's messages and sends it `{tigas: "loaded", scene}`; returns a function that stops. */
 export function answerParent(control: Control, frame: Window = window): () => void {
   const { parent } = frame;
   if (parent === frame) return () => undefined;

@@ -63,7 +63,7 @@ export function cameraPath(
   };
 }
 
-/** What a spline needs to know of its values: the way between two, as a vector, and how to go it. */
+/** Arithmetic of a spline's values: the way between two as a vector, and values along it. */
 interface Space<Value> {
   way(from: Value, to: Value): Vector3;
   moved(from: Value, way: Vector3): Value;
