@@ -3,6 +3,7 @@ import "./styles/tokens.css";
 import "./styles/base.css";
 import "./styles/dashboard.css";
 import "./styles/dialog.css";
+import "#viewer/embed/stage.css";
 import "./styles/viewer.css";
 import "./styles/fields.css";
 import "./styles/sidebar.css";

@@ -19,6 +19,7 @@ import { ModePanel } from "./mode-panel";
 import { MovementTrace } from "./movement-trace";
 import { NumberField } from "./number-field";
 import { ReprojectionPanel } from "./reprojection-panel";
+import { SaveVideo } from "./save-video";
 import { Choice, NumberSetting, Toggle } from "./setting";
 
 interface Props {
@@ -71,6 +72,7 @@ export function Sidebar({ session, onClose, onReset, onSkip }: Props) {
       <Movement session={session} onReset={onReset} />
       <Section title="Movement trace">
         <MovementTrace deck={session.movement} scene={session.scene.value} />
+        <SaveVideo session={session} />
       </Section>
       <Lens session={session} />
     </aside>

@@ -1,6 +1,6 @@
 /** Toolbar at the top of the stage: back button, scene name and switches. */
 
-import { Activity, ArrowLeft, CircleHelp, Columns2, FlaskConical, Maximize, SlidersHorizontal } from "lucide";
+import { Activity, ArrowLeft, Camera, CircleHelp, Columns2, FlaskConical, Maximize, SlidersHorizontal } from "lucide";
 import { titleOf } from "#viewer/sources/sides";
 import { DEFAULT_SETTINGS, type Mode } from "#viewer/state/settings";
 import { Icon } from "../icon";
@@ -15,9 +15,11 @@ interface Props {
   readonly mode: Mode;
   readonly hud: boolean;
   readonly sidebar: boolean;
+  /** A picture is being saved. */
+  readonly saving: boolean;
 }
 
-export function Toolbar({ name, usable, actions, mode, hud, sidebar }: Props) {
+export function Toolbar({ name, usable, actions, mode, hud, sidebar, saving }: Props) {
   return (
     <header class="toolbar">
       <div class="floating title">
@@ -38,6 +40,7 @@ export function Toolbar({ name, usable, actions, mode, hud, sidebar }: Props) {
           />
           <IconButton icon={Activity} label="Measurements" shortcut="I" pressed={hud} onClick={actions.hud} />
           <IconButton icon={FlaskConical} label="Experiment" shortcut="X" onClick={actions.experiment} />
+          <IconButton icon={Camera} label="Save a picture" shortcut="T" busy={saving} onClick={actions.screenshot} />
           {actions.fullscreen && (
             <IconButton icon={Maximize} label="Fullscreen" shortcut="F" onClick={actions.fullscreen} />
           )}

@@ -6,6 +6,7 @@ import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { FakeTransport } from "#client/transport/fake";
 import type { SessionStatus } from "#client/wire/dash";
 import { ComparisonHistory } from "#viewer/charts/history";
+import { screenshot } from "#viewer/control/screenshot";
 import { type Comparison, UNSCORED } from "#viewer/session/comparison";
 import { serverConfig } from "#viewer/state/fake-server";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
@@ -13,9 +14,12 @@ import { NO_STATS } from "#viewer/stateless/stats";
 import { config, settings } from "../../state/app";
 import { type FakeSession, fakeLocal, fakeSession, fakeSide, fakeStream } from "../../state/fake-session";
 import type { Asked } from "../../state/route";
+import { save } from "../save";
 import { Viewer } from "./viewer";
 
 vi.mock("../chart/live-plot", () => ({ plotLive: () => () => undefined }));
+vi.mock("#viewer/control/screenshot", () => ({ screenshot: vi.fn() }));
+vi.mock("../save", async (original) => ({ ...(await original<typeof import("../save")>()), save: vi.fn() }));
 vi.mock("../chart/distribution-plot", () => ({ plotDistribution: () => () => undefined }));
 const visits = vi.hoisted(() => ({ opened: [] as unknown[][], next: undefined as unknown }));
 vi.mock("#viewer/session/session", () => ({
@@ -89,6 +93,27 @@ test("keys open help, hide the measurements, open the settings and change the mo
     modes.push(settings.value.mode);
   }
   expect(modes).toEqual(["video", "dash", "webrtc", "local", "side-by-side"]);
+});
+
+test("T and a button save a picture of the view, and say why there is none", async () => {
+  const picture = new Blob(["png"]);
+  vi.mocked(screenshot).mockResolvedValueOnce(picture);
+  show();
+  await userEvent.keyboard("t");
+  await waitFor(() => expect(save).toHaveBeenCalledWith("Courtyard.png", picture));
+  vi.mocked(screenshot).mockRejectedValueOnce(new Error("The server is busy."));
+  await userEvent.click(screen.getByRole("button", { name: "Save a picture" }));
+  expect((await screen.findByRole("alert")).textContent).toBe("The picture was not saved. The server is busy.");
+});
+
+test("without controls there is only the view", async () => {
+  settings.value = { ...settings.value, sidebar: true };
+  render(<Viewer sceneId="courtyard" asked={{}} bare />);
+  await userEvent.keyboard("h");
+  expect(stage()).toBeTruthy();
+  for (const role of ["toolbar", "dialog", "complementary", "region", "link"]) {
+    expect(screen.queryByRole(role)).toBeNull();
+  }
 });
 
 test("help names the keys as the keyboard in use does", async () => {

@@ -4,6 +4,8 @@ import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { offerBridge } from "#lab/experiment/bridge";
 import { Runner } from "#lab/experiment/runner";
+import { ViewerControl } from "#viewer/control/viewer-control";
+import { answerParent } from "#viewer/embed/frame-messages";
 import { turning } from "#viewer/reproject/acceleration";
 import { ViewerSession } from "#viewer/session/session";
 import { MODES } from "#viewer/state/settings";
@@ -26,6 +28,7 @@ import { StageMessage } from "./stage-message";
 import { Toolbar } from "./toolbar";
 import { useFocusReturn } from "./use-focus-return";
 import { useFullscreen } from "./use-fullscreen";
+import { useScreenshot } from "./use-screenshot";
 import { useShortcuts } from "./use-shortcuts";
 import { WalkVerdict } from "./walk-verdict";
 
@@ -35,9 +38,11 @@ interface Props {
   readonly asked: Asked;
   /** Unknown values in the link. */
   readonly unknown?: readonly string[] | undefined;
+  /** Without any controls, as in a frame of another page. */
+  readonly bare?: boolean;
 }
 
-export function Viewer({ sceneId, asked, unknown }: Props) {
+export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
   const root = useRef<HTMLDivElement>(null);
   const stage = useRef<HTMLDivElement>(null);
   const left = useRef<HTMLDivElement>(null);
@@ -61,16 +66,20 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
     session.value = current;
     const movementRunner = new Runner(current);
     const withdraw = offerBridge(movementRunner);
-    const leaveAddress = keepAddress(current);
+    const leaveAddress = bare ? () => undefined : keepAddress(current);
+    const control = new ViewerControl(current);
+    const leaveParent = answerParent(control);
     stage.current.focus({ preventScroll: true });
     return () => {
       session.value = null;
       withdraw();
       leaveAddress();
+      leaveParent();
+      control.destroy();
       movementRunner.dispose();
       current.dispose();
     };
-  }, [sceneId, session]);
+  }, [sceneId, session, bare]);
 
   const live = session.value;
   useEffect(() => {
@@ -85,6 +94,7 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
     if (live && entered && pose) live.rig.place(pose);
   }, [asked, live, entered]);
 
+  const picture = useScreenshot(live);
   const { hud, sidebar, mode, drag } = settings.value;
   const sidebarOpen = fullscreen.on ? besideFullscreen.value : (sidebar ?? wide);
   const actions = {
@@ -103,12 +113,13 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
     },
     drag: () => changeSettings({ drag: drag === "look" ? "orbit" : "look" }),
     lock: () => void session.value?.input.lock(),
+    screenshot: picture.take,
     fullscreen: fullscreen.toggle,
   };
   const stats = live?.source.value?.stats.value;
   const note = linkNote(asked, unknown);
   const phase = live?.phase.value.kind ?? "connecting";
-  const usable = phase !== "failed";
+  const usable = phase !== "failed" && !bare;
   useShortcuts(actions, !usable);
   useFocusReturn(root, stage);
 
@@ -138,13 +149,28 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
           <div class="pane" ref={left} />
           <div class="pane" ref={right} />
         </div>
-        <Toolbar name={name} usable={usable} actions={actions} mode={mode} hud={hud} sidebar={sidebarOpen} />
+        {!bare && (
+          <Toolbar
+            name={name}
+            usable={usable}
+            actions={actions}
+            mode={mode}
+            hud={hud}
+            sidebar={sidebarOpen}
+            saving={picture.busy}
+          />
+        )}
         {live && entered && hud && usable && <Figures session={live} detailed={detailed} note={note} />}
         {live && usable && <MovePad input={live.input} />}
         {live && <MovementStatus deck={live.movement} />}
         {live && <StageMessage session={live} />}
         {live && <Freeze session={live} />}
-        {live && !sidebarOpen && <WalkVerdict session={live} onOpen={actions.sidebar} />}
+        {picture.problem && (
+          <p class="floating freeze" role="alert">
+            {picture.problem}
+          </p>
+        )}
+        {live && !bare && !sidebarOpen && <WalkVerdict session={live} onOpen={actions.sidebar} />}
       </main>
       {live && usable && sidebarOpen && (
         <Sidebar
