@@ -13,8 +13,8 @@ from tigas_common.pose import Intrinsics, Pose, Vector3
 from tigas_render.gaussians import Gaussians
 from tigas_render.scenes.demo import DEMO_SOURCE
 from tigas_render.scenes.directory import read_scene_file
-from tigas_render.scenes.source import DEFAULT_UP
-from tigas_render.scenes.start_camera import derive_camera
+from tigas_render.scenes.source import SceneMetadata
+from tigas_render.scenes.start_view.statistics import SceneStatistics
 
 View = dict[str, list[float]]
 """`position`, `look_at` and `up`, as in a file of cameras."""
@@ -28,9 +28,8 @@ def centred_lens(width: int, height: int) -> Intrinsics:
 
 def start_view(gaussians: Gaussians, *, builtin: bool) -> View:
     """Where a visitor of a scene would start; `builtin`: of the demo scene."""
-    camera = DEMO_SOURCE.metadata.camera if builtin else None
-    camera = camera or derive_camera(gaussians, DEFAULT_UP)
-    return {"position": list(camera.position), "look_at": list(camera.look_at), "up": list(DEFAULT_UP)}
+    view = SceneStatistics.of(gaussians).view(DEMO_SOURCE.metadata if builtin else SceneMetadata())
+    return {"position": list(view.camera.position), "look_at": list(view.camera.look_at), "up": list(view.up)}
 
 
 def look(view: View, turned: float = 0.0) -> Pose:

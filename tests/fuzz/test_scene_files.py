@@ -22,7 +22,8 @@ from tests.render.scenes.test_formats import splat_bytes
 from tigas_common.errors import BrokenScene
 from tigas_render.scenes.directory import read_scene_file, scan_directory
 from tigas_render.scenes.source import SceneMetadata
-from tigas_render.scenes.start_camera import derive_camera
+from tigas_render.scenes.start_view.statistics import SceneStatistics
+from tigas_render.scenes.start_view.view import derive_view
 from tigas_render.scenes.streamed_sog import LodMeta
 from tigas_render.server.preview import HEIGHT, WIDTH, preview_camera
 
@@ -117,8 +118,8 @@ def assert_file_loads_or_is_broken(path: Path) -> None:
         assert peak < MOST_MEMORY + 300 * path.stat().st_size
     assert len(gaussians) > 0
     assert all(np.isfinite(array).all() for array in gaussians.arrays)
-    camera = derive_camera(gaussians, (0.0, -1.0, 0.0))
-    preview_camera(camera, (0.0, -1.0, 0.0), WIDTH, HEIGHT)
+    view = derive_view(gaussians)
+    preview_camera(view.camera, view.up, WIDTH, HEIGHT)
 
 
 @effort(100)
@@ -151,7 +152,6 @@ def test_whatever_a_description_says_there_is_a_view_to_begin_with(description: 
     if source.error is not None:
         return
     gaussians, metadata = plys.gaussians(10), source.metadata
-    derived = derive_camera(gaussians, metadata.up)
-    for camera in (derived, metadata.camera or derived):
-        pose = preview_camera(camera, metadata.up, WIDTH, HEIGHT).pose
+    for view in (derive_view(gaussians, metadata.up), SceneStatistics.of(gaussians).view(metadata)):
+        pose = preview_camera(view.camera, view.up, WIDTH, HEIGHT).pose
         assert abs(sum(part * part for part in pose.quaternion) - 1) < 1e-6

@@ -65,14 +65,14 @@ class Info(_SceneCommand):
 
         from tigas_render.scenes.directory import read_scene_file
         from tigas_render.scenes.source import read_metadata
-        from tigas_render.scenes.start_camera import SceneStatistics
+        from tigas_render.scenes.start_view.statistics import SceneStatistics
 
         statistics = SceneStatistics()
         with in_a_sentence(TigasError, OSError), _bar(f"reading {self.scene}") as listener:
             metadata, file = read_metadata(self.scene), read_scene_file(self.scene)
             for _ in statistics.collect(file.open(listener)).parts:
                 pass
-        camera, sample = metadata.camera or statistics.camera(metadata.up), statistics.sample
+        view, sample = statistics.view(metadata), statistics.sample
         table = Table(show_header=False, box=None)
         if metadata.name is not None:
             table.add_row("name", metadata.name)
@@ -85,8 +85,8 @@ class Info(_SceneCommand):
             table.add_row(axis, f"{start:.3f} … {end:.3f}")
         table.add_row("median opacity", f"{np.median(sample.opacities):.3f}")
         table.add_row("median scale", f"{np.median(sample.scales):.4g}")
-        table.add_row("start camera", _point(camera.position) + " → " + _point(camera.look_at))
-        table.add_row("up", _point(metadata.up))
+        table.add_row("start camera", _point(view.camera.position) + " → " + _point(view.camera.look_at))
+        table.add_row("up", _point(view.up))
         table.add_row("background", _point(metadata.background))
         make_console().print(table)
 
@@ -122,7 +122,7 @@ class Preview(_SceneCommand):
         from tigas_render.raster.devices import create_rasterizer
         from tigas_render.scenes.directory import read_scene_file
         from tigas_render.scenes.source import read_metadata
-        from tigas_render.scenes.start_camera import SceneStatistics
+        from tigas_render.scenes.start_view.statistics import SceneStatistics
         from tigas_render.server.preview import preview_camera
 
         statistics = SceneStatistics()
@@ -131,8 +131,8 @@ class Preview(_SceneCommand):
             rasterizer = create_rasterizer("auto")
             with _bar(f"reading {self.scene}") as listener:
                 scene = rasterizer.pack(statistics.collect(file.open(listener)))
-            start = metadata.camera or statistics.camera(metadata.up)
-            camera = replace(preview_camera(start, metadata.up, *PREVIEW_SIZE), background=metadata.background)
+            view = statistics.view(metadata)
+            camera = replace(preview_camera(view.camera, view.up, *PREVIEW_SIZE), background=metadata.background)
             with rasterizer.render(scene, camera) as picture:
                 self.image.write_bytes(picture.encode("png" if self.image.suffix.lower() == ".png" else "jpeg", 90))
         print(self.image)

@@ -32,12 +32,12 @@ from tigas_render.local_files import write_to_cache
 from tigas_render.scenes.compressed_ply import write_compressed_ply
 from tigas_render.scenes.ply import ANTIALIASED
 from tigas_render.scenes.source import SceneSource
-from tigas_render.scenes.start_camera import derive_camera
+from tigas_render.scenes.start_view.statistics import SceneStatistics
 from tigas_render.single_flight import SingleFlight
 
 _log = logging.getLogger(__name__)
 
-VERSION = 1
+VERSION = 2
 """Counts up when the content of the file changes, so that files of before are not taken for it."""
 CARD = ".json"
 """Suffix of a metadata file."""
@@ -74,8 +74,7 @@ def make(source: SceneSource, path: Path) -> SceneDownload:
     Raises BrokenScene, and OSError if it cannot be written.
     """
     gaussians = source.load()
-    metadata = source.metadata
-    camera = metadata.camera or derive_camera(gaussians, metadata.up)
+    camera = SceneStatistics.of(gaussians).view(source.metadata).camera
     order = download_order(gaussians, camera.position)
     comments = [*(part.comment for part in order.parts), *([ANTIALIASED] if gaussians.antialiased else ())]
     write_compressed_ply(path, gaussians, order.indices, comments)

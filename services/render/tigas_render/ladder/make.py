@@ -22,7 +22,7 @@ from tigas_render.scenes.directory import read_source
 from tigas_render.scenes.registry import BUILTIN
 from tigas_render.scenes.scene_file import Listener
 from tigas_render.scenes.source import LADDER, LadderFile, SceneSource
-from tigas_render.scenes.start_camera import derive_camera
+from tigas_render.scenes.start_view.statistics import SceneStatistics
 
 RUNGS, VIEWS = 10, 18
 PAPER = tuple((rung.width, rung.height, rung.quality) for rung in DEFAULT_LADDER)
@@ -64,10 +64,10 @@ def make(
 ) -> Made:
     """Measure a scene and choose its rungs. Raises StartError and BrokenScene."""
     gaussians, metadata = source.load(), source.metadata
-    camera = metadata.camera or derive_camera(gaussians, metadata.up)
+    view = SceneStatistics.of(gaussians).view(metadata)
     prepared = rasterizer.prepare(gaussians)
     del gaussians
-    poses = walks(SceneAxes.of(camera, metadata.up), f"ladder of {source.id}")
+    poses = walks(SceneAxes.of(view.camera, view.up), f"ladder of {source.id}")
     settings = list(dict.fromkeys((*CANDIDATES, *PAPER)))
     points = measure(rasterizer, prepared, metadata.background, poses, settings, listener, views)
     found = dict(zip(settings, points, strict=True))

@@ -10,7 +10,8 @@ from urllib.parse import quote
 from tigas_common.errors import Overloaded, TigasError
 from tigas_common.wire.render import Rung, SceneInfo, StartCamera
 from tigas_render.raster.base import PreparedScene
-from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.source import DEFAULT_UP, SceneSource
+from tigas_render.scenes.start_view.view import StartView, given_view
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,8 +21,12 @@ class LoadedScene:
     source: SceneSource
     prepared: PreparedScene
     gaussians: int
-    camera: StartCamera
+    view: StartView
     """From the scene's metadata, or derived from its Gaussians."""
+
+    @property
+    def camera(self) -> StartCamera:
+        return self.view.camera
 
     @property
     def background(self) -> tuple[float, float, float]:
@@ -49,7 +54,8 @@ class Entry:
         """Bytes that it takes, or is going to take once it is loaded."""
         self.sha256: str | None = None
         """Of the file that was loaded last."""
-        self.camera: StartCamera | None = source.metadata.camera
+        self.view: StartView | None = given_view(source.metadata)
+        """The start view, if it is known without loading the scene, or was loaded once."""
         self.users = 0
         self.last_used = 0.0
         self.last_viewed = -math.inf
@@ -75,8 +81,8 @@ class Entry:
             antialiased=source.antialiased,
             memory_bytes=loaded.prepared.nbytes if loaded else 0,
             preview=f"/scenes/{quote(source.id)}/preview",
-            up=source.metadata.up,
-            camera=self.camera,
+            up=source.metadata.up or (self.view.up if self.view else DEFAULT_UP),
+            camera=self.view.camera if self.view else None,
             background=source.metadata.background,
             ladder=source.ladder,
             builtin=builtin,

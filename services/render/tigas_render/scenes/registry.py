@@ -20,7 +20,9 @@ from tigas_render.scenes.demo import DEMO_SOURCE
 from tigas_render.scenes.directory import scan_directory
 from tigas_render.scenes.entry import Entry, LoadedScene, LoadingEnded
 from tigas_render.scenes.source import SceneSource
-from tigas_render.scenes.start_camera import SceneStatistics
+from tigas_render.scenes.start_view.kept import KeptViews
+from tigas_render.scenes.start_view.statistics import SceneStatistics
+from tigas_render.scenes.start_view.view import StartView, given_view
 
 _log = logging.getLogger(__name__)
 
@@ -34,8 +36,9 @@ class SceneRegistry:
     """Loads scenes on first use and keeps them while there is memory and interest.
 
     `pack` packs a scene for the rasteriser while it is read, in a worker thread; without `own_ladders`, scenes are
-    offered without their own ladders; `memory_budget` (bytes) is the limit of all prepared scenes together; a scene
-    unused for `idle_s` seconds is evicted by the next `evict_idle`; `clock` returns seconds.
+    offered without their own ladders; `views` keeps derived start views; `memory_budget` (bytes) is the limit of all
+    prepared scenes together; a scene unused for `idle_s` seconds is evicted by the next `evict_idle`; `clock` returns
+    seconds.
     """
 
     def __init__(
@@ -45,6 +48,7 @@ class SceneRegistry:
         *,
         builtin: Mapping[str, SceneSource] = BUILTIN,
         own_ladders: bool = True,
+        views: KeptViews | None = None,
         memory_budget: int,
         idle_s: float,
         clock: Callable[[], float],
@@ -53,6 +57,7 @@ class SceneRegistry:
         self._pack = pack
         self._builtin = builtin
         self._own_ladders = own_ladders
+        self._views = views
         self.budget = memory_budget
         """Bytes that scenes may take together."""
         self._idle_s = idle_s
@@ -74,25 +79,34 @@ class SceneRegistry:
         async with self._scanning:
             if self._scans_done < asked:
                 started = self._scans_asked
-                self._apply(await asyncio.to_thread(scan_directory, self._directory) if self._directory else {})
+                self._apply(*await asyncio.to_thread(self._scan))
                 self._scans_done = started
 
-    def _apply(self, found: Mapping[str, SceneSource]) -> None:
+    def _scan(self) -> tuple[Mapping[str, SceneSource], Mapping[str, StartView]]:
+        """In a worker thread: the scenes of the directory, and their start views as far as they are known."""
+        found = scan_directory(self._directory) if self._directory else {}
+        views = {id: self._known_view(source) for id, source in found.items()}
+        return found, {id: view for id, view in views.items() if view is not None}
+
+    def _known_view(self, source: SceneSource) -> StartView | None:
+        return given_view(source.metadata) or (self._views.read(source) if self._views else None)
+
+    def _apply(self, found: Mapping[str, SceneSource], views: Mapping[str, StartView]) -> None:
         """Offer the scan's scenes and the built-in ones."""
         old = self._entries
         self._entries = {}
         for id, source in sorted(self._offered({**self._builtin, **found}).items()):
             entry = old.pop(id, None)
             if entry is not None and entry.source.version == source.version and not (entry.error or source.error):
-                entry.source, entry.camera = source, source.metadata.camera or entry.camera
+                entry.source, entry.view = source, views.get(id) or _turned(entry.view, source)
                 if entry.loaded is not None:
-                    camera = source.metadata.camera or entry.loaded.camera
-                    entry.loaded = replace(entry.loaded, source=source, camera=camera)
+                    entry.loaded = replace(entry.loaded, source=source, view=entry.view or entry.loaded.view)
                 self._entries[id] = entry
                 continue
             if entry is not None:
                 self._retire(entry)
-            self._entries[id] = Entry(source)
+            self._entries[id] = entry = Entry(source)
+            entry.view = views.get(id) or entry.view
         for entry in old.values():
             self._retire(entry)
 
@@ -220,7 +234,7 @@ class SceneRegistry:
         except Exception as error:
             return self._failed(entry, error)
         else:
-            entry.loaded, entry.camera, entry.last_used = loaded, loaded.camera, self._clock()
+            entry.loaded, entry.view, entry.last_used = loaded, loaded.view, self._clock()
             _log.info("Loaded %s: %d Gaussians, %.1f MB", source.id, loaded.gaussians, loaded.prepared.nbytes / 1e6)
             return None
         finally:
@@ -263,8 +277,12 @@ class SceneRegistry:
             prepared = self._pack(replace(scene, check=lambda: self._check_wanted(entry)))
         except OutOfDeviceMemory as error:
             raise error.with_traceback(None) from None  # it would keep the allocations alive
-        camera = source.metadata.camera or statistics.camera(source.metadata.up)
-        return LoadedScene(source, prepared, statistics.count, camera)
+        view = self._known_view(source)
+        if view is None:
+            view = statistics.view(source.metadata)
+            if self._views is not None:
+                self._views.write(source, view)
+        return LoadedScene(source, prepared, statistics.count, view)
 
     def _check_wanted(self, entry: Entry) -> None:
         """Raises LoadingEnded if loading an entry has become pointless. May be called in a worker thread."""
@@ -353,3 +371,9 @@ class SceneUse:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.leave()
+
+
+def _turned(view: StartView | None, source: SceneSource) -> StartView | None:
+    """A scene's former view, with the up axis of its metadata if that has one."""
+    up = source.metadata.up
+    return view if view is None or up is None else view.model_copy(update={"up": up})

@@ -36,15 +36,15 @@ class SceneMetadata(WireModel):
     """The content of a scene.json; every field may be left out."""
 
     name: str | None = Field(default=None, min_length=1, max_length=128)
-    up: Point = DEFAULT_UP
+    up: Point | None = None
     camera: StartCamera | None = None
     background: tuple[Unit, Unit, Unit] = (0.0, 0.0, 0.0)
     """RGB, 0 to 1."""
 
     @field_validator("up")
     @classmethod
-    def _check_up(cls, up: Point) -> Point:
-        if max(map(abs, up)) < SHORTEST_UP:
+    def _check_up(cls, up: Point | None) -> Point | None:
+        if up is not None and max(map(abs, up)) < SHORTEST_UP:
             raise ValueError("a vector of length zero points nowhere")
         return up
 

@@ -20,6 +20,7 @@ from tigas_common.wire.render import StartCamera
 from tigas_render.local_files import write_to_cache
 from tigas_render.raster.base import Camera
 from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.start_view.view import VERSION
 from tigas_render.single_flight import SingleFlight
 
 WIDTH, HEIGHT = 640, 360
@@ -67,7 +68,7 @@ class PreviewCache:
 
     def _path(self, source: SceneSource) -> Path:
         """The file's name depends on everything that the picture depends on."""
-        key = f"{source.id}|{source.version}|{source.metadata.model_dump_json()}|{WIDTH}x{HEIGHT}"
+        key = f"{VERSION}|{source.id}|{source.version}|{source.metadata.model_dump_json()}|{WIDTH}x{HEIGHT}"
         return self._directory / f"preview-{hashlib.sha256(key.encode()).hexdigest()[:32]}.jpg"
 
     async def _cached_or_rendered(self, scene_id: str, path: Path) -> Preview:

@@ -42,6 +42,7 @@ from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.raster.base import Rasterizer
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.start_view.kept import KeptViews
 from tigas_render.server.library import Library
 from tigas_render.server.preview import Preview, PreviewCache, preview_camera
 from tigas_render.settings import RenderSettings
@@ -88,6 +89,7 @@ class RenderService(FrameSource):
             settings.scenes,
             rasterizer.pack,
             own_ladders=settings.ladder == "scene",
+            views=KeptViews(settings.cache),
             memory_budget=int(settings.memory_gb * 1e9),
             idle_s=60 * settings.idle_minutes,
             clock=time.monotonic,
@@ -235,7 +237,7 @@ class RenderService(FrameSource):
         """From the start camera, through the engine like every other frame, so that it waits for its turn."""
         with self._noticing_loss():
             async with self.registry.use(scene_id) as scene:
-                camera = preview_camera(scene.camera, scene.source.metadata.up, width, height)
+                camera = preview_camera(scene.view.camera, scene.view.up, width, height)
                 request = RenderRequest.at(scene_id, camera.pose, camera.intrinsics)
                 return bytes((await self.engine.submit(PREVIEWS, request, time.monotonic())).body)
 

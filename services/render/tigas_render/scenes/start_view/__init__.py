@@ -1,0 +1,1 @@
+"""The first view of a scene: its up axis and a start camera, derived from its Gaussians."""

@@ -1,0 +1,74 @@
+"""The start view of an object: from outside, a little from above, on the side with most to see.
+
+All coordinates are right, down and forward.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tigas_render.scenes.start_view.surfels import Doubles
+
+SAMPLE = 10_000
+AZIMUTHS = 16
+TAN_Y, TAN_X = math.tan(math.radians(30)), math.tan(math.radians(40))
+"""Half the vertical field of view, 60°, and half a horizontal one available on any screen but a phone held upright."""
+ELEVATION, FLAT_ELEVATION = math.radians(12), math.radians(32)
+FLAT = 0.3
+"""Half height, in level reaches, below which an object is flat."""
+FITTING, FLAT_FITTING, MARGIN = 0.985, 0.95, 1.1
+"""Share of the Gaussians that fit into the picture, and the space around them."""
+FRONT_BIAS = 0.12
+"""Bonus for a view along +z: the front in capturing tools, and azimuth 0 of the protocol."""
+
+
+def view_from_outside(points: Doubles, radius: float) -> tuple[Doubles, Doubles]:
+    """Position and focus, [3] each, for Gaussians' centres [S, 3] and their usual radius."""
+    points = points[:: -(-len(points) // SAMPLE)]
+    low, high = np.quantile(points, (0.015, 0.985), axis=0)
+    centre, half = (low + high) / 2, (high - low) / 2
+    size = max(float(np.linalg.norm(half)), 3 * radius, 1e-3 * float(np.linalg.norm(centre)), 1e-6)
+    reach = float(half[[0, 2]].max())
+    flat = float(half[1]) < FLAT * reach
+    elevation, fitting = (FLAT_ELEVATION, FLAT_FITTING) if flat else (ELEVATION, FITTING)
+    turns = [2 * math.pi * k / AZIMUTHS for k in range(AZIMUTHS)]
+    backs = [_back(turn, elevation) for turn in turns]
+    distances = [max(MARGIN * _fitting(points - centre, back, fitting), size / 4 + reach) for back in backs]
+    best, best_score = 0, -1.0
+    for k, (turn, back) in enumerate(zip(turns, backs, strict=True)):
+        # all from the same distance, since more is seen from farther away
+        score = _seen(points, centre + max(distances) * back) * (1 + FRONT_BIAS * math.cos(turn))
+        if score > best_score + 1e-9:
+            best, best_score = k, score
+    return centre + distances[best] * backs[best], centre
+
+
+def _back(turn: float, elevation: float) -> Doubles:
+    """[3] direction from the object to a camera that looks at an azimuth and stands at an elevation, in radians."""
+    level = math.cos(elevation)
+    return np.array([-math.sin(turn) * level, -math.sin(elevation), -math.cos(turn) * level])
+
+
+def _fitting(points: Doubles, back: Doubles, share: float) -> float:
+    """Distance along `back` from which this share of the points [S, 3] about the origin is in the picture."""
+    right = np.array([-back[2], 0.0, back[0]])
+    right /= np.linalg.norm(right)
+    down = np.cross(right, back)
+    beside = np.maximum(np.abs(points @ right) / TAN_X, np.abs(points @ down) / TAN_Y)
+    return float(np.quantile(points @ back + beside, share))
+
+
+def _seen(points: Doubles, position: Doubles) -> float:
+    """Share of the points not hidden behind others, by a panorama of 96 × 48 directions with a depth buffer."""
+    columns, rows = 96, 48
+    to = points - position
+    distance = np.linalg.norm(to, axis=1).clip(min=1e-12)
+    column = ((np.arctan2(to[:, 0], to[:, 2]) / (2 * math.pi) + 0.5) * columns).astype(np.int64).clip(0, columns - 1)
+    row = ((np.arcsin((to[:, 1] / distance).clip(-1, 1)) / math.pi + 0.5) * rows).astype(np.int64).clip(0, rows - 1)
+    cell = row * columns + column
+    nearest = np.full(rows * columns, math.inf)
+    np.minimum.at(nearest, cell, distance)
+    # a cell is wider than most Gaussians, so those slightly behind its nearest one are next to it
+    return float(np.mean(distance <= 1.05 * nearest[cell]))

@@ -1,0 +1,82 @@
+"""The start view of a scene, for which its scene.json has none."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tigas_common.wire.model import Point, WireModel
+from tigas_common.wire.render import StartCamera
+from tigas_render.gaussians import Gaussians
+from tigas_render.scenes.source import DEFAULT_UP, SceneMetadata
+from tigas_render.scenes.start_view.grid import Grid
+from tigas_render.scenes.start_view.inside import best_view
+from tigas_render.scenes.start_view.outside import view_from_outside
+from tigas_render.scenes.start_view.places import find_places
+from tigas_render.scenes.start_view.surfels import Doubles, Surfels, surfels
+from tigas_render.scenes.start_view.up_axis import axis_of_object, likely_axes
+
+VERSION = 1
+"""Counts up when scenes get other start views, so that kept ones are not taken for them."""
+
+
+class StartView(WireModel):
+    """Start camera, and the axis that is up in it."""
+
+    up: Point
+    camera: StartCamera
+
+
+def given_view(metadata: SceneMetadata) -> StartView | None:
+    """The start view in a scene.json; None if the camera is left out. A camera without an up axis has y down."""
+    if metadata.camera is None:
+        return None
+    return StartView(up=metadata.up or DEFAULT_UP, camera=metadata.camera)
+
+
+def view_of(metadata: SceneMetadata, sample: Gaussians, share: float) -> StartView:
+    """The start view in a scene.json; without one, derived from a sample that is this share of the Gaussians."""
+    return given_view(metadata) or derive_view(sample, metadata.up, share)
+
+
+def derive_view(sample: Gaussians, up: Point | None = None, share: float = 1.0) -> StartView:
+    """The start view for a sample that is this share of a scene's Gaussians. The same sample gives the same view.
+
+    up: known up axis, of any length; None derives it as well. Captures that surround the viewer are seen from a place
+    inside at the height of the eyes, others from outside.
+    """
+    found = surfels(sample)
+    likely = [] if up is not None else likely_axes(found)
+    axis = likely[0].up if up is None else np.array(up, np.float64)
+    inside = _view_from_inside(found, axis, share)
+    if inside is None:
+        axis = axis_of_object(likely) if up is None else axis
+    frame = level_frame(axis)
+    position, focus = inside or _outside(found, frame)
+    return StartView(
+        up=up or _point(axis), camera=StartCamera(position=_point(position @ frame), look_at=_point(focus @ frame))
+    )
+
+
+def _view_from_inside(found: Surfels, up: Doubles, share: float) -> tuple[Doubles, Doubles] | None:
+    level = found.turned(level_frame(up))
+    grid = Grid(level, share)
+    places = find_places(grid, Grid(level, share, whole=True))
+    return None if places is None else best_view(grid, places, np.median(level.centres, axis=0))
+
+
+def _outside(found: Surfels, frame: Doubles) -> tuple[Doubles, Doubles]:
+    return view_from_outside(found.centres @ frame.T, float(np.median(found.extents[:, 2])))
+
+
+def level_frame(up: Doubles) -> Doubles:
+    """[3, 3] rows: right, down and forward, with forward as near to +z as a level direction can be."""
+    down = -up / np.linalg.norm(up)
+    ahead = np.array([0.0, 0.0, 1.0] if abs(down[2]) < 0.9 else [0.0, 1.0, 0.0])
+    forward = ahead - down * (ahead @ down)
+    forward /= np.linalg.norm(forward)
+    return np.stack((np.cross(down, forward), down, forward))
+
+
+def _point(vector: Doubles) -> Point:
+    x, y, z = (float(value) + 0.0 for value in vector)  # no -0
+    return (x, y, z)
