@@ -13,6 +13,7 @@ from tigas_render.raster.base import PreparedScene
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.scenes.scene_file import Listener
 from tigas_render.scenes.source import SceneMetadata, SceneSource
+from tigas_render.scenes.start_view.kept import KeptViews
 
 
 @dataclass
@@ -59,12 +60,15 @@ class Bench:
         size = count if estimate is None else estimate
         self.builtin[id] = SceneSource(id, SceneMetadata(), "1", open, sh_degree=0, memory_bytes=size)
 
-    def registry(self, directory: Path | None = None, *, own_ladders: bool = True) -> SceneRegistry:
+    def registry(
+        self, directory: Path | None = None, *, own_ladders: bool = True, views: KeptViews | None = None
+    ) -> SceneRegistry:
         return SceneRegistry(
             directory,
             lambda scene: Packed(len(scene.gathered())),
             builtin=self.builtin,
             own_ladders=own_ladders,
+            views=views,
             memory_budget=self.budget,
             idle_s=60,
             clock=lambda: self.now,

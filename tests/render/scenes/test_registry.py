@@ -21,6 +21,7 @@ from reference.ply import write_ply
 from tests.fuzz.fuzzers import assert_sentence
 from tests.render.scenes import plys
 from tests.render.scenes.registry_bench import Bench, Packed, states
+from tests.render.scenes.start_view.captures import statue, turned
 from tigas_common.errors import BrokenScene, OutOfDeviceMemory, Overloaded, SceneInUse, UnknownScene
 from tigas_common.wire.render import StartCamera
 from tigas_render.gaussians import Batches, Gaussians
@@ -30,6 +31,7 @@ from tigas_render.scenes.directory import scan_directory
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.scenes.scene_file import Listener
 from tigas_render.scenes.source import SceneMetadata, SceneSource
+from tigas_render.scenes.start_view.kept import KeptViews
 
 pytestmark = pytest.mark.anyio
 
@@ -376,6 +378,46 @@ async def test_a_rescan_follows_the_directory_and_keeps_what_is_loaded(tmp_path:
     async with registry.use("stays") as scene:
         assert scene.prepared is before
         assert scene.camera == StartCamera(position=(1, 2, 3), look_at=(0, 0, 0))
+
+
+async def test_a_derived_view_is_known_after_a_restart_without_loading(tmp_path: Path) -> None:
+    folder = make_scene(tmp_path / "models" / "lying")
+    scene, up = turned(statue(), (1, 0, 0), -90)
+    write_ply(folder / "scene.ply", scene)
+    files = sorted(folder.iterdir())
+    views = KeptViews(tmp_path / "cache")
+    registry = Bench(budget=10**8).registry(tmp_path / "models", views=views)
+    await registry.scan()
+    before = registry.info("lying")
+    assert (before.up, before.camera) == ((0, -1, 0), None)
+    await registry.load("lying")
+    info = registry.info("lying")
+    assert info.up == pytest.approx(up, abs=0.05)
+    assert info.camera is not None
+    registry.unload("lying")
+    restarted = Bench(budget=10**6).registry(tmp_path / "models", views=views)
+    await restarted.scan()
+    known = restarted.info("lying")
+    assert (known.state, known.up, known.camera) == ("unloaded", info.up, info.camera)
+    assert sorted(folder.iterdir()) == files, "the scene's folder is the user's"
+
+
+async def test_scene_json_takes_the_place_of_a_derived_view(tmp_path: Path) -> None:
+    folder = make_scene(tmp_path / "models" / "garden")
+    registry = Bench(budget=10**6).registry(tmp_path / "models", views=KeptViews(tmp_path / "cache"))
+    await registry.scan()
+    await registry.load("garden")
+    derived = registry.info("garden").camera
+    (folder / "scene.json").write_text('{"up": [0, 0, 1]}')
+    await registry.scan()
+    assert registry.info("garden").up == (0, 0, 1)
+    (folder / "scene.json").write_text('{"camera": {"position": [1, 2, 3], "look_at": [0, 0, 0]}}')
+    await registry.scan()
+    info = registry.info("garden")
+    assert (info.up, info.camera) == ((0, -1, 0), StartCamera(position=(1, 2, 3), look_at=(0, 0, 0)))
+    (folder / "scene.json").unlink()
+    await registry.scan()
+    assert registry.info("garden").camera == derived
 
 
 async def test_a_scene_has_the_digest_of_the_file_that_was_loaded(tmp_path: Path) -> None:
