@@ -231,7 +231,7 @@ class SceneDownload(WireModel):
 
 
 class SceneInfo(WireModel):
-    """Facts about a scene that need no loading; `camera` and `up` are known once it was loaded, or from its scene.json."""
+    """Facts about a scene, loaded or not; `camera` and `up` are known once it was loaded, or from its scene.json."""
 
     id: str
     name: str

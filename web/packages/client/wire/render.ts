@@ -76,7 +76,7 @@ export interface Problem {
   detail: string;
 }
 /**
- * Facts about a scene that need no loading; `camera` and `up` are known once it was loaded, or from its scene.json.
+ * Facts about a scene, loaded or not; `camera` and `up` are known once it was loaded, or from its scene.json.
  */
 export interface SceneInfo {
   id: string;
