@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import Final
 
 from tigas_common.errors import InvalidRequest
+from tigas_common.pose import Intrinsics
 from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE
 from tigas_common.wire.render import RenderRequest, Rung
 from tigas_render.raster.base import Camera
@@ -48,18 +49,26 @@ class FrameSize:
 
     def camera(self, request: RenderRequest, background: tuple[float, float, float]) -> Camera:
         """The request's view. Margins extend it without changing its centre."""
-        # scale from the frame to the viewport; one number, since both sides differ by rounding only
-        enlarged = math.sqrt(request.width * request.height / (self.inner_width * self.inner_height))
-        return Camera(
-            request.pose,
-            request.intrinsics.resized(self.inner_width, self.inner_height).widened(self.margin_x, self.margin_y),
-            background,
-            max(1.0, request.display_scale * enlarged),
-            (self.margin_x, self.margin_y),
-        )
+        lens = request.fx, request.fy, request.cx, request.cy, request.width, request.height
+        intrinsics, enlarged = _lens(self, *lens)
+        scale = max(1.0, request.display_scale * enlarged)
+        return Camera(request.pose, intrinsics, background, scale, (self.margin_x, self.margin_y))
 
 
-@lru_cache(maxsize=1024)  # a viewer asks for one size, or a few, thousands of times
+@lru_cache(maxsize=1024)  # a viewer asks with one lens, or a few, thousands of times
+def _lens(
+    size: FrameSize, fx: float, fy: float, cx: float, cy: float, width: int, height: int
+) -> tuple[Intrinsics, float]:
+    """A frame's intrinsics, and the scale from it to the viewport: one number, as both sides differ by rounding only.
+
+    The other arguments are the viewport's intrinsics.
+    """
+    of_viewport = Intrinsics(fx, fy, cx, cy, width, height)
+    intrinsics = of_viewport.resized(size.inner_width, size.inner_height).widened(size.margin_x, size.margin_y)
+    return intrinsics, math.sqrt(width * height / (size.inner_width * size.inner_height))
+
+
+@lru_cache(maxsize=1024)  # as well
 def _sized(width: int, height: int, rung: Rung | None, overscan: float, is_video: bool) -> FrameSize:
     if rung is not None:
         width, height = rung.size_for(width, height)
