@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Final
 
@@ -28,24 +28,20 @@ class FrameSize:
     """Columns at the left, and as many at the right."""
     margin_y: int
     """Rows at the top, and as many at the bottom."""
+    width: int = field(init=False, compare=False)
+    height: int = field(init=False, compare=False)
+    pixels: int = field(init=False, compare=False)
+
+    def __post_init__(self) -> None:
+        width, height = self.inner_width + 2 * self.margin_x, self.inner_height + 2 * self.margin_y
+        for name, value in (("width", width), ("height", height), ("pixels", width * height)):
+            object.__setattr__(self, name, value)
 
     @classmethod
     def of(cls, request: RenderRequest, ladder: tuple[Rung, ...]) -> FrameSize:
         """The frame's size for a request with a valid profile. Raises InvalidRequest if it is too large."""
         rung = None if request.profile is None else ladder[request.profile]
         return _sized(request.width, request.height, rung, request.overscan, request.video is not None)
-
-    @property
-    def width(self) -> int:
-        return self.inner_width + 2 * self.margin_x
-
-    @property
-    def height(self) -> int:
-        return self.inner_height + 2 * self.margin_y
-
-    @property
-    def pixels(self) -> int:
-        return self.width * self.height
 
     def camera(self, request: RenderRequest, background: tuple[float, float, float]) -> Camera:
         """The request's view. Margins extend it without changing its centre."""

@@ -29,7 +29,7 @@ def test_parameters_are_laid_out_as_the_kernels_read_them() -> None:
             for name in field.rstrip(";").split(" ", 1)[1].split(","):
                 size = re.search(r"\[(\d+)\]", name)
                 words += int(size[1]) if size else 1
-    assert SIZE == -(-(8 * pointers + 4 * words) // 8) * 8
+    assert -(-(8 * pointers + 4 * words) // 8) * 8 == SIZE
 
 
 def floats(scene: CudaScene, view: Camera) -> tuple[float, ...]:

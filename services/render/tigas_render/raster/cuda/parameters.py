@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final, Literal
 
-from tigas_common.wire.render import FrameFormat
 from tigas_common.pose import Intrinsics
+from tigas_common.wire.render import FrameFormat
 from tigas_render.raster.base import Camera, derivative_limits, footprint
 from tigas_render.raster.cuda.scene import CHUNK, CODES, POINTERS, CudaScene
 
