@@ -220,6 +220,7 @@ def fake_gpu() -> Iterator[FakeGpu]:
             current_stream=lambda device: gpu,
             empty_cache=gpu.empty_cache,
             get_device_capability=lambda device: (9, 0),
+            get_device_properties=lambda device: SimpleNamespace(total_memory=12 << 30),
             set_device=lambda device: None,
             synchronize=lambda device: gpu.synchronize(),
         ),

@@ -17,6 +17,8 @@ from cuda.pathfinder import load_nvidia_dynamic_lib
 from tigas_render.raster.calls import Call, CallError
 
 DRIVER = "libcuda.so.1"
+BLOCKING_SYNC = 4
+"""CU_CTX_SCHED_BLOCKING_SYNC."""
 CSS_420, CSS_GRAY = 2, 6
 """nvjpegChromaSubsampling_t: one chroma sample for four pixels, and none."""
 ALLOCATOR_FAILURE = 5
@@ -29,6 +31,17 @@ class DriverError(CallError):
     def __init__(self, function: str, status: int) -> None:
         super().__init__(function, status)
         self.args = (f"{function} failed: {driver.CUresult(status).name}",)
+
+
+def wait_asleep(index: int) -> None:
+    """Let threads sleep while they wait for a device, before anything else uses it.
+
+    By default they spin, and take processors from the threads that serve viewers. A context that exists already may
+    keep its way.
+    """
+    library = ctypes.CDLL(DRIVER)
+    library.cuInit(0)
+    library.cuDevicePrimaryCtxSetFlags_v2(index, BLOCKING_SYNC)
 
 
 def driver_call(name: str, *arguments: int) -> Call:

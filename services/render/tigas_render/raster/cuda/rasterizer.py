@@ -19,7 +19,7 @@ from tigas_render.gaussians import Batches
 from tigas_render.raster.base import Camera, PreparedScene, one_gaussian
 from tigas_render.raster.calls import FrameCalls
 from tigas_render.raster.cuda.compiler import load_kernels, make_stages
-from tigas_render.raster.cuda.nvidia import ALLOCATOR_FAILURE, NvJpeg, NvJpegError
+from tigas_render.raster.cuda.nvidia import ALLOCATOR_FAILURE, NvJpeg, NvJpegError, wait_asleep
 from tigas_render.raster.cuda.scene import CudaScene, pack
 from tigas_render.raster.cuda.workspace import Workspace
 from tigas_render.raster.lanes import FetchedImage, Job, LaneRasterizer
@@ -30,10 +30,17 @@ STAGES = ("project", "large", "bin", "blend")
 KERNELS = ("begin", "place", "code_depth", *(f"{stage}_{side}" for side in SIDES for stage in STAGES))
 
 
-class CudaRasterizer(LaneRasterizer):
-    """Renders on one NVIDIA GPU (Ampere or newer). Make jobs on one thread at a time; run them on any."""
+LEAST_LANES, MOST_LANES = 6, 16
+LANE_BYTES = 2 << 30
+"""Memory of the device for each lane, whose buffers grow with scenes and pictures."""
 
-    frames_in_flight = 6
+
+class CudaRasterizer(LaneRasterizer):
+    """Renders on one NVIDIA GPU (Ampere or newer). Make jobs on one thread at a time; run them on any.
+
+    Six frames in flight keep the device busy. The lanes beyond them hide that a finished lane waits for a busy event
+    loop (docs/results/2026-11-engine-cost.md).
+    """
 
     def __init__(self, index: int, cache: Path) -> None:
         """index: the device's number; cache: a directory for compiled kernels.
@@ -49,7 +56,7 @@ class CudaRasterizer(LaneRasterizer):
         self.explained = Explained(self)
         try:
             self._open(index, cache)
-        except (RuntimeError, CUDAError) as error:  # a full GPU, a driver that is too old, a library that is missing
+        except (OSError, RuntimeError, CUDAError) as error:  # a full GPU, a driver that is too old or missing
             raise ValueError(f"{self.device} cannot be used: {_first_line(error)}.") from error
 
     def _open(self, index: int, cache: Path) -> None:
@@ -57,7 +64,10 @@ class CudaRasterizer(LaneRasterizer):
         if capability < (8, 0):
             name = torch.cuda.get_device_name(self._device)
             raise ValueError(f"{name} is too old: the CUDA rasteriser needs an Ampere GPU or newer.")
+        wait_asleep(index)
         self.enter_thread()
+        memory = torch.cuda.get_device_properties(self._device).total_memory
+        self.frames_in_flight = max(LEAST_LANES, min(MOST_LANES, memory // LANE_BYTES))
         program = load_kernels(f"sm_{capability[0]}{capability[1]}", cache)
         kernels = {name: program.get_kernel(name) for name in KERNELS}
         self.stages = {side: make_stages(Device(index), kernels, side) for side in SIDES}
