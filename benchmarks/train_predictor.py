@@ -1,6 +1,6 @@
 """Trains the page's linear predictor of poses on recorded movements, and writes its coefficients.
 
-    python -m benchmarks.train_predictor MOVEMENT.csv … [--out web/src/predict/coefficients.json]
+    python -m benchmarks.train_predictor MOVEMENT.csv … [--out web/packages/viewer/predict/coefficients.json]
 
 Movements are in metres, as written by `tigas movement import --anchor start --settings …`; docs/adaptation.md lists the
 recordings behind the shipped coefficients, and their accuracy on others. At each recorded pose the change ahead is a
@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 from tigas_experiments.movement.table import Floats, MovementError
 from tigas_experiments.movement.trace import GAP_MS, MovementTrace
 
-OUT = Path("web/src/predict/coefficients.json")
+OUT = Path("web/packages/viewer/predict/coefficients.json")
 STEP_MS = 20.0
 STEPS = 8
 """Of the last changes; in 160 ms is all that helped in any experiment."""

@@ -7,6 +7,7 @@ const SERVER = "http://localhost:8080";
 export default defineConfig({
   base: "./",
   plugins: [compress()],
+  resolve: { tsconfigPaths: true },
   build: {
     outDir: "../services/render/tigas_render/static",
     emptyOutDir: true,
@@ -21,7 +22,7 @@ export default defineConfig({
   },
   test: {
     environment: "node",
-    include: ["src/**/*.test.{ts,tsx}"],
+    include: ["{app,packages,tools}/**/*.test.{ts,tsx}", "*.test.ts"],
     pool: "threads", // they start sooner than processes; each file has modules of its own all the same
     testTimeout: 30_000, // ms: simulations take seconds on a busy machine
   },

@@ -38,6 +38,9 @@ NO_ADAPTER = "No available adapters"
 TURN = "try { sessionStorage.setItem('tigas.turning', 'forced') } catch {}"
 """Browsers under test render in software, where the page warps pictures only on demand."""
 
+LOOPBACK = ["local-network-access"]
+"""Chromium's permission prompt before a public site, or a page that the test answers itself, may use local services."""
+
 OpenPage = Callable[..., Page]
 
 

@@ -1,10 +1,9 @@
 // Runs controllers over network traces in the simulator (docs/adaptation.md) and prints a table; --json and --plot write files.
 import { readFileSync, writeFileSync } from "node:fs";
 import { basename, resolve } from "node:path";
-import { fileURLToPath } from "node:url";
 import { parseArgs } from "node:util";
-import { runnerImport } from "vite";
 import { number } from "./arguments.mjs";
+import { load, run } from "./page-module.mjs";
 
 const USAGE = `npm run abr-sim -- [options] TRACE.csv...
   --controller NAME   latency, latency-transfer, budget, lol+, l2a, fixed:RUNG, latency@MS and latency-transfer@MS
@@ -23,14 +22,6 @@ const USAGE = `npm run abr-sim -- [options] TRACE.csv...
   --each              a row for each trace, besides the mean over all
   --json FILE, --plot FILE.svg
 `;
-
-async function load(path) {
-  return (await runnerImport(path, { configFile: false, logLevel: "error" })).module;
-}
-
-function source(name) {
-  return fileURLToPath(new URL(`../src/${name}.ts`, import.meta.url));
-}
 
 async function main() {
   const { values, positionals } = parseArgs({
@@ -68,15 +59,15 @@ async function main() {
     { WAYS },
   ] = await Promise.all(
     [
-      "simulator/simulate",
-      "simulator/trace",
-      "simulator/controllers",
-      "simulator/report",
-      "abr/ladder",
-      "simulator/endpoints",
-      "wire/figures",
-      "abr/controller",
-    ].map((name) => load(source(name))),
+      "tools/simulator/simulate",
+      "tools/simulator/trace",
+      "tools/simulator/controllers",
+      "tools/simulator/report",
+      "packages/client/abr/ladder",
+      "tools/simulator/endpoints",
+      "packages/client/wire/figures",
+      "packages/client/abr/controller",
+    ].map(load),
   );
   const seed = number("--seed", values.seed);
   const ladder = values.ladder === undefined ? PAPER_LADDER : JSON.parse(readFileSync(values.ladder, "utf8")).rungs;
@@ -90,7 +81,7 @@ async function main() {
   const factories = await Promise.all(
     values.controller.map(async (name) =>
       name.endsWith(".ts")
-        ? [basename(name, ".ts"), (await load(resolve(name))).default]
+        ? [basename(name, ".ts"), (await run(resolve(name))).default]
         : [name, controllerFactory(name)],
     ),
   );

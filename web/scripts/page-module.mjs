@@ -2,8 +2,13 @@
 import { fileURLToPath } from "node:url";
 import { runnerImport } from "vite";
 
-/** A module of `src`, by its path without an ending. */
-export async function load(name) {
-  const path = fileURLToPath(new URL(`../src/${name}.ts`, import.meta.url));
-  return (await runnerImport(path, { configFile: false, logLevel: "error" })).module;
+/** A TypeScript module, by its path in `web` without an ending. */
+export function load(name) {
+  return run(fileURLToPath(new URL(`../${name}.ts`, import.meta.url)));
+}
+
+/** A TypeScript module, by its absolute path. */
+export async function run(path) {
+  const config = { configFile: false, logLevel: "error", resolve: { tsconfigPaths: true } };
+  return (await runnerImport(path, config)).module;
 }

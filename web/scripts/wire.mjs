@@ -5,7 +5,7 @@ import { existsSync, readFileSync, writeFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
 import { compile } from "json-schema-to-typescript";
 
-/** `src/wire/NAME.ts` is generated from `wire/NAME.py` of a package, whose `wire.schema` prints schemas and constants. */
+/** `packages/client/wire/NAME.ts` is generated from `wire/NAME.py` of a package, whose `wire.schema` prints schemas and constants. */
 const NAMES = { render: "common", dash: "common", shaper: "common", store: "experiments" };
 
 const venv = fileURLToPath(new URL("../../.venv/bin/python", import.meta.url));
@@ -16,11 +16,11 @@ for (const [name, owner] of Object.entries(NAMES)) {
     additionalProperties: false,
     bannerComment: banner(name, owner),
   });
-  keep(`web/src/wire/${name}.ts`, generated.replace(/export interface Messages {.*?\n}\n/s, ""));
+  keep(`web/packages/client/wire/${name}.ts`, generated.replace(/export interface Messages {.*?\n}\n/s, ""));
 }
 for (const [name, constants] of Object.entries(JSON.parse(print("constants", "experiments")))) {
   const lines = Object.entries(constants).map(([constant, value]) => `export const ${constant} = ${literal(value)};\n`);
-  keep(`web/src/wire/${name}.ts`, `${banner(name, "experiments")}\n\n${lines.join("")}`);
+  keep(`web/packages/client/wire/${name}.ts`, `${banner(name, "experiments")}\n\n${lines.join("")}`);
 }
 const tables = JSON.parse(print("tables", "common"));
 const protocol = "docs/protocol.md";

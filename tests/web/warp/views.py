@@ -19,7 +19,7 @@ Pixels = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class View:
-    """As `View` in web/src/reproject/view.ts; turns are in degrees: to the right, up, and clockwise."""
+    """As `View` in web/packages/viewer/reproject/view.ts; turns are in degrees: to the right, up, and clockwise."""
 
     position: tuple[float, float, float] = (0, 0, 0)
     turn: tuple[float, float, float] = (0, 0, 0)

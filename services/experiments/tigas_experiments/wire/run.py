@@ -38,7 +38,7 @@ MODE_NAMES: dict[Mode, str] = {
 MODES: tuple[Mode, ...] = tuple(mode for mode in MODE_NAMES if mode != "local-ply")
 """The modes that new runs can have."""
 SOURCES = ("stateless", "video", "dash", "webrtc", "local")
-"""How the page can show a scene; one file each in web/src/sources."""
+"""How the page can show a scene; one file each in web/app/sources."""
 SIDE_MODES = (*PER_VIEW, *DASH, "dash-custom", "webrtc", "local")
 """Choices for a side of the page's comparison: a source, with the preset of a stream."""
 USUAL_SIDES = ("stateless", "dash-tuned")

@@ -158,7 +158,7 @@ class _Lane:
             raise self.calls.error(int(self._state[FAILED]), status)
 
     def end(self) -> None:
-        """Exit after the present job, whose end is still reported."""
+        """Exit after the present job and its report."""
         self._state[IS_LAST] = 1
         os.eventfd_write(self.order, 1)
 

@@ -1,0 +1,46 @@
+/** The page: the list of scenes, the list of experiments, or the viewer, as the URL says. */
+import { unsaved } from "#viewer/movement/movement-deck";
+import { outdated, route } from "./state/app";
+import type { Route } from "./state/route";
+import { Dashboard } from "./ui/dashboard/dashboard";
+import { ExperimentList } from "./ui/experiment/experiment-list";
+import { RunPage } from "./ui/experiment/run-page";
+import { SamplesPage } from "./ui/experiment/samples-page";
+import { useLeavingWarning } from "./ui/use-leaving-warning";
+import { Viewer } from "./ui/viewer/viewer";
+import { isUploading } from "./uploads/uploads";
+
+export function App() {
+  const current = route.value;
+  useLeavingWarning(unsaved.value.size > 0 || isUploading.value);
+  return (
+    <>
+      {outdated.value && (
+        <p class="notice outdated" role="alert">
+          TIGAS was updated on the server.{" "}
+          <button type="button" onClick={() => location.reload()}>
+            Reload
+          </button>
+        </p>
+      )}
+      <Page current={current} />
+    </>
+  );
+}
+
+function Page({ current }: { readonly current: Route }) {
+  if (current.page === "experiments") return <ExperimentList />;
+  if (current.page === "run") return <RunPage key={current.experiment} id={current.experiment} />;
+  if (current.page === "samples") return <SamplesPage key={current.experiment} id={current.experiment} />;
+  return current.page === "viewer" ? (
+    <Viewer
+      key={current.scene}
+      sceneId={current.scene}
+      asked={current.asked}
+      unknown={current.unknown}
+      bare={current.bare ?? false}
+    />
+  ) : (
+    <Dashboard />
+  );
+}

@@ -1,0 +1,67 @@
+/**
+ * The page's address as a link to the present view, so that reloading, bookmarking or copying it preserves the view.
+ */
+import { effect, untracked } from "@preact/signals";
+import type { ViewerSession } from "#viewer/session/session";
+import { viewHash } from "./link";
+import { parseRoute } from "./route";
+
+type Visit = Pick<ViewerSession, "scene" | "rig" | "state">;
+
+/** The camera rests once it has not moved for this long, in milliseconds. Browsers refuse pages that change their address all the time. */
+const RESTS_AFTER = 500;
+
+/** Sets the address to a link to the present view. */
+export function showAddress(visit: Visit): void {
+  const hash = linkTo(visit);
+  if (hash !== null) history.replaceState(history.state, "", hash);
+}
+
+/**
+ * Updates the address whenever the user's camera and settings come to rest; returns a function that stops it. The
+ * address is kept while a script, an experiment or a movement controls the view, and until the view has changed.
+ */
+export function keepAddress(visit: Visit): () => void {
+  const { rig, scene, state } = visit;
+  const { settings, settingsOverridden } = state;
+  let kept: string | null = null;
+  let timer: ReturnType<typeof setTimeout> | undefined;
+  let pose = rig.pose.seq;
+  const rested = () => {
+    const hash = linkTo(visit);
+    if (hash === kept || settingsOverridden.peek() || rig.source.peek() !== null) return;
+    kept = hash;
+    showAddress(visit);
+  };
+  const changed = () => {
+    clearTimeout(timer);
+    timer = setTimeout(rested, RESTS_AFTER);
+  };
+  const stops = [
+    rig.onSample(({ seq }) => {
+      if (seq !== pose) changed();
+      pose = seq;
+    }),
+    effect(() => {
+      if (scene.value !== null) kept = untracked(() => linkTo(visit));
+    }),
+    effect(() => {
+      settings.value;
+      settingsOverridden.value;
+      rig.source.value;
+      changed();
+    }),
+  ];
+  return () => {
+    clearTimeout(timer);
+    for (const stop of stops) stop();
+  };
+}
+
+/** Null while the scene is not loaded, or if the address already points elsewhere. */
+function linkTo({ scene, rig, state }: Visit): string | null {
+  const info = scene.peek();
+  const at = parseRoute(location.hash);
+  if (at.page !== "viewer" || at.scene !== info?.id) return null;
+  return viewHash(at.scene, rig.pose, state.settings.peek());
+}

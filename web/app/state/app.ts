@@ -1,0 +1,73 @@
+/** State of the whole page: its route, the server's scenes, and the state of its viewer. */
+import { effect, signal } from "@preact/signals";
+import { ApiError } from "#client/http/problem";
+import type { SceneInfo } from "#client/wire/render";
+import { fetchConfig, fetchScenes, loadScene, unloadScene } from "#viewer/state/api";
+import { loadSettings, saveSettings } from "#viewer/state/settings";
+import { ViewerState } from "#viewer/state/viewer-state";
+import { parseRoute, type Route } from "./route";
+
+/** Of the viewer that fills the page. */
+export const page = new ViewerState();
+export const { settings, settingsOverridden, config, sceneLadder, ladder, change: changeSettings } = page;
+
+export const route = signal<Route>({ page: "scenes" });
+/** Null until the server has answered. */
+export const scenes = signal<readonly SceneInfo[] | null>(null);
+/** Why the list of scenes is missing or old, or null. */
+export const scenesError = signal<string | null>(null);
+
+/** A part of this page no longer exists on the server, which has been updated. */
+export const outdated = signal(false);
+
+/** Connects the state with the browser; called once. */
+export function start(): void {
+  settings.value = loadSettings(() => localStorage);
+  effect(() => {
+    if (!settingsOverridden.value) saveSettings(() => localStorage, settings.value);
+  });
+  effect(() => {
+    document.documentElement.dataset.theme = settings.value.theme;
+  });
+  const follow = () => {
+    route.value = parseRoute(location.hash);
+  };
+  follow();
+  addEventListener("hashchange", follow);
+  addEventListener("vite:preloadError", () => {
+    outdated.value = true;
+  });
+}
+
+/** Asks the server for its configuration and scenes; `scan` has it look at its directory again. */
+export async function refreshScenes({ scan = false } = {}): Promise<void> {
+  try {
+    const [newConfig, newScenes] = await Promise.all([fetchConfig(), fetchScenes({ scan })]);
+    config.value = newConfig;
+    scenes.value = newScenes;
+    scenesError.value = null;
+  } catch (error) {
+    scenesError.value = sentence(error);
+  }
+}
+
+export async function setSceneLoaded(scene: SceneInfo, loaded: boolean): Promise<void> {
+  if (loaded) replaceScene({ ...scene, state: "loading" });
+  try {
+    replaceScene(await (loaded ? loadScene(scene.id) : unloadScene(scene.id)));
+    scenesError.value = null;
+  } catch (error) {
+    replaceScene(scene);
+    await refreshScenes();
+    scenesError.value = sentence(error);
+  }
+}
+
+/** Updates a scene in the list. */
+export function replaceScene(scene: SceneInfo): void {
+  scenes.value = scenes.value?.map((other) => (other.id === scene.id ? scene : other)) ?? null;
+}
+
+function sentence(error: unknown): string {
+  return error instanceof ApiError ? error.message : "Something went wrong in this page; reloading it may help.";
+}

@@ -1,0 +1,30 @@
+/** Links to a view: the camera pose, and the settings that affect the view. Pure. */
+
+import { COMPARED, DEFAULT_SETTINGS, LINKED, type LinkedName, type Settings, settingOf } from "#viewer/state/settings";
+import type { ScenePose } from "#viewer/view/camera";
+import { poseOf, poseText } from "#viewer/view/pose-text";
+import { type Asked, sceneHash } from "./route";
+
+/** The hash of a link to a view: settings that are not the usual ones, and the mode in any case. */
+export function viewHash(scene: string, pose: ScenePose, settings: Settings): string {
+  const named = LINKED.filter((name) => name === "mode" || settings[name] !== DEFAULT_SETTINGS[name]);
+  const chosen = named.map((name) => `&${name}=${encodeURIComponent(inText(settings[name]))}`);
+  return `${sceneHash(scene)}?at=${poseText(pose)}${chosen.join("")}`;
+}
+
+/** The valid settings of a link; naming a side implies a comparison. */
+export function linkedSettings(asked: Asked): Partial<Settings> {
+  const found = LINKED.map((name) => [name, asked[name] === undefined ? undefined : settingOf(name, asked[name])]);
+  const settings: Partial<Settings> = Object.fromEntries(found.filter(([, value]) => value !== undefined));
+  const compared = settings.left !== undefined || settings.right !== undefined;
+  return { ...(compared && { mode: COMPARED }), ...settings };
+}
+
+/** The pose of a link, from `at=x,y,z,qx,qy,qz,qw`; null without one. */
+export function linkedPose({ at }: Asked): ScenePose | null {
+  return poseOf(at ?? "");
+}
+
+function inText(value: Settings[LinkedName]): string {
+  return typeof value === "boolean" ? (value ? "on" : "off") : String(value);
+}

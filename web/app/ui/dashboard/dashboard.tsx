@@ -1,0 +1,193 @@
+/** All scenes of the server: find one, load it, open it. */
+import { useSignal } from "@preact/signals";
+import { RefreshCw, Search, Upload } from "lucide";
+import { useEffect, useRef } from "preact/hooks";
+import type { SceneInfo } from "#client/wire/render";
+import { config, refreshScenes, scenes, scenesError } from "../../state/app";
+import { EXPERIMENTS } from "../../state/route";
+import { added, addFiles, uploads } from "../../uploads/uploads";
+import { Icon } from "../icon";
+import { IconButton } from "../icon-button";
+import { InsecureHint } from "../insecure-hint";
+import { TopBar } from "../top-bar";
+import { DropZone } from "./drop-zone";
+import { NoMatch, NoScenes } from "./empty";
+import { filterScenes } from "./filter";
+import { whatIsNew } from "./news";
+import { DeleteQuestion, RenameQuestion } from "./questions";
+import { SceneCard, SkeletonCard } from "./scene-card";
+import { UploadCard } from "./upload-card";
+
+/** How often the list is read again while a scene loads or the server is away, in milliseconds. */
+const REFRESH_EVERY = 1000;
+/** Display time of a rescan's result, in milliseconds. */
+const NEWS_FOR = 10_000;
+
+export function Dashboard() {
+  const filter = useSignal("");
+  const scanning = useSignal(false);
+  const news = useSignal("");
+  const question = useSignal<{ readonly kind: "rename" | "delete"; readonly scene: SceneInfo } | null>(null);
+  const search = useRef<HTMLInputElement>(null);
+  const files = useRef<HTMLInputElement>(null);
+  /** A scene was loaded for its picture since the list was read. */
+  const stale = useRef(false);
+
+  useEffect(() => {
+    document.title = "Scenes · TIGAS";
+    void refreshScenes();
+    const timer = setInterval(() => {
+      const waiting = scenesError.value !== null || scenes.value?.some(({ state }) => state === "loading");
+      if (waiting || stale.current) void refreshScenes();
+      stale.current = false;
+    }, REFRESH_EVERY);
+    const focusSearch = (event: KeyboardEvent) => {
+      if (event.key !== "/" || event.target instanceof HTMLInputElement) return;
+      event.preventDefault();
+      search.current?.focus();
+    };
+    addEventListener("keydown", focusSearch);
+    return () => {
+      clearInterval(timer);
+      removeEventListener("keydown", focusSearch);
+    };
+  }, []);
+
+  useEffect(() => {
+    if (news.value === "") return undefined;
+    const timer = setTimeout(() => {
+      news.value = "";
+    }, NEWS_FOR);
+    return () => clearTimeout(timer);
+  }, [news.value, news]);
+
+  const rescan = async () => {
+    const before = scenes.peek();
+    scanning.value = true;
+    await refreshScenes({ scan: true });
+    scanning.value = false;
+    news.value = before && scenes.value && !scenesError.value ? whatIsNew(before, scenes.value) : "";
+  };
+
+  const limit = config.value?.max_upload_bytes ?? null;
+  const add = (chosen: Iterable<File>) => limit !== null && addFiles([...chosen], limit);
+  const ask = (kind: "rename" | "delete", scene: SceneInfo) => {
+    if (limit === null || scene.builtin) return null;
+    return () => {
+      question.value = { kind, scene };
+    };
+  };
+  const answered = () => {
+    question.value = null;
+  };
+
+  const all = scenes.value;
+  const isAdded = ({ id }: SceneInfo) => added.value.has(id);
+  const found = all && filterScenes(all, filter.value).toSorted((a, b) => Number(isAdded(b)) - Number(isAdded(a)));
+
+  return (
+    <div class="dashboard">
+      <TopBar>{config.value?.services.store && <a href={EXPERIMENTS}>Experiments</a>}</TopBar>
+      <main>
+        <div class="page-head">
+          <div>
+            <h1>Scenes</h1>
+            <p class="muted" role="status">
+              {summary(all?.length, found?.length)}
+              {news.value && ` · ${news.value}`}
+            </p>
+          </div>
+          <search class="tools">
+            <label class="search-field">
+              <Icon of={Search} size={16} />
+              <input
+                ref={search}
+                type="search"
+                aria-label="Filter scenes by name"
+                aria-keyshortcuts="/"
+                placeholder="Filter scenes"
+                value={filter.value}
+                onInput={(event) => {
+                  filter.value = event.currentTarget.value;
+                }}
+              />
+              <kbd>/</kbd>
+            </label>
+            {limit !== null && (
+              <>
+                <button type="button" class="button with-icon" onClick={() => files.current?.click()}>
+                  <Icon of={Upload} size={16} /> Add scenes
+                </button>
+                <input
+                  ref={files}
+                  type="file"
+                  hidden
+                  multiple
+                  aria-label="Files of scenes"
+                  onChange={({ currentTarget }) => {
+                    add(currentTarget.files ?? []);
+                    currentTarget.value = ""; // so that the same file can be chosen again
+                  }}
+                />
+              </>
+            )}
+            <IconButton
+              icon={RefreshCw}
+              label="Rescan folder"
+              busy={scanning.value}
+              disabled={scanning.value}
+              onClick={() => void rescan()}
+            />
+          </search>
+        </div>
+        <InsecureHint />
+        {scenesError.value && (
+          <p class="notice" role="alert">
+            {scenesError.value}
+          </p>
+        )}
+        {uploads.value.length > 0 && (
+          <ul class="scene-grid uploads" aria-label="Uploads">
+            {uploads.value.map((upload) => (
+              <UploadCard key={upload.number} upload={upload} />
+            ))}
+          </ul>
+        )}
+        {found?.length === 0 ? (
+          all?.length === 0 ? (
+            <NoScenes editable={limit !== null} />
+          ) : (
+            <NoMatch filter={filter.value} />
+          )
+        ) : (
+          <ul class="scene-grid" aria-busy={all === null}>
+            {found
+              ? found.map((scene) => (
+                  <SceneCard
+                    key={scene.id}
+                    scene={scene}
+                    added={isAdded(scene)}
+                    onRendered={() => {
+                      stale.current ||= scene.state === "unloaded";
+                    }}
+                    onRename={ask("rename", scene)}
+                    onDelete={ask("delete", scene)}
+                  />
+                ))
+              : [0, 1, 2].map((place) => <SkeletonCard key={place} />)}
+          </ul>
+        )}
+      </main>
+      <DropZone allowed={limit !== null} onFiles={add} />
+      {question.value?.kind === "rename" && <RenameQuestion scene={question.value.scene} onClose={answered} />}
+      {question.value?.kind === "delete" && <DeleteQuestion scene={question.value.scene} onClose={answered} />}
+      <footer class="muted">{config.value && `TIGAS ${config.value.version}`}</footer>
+    </div>
+  );
+}
+
+function summary(all: number | undefined, found: number | undefined): string {
+  if (all === undefined || found === undefined) return "Asking the server…";
+  const scenes = all === 1 ? "1 scene" : `${all} scenes`;
+  return found === all ? `${scenes} on this server` : `${found} of ${scenes}`;
+}

@@ -1,0 +1,303 @@
+/** Setup of an experiment: a short form that writes its file, which the store expands. */
+
+import { useSignal } from "@preact/signals";
+import type { ComponentChildren, TargetedSubmitEvent } from "preact";
+import { useEffect, useMemo } from "preact/hooks";
+import { CONTROLLER_NAMES, CONTROLLERS } from "#client/abr/registry";
+import { ApiError } from "#client/http/problem";
+import { MODE_NAMES, MODES } from "#client/wire/run";
+import type { ExperimentRequest } from "#client/wire/store";
+import { type Draft, experimentFile, isPerView, isStreamed, type Profile, toggled } from "#lab/experiment/file";
+import { presentNetwork } from "#lab/experiment/link";
+import type { StoreApi } from "#lab/experiment/store-api";
+import type { Shaper } from "#lab/network/shaper";
+import type { ViewerSession } from "#viewer/session/session";
+import { config, ladder, settings } from "../../state/app";
+import { EXPERIMENTS } from "../../state/route";
+import { bitrate } from "../format";
+import { PredictionOptions } from "../predictions";
+import { Select, TextField } from "./experiment-fields";
+import { MovementChoice, movementFile, useMovements } from "./experiment-movement";
+
+interface Props {
+  readonly session: ViewerSession;
+  readonly shaper: Shaper | null;
+  readonly store: StoreApi;
+  readonly draft: Draft;
+  readonly onDraft: (draft: Draft) => void;
+  /** Receives the id of the experiment. */
+  readonly onStart: (id: string) => void;
+}
+
+/** Idle time after which a changed form is expanded, in milliseconds. */
+const EXPAND_AFTER = 300;
+
+export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart }: Props) {
+  const problem = useSignal<string | null>(null);
+  const busy = useSignal(false);
+  /** An edited file, which replaces the form's. */
+  const edited = useSignal<string | null>(null);
+  const list = useMovements(store.base);
+  const movement = list.listed.find(({ key }) => key === draft.movement) ?? list.listed[0];
+  const set = (part: Partial<Draft>) => {
+    onDraft({ ...draft, ...part });
+    problem.value = null;
+  };
+  const present = presentNetwork(shaper);
+  const { name = "", text = null } = movement ? movementFile(movement) : {};
+  const written = experimentFile(draft, {
+    scene: session.scene.value?.id ?? "",
+    movement: name,
+    present: "label" in present ? present.label : "",
+    settings: settings.value,
+    viewport: { width: innerWidth, height: innerHeight },
+  });
+  const file = edited.value ?? written;
+  const request: ExperimentRequest = {
+    file,
+    movements: text === null ? {} : { [name]: text },
+    traces_s: traceDurations(shaper),
+  };
+  const obstacle =
+    edited.value !== null
+      ? null
+      : movement === undefined
+        ? "Choose a movement."
+        : draft.trace === null && "problem" in present
+          ? present.problem
+          : null;
+  const summary = useSummary(store, obstacle === null ? request : null);
+
+  const submit = async (event: TargetedSubmitEvent<HTMLFormElement>) => {
+    event.preventDefault();
+    problem.value = obstacle;
+    if (obstacle !== null) return;
+    busy.value = true;
+    try {
+      onStart(await store.create(request));
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      problem.value = error.message;
+    } finally {
+      busy.value = false;
+    }
+  };
+
+  return (
+    <form class="experiment-form" noValidate onSubmit={(event) => void submit(event)}>
+      <fieldset disabled={edited.value !== null} data-wide class="experiment-fields">
+        <TextField label="Name" value={draft.name} wide onValue={(typed) => set({ name: typed })} />
+        <MovementChoice
+          list={list}
+          chosen={movement?.key ?? null}
+          onChoose={(movement) => set({ movement })}
+          onProblem={(sentence) => {
+            problem.value = sentence;
+          }}
+        />
+        <NetworkChoice shaper={shaper} draft={draft} onChange={set} />
+        <ConditionChoice draft={draft} onChange={set} />
+        <TextField
+          label="Parts of the movement"
+          numeric
+          value={draft.segments}
+          onValue={(typed) => set({ segments: typed })}
+        />
+        <TextField label="Runs of each" numeric value={draft.repeats} onValue={(typed) => set({ repeats: typed })} />
+        <TextField
+          label="Each run lasts"
+          unit="s"
+          numeric
+          value={draft.duration}
+          onValue={(typed) => set({ duration: typed })}
+        />
+        <TextField
+          label="Save every n-th frame"
+          unit="0 = off"
+          numeric
+          value={draft.stride}
+          disabled={!draft.modes.includes("stateless")}
+          onValue={(typed) => set({ stride: typed })}
+        />
+      </fieldset>
+      <details data-wide>
+        <summary>As a file</summary>
+        <textarea
+          aria-label="Experiment’s file"
+          spellcheck={false}
+          rows={12}
+          value={file}
+          onInput={({ currentTarget }) => {
+            edited.value = currentTarget.value;
+            problem.value = null;
+          }}
+        />
+        <p class="muted small">
+          TOML or JSON, as for <code>tigas experiment run</code>.{" "}
+          {edited.value !== null && (
+            <button
+              type="button"
+              class="quiet-button"
+              onClick={() => {
+                edited.value = null;
+              }}
+            >
+              Back to the form
+            </button>
+          )}
+        </p>
+      </details>
+      <footer>
+        <div class="problems" role="alert">
+          {problem.value && <p>{problem.value}</p>}
+        </div>
+        <p class="muted small" data-experiment="estimate">
+          {problem.value === null && summary}
+        </p>
+        <a class="button quiet" href={EXPERIMENTS}>
+          All experiments
+        </a>
+        <button type="submit" class="button" disabled={busy.value}>
+          Start
+        </button>
+      </footer>
+    </form>
+  );
+}
+
+/** Number and duration of the runs, or what is wrong, in one sentence. */
+function useSummary(store: StoreApi, request: ExperimentRequest | null): string {
+  const said = useSignal("");
+  const key = JSON.stringify(request);
+  useEffect(() => {
+    said.value = "";
+    if (key === "null") return undefined;
+    const outdated = new AbortController();
+    const expand = async () => {
+      try {
+        const { runs, lasting, problem } = await store.summary(JSON.parse(key) as ExperimentRequest, outdated.signal);
+        said.value = problem ?? `${runs} ${runs === 1 ? "run" : "runs"}, about ${lasting}.`;
+      } catch (error) {
+        if (outdated.signal.aborted) return;
+        if (!(error instanceof ApiError)) throw error;
+        said.value = error.message;
+      }
+    };
+    const timer = setTimeout(() => void expand(), EXPAND_AFTER);
+    return () => {
+      clearTimeout(timer);
+      outdated.abort();
+    };
+  }, [store, key, said]);
+  return said.value;
+}
+
+function traceDurations(shaper: Shaper | null): Record<string, number> {
+  const traces = shaper?.traces.value ?? [];
+  return Object.fromEntries(
+    traces.flatMap(({ name, duration_ms }) => (duration_ms ? [[name, duration_ms / 1000]] : [])),
+  );
+}
+
+interface PartProps {
+  readonly draft: Draft;
+  readonly onChange: (part: Partial<Draft>) => void;
+}
+
+function NetworkChoice({ shaper, draft, onChange }: PartProps & { readonly shaper: Shaper | null }) {
+  const traces = shaper?.traces.value.filter(({ error }) => !error) ?? [];
+  const known = draft.trace === null || traces.some(({ name }) => name === draft.trace);
+  return (
+    <>
+      <Select
+        label="Network"
+        value={draft.trace ?? ""}
+        onValue={(value) => onChange({ trace: value === "" ? null : value })}
+        note={shaper?.connectionError.value ?? (shaper === null ? "There is no shaper behind this page." : undefined)}
+      >
+        <option value="">Current link</option>
+        {!known && <option value={draft.trace ?? ""}>{draft.trace}</option>}
+        {traces.map(({ name, mean_down_kbps = 0 }) => (
+          <option key={name} value={name}>
+            {name} · {bitrate(mean_down_kbps * 1000)}
+          </option>
+        ))}
+      </Select>
+      <TextField
+        label="Round trip"
+        unit="ms"
+        numeric
+        placeholder={draft.trace === null ? "current" : "the trace’s"}
+        disabled={draft.trace === null}
+        value={draft.trace === null ? "" : draft.rtt}
+        onValue={(rtt) => onChange({ rtt })}
+      />
+    </>
+  );
+}
+
+function ConditionChoice({ draft, onChange }: PartProps) {
+  const streams = Boolean(config.value?.services.dash);
+  const rung = Math.min(settings.value.profile, ladder.value.length - 1);
+  const controllers = useMemo<Profile[]>(() => [...CONTROLLER_NAMES, Math.max(0, rung)], [rung]);
+  return (
+    <>
+      <fieldset>
+        <legend>Modes</legend>
+        {MODES.map((mode) => (
+          <Check
+            key={mode}
+            checked={draft.modes.includes(mode)}
+            disabled={isStreamed(mode) && !streams}
+            onChange={() => onChange({ modes: toggled(draft.modes, mode, MODES) })}
+          >
+            {MODE_NAMES[mode]}
+          </Check>
+        ))}
+      </fieldset>
+      <fieldset disabled={!draft.modes.some(isPerView)}>
+        <legend>Controllers, stateless and video</legend>
+        {controllers.map((controller) => (
+          <Check
+            key={controller}
+            checked={draft.controllers.includes(controller)}
+            onChange={() => onChange({ controllers: toggled(draft.controllers, controller, controllers) })}
+          >
+            {titleOf(controller)}
+          </Check>
+        ))}
+      </fieldset>
+      <Check checked={draft.reprojection} onChange={() => onChange({ reprojection: !draft.reprojection })}>
+        Reprojection
+      </Check>
+      <Select
+        label="Prediction"
+        value={draft.prediction}
+        onValue={(name) => onChange({ prediction: name as Draft["prediction"] })}
+      >
+        <PredictionOptions />
+      </Select>
+    </>
+  );
+}
+
+function titleOf(controller: Profile): string {
+  if (typeof controller === "number") return `Fixed: ${ladder.value[controller]?.name ?? `profile ${controller}`}`;
+  return (CONTROLLERS as Readonly<Record<string, { readonly title: string }>>)[controller]?.title ?? controller;
+}
+
+interface CheckProps {
+  readonly checked: boolean;
+  readonly disabled?: boolean;
+  readonly onChange: () => void;
+  readonly children: ComponentChildren;
+}
+
+function Check({ checked, disabled, onChange, children }: CheckProps) {
+  return (
+    <label class="check">
+      <input type="checkbox" checked={checked} disabled={disabled} onChange={onChange} />
+      <span>{children}</span>
+    </label>
+  );
+}

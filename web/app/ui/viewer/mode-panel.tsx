@@ -1,0 +1,118 @@
+/** Selects the mode and the parameters of its stream. */
+
+import { type DashPlan, type DashSetup, FRAME_RATES, planFor } from "#viewer/dash/presets";
+import type { ViewerSession } from "#viewer/session/session";
+import { SOURCES } from "#viewer/sources/registry";
+import { applies, settingsShown, titleOf } from "#viewer/sources/sides";
+import { COMPARED, MODES } from "#viewer/state/settings";
+import { changeSettings, settings } from "../../state/app";
+import { ComparisonPanel } from "./comparison-panel";
+import { NumberField } from "./number-field";
+import { Segment, SegmentList, Segments } from "./setting";
+import { SidesPanel } from "./sides-panel";
+
+export function ModePanel({ session }: { session: ViewerSession }) {
+  const { mode } = settings.value;
+  const sides = [session.left, session.right.value].filter((side) => side !== null);
+  const problem = sides.find((side) => side.missing.value !== null);
+  const { about } = session.left.kind.value;
+  return (
+    <>
+      <SegmentList name="mode" label="Mode">
+        {MODES.map((each) => (
+          <Segment key={each} name="mode" checked={mode === each} onChoose={() => changeSettings({ mode: each })}>
+            {titleOf(each)}
+          </Segment>
+        ))}
+      </SegmentList>
+      {mode === COMPARED && <SidesPanel />}
+      {problem ? (
+        <p class="notice" role="alert">
+          {problem.missing.value}. {problem.kind.value.remedy}
+        </p>
+      ) : (
+        <>
+          {applies("dashCustom", settings.value) && <Streams />}
+          {applies("webrtcStream", settings.value) && <WebRtc />}
+          {mode !== COMPARED && about && <p class="muted small">{about}</p>}
+        </>
+      )}
+      <ComparisonPanel session={session} />
+    </>
+  );
+}
+
+/** DASH settings: the preset, unless each side has one, and shared parameters. */
+function Streams() {
+  const { mode, dashCustom } = settings.value;
+  const plans = settingsShown(settings.value)
+    .filter(({ mode: each }) => SOURCES[each].settings.includes("dashCustom"))
+    .map((shown) => ({ ...planFor(shown), custom: shown.dashPreset === "custom" }));
+  const custom = plans.some((one) => one.custom);
+  const [plan] = plans;
+  const compared = mode === COMPARED;
+  return (
+    <>
+      <h4 class="segments-name">DASH stream</h4>
+      {!compared && <Segments name="dashPreset" />}
+      {custom && <Custom setup={dashCustom} />}
+      {!custom && (
+        <SegmentList name="frame-rate" label="Frame rate">
+          {FRAME_RATES.map((rate) => (
+            <Segment
+              key={rate}
+              name="frame-rate"
+              checked={rate === plan?.setup.frame_rate}
+              onChoose={() => changeSettings({ dashFrameRate: rate })}
+            >
+              {`${rate} frames/s`}
+            </Segment>
+          ))}
+        </SegmentList>
+      )}
+      {!compared && !custom && plan && <p class="muted small">{sentence(plan)}</p>}
+    </>
+  );
+}
+
+/** How streams over WebRTC are encoded. */
+function WebRtc() {
+  return (
+    <>
+      <h4 class="segments-name">WebRTC stream</h4>
+      <Segments name="webrtcStream" />
+      <p class="muted small">A video whose bit rate follows the browser’s estimate of the link.</p>
+    </>
+  );
+}
+
+function Custom({ setup }: { setup: DashSetup }) {
+  const field = (name: keyof DashSetup, label: string, unit: string, min: number, max: number) => (
+    <NumberField
+      label={label}
+      unit={unit}
+      min={min}
+      max={max}
+      value={setup[name]}
+      onValue={(value) =>
+        changeSettings({ dashCustom: { ...setup, [name]: name === "segment_s" ? value : Math.round(value) } })
+      }
+    />
+  );
+  return (
+    <div class="fields">
+      {field("segment_s", "Segment", "s", 0.2, 10)}
+      {field("frames_per_chunk", "Chunk", "frames", 1, Math.max(1, Math.round(setup.segment_s * setup.frame_rate)))}
+      {field("target_latency_ms", "Target", "ms", 50, 10_000)}
+      {field("frame_rate", "Rate", "frames/s", 1, 60)}
+    </div>
+  );
+}
+
+function sentence({ setup, player, adaptive }: DashPlan): string {
+  const { segment_s, frames_per_chunk, target_latency_ms, frame_rate } = setup;
+  const chunk = frames_per_chunk === 1 ? "one frame" : `${Math.round((frames_per_chunk * 1000) / frame_rate)} ms`;
+  const by = player === "mse" ? "a bare player of our own" : player;
+  const more = adaptive ? ", and at more where it stalls" : "";
+  return `Segments of ${segment_s} s in chunks of ${chunk}, played by ${by}; aims at ${target_latency_ms} ms${more}.`;
+}

@@ -1,0 +1,30 @@
+/** Notices about a picture on the stage, below its figures. */
+import type { EnhancementStatus } from "#viewer/enhance/enhancement";
+
+/** Sentences by name, most important first; null for none. */
+export type Said = Readonly<Record<string, string | null>>;
+
+/** At most `most` of them: more would cover the picture. */
+export function Notes({ of, most }: { of: Said; most: number }) {
+  const notes = Object.entries(of).filter(([, sentence]) => sentence !== null);
+  return (
+    <>
+      {notes.slice(0, most).map(([name, sentence]) => (
+        <p key={name} class="hud-note" role="status" data-stat={name}>
+          {sentence}
+        </p>
+      ))}
+    </>
+  );
+}
+
+/** Null where all is as chosen. */
+export function enhancementNote(status: EnhancementStatus): string | null {
+  if (status.kind === "failed") return `Enhancement is off. ${status.message}`;
+  return status.kind === "starting" ? status.message : null;
+}
+
+/** No other link would bring frames sooner. */
+export function serverNote({ serverBound }: { readonly serverBound: boolean }): string | null {
+  return serverBound ? "The server is slow to draw this scene; your connection is fine." : null;
+}

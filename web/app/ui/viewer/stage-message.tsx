@@ -1,0 +1,109 @@
+/** Message over the stage: loading, a lost server, or the reason for a missing picture. */
+
+import { CircleAlert, LoaderCircle, Unplug } from "lucide";
+import type { ComponentChildren } from "preact";
+import type { ConnectionState } from "#client/transport/connection";
+import type { ViewerSession } from "#viewer/session/session";
+import type { Side } from "#viewer/session/side";
+import { Icon } from "../icon";
+
+export function StageMessage({ session }: { session: ViewerSession }) {
+  const phase = session.phase.value;
+  const { message, progress, kind } = { message: null, progress: undefined, ...phase };
+  return (
+    <div class="stage-message" role="status">
+      {kind === "connecting" && <Waiting>Connecting…</Waiting>}
+      {kind === "loading" && (
+        <Waiting>
+          Loading the scene…
+          {progress !== undefined && <progress max={1} value={progress} aria-label="Loading" />}
+        </Waiting>
+      )}
+      {kind === "full" && (
+        <Waiting>The server is full. The scene opens automatically as soon as there is room.</Waiting>
+      )}
+      {kind === "lost" && <Lost>{session.presence.offline.value ? "This device is offline." : message}</Lost>}
+      {kind === "failed" && (
+        <div class="floating message tall" data-tone="danger">
+          <Icon of={CircleAlert} />
+          <p>{message}</p>
+          <div class="message-actions">
+            <button type="button" class="button" onClick={() => session.retry()}>
+              Try again
+            </button>
+            <a class="button quiet" href="#/">
+              All scenes
+            </a>
+          </div>
+        </div>
+      )}
+      {kind === "playing" && (
+        <div class="sides">
+          <div class="side">
+            <SideMessage side={session.left} />
+          </div>
+          {session.right.value && (
+            <div class="side">
+              <Connection state={session.rightConnection.value} />
+              <SideMessage side={session.right.value} />
+            </div>
+          )}
+        </div>
+      )}
+    </div>
+  );
+}
+
+/** Reason for a missing or degraded picture. */
+function SideMessage({ side }: { side: Side }) {
+  const missing = side.missing.value;
+  if (missing !== null) return <Failed>{missing}; see Settings, Mode.</Failed>;
+  const phase = side.source.value?.phase.value;
+  switch (phase?.kind) {
+    case "connecting":
+      return <Waiting>{phase.message ?? "Connecting…"}</Waiting>;
+    case "lost":
+      return <Lost>{phase.message}</Lost>;
+    case "failed":
+      return <Failed>{phase.message}</Failed>;
+    default:
+      return phase?.problem ? <Failed>{phase.problem}</Failed> : null;
+  }
+}
+
+/** For a side with its own message. */
+function Connection({ state }: { state: ConnectionState | null }) {
+  if (state?.status === "connecting") return <Waiting>Connecting…</Waiting>;
+  if (state?.status === "full")
+    return <Waiting>The server has no room for a second viewer; it is asked again.</Waiting>;
+  return state?.status === "lost" ? <Lost>{state.reason}</Lost> : null;
+}
+
+function Waiting({ children }: { children: ComponentChildren }) {
+  return (
+    <p class="floating message">
+      <span class="spinner">
+        <Icon of={LoaderCircle} />
+      </span>
+      {children}
+    </p>
+  );
+}
+
+function Lost({ children }: { children: ComponentChildren }) {
+  return (
+    <p class="floating message" data-tone="warning">
+      <Icon of={Unplug} />
+      <span>{children} Trying again…</span>
+    </p>
+  );
+}
+
+function Failed({ children }: { children: ComponentChildren }) {
+  return (
+    <p class="floating message" data-tone="danger">
+      <Icon of={CircleAlert} />
+      <span>{children}</span>
+    </p>
+  );
+}

@@ -1,0 +1,105 @@
+/** Upload of one scene file: sent in parts (tus), so that a broken connection costs nothing, then checked. */
+import { type ReadonlySignal, signal } from "@preact/signals";
+import pRetry from "p-retry";
+import type { DetailedError } from "tus-js-client";
+import { ApiError, problemOf } from "#client/http/problem";
+import type { AddedScene } from "#client/wire/render";
+import { addUploaded } from "#viewer/state/api";
+
+export type UploadState =
+  | { readonly kind: "waiting" }
+  | { readonly kind: "sending"; readonly sent: number }
+  /** All of it is there, and the server reads it. */
+  | { readonly kind: "checking" }
+  | { readonly kind: "failed"; readonly message: string };
+
+/** Delays of retries without progress, in milliseconds. */
+const RETRIES = [0, 500, 1000, 2000, 4000, 8000, 15_000, 30_000];
+/** Transient statuses: no answer, a part that another connection sent first, and a server that is busy or starting. */
+const PASSING = [0, 409, 502, 503, 504];
+
+let made = 0;
+
+export class SceneUpload {
+  readonly file: File;
+  /** Identifier within this page. */
+  readonly number = made++;
+  readonly #state = signal<UploadState>({ kind: "waiting" });
+  readonly #cancelled = new AbortController();
+
+  constructor(file: File) {
+    this.file = file;
+  }
+
+  get state(): ReadonlySignal<UploadState> {
+    return this.#state;
+  }
+
+  get cancelled(): boolean {
+    return this.#cancelled.signal.aborted;
+  }
+
+  /** Cancels the upload and makes the server drop its part. */
+  cancel(): void {
+    this.#cancelled.abort();
+  }
+
+  fail(message: string): void {
+    this.#state.value = { kind: "failed", message };
+  }
+
+  /** Resolves with the new scene; null if it failed, as its state explains, or was cancelled. */
+  async run(): Promise<AddedScene | null> {
+    const { signal } = this.#cancelled;
+    if (signal.aborted) return null;
+    try {
+      const url = await this.#send();
+      if (url === null) return null;
+      this.#state.value = { kind: "checking" };
+      return await pRetry(() => addUploaded(url, signal), {
+        retries: RETRIES.length,
+        signal,
+        shouldRetry: ({ error }) => error instanceof ApiError && error.unreachable,
+      });
+    } catch (error) {
+      if (!signal.aborted) this.fail(sentence(error));
+      return null;
+    }
+  }
+
+  /** Resolves with the upload's URL once all is there; null if it was cancelled. */
+  async #send(): Promise<string | null> {
+    const { Upload } = await import("tus-js-client");
+    const { signal } = this.#cancelled;
+    return await new Promise((resolve, reject) => {
+      const upload = new Upload(this.file, {
+        endpoint: new URL("uploads", document.baseURI).href,
+        metadata: { filename: this.file.name },
+        retryDelays: RETRIES,
+        removeFingerprintOnSuccess: true,
+        onShouldRetry: (error) => PASSING.includes(error.originalResponse?.getStatus() ?? 0),
+        onProgress: (sent) => {
+          this.#state.value = { kind: "sending", sent };
+        },
+        onSuccess: () => resolve(upload.url),
+        onError: reject,
+      });
+      signal.addEventListener("abort", () => {
+        // the server drops an abandoned upload by itself
+        upload.abort(true).catch(() => undefined);
+        resolve(null);
+      });
+      upload.findPreviousUploads().then(([previous]) => {
+        if (signal.aborted) return;
+        if (previous) upload.resumeFromPreviousUpload(previous);
+        upload.start();
+      }, reject);
+    });
+  }
+}
+
+function sentence(error: unknown): string {
+  if (error instanceof ApiError) return error.message;
+  const answer = (error as Partial<DetailedError>).originalResponse;
+  return answer ? problemOf(answer.getStatus(), answer.getBody()).detail : "The server does not answer.";
+}

@@ -1,0 +1,107 @@
+// @vitest-environment happy-dom
+
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { ApiError } from "#client/http/problem";
+import { addUploaded } from "#viewer/state/api";
+import { refreshScenes } from "../state/app";
+import { added, addFiles, dismiss, isUploading, uploads } from "./uploads";
+
+interface Callbacks {
+  readonly onProgress: (sent: number) => void;
+  readonly onSuccess: () => void;
+  readonly onError: (error: unknown) => void;
+  readonly onShouldRetry: (error: unknown) => boolean;
+}
+
+/** Inputs of tus' client and their outcomes, in order of the uploads. */
+const begun = vi.hoisted(
+  () => [] as { readonly name: string; readonly options: Callbacks; resumed: boolean; given: boolean | null }[],
+);
+
+vi.mock("#viewer/state/api");
+vi.mock("../state/app");
+vi.mock("tus-js-client", () => ({
+  Upload: class {
+    readonly url = "http://server.test/uploads/1";
+    readonly #one: (typeof begun)[number];
+    constructor(file: File, options: Callbacks) {
+      this.#one = { name: file.name, options, resumed: false, given: null };
+    }
+    findPreviousUploads = async () => [{}];
+    resumeFromPreviousUpload = () => {
+      this.#one.resumed = true;
+    };
+    start = () => begun.push(this.#one);
+    abort = async (terminate: boolean) => {
+      this.#one.given = terminate;
+    };
+  },
+}));
+
+const file = (name: string, size = 4) => new File(["x".repeat(size)], name);
+const begins = async (count: number) => {
+  await vi.waitFor(() => expect(begun).toHaveLength(count), 5000);
+  return begun[count - 1] as (typeof begun)[number];
+};
+const answer = (status: number, body: unknown) => ({
+  originalResponse: { getStatus: () => status, getBody: () => JSON.stringify(body) },
+});
+
+beforeEach(() => {
+  begun.length = 0;
+  vi.mocked(addUploaded).mockResolvedValue({ id: "garden" });
+});
+
+afterEach(() => {
+  for (const upload of uploads.value) dismiss(upload);
+  vi.clearAllMocks();
+});
+
+test("files are sent one after the other, going on with what broke off, and leave the list as scenes", async () => {
+  addFiles([file("garden.ply"), file("attic.ply")], 100);
+  expect(isUploading.value).toBe(true);
+  const first = await begins(1);
+  expect(first.resumed).toBe(true);
+  first.options.onProgress(3);
+  expect(uploads.value.map(({ state }) => state.value)).toEqual([{ kind: "sending", sent: 3 }, { kind: "waiting" }]);
+  vi.mocked(addUploaded).mockRejectedValueOnce(new ApiError("The server does not answer.", true));
+  first.options.onSuccess();
+  const second = await begins(2);
+  expect(addUploaded).toHaveBeenCalledTimes(2);
+  expect(refreshScenes).toHaveBeenCalledTimes(1);
+  expect(second.name).toBe("attic.ply");
+  second.options.onSuccess();
+  await vi.waitFor(() => expect(uploads.value).toEqual([]));
+  expect([...added.value]).toEqual(["garden"]);
+});
+
+test("what the server refuses is said, and nothing is tried again that would be refused again", async () => {
+  addFiles([file("garden.ply")], 100);
+  const { options } = await begins(1);
+  const refused = answer(422, { type: "tigas:scene-not-added", detail: "There is a scene garden already." });
+  expect([refused, answer(507, {}), answer(503, {}), {}].map((error) => options.onShouldRetry(error))).toEqual([
+    false,
+    false,
+    true,
+    true,
+  ]);
+  options.onError(refused);
+  const message = "There is a scene garden already.";
+  await vi.waitFor(() => expect(uploads.value[0]?.state.value).toEqual({ kind: "failed", message }));
+  expect(isUploading.value).toBe(false);
+});
+
+test("a file that is too large is not sent", () => {
+  addFiles([file("vast.ply", 101)], 100);
+  expect(uploads.value[0]?.state.value).toMatchObject({ kind: "failed" });
+  expect(begun).toEqual([]);
+});
+
+test("one that is cancelled is given up on the server, and the next goes on", async () => {
+  addFiles([file("garden.ply"), file("attic.ply")], 100);
+  const first = await begins(1);
+  dismiss(uploads.value[0] as (typeof uploads.value)[number]);
+  expect((await begins(2)).name).toBe("attic.ply");
+  expect(first.given).toBe(true);
+  expect(addUploaded).not.toHaveBeenCalled();
+});

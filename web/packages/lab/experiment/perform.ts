@@ -1,0 +1,147 @@
+/** Performs a run in this very page: network, first pose, warm-up, movement. */
+import { sleep } from "#client/async/sleep";
+import type { RunJob, RunUpload } from "#client/wire/store";
+import type { ViewerSession } from "#viewer/session/session";
+import type { Settings } from "#viewer/state/settings";
+import type { ScenePose } from "#viewer/view/camera";
+import type { Shaper } from "../network/shaper";
+import type { About } from "../samples/layout";
+import { whyFewer } from "../samples/sampler";
+import { RunFailed } from "./errors";
+import { RunLink } from "./link";
+import type { Runner, RunPlan } from "./runner";
+
+export interface Performance {
+  /** A visit to the run's scene that nothing has used yet, with default settings. */
+  readonly session: ViewerSession;
+  readonly runner: Runner;
+  readonly shaper: Shaper | null;
+  /** The experiment of samples, in case the page is closed. */
+  readonly experiment: string;
+  /** Receives the present step. */
+  readonly stage: (what: string) => void;
+  readonly signal: AbortSignal;
+}
+
+export interface Performed {
+  readonly upload: RunUpload;
+  /** PNGs of the kept pictures, in order. */
+  readonly captures: readonly Blob[];
+  /** The folder of samples in this browser; null without. */
+  readonly samples: string | null;
+}
+
+/** How long the viewer may take to show the first pose, in milliseconds. */
+const READY_WITHIN = 60_000;
+const LOOK_EVERY = 50;
+const HIDDEN = "The page was hidden, so that not all of the run could be shown.";
+
+/**
+ * Rejects with a RunFailed or a ShaperError, or with the reason of `signal`. Afterwards the link is the shaper's own
+ * again.
+ */
+export async function perform(job: RunJob, performance_: Performance): Promise<Performed> {
+  const { session, runner, shaper, experiment, stage, signal } = performance_;
+  const { configuration, settings, plan } = job;
+  const link = new RunLink(shaper, configuration.network);
+  const onLeave = () => link.abandon();
+  addEventListener("pagehide", onLeave);
+  try {
+    runner.stand(plan.points[0] as unknown as ScenePose);
+    stage("Connects");
+    await waitUntil(
+      () => session.phase.peek().kind === "playing",
+      () => whyNoFrame(session),
+      signal,
+    );
+    stage("Waits for the first view");
+    await link.hold();
+    const { seed, ...chosen } = settings as { readonly seed: number } & Partial<Settings>;
+    runner.seed(seed);
+    runner.settings(chosen);
+    await waitUntil(
+      () => runner.state().ready,
+      () => whyNoFrame(session),
+      signal,
+    );
+    failIfUnlike(runner);
+    stage("Warms up");
+    await sleep((configuration.warm_up_s ?? 0) * 1000, signal);
+    stage("Plays the movement");
+    await waitUntil(visible, () => HIDDEN, signal);
+    await link.play();
+    const disturbed = new AbortController();
+    const stop = link.watch(now, (sentence) => disturbed.abort(new RunFailed(sentence)));
+    try {
+      const about: About = { experiment, run: job.run, stored: false, title: job.title, started_unix_ms: Date.now() };
+      const recording = await runner.run(
+        { ...(plan as unknown as RunPlan), about },
+        AbortSignal.any([signal, disturbed.signal]),
+      );
+      failIfUnlike(runner);
+      failIfLost(session);
+      if (!link.reports(now())) throw new RunFailed("The shaper fell silent during the run.");
+      const startedAt = recording.started_unix_ms - performance.timeOrigin;
+      const { sampled } = runner;
+      return {
+        upload: {
+          recording,
+          link: link.samples(startedAt, startedAt + recording.ended_ms),
+          backend: link.backend,
+          sampling_problem: sampled && whyFewer(sampled),
+        },
+        captures: await Promise.all(recording.captures.map((_, index) => runner.takePicture(index))),
+        samples: sampled?.key ?? null,
+      };
+    } catch (error) {
+      await runner.discardSamples().catch(() => undefined); // they can also be deleted in the list
+      throw error;
+    } finally {
+      stop();
+    }
+  } finally {
+    removeEventListener("pagehide", onLeave);
+    // The measurement counts all the same; the next run reports a link that does not change back.
+    await link.release().catch(() => undefined);
+  }
+}
+
+function now(): number {
+  return performance.now();
+}
+
+/** Frames must be enhanced, reprojected or drawn as configured. */
+function failIfUnlike(runner: Runner): void {
+  const { problem } = runner.state();
+  if (problem !== null) throw new RunFailed(`Frames cannot be shown as configured. ${problem}`);
+}
+
+/** A connection that comes back has only cost the run its views; one that does not may have ended for another reason. */
+function failIfLost({ phase, source }: ViewerSession): void {
+  if (phase.peek().kind !== "playing")
+    throw new RunFailed("The connection was lost during the run and did not return.");
+  if (source.peek()?.phase.peek().kind === "lost")
+    throw new RunFailed("The stream was lost during the run and did not return.");
+}
+
+function visible(): boolean {
+  return document.visibilityState === "visible";
+}
+
+/** Why no frame comes, as far as the viewer knows. */
+function whyNoFrame(session: ViewerSession): string {
+  if (!visible()) return HIDDEN;
+  const { phase, source } = session;
+  const shown = source.peek()?.phase.peek();
+  const said = [phase.peek(), shown].flatMap((one) => (one && "message" in one ? (one.message ?? []) : []));
+  const problem = shown?.kind === "playing" ? shown.problem : undefined;
+  return said[0] ?? problem ?? `No frame came within ${READY_WITHIN / 1000} s.`;
+}
+
+async function waitUntil(done: () => boolean, otherwise: () => string, signal: AbortSignal): Promise<void> {
+  const limit = now() + READY_WITHIN;
+  while (!done()) {
+    if (now() > limit) throw new RunFailed(otherwise());
+    await sleep(LOOK_EVERY, signal);
+  }
+}

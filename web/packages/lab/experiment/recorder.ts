@@ -1,0 +1,183 @@
+/**
+ * The viewer's record of a run, in the store's form; all times are milliseconds since the run's start. Pure: time is
+ * part of each event.
+ */
+
+import type { Input, Recording } from "#client/wire/store";
+import type { SentRequest } from "#viewer/stateless/pipeline";
+import type { Reply } from "#viewer/stateless/stateless-player";
+import type { ScenePose } from "#viewer/view/camera";
+import type { PresentedFrame } from "#viewer/view/presented";
+import { type NumberedPose, samePose } from "#viewer/view/rig";
+import { displayInterval, missedFrames } from "./missed";
+
+/** Events of a run. */
+export type RecordedEvents = Required<
+  Pick<Recording, "inputs" | "frames" | "replies" | "requests" | "captures" | "traffic">
+>;
+
+export interface RecorderStart {
+  /** On the page's clock. */
+  readonly startedAt: number;
+  /** How long the movement lasts. */
+  readonly duration: number;
+  /** The viewer's intended pose, this many milliseconds after the start. */
+  readonly movement: (elapsed: number) => ScenePose;
+  /** Between two frames of the display, in milliseconds, as the page showed at rest; null: unknown. */
+  readonly atRest?: number | null;
+  /** The number of the pose that is on the screen. */
+  readonly pose: number;
+  /** Received bytes. */
+  readonly received: number;
+  /** A picture is kept at each tick of a clock while the movement lasts: so often, and first after `captureOffset`; 0 keeps none. */
+  readonly captureEvery: number;
+  readonly captureOffset: number;
+}
+
+/** The number of none that was ever sampled. */
+const NO_POSE = -1;
+
+export class Recorder {
+  readonly #start: RecorderStart;
+  readonly #inputs: RecordedEvents["inputs"] = [];
+  readonly #frames: RecordedEvents["frames"] = [];
+  readonly #replies: RecordedEvents["replies"] = [];
+  readonly #requests: SentRequest[] = [];
+  /** Of all samples. */
+  readonly #sampledAt: number[] = [];
+  readonly #captures: RecordedEvents["captures"] = [];
+  readonly #traffic: RecordedEvents["traffic"] = [];
+  #pose: number;
+  #shown: number;
+  #captureAt: number;
+
+  constructor(start: RecorderStart) {
+    this.#start = start;
+    this.#pose = start.pose;
+    this.#shown = start.pose;
+    this.#captureAt = start.captureOffset;
+  }
+
+  /** The rig stands at `pose` since a time. */
+  sampled({ seq, position, quaternion }: NumberedPose, at: number): void {
+    this.#sampledAt.push(at - this.#start.startedAt);
+    if (seq === this.#pose) return;
+    this.#pose = seq;
+    this.#inputs.push({ at: at - this.#start.startedAt, pose: seq, position, quaternion, missed: false });
+  }
+
+  /** How many ticks of the clock were due by now, after the last time that it was asked: for each, a picture is to be kept. */
+  due(now: number): number {
+    const { startedAt, captureEvery, duration } = this.#start;
+    if (captureEvery === 0) return 0;
+    let ticks = 0;
+    for (; this.#captureAt <= now - startedAt && this.#captureAt < duration; this.#captureAt += captureEvery) ticks++;
+    return ticks;
+  }
+
+  /** A frame is on the screen. */
+  presented(frame: PresentedFrame): void {
+    const at = frame.at - this.#start.startedAt;
+    if (at < 0) return;
+    const { shownWidth, shownHeight, enhanceMs, view, filled, warpMs, ...shown } = frame;
+    this.#frames.push({
+      ...shown,
+      at,
+      view: view ?? null,
+      filled: filled ?? null,
+      warp_ms: warpMs ?? null,
+      latencies: [...frame.latencies],
+      shown_width: shownWidth ?? null,
+      shown_height: shownHeight ?? null,
+      enhance_ms: enhanceMs ?? null,
+    });
+    this.#shown = Math.max(this.#shown, frame.pose);
+  }
+
+  /** A request went out. */
+  sent(request: SentRequest): void {
+    this.#requests.push(request);
+  }
+
+  /** A frame came. */
+  replied({ arrival, pose, asked, profile, server, throughput }: Reply): void {
+    const { startedAt } = this.#start;
+    this.#replies.push({
+      at: arrival.lastByteAt - startedAt,
+      asked_at: arrival.sentAt - startedAt,
+      first_byte_at: arrival.firstByteAt - startedAt,
+      pose,
+      asked_rung: asked,
+      rung: profile,
+      bytes: arrival.bytes,
+      server,
+      throughput_kbps: throughput === null ? null : Math.round(throughput / 1000),
+    });
+  }
+
+  /** The picture of the frame that was on the screen at a time was kept. */
+  captured(frame: PresentedFrame, at: number, picture: { readonly width: number; readonly height: number }): void {
+    const { startedAt } = this.#start;
+    const { pose, view = null, filled = null, rung } = frame;
+    const { width, height } = picture;
+    // A video frame is reported shortly before it is on screen.
+    const seenAt = Math.max(at, frame.at) - startedAt;
+    this.#captures.push({ at: seenAt, shown_at: frame.at - startedAt, pose, view, filled, rung, width, height });
+  }
+
+  /** At a time before the first frame, an empty picture was kept. */
+  capturedNothing(at: number, { width, height }: { readonly width: number; readonly height: number }): void {
+    const nothing = { shown_at: 0, pose: NO_POSE, view: null, filled: null, rung: null };
+    this.#captures.push({ at: at - this.#start.startedAt, ...nothing, width, height });
+  }
+
+  /** Total bytes received since the page was opened. */
+  received(bytes: number, at: number): void {
+    this.#traffic.push({ at: at - this.#start.startedAt, bytes: bytes - this.#start.received });
+  }
+
+  /** The movement's last pose was sampled, and is on the screen. */
+  get settled(): boolean {
+    return (this.#sampledAt.at(-1) ?? 0) >= this.#start.duration && this.#shown >= this.#pose;
+  }
+
+  /** Between two animation frames of the run, in milliseconds; null if there were no two. */
+  get animationInterval(): number | null {
+    return displayInterval(this.#sampledAt);
+  }
+
+  /** Between two frames of the display, in milliseconds: the page may never have kept up with it. Null if unknown. */
+  get displayInterval(): number | null {
+    const known = [this.animationInterval, this.#start.atRest].filter((interval) => interval != null);
+    return known.length > 0 ? Math.min(...known) : null;
+  }
+
+  /** All events in order of time: a video's frames are reported when decoded, not when shown. */
+  get events(): RecordedEvents {
+    return {
+      inputs: [...this.#inputs, ...this.#missed()].sort((a, b) => a.at - b.at),
+      frames: this.#frames.toSorted((a, b) => a.at - b.at),
+      replies: this.#replies.toSorted((a, b) => a.at - b.at),
+      requests: this.#requests.map(({ at, pose, asked, fate }) => ({
+        at: at - this.#start.startedAt,
+        pose,
+        asked_rung: asked,
+        fate,
+      })),
+      captures: this.#captures,
+      traffic: this.#traffic,
+    };
+  }
+
+  /** The poses that were due while the page stalled. Where none was sampled later, the viewer was back where the picture is. */
+  #missed(): Input[] {
+    const interval = this.displayInterval ?? Number.POSITIVE_INFINITY;
+    const { movement } = this.#start;
+    return missedFrames(this.#sampledAt, interval).flatMap((at) => {
+      const next = this.#inputs.find((input) => input.at > at);
+      const due = movement(at);
+      if (next === undefined || samePose(due, movement(at - interval))) return [];
+      return { at, pose: next.pose, position: [...due.position], quaternion: [...due.quaternion], missed: true };
+    });
+  }
+}

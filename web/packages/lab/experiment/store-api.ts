@@ -1,0 +1,181 @@
+/** The store of experiments (`docs/experiments.md`). Every failure is an ApiError with one sentence to show. */
+
+import { ApiError, readProblem } from "#client/http/problem";
+import { storeUnreachable } from "#client/http/reach";
+import type {
+  ExperimentCreated,
+  ExperimentList,
+  ExperimentRequest,
+  ExperimentSummary,
+  Materialisation,
+  NextRequest,
+  NextRun,
+  PlanSummary,
+  RunRow,
+  RunUpload,
+  Sample,
+  SampleList,
+  Experiment as StoredExperiment,
+  UploadedSamples,
+} from "#client/wire/store";
+
+/** A scene may have to be loaded, and pictures compared with ground truth; in milliseconds. */
+const TIMEOUT = 60_000;
+const LONG_TIMEOUT = 600_000;
+/** Minimum rate of uploading a run, which may be large, in bytes per millisecond. */
+const SLOWEST = 125;
+
+export class StoreApi {
+  readonly base: string;
+
+  /** `base` is the store's URL, with or without a slash at its end. */
+  constructor(base: string) {
+    this.base = base.replace(/\/+$/, "");
+  }
+
+  /** Expands an experiment's file, and keeps nothing. */
+  summary(request: ExperimentRequest, signal: AbortSignal): Promise<PlanSummary> {
+    return this.#json("plans", { method: "POST", content: request, signal });
+  }
+
+  /** Begins an experiment; its id. */
+  async create(request: ExperimentRequest): Promise<string> {
+    return (await this.#json<ExperimentCreated>("experiments", { method: "POST", content: request })).id;
+  }
+
+  /** Reserves a run. */
+  next(id: string, asked: NextRequest, signal: AbortSignal): Promise<NextRun> {
+    return this.#json(`${this.#path(id)}/next`, { method: "POST", content: asked, signal, timeout: LONG_TIMEOUT });
+  }
+
+  /** Gives up a page's reserved run, even while the page unloads. */
+  release(id: string, page: string): void {
+    const url = `${this.base}/${this.#path(id)}/pages/${page}`;
+    void fetch(url, { method: "DELETE", keepalive: true }).catch(() => undefined); // the run is free after a while
+  }
+
+  /** Keeps one run, which is incomplete until `complete`. */
+  add(id: string, run: string, upload: RunUpload): Promise<RunRow> {
+    return this.#json(this.#run(id, run), { method: "PUT", content: upload, timeout: LONG_TIMEOUT });
+  }
+
+  async addCapture(id: string, run: string, index: number, png: Blob): Promise<void> {
+    const name = `${String(index).padStart(4, "0")}.png`;
+    await this.#ask(`${this.#run(id, run)}/captures/${name}`, { method: "PUT", body: png });
+  }
+
+  /** Completes a run that has all its captures. */
+  complete(id: string, run: string): Promise<RunRow> {
+    return this.#json(`${this.#run(id, run)}/complete`, { method: "POST", timeout: LONG_TIMEOUT });
+  }
+
+  /** Which pictures of a run's samples it has. */
+  uploadedSamples(id: string, run: string): Promise<UploadedSamples> {
+    return this.#json(`${this.#run(id, run)}/uploaded-samples`);
+  }
+
+  async addPicture(id: string, run: string, name: string, picture: Blob, signal: AbortSignal): Promise<void> {
+    await this.#ask(`${this.#run(id, run)}/samples/${name}`, { method: "PUT", body: picture, signal });
+  }
+
+  /** Says which samples there are, once all of their pictures are. */
+  async completeSamples(id: string, run: string, samples: readonly Sample[]): Promise<void> {
+    await this.#ask(`${this.#run(id, run)}/samples`, { method: "PUT", ...jsonBody({ samples }) });
+  }
+
+  /** The samples of a run, in the order of time. */
+  samples(id: string, run: string): Promise<SampleList> {
+    return this.#json(`${this.#run(id, run)}/samples`);
+  }
+
+  picture(id: string, run: string, name: string): Promise<Blob> {
+    return this.#ask(`${this.#run(id, run)}/samples/${encodeURIComponent(name)}`, {});
+  }
+
+  /** How far rendering the samples again is. */
+  materialisation(id: string): Promise<Materialisation> {
+    return this.#materialise(id, "GET");
+  }
+
+  /** Begins to render them again, or goes on. */
+  materialise(id: string): Promise<Materialisation> {
+    return this.#materialise(id, "POST");
+  }
+
+  /** Existing parts are kept. */
+  stopMaterialising(id: string): Promise<Materialisation> {
+    return this.#materialise(id, "DELETE");
+  }
+
+  async list(): Promise<readonly ExperimentSummary[]> {
+    return (await this.#json<ExperimentList>("experiments")).experiments;
+  }
+
+  /** One with its plan and its runs. */
+  get(id: string): Promise<StoredExperiment> {
+    return this.#json(this.#path(id));
+  }
+
+  /** With all of its files. */
+  async remove(id: string): Promise<void> {
+    await this.#ask(this.#path(id), { method: "DELETE" });
+  }
+
+  /** All files of an experiment. */
+  zipUrl(id: string): string {
+    return `${this.base}/${this.#path(id)}/zip`;
+  }
+
+  reportUrl(id: string): string {
+    return `${this.base}/${this.#path(id)}/report`;
+  }
+
+  #path(id: string): string {
+    return `experiments/${encodeURIComponent(id)}`;
+  }
+
+  #run(id: string, run: string): string {
+    return `${this.#path(id)}/runs/${encodeURIComponent(run)}`;
+  }
+
+  async #json<T>(path: string, { content, ...request }: Asked & { readonly content?: object } = {}): Promise<T> {
+    const answer = await this.#ask(path, { ...request, ...(content && jsonBody(content)) });
+    return JSON.parse(await answer.text()) as T;
+  }
+
+  #materialise(id: string, method: "GET" | "POST" | "DELETE"): Promise<Materialisation> {
+    return this.#json(`${this.#path(id)}/materialise`, { method });
+  }
+
+  /** The response's body. Also rejects with the reason of `signal`. */
+  async #ask(path: string, { signal: cancelled, timeout = TIMEOUT, ...request }: Asked): Promise<Blob> {
+    const { body } = request;
+    const bytes = typeof body === "string" ? body.length : (body?.size ?? 0);
+    const late = AbortSignal.timeout(timeout + bytes / SLOWEST);
+    const signal = cancelled ? AbortSignal.any([cancelled, late]) : late;
+    let answer: Response;
+    try {
+      answer = await fetch(`${this.base}/${path}`, { cache: "no-store", ...request, signal });
+      if (answer.ok) return await answer.blob();
+    } catch {
+      cancelled?.throwIfAborted();
+      throw new ApiError(storeUnreachable(this.base, location.href), true);
+    }
+    const { detail, type } = await readProblem(answer);
+    throw new ApiError(detail, false, type);
+  }
+}
+
+interface Asked {
+  readonly method?: string;
+  readonly body?: string | Blob;
+  readonly headers?: Record<string, string>;
+  /** Cancels the request. */
+  readonly signal?: AbortSignal;
+  /** In milliseconds, without the time for the body. */
+  readonly timeout?: number;
+}
+
+function jsonBody(content: object): Pick<Asked, "body" | "headers"> {
+  return { body: JSON.stringify(content), headers: { "Content-Type": "application/json" } };
+}

@@ -1,0 +1,97 @@
+/** The shaper's HTTP interface. Every failure is a ShaperError with one sentence to show. */
+import { readProblem } from "#client/http/problem";
+import type {
+  LinkSetting,
+  ShaperStatus,
+  StartRequest,
+  TraceList,
+  TracePoints,
+  TraceSummary,
+} from "#client/wire/shaper";
+
+export class ShaperError extends Error {}
+
+/** In milliseconds. */
+const TIMEOUT = 5000;
+const UPLOAD_TIMEOUT = 120_000;
+
+export class ShaperApi {
+  readonly base: string;
+
+  /** `base` is the shaper's URL, with or without a slash at its end. */
+  constructor(base: string) {
+    this.base = base.replace(/\/+$/, "");
+  }
+
+  traces(): Promise<TraceList> {
+    return this.#call("traces");
+  }
+
+  trace(name: string): Promise<TracePoints> {
+    return this.#call(`traces/${encodeURIComponent(name)}`);
+  }
+
+  /** Keeps a trace of a person's own, in any format that `tigas trace import` reads; large ones take a while. */
+  upload(file: File): Promise<TraceSummary> {
+    return this.#ask(`traces?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file }, UPLOAD_TIMEOUT);
+  }
+
+  start(request: StartRequest): Promise<ShaperStatus> {
+    return this.#call("start", request);
+  }
+
+  pause(): Promise<ShaperStatus> {
+    return this.#call("pause", {});
+  }
+
+  resume(): Promise<ShaperStatus> {
+    return this.#call("resume", {});
+  }
+
+  /** Go to a position in the trace, in milliseconds. */
+  seek(position_ms: number): Promise<ShaperStatus> {
+    return this.#call("seek", { position_ms });
+  }
+
+  stop(): Promise<ShaperStatus> {
+    return this.#call("stop", {});
+  }
+
+  /** Stops the link while the page unloads, without waiting for an answer. */
+  abandon(): void {
+    navigator.sendBeacon(`${this.base}/stop`, "{}");
+  }
+
+  loop(loop: boolean): Promise<ShaperStatus> {
+    return this.#call("loop", { loop });
+  }
+
+  link(setting: LinkSetting): Promise<ShaperStatus> {
+    return this.#call("link", setting);
+  }
+
+  /** One sentence on an unreachable shaper; browsers do not report a refusal because of the origin. */
+  get silence(): string {
+    return `The shaper at ${this.base} does not answer, or does not allow this page.`;
+  }
+
+  #call<T>(path: string, body?: object): Promise<T> {
+    const headers = { "Content-Type": "application/json" };
+    return this.#ask(path, body ? { method: "POST", body: JSON.stringify(body), headers } : {}, TIMEOUT);
+  }
+
+  async #ask<T>(path: string, request: RequestInit, timeout: number): Promise<T> {
+    let response: Response;
+    try {
+      response = await fetch(`${this.base}/${path}`, {
+        cache: "no-store",
+        signal: AbortSignal.timeout(timeout),
+        ...request,
+      });
+      if (response.ok) return (await response.json()) as T;
+    } catch {
+      throw new ShaperError(this.silence);
+    }
+    throw new ShaperError((await readProblem(response)).detail);
+  }
+}

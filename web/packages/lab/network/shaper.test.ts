@@ -1,0 +1,96 @@
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import type { ShaperStatus } from "#client/wire/shaper";
+import { Shaper } from "./shaper";
+
+const direction = { target_kbps: 8000, delivered_kbps: 7000, queue_bytes: 0, queue_ms: 0, drops: 0 };
+const status: ShaperStatus = {
+  time_ms: 0,
+  mode: "constant",
+  trace: null,
+  position_ms: null,
+  duration_ms: null,
+  loop: false,
+  link: { down_kbps: 8000, up_kbps: 8000 },
+  down: direction,
+  up: direction,
+  backend: "netem",
+  closed: null,
+};
+
+class FakeEvents {
+  static readonly CLOSED = 2;
+  static all: FakeEvents[] = [];
+  readyState = 1;
+  onopen = () => undefined;
+  onmessage = (_: { data: string }) => undefined;
+  onerror = () => undefined;
+  constructor() {
+    FakeEvents.all.push(this);
+  }
+  close() {
+    this.readyState = FakeEvents.CLOSED;
+  }
+}
+
+beforeEach(() => {
+  vi.useFakeTimers();
+  FakeEvents.all = [];
+  vi.stubGlobal("EventSource", FakeEvents);
+});
+
+afterEach(() => {
+  vi.useRealTimers();
+  vi.unstubAllGlobals();
+});
+
+function watched() {
+  const subject = new Shaper("http://lab:8090", "http://lab:8080/", () => 1000);
+  const [events] = FakeEvents.all;
+  if (!events) throw new Error("nobody watches");
+  return { subject, events };
+}
+
+test("what comes is the status and the chart's next sample", () => {
+  const { subject, events } = watched();
+  events.onmessage({ data: JSON.stringify(status) });
+  expect(subject.status.value).toEqual(status);
+  expect(subject.rates.value).toEqual([[1], [8], [7]]);
+});
+
+test("a shaper that goes says so; one that refuses to be watched is asked again", () => {
+  const { subject, events } = watched();
+  events.onmessage({ data: JSON.stringify(status) });
+  events.readyState = 0;
+  events.onerror();
+  expect(subject.status.value).toBeNull();
+  expect(subject.connectionError.value).toContain("does not answer");
+  vi.advanceTimersByTime(10_000);
+  expect(FakeEvents.all).toHaveLength(1);
+  events.readyState = FakeEvents.CLOSED;
+  events.onerror();
+  vi.advanceTimersByTime(10_000);
+  expect(FakeEvents.all).toHaveLength(2);
+});
+
+test("nothing is asked once it is disposed of", () => {
+  const { subject, events } = watched();
+  events.readyState = FakeEvents.CLOSED;
+  events.onerror();
+  subject.dispose();
+  vi.advanceTimersByTime(60_000);
+  expect(FakeEvents.all).toHaveLength(1);
+});
+
+test("a refused action leaves the status and says why, until one succeeds", async () => {
+  const { subject, events } = watched();
+  events.onmessage({ data: JSON.stringify(status) });
+  const problem = { type: "tigas:x", title: "", status: 409, detail: "No trace is playing." };
+  vi.stubGlobal("fetch", async () => Response.json(problem, { status: 409 }));
+  await subject.act((api) => api.pause());
+  expect(subject.actionError.value).toBe("No trace is playing.");
+  expect(subject.status.value).toEqual(status);
+  vi.stubGlobal("fetch", async () => Response.json({ ...status, loop: true }));
+  await subject.act((api) => api.loop(true));
+  expect(subject.actionError.value).toBeNull();
+  expect(subject.status.value?.loop).toBe(true);
+});

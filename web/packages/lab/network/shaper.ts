@@ -1,0 +1,103 @@
+/** Client of one shaper: its traces, its live link and the user's actions, until disposed of. */
+
+import { signal } from "@preact/signals";
+import { shaperObstacle } from "#client/http/reach";
+import type { ShaperStatus, TracePoints, TraceSummary } from "#client/wire/shaper";
+import { append, noColumns } from "#viewer/charts/columns";
+import { ShaperApi, ShaperError } from "./api";
+import { rates } from "./series";
+
+/** EventSource reconnects by itself, except after an error response; then we do, after this many milliseconds. */
+const RETRY = 5000;
+
+export class Shaper {
+  readonly api: ShaperApi;
+  readonly traces = signal<readonly TraceSummary[]>([]);
+  /** Traces to be drawn, by name, as they come. */
+  readonly plots = signal<ReadonlyMap<string, TracePoints>>(new Map());
+  /** Null while the link is not seen. */
+  readonly status = signal<ShaperStatus | null>(null);
+  readonly rates = signal(noColumns(2));
+  /** Why the link cannot be seen, in one sentence. */
+  readonly connectionError = signal<string | null>(null);
+  /** Reason why the user's last action failed. */
+  readonly actionError = signal<string | null>(null);
+  readonly #now: () => number;
+  #events: EventSource | undefined;
+  #retry: ReturnType<typeof setTimeout> | undefined;
+  #disposed = false;
+
+  /** `page` is the page's own URL, `now` a clock in milliseconds. */
+  constructor(base: string, page: string, now: () => number) {
+    this.api = new ShaperApi(base);
+    this.#now = now;
+    this.connectionError.value = shaperObstacle(base, page);
+    if (this.connectionError.value === null) this.#watch();
+  }
+
+  /** Performs a user's action, or reports the reason of its failure. */
+  async act(ask: (api: ShaperApi) => Promise<ShaperStatus>): Promise<void> {
+    try {
+      this.status.value = await ask(this.api);
+      this.actionError.value = null;
+    } catch (error) {
+      if (!(error instanceof ShaperError)) throw error;
+      this.actionError.value = error.message;
+    }
+  }
+
+  /** Uploads a trace; returns its name on the shaper, or null after reporting a failure. */
+  async upload(file: File): Promise<string | null> {
+    try {
+      const { name } = await this.api.upload(file);
+      this.actionError.value = null;
+      await this.#list();
+      return name;
+    } catch (error) {
+      if (!(error instanceof ShaperError)) throw error;
+      this.actionError.value = error.message;
+      return null;
+    }
+  }
+
+  dispose(): void {
+    this.#disposed = true;
+    this.#events?.close();
+    clearTimeout(this.#retry);
+  }
+
+  #watch(): void {
+    const events = new EventSource(`${this.api.base}/events`);
+    this.#events = events;
+    events.onopen = () => {
+      this.connectionError.value = null;
+      void this.#list();
+    };
+    events.onmessage = ({ data }: MessageEvent<string>) => {
+      const status = JSON.parse(data) as ShaperStatus;
+      this.status.value = status;
+      this.rates.value = append(this.rates.value, this.#now() / 1000, rates(status));
+    };
+    events.onerror = () => {
+      this.status.value = null;
+      this.connectionError.value = this.api.silence;
+      if (events.readyState !== EventSource.CLOSED) return;
+      this.#retry = setTimeout(() => this.#watch(), RETRY);
+    };
+  }
+
+  async #list(): Promise<void> {
+    try {
+      this.traces.value = (await this.api.traces()).traces;
+      for (const { name, error } of this.traces.value) {
+        if (this.#disposed) return;
+        if (error) continue;
+        const points = await this.api.trace(name);
+        this.plots.value = new Map(this.plots.value).set(name, points);
+      }
+    } catch (error) {
+      if (!(error instanceof ShaperError)) throw error;
+      this.actionError.value = error.message;
+    }
+  }
+}

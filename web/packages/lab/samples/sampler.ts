@@ -1,0 +1,123 @@
+/** Keeps every n-th frame that a run shows, and never makes the page wait for it. */
+
+import type { Sample } from "#client/wire/store";
+import { OFF } from "#viewer/enhance/model/enhancer";
+import type { ShownFrame } from "#viewer/stateless/stateless-player";
+import type { About } from "./layout";
+import { SamplesRefused, SampleWriter } from "./sample-writer";
+
+/** Outcome of sampling a run. */
+export interface Sampled {
+  /** Key of their folder; null without one. */
+  readonly key: string | null;
+  readonly kept: number;
+  /** That were due and are not there, as of a disk that is too slow. */
+  readonly missed: number;
+  /** Why it ended before the run, in one sentence. */
+  readonly problem: string | null;
+}
+
+/** Why there are fewer samples than there were to be, in one sentence; null if there are not. */
+export function whyFewer({ problem, missed, kept }: Sampled): string | null {
+  return problem ?? (missed === 0 ? null : `Of ${kept + missed} samples, ${missed} could not be kept.`);
+}
+
+/** Samples that are being written; with more of them, a browser's memory would fill. */
+const MOST_WAITING = 16;
+/** A run's samples, for upload to a store. */
+export const MOST_SAMPLES = 10_000;
+
+type Writer = Pick<SampleWriter, "key" | "keep" | "close">;
+
+export class Sampler {
+  readonly #writer: Writer | null;
+  readonly #stride: number;
+  #startedAt: number | undefined;
+  readonly #seqs = new Set<number>();
+  readonly #waiting = new Set<Promise<void>>();
+  #shown = 0;
+  #kept = 0;
+  #missed = 0;
+  #problem: string | null;
+
+  private constructor(writer: Writer | null, stride: number, problem: string | null) {
+    this.#writer = writer;
+    this.#stride = stride;
+    this.#problem = problem;
+  }
+
+  /** The run continues if nothing can be stored. */
+  static async open(
+    about: About | null,
+    stride: number,
+    open: (about: About | null) => Promise<Writer> = SampleWriter.open,
+  ): Promise<Sampler> {
+    try {
+      return new Sampler(await open(about), stride, null);
+    } catch (error) {
+      if (!(error instanceof SamplesRefused)) throw error;
+      return new Sampler(null, stride, `${error.message} Nothing was sampled.`);
+    }
+  }
+
+  /** The run begins now, on the page's clock. */
+  begin(now: number): void {
+    this.#startedAt = now;
+  }
+
+  /** A frame is on the screen. */
+  shown(frame: ShownFrame): void {
+    if (this.#startedAt === undefined || this.#writer === null || this.#problem !== null) return;
+    if (this.#shown++ % this.#stride !== 0) return;
+    const { seq } = frame.asked;
+    // A new connection counts anew, and a sample's number is its name.
+    if (this.#waiting.size >= MOST_WAITING || this.#seqs.size >= MOST_SAMPLES || this.#seqs.has(seq)) {
+      this.#missed++;
+      return;
+    }
+    let picture: ImageBitmap | null;
+    try {
+      picture = frame.enhanced?.copy() ?? null;
+    } catch {
+      this.#missed++; // the graphics processor was lost
+      return;
+    }
+    this.#seqs.add(seq);
+    const kept = this.#keep(this.#writer, frame, picture, this.#startedAt).finally(() => this.#waiting.delete(kept));
+    this.#waiting.add(kept);
+  }
+
+  /** Once all is written. */
+  async finish(): Promise<Sampled> {
+    await Promise.all(this.#waiting);
+    await this.#writer?.close();
+    return { key: this.#writer?.key ?? null, kept: this.#kept, missed: this.#missed, problem: this.#problem };
+  }
+
+  async #keep(
+    writer: Writer,
+    { at, asked, header, image, enhanced }: ShownFrame,
+    picture: ImageBitmap | null,
+    startedAt: number,
+  ): Promise<void> {
+    const sample: Sample = {
+      seq: asked.seq,
+      at: at - startedAt,
+      request: asked,
+      rung: header.profile ?? null,
+      bytes: image.size,
+      restore: enhanced?.restore ?? OFF,
+      upscale: enhanced?.upscale ?? OFF,
+      enhance_ms: enhanced?.ms ?? null,
+      width: enhanced?.width ?? header.width ?? asked.width,
+      height: enhanced?.height ?? header.height ?? asked.height,
+      enhanced: picture !== null,
+    };
+    try {
+      await writer.keep(sample, image, picture);
+      this.#kept++;
+    } catch (error) {
+      this.#problem ??= `${error instanceof Error ? error.message : error} Sampling ended after ${this.#kept} frames.`;
+    }
+  }
+}

@@ -1,0 +1,59 @@
+/** A viewer in an element of any page, without controls: `const viewer = createViewer(element, { scene: "garden" })`. */
+import { effect } from "@preact/signals";
+import { ViewerControl } from "./control/viewer-control";
+import type { ViewerSettings } from "./control/viewer-settings";
+import { openStage } from "./embed/stage";
+import { ViewerSession } from "./session/session";
+import { validSettings } from "./state/settings";
+import { ViewerState } from "./state/viewer-state";
+import type { ScenePose } from "./view/camera";
+
+export type { ViewerErrorCode, ViewerEvents } from "./control/viewer-control";
+export type { ViewerSettings } from "./control/viewer-settings";
+export type { Easing } from "./movement/camera-path";
+export type { TimedPose } from "./movement/playback";
+export type { ScenePose } from "./view/camera";
+
+export interface ViewerOptions {
+  /** The scene's id. */
+  readonly scene: string;
+  /** URL of the server; by default the page's own. */
+  readonly server?: string;
+  readonly settings?: Partial<ViewerSettings>;
+  /** Where the camera begins; by default the scene's start view. */
+  readonly camera?: ScenePose;
+  /** Text for assistive technology. */
+  readonly label?: string;
+}
+
+export class Viewer extends ViewerControl {
+  readonly #close: () => void;
+
+  constructor(container: HTMLElement, { scene, server = "", settings = {}, camera, label = scene }: ViewerOptions) {
+    const state = new ViewerState({}, server.replace(/\/+$/, ""));
+    state.settings.value = validSettings({ ...state.settings.peek(), ...settings });
+    const stage = openStage(container, label);
+    const session = new ViewerSession(scene, stage, state);
+    super(session);
+    if (camera) this.camera = camera;
+    const stopMarking = effect(() => {
+      stage.element.dataset.phase = session.phase.value.kind;
+    });
+    this.#close = () => {
+      stopMarking();
+      session.dispose();
+      stage.close();
+    };
+  }
+
+  /** Ends the connection and removes the viewer from its element. */
+  override destroy(): void {
+    super.destroy();
+    this.#close();
+  }
+}
+
+/** Shows a scene in an element, which it fills, until it is destroyed. */
+export function createViewer(container: HTMLElement, options: ViewerOptions): Viewer {
+  return new Viewer(container, options);
+}

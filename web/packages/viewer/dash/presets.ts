@@ -1,0 +1,71 @@
+/** Presets of the DASH stream and its player. */
+import type { RepresentationRequest, SessionRequest } from "#client/wire/dash";
+
+/** Parameters that determine a stream's latency. */
+export type DashSetup = Required<
+  Pick<SessionRequest, "segment_s" | "frames_per_chunk" | "target_latency_ms" | "frame_rate">
+>;
+
+export interface DashPlan {
+  readonly setup: DashSetup;
+  /** dash.js, or the bare player on Media Source Extensions (`mse-stream.ts`). */
+  readonly player: "dash.js" | "mse";
+  /** The only representation that the stream has; null: the packager's own choice, of which the player chooses. */
+  readonly representation: RepresentationRequest | null;
+  /** Whether stalls raise the target (`latency-target.ts`); otherwise it is constant. */
+  readonly adaptive: boolean;
+}
+
+export const PRESETS = ["typical", "tuned", "edge", "custom"] as const;
+export type Preset = (typeof PRESETS)[number];
+
+export const FRAME_RATES = [30, 60] as const;
+export type FrameRate = (typeof FRAME_RATES)[number];
+const DEFAULT_FRAME_RATE: FrameRate = 30;
+
+/** The settings that say how a stream is to be. */
+export interface DashSettings {
+  readonly dashPreset: Preset;
+  /** Frames a second; null: the preset's own. */
+  readonly dashFrameRate: FrameRate | null;
+  /** A single representation, with the packager's bit rate by default; null: all. */
+  readonly dashRepresentation: RepresentationRequest | null;
+  /** Parameters of the preset "custom". */
+  readonly dashCustom: DashSetup;
+}
+
+export function planFor(settings: DashSettings): DashPlan {
+  return { ...chosen(settings), representation: settings.dashRepresentation };
+}
+
+function chosen({ dashPreset, dashFrameRate, dashCustom }: DashSettings): Omit<DashPlan, "representation"> {
+  const frame_rate = dashFrameRate ?? DEFAULT_FRAME_RATE;
+  switch (dashPreset) {
+    case "typical":
+      return { setup: typical(frame_rate), player: "dash.js", adaptive: false };
+    case "tuned":
+      return { setup: tuned(frame_rate), player: "dash.js", adaptive: true };
+    case "edge":
+      return { setup: edge(frame_rate), player: "mse", adaptive: true };
+    case "custom":
+      return { setup: dashCustom, player: "dash.js", adaptive: false };
+  }
+}
+
+/**
+ * As live services ship low latency: 2 s segments, in chunks of half a second. Their targets are one to several seconds
+ * (DASH-IF's guidelines aim at 3.5 s); this is the lower end, so that the comparison errs on DASH's side.
+ */
+function typical(frame_rate: number): DashSetup {
+  return { segment_s: 2, frames_per_chunk: frame_rate / 2, target_latency_ms: 1000, frame_rate };
+}
+
+/** The least that dash.js holds: a keyframe each second, one frame per chunk, and a target of 120 ms. */
+export function tuned(frame_rate: number): DashSetup {
+  return { segment_s: 1, frames_per_chunk: 1, target_latency_ms: 120, frame_rate };
+}
+
+/** The same stream for a player of our own, which holds half that target. */
+function edge(frame_rate: number): DashSetup {
+  return { ...tuned(frame_rate), target_latency_ms: 60 };
+}

@@ -1,0 +1,306 @@
+/** The local mode: downloads the scene and renders it in this browser, starting with the first part. */
+
+import { signal } from "@preact/signals";
+import { deferred } from "#client/async/deferred";
+import { ApiError } from "#client/http/problem";
+import type { SceneInfo } from "#client/wire/render";
+import type { PlayedDownload } from "#client/wire/store";
+import type { Size } from "../enhance/geometry";
+import { type Figures, Meter, NO_FIGURES, STATS_EVERY } from "../view/meter";
+import type { PresentedFrame } from "../view/presented";
+import type { NumberedPose, Rig } from "../view/rig";
+import { download } from "./download";
+import { arrived, BrokenPly, type PlyHeader, type Prefix, prefixOf, readHeader } from "./ply";
+import type { Lens, Renderer, RendererOptions } from "./renderer";
+import { fileBytes, roomProblem } from "./room";
+import { nextStep } from "./steps";
+
+export interface LocalStats extends Figures {
+  readonly kind: "download";
+  /** Received and total bytes of the scene's file; null until the server has answered. */
+  readonly received: number;
+  readonly total: number | null;
+  /** Rendered and total Gaussians; null until the header has arrived. */
+  readonly drawn: number;
+  readonly gaussians: number | null;
+  /** Since the mode was entered, in milliseconds; null until then. */
+  readonly firstPictureMs: number | null;
+  readonly completeMs: number | null;
+  /** The renderer; null until it works. */
+  readonly backend: string | null;
+}
+
+export const NO_LOCAL_STATS: LocalStats = {
+  kind: "download",
+  ...NO_FIGURES,
+  received: 0,
+  total: null,
+  drawn: 0,
+  gaussians: null,
+  firstPictureMs: null,
+  completeMs: null,
+  settled: false,
+  backend: null,
+};
+
+/** How it stands; `connecting` until there is a picture, `failed` waits for another mode. */
+export type LocalPhase =
+  | { readonly kind: "connecting"; readonly message?: string }
+  | { readonly kind: "playing" }
+  | { readonly kind: "lost"; readonly message: string }
+  | { readonly kind: "failed"; readonly message: string };
+
+/** The part of a `Renderer` that is used. */
+export type LocalRenderer = Pick<Renderer, "backend" | "show" | "draw" | "dispose">;
+
+export interface LocalOptions {
+  /** The picture is added to it. */
+  readonly pane: HTMLElement;
+  readonly rig: Rig;
+  readonly scene: SceneInfo;
+  /** Where the scene's file is; in a cluster, that changes. */
+  readonly url: () => string;
+  /** How large the picture is displayed, in the screen's pixels. */
+  readonly size: () => Size;
+  readonly onPresented: (frame: PresentedFrame) => void;
+  /** Bytes of the scene were received. */
+  readonly onReceived: (bytes: number) => void;
+  readonly now: () => number;
+  /** The machine's memory in GB, as reported by the browser. */
+  readonly memory?: number | undefined;
+  readonly create?: (options: RendererOptions) => Promise<LocalRenderer>;
+  readonly fetch?: typeof fetch;
+}
+
+/** The picture that was drawn last. */
+interface Drawn extends Size {
+  readonly pose: NumberedPose;
+  readonly lens: Lens;
+}
+
+/** Why the scene is not drawn here, in one sentence. */
+class Impossible extends Error {}
+
+const DOWNLOADING: LocalPhase = { kind: "connecting", message: "Downloading the scene…" };
+const NO_GRAPHICS = "This browser cannot draw Gaussians: it offers neither WebGPU nor WebGL 2.";
+const LOST = "The graphics processor was lost. Choose the mode again to download the scene once more.";
+const UNKNOWN = "The scene could not be drawn here.";
+
+export class LocalPlayer {
+  readonly stats = signal<LocalStats>(NO_LOCAL_STATS);
+  readonly phase = signal<LocalPhase>(DOWNLOADING);
+  readonly #options: LocalOptions;
+  readonly #meter: Meter;
+  readonly #visit = new AbortController();
+  readonly #canvas = document.createElement("canvas");
+  readonly #beganAt: number;
+  #renderer: LocalRenderer | null = null;
+  /** The received part; empty once everything is rendered. */
+  #file = new Uint8Array(0);
+  #total = 0;
+  #received = 0;
+  #header: PlyHeader | null = null;
+  /** Gaussians handed to the renderer. */
+  #given: Prefix | null = null;
+  /** Resolves when more of the file has arrived. */
+  #more = deferred<undefined>();
+  #firstPictureMs: number | null = null;
+  #completeMs: number | null = null;
+  #drawn: Drawn | null = null;
+  /** Not reported yet. */
+  #untold = false;
+  #publishedAt = 0;
+
+  constructor(options: LocalOptions) {
+    this.#options = options;
+    this.#meter = new Meter("local", options.onPresented);
+    this.#canvas.className = "local";
+    this.#beganAt = options.now();
+    this.#run(this.#visit.signal).catch((error: unknown) => this.#failed(error));
+  }
+
+  /** Ends the download, and gives back all that it took. */
+  dispose(): void {
+    this.#visit.abort();
+    this.#leave();
+  }
+
+  /** For records: the download so far, with times since `startedAt`. */
+  played(startedAt: number): { readonly local: PlayedDownload } {
+    return {
+      local: {
+        form: "compressed",
+        renderer: this.#renderer?.backend ?? null,
+        began_ms: this.#beganAt - startedAt,
+        first_picture_ms: this.#firstPictureMs,
+        complete_ms: this.#completeMs,
+        downloaded_bytes: this.#received,
+        bytes: this.#total,
+        gaussians: this.#header?.gaussians ?? null,
+      },
+    };
+  }
+
+  /** A copy of the screen; null before the first picture. */
+  picture(): Promise<ImageBitmap> | null {
+    if (this.#drawn === null || this.#renderer === null) return null;
+    const { pose, lens, ...size } = this.#drawn;
+    // The browser has taken the picture away to show it.
+    this.#renderer.draw({ pose, lens, size, now: this.#options.now(), again: true });
+    return createImageBitmap(this.#canvas);
+  }
+
+  /** Called at the start of each animation frame: the last rendered frame is on screen by now. */
+  presented(now: number): void {
+    if (this.#drawn === null || !this.#untold) return;
+    this.#untold = false;
+    if (this.phase.peek().kind === "connecting") this.phase.value = { kind: "playing" };
+    this.#firstPictureMs ??= now - this.#beganAt;
+    if (this.#given?.whole) this.#completeMs ??= now - this.#beganAt;
+    const { pose, width, height } = this.#drawn;
+    this.#meter.presented({ at: now, pose: pose.seq, rung: null, width, height });
+  }
+
+  /** The page was hidden for the last `gap` milliseconds; before anything else of this animation frame. */
+  resumed(gap: number): void {
+    this.#meter.resumed(gap);
+    this.#untold = false;
+  }
+
+  /** Called once per animation frame, after the rig was sampled; `moved` is the rig's result. */
+  tick(now: number, moved: boolean): void {
+    const { rig, size } = this.#options;
+    const { pose } = rig;
+    this.#meter.sampled(pose.seq, now);
+    // Until there is a picture, poses wait for the download: that is no latency.
+    if (moved && this.#firstPictureMs !== null) this.#meter.moved(pose.seq, now);
+    const lens = { ...rig.intrinsics.peek(), ...rig.viewport.peek() };
+    if (this.#renderer?.draw({ pose, lens, size: size(), now })) {
+      this.#drawn = { pose, lens, ...size() };
+      this.#untold = true;
+      if (!this.#canvas.isConnected) this.#options.pane.append(this.#canvas);
+    }
+    if (now - this.#publishedAt < STATS_EVERY) return;
+    this.#publishedAt = now;
+    this.#publish(now);
+  }
+
+  #publish(now: number): void {
+    this.stats.value = {
+      kind: "download",
+      ...this.#meter.figures(now),
+      received: this.#received,
+      total: this.#total || null,
+      drawn: this.#given?.gaussians ?? 0,
+      gaussians: this.#header?.gaussians ?? null,
+      firstPictureMs: this.#firstPictureMs,
+      completeMs: this.#completeMs,
+      settled: this.#completeMs !== null,
+      backend: this.#renderer?.backend ?? null,
+    };
+  }
+
+  async #run(signal: AbortSignal): Promise<void> {
+    const { scene, url, memory, onReceived, now } = this.#options;
+    const gaussians = scene.gaussians ?? 0;
+    const shDegree = scene.sh_degree ?? 3;
+    const made = scene.downloads?.[0]?.bytes;
+    const bytes = made ?? fileBytes(gaussians, shDegree);
+    const problem = roomProblem({ gaussians, shDegree, bytes }, memory);
+    if (problem !== null) throw new Impossible(problem);
+    const whole = download({
+      url,
+      signal,
+      onBytes: (file, received) => {
+        onReceived(received - this.#received);
+        this.#meter.received(received - this.#received, now());
+        this.#came(file, received);
+      },
+      onCut: (message) => {
+        this.phase.value = { kind: "lost", message };
+      },
+      ...(this.#options.fetch && { fetch: this.#options.fetch }),
+    });
+    await Promise.all([whole, this.#draw(signal)]);
+  }
+
+  #came(file: Uint8Array<ArrayBuffer>, received: number): void {
+    if (file !== this.#file) {
+      this.#header = this.#given = null; // the server has another version by now
+      this.#file = file;
+      this.#total = file.length;
+    }
+    this.#received = received;
+    if (this.phase.peek().kind === "lost") {
+      this.phase.value = this.#firstPictureMs === null ? DOWNLOADING : { kind: "playing" };
+    }
+    this.#header ??= readHeader(file.subarray(0, received));
+    this.#more.resolve(undefined);
+  }
+
+  /** Renders more whenever enough has arrived, until everything is rendered. */
+  async #draw(signal: AbortSignal): Promise<void> {
+    const renderer = await this.#create();
+    if (signal.aborted) {
+      renderer.dispose();
+      return;
+    }
+    this.#renderer = renderer;
+    while (!this.#given?.whole && !signal.aborted) {
+      this.#more = deferred<undefined>();
+      const header = this.#header;
+      const step = header && nextStep(header, arrived(header, this.#received), this.#given);
+      if (step === null) {
+        await this.#more.promise;
+      } else {
+        await renderer.show(prefixOf(header as PlyHeader, this.#file, step)).catch((error: unknown) => {
+          throw new Impossible(`The scene cannot be drawn here: ${sentence(error)}`);
+        });
+        this.#given = step;
+      }
+    }
+    this.#file = new Uint8Array(0); // the rendered Gaussians are on the GPU
+  }
+
+  async #create(): Promise<LocalRenderer> {
+    const { create = (await this.#load()).createRenderer, scene } = this.#options;
+    try {
+      return await create({
+        canvas: this.#canvas,
+        background: scene.background,
+        antialiased: scene.antialiased ?? false,
+        onLost: () => this.#failed(new Impossible(LOST)),
+      });
+    } catch (error) {
+      const none = error instanceof Error && error.name === "NoGraphics";
+      throw new Impossible(none ? NO_GRAPHICS : `The scene cannot be drawn here: ${sentence(error)}`);
+    }
+  }
+
+  #load(): Promise<typeof import("./renderer")> {
+    return import("./renderer").catch(() => {
+      throw new Impossible("The renderer could not be loaded from the server.");
+    });
+  }
+
+  #failed(error: unknown): void {
+    if (this.#visit.signal.aborted) return;
+    this.#visit.abort();
+    this.#leave();
+    const known = error instanceof ApiError || error instanceof BrokenPly || error instanceof Impossible;
+    this.phase.value = { kind: "failed", message: known ? error.message : UNKNOWN };
+  }
+
+  #leave(): void {
+    this.#renderer?.dispose();
+    this.#renderer = null;
+    this.#drawn = null;
+    this.#canvas.remove();
+    this.#file = new Uint8Array(0);
+  }
+}
+
+function sentence(error: unknown): string {
+  const message = error instanceof Error ? error.message : String(error);
+  return message.endsWith(".") ? message : `${message}.`;
+}

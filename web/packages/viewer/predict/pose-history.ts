@@ -1,0 +1,70 @@
+/** The camera's recent poses at any time: animation frames are irregular, and predictors look back in even steps. */
+import { poseAt, type TimedPose } from "../movement/playback";
+import type { ScenePose } from "../view/camera";
+import { fromRotationVector, toRotationVector } from "../view/rotation";
+import { conjugate, multiply, rotate, subtract, type Vector3 } from "../view/vector";
+
+/** How one pose differs from another, as seen from the other. */
+export interface PoseChange {
+  /** In scene units. */
+  readonly moved: Vector3;
+  /** Along the axis, in radians. */
+  readonly turned: Vector3;
+}
+
+export class PoseHistory {
+  readonly #span: number;
+  #poses: TimedPose[] = [];
+
+  /** `span`: how far back it is looked at, in milliseconds. */
+  constructor(span: number) {
+    this.#span = span;
+  }
+
+  add(pose: ScenePose, at: number): void {
+    if (this.#poses.at(-1)?.t_ms === at) this.#poses.pop();
+    this.#poses.push({ ...pose, t_ms: at });
+    // The last sample before the span is kept to interpolate the pose at its start.
+    const within = this.#poses.findIndex(({ t_ms }) => t_ms > at - this.#span);
+    if (within > 1) this.#poses.splice(0, within - 1);
+  }
+
+  clear(): void {
+    this.#poses = [];
+  }
+
+  get last(): ScenePose | undefined {
+    return this.#poses.at(-1);
+  }
+
+  /**
+   * Displacement of the pose this many milliseconds ago from the last one; the earliest known pose if that is too long
+   * ago.
+   */
+  since(ago: number): PoseChange {
+    const last = this.#poses.at(-1);
+    if (last === undefined) return { moved: [0, 0, 0], turned: [0, 0, 0] };
+    const { position, quaternion } = poseAt(this.#poses, last.t_ms - ago);
+    const toLast = conjugate(last.quaternion);
+    return {
+      moved: rotate(toLast, subtract(position, last.position)),
+      turned: toRotationVector(multiply(toLast, quaternion)),
+    };
+  }
+
+  /** The known time before the last pose, in milliseconds. */
+  get known(): number {
+    return (this.#poses.at(-1)?.t_ms ?? 0) - (this.#poses[0]?.t_ms ?? 0);
+  }
+}
+
+/** A pose that was changed, which is the very pose if there is no change. */
+export function changed(pose: ScenePose, { moved, turned }: PoseChange): ScenePose {
+  if ([...moved, ...turned].every((value) => value === 0)) return pose;
+  const [x, y, z] = rotate(pose.quaternion, moved);
+  const [px, py, pz] = pose.position;
+  return {
+    position: [px + x, py + y, pz + z],
+    quaternion: [...multiply(pose.quaternion, fromRotationVector(turned))],
+  };
+}

@@ -1,0 +1,50 @@
+/** The view as the server renders it for the viewport, without loss; and how near pictures of it are. */
+import { FetchTransport } from "#client/transport/fetch";
+import { hostUrl } from "#client/transport/host-url";
+import type { ServerConfig } from "#client/wire/render";
+import type { ScenePose } from "../view/camera";
+import type { Intrinsics, Viewport } from "../view/intrinsics";
+import { psnr } from "./psnr";
+
+interface Place {
+  /** Null while it is unknown. */
+  readonly server: ServerConfig | null;
+  readonly scene: string;
+  readonly lens: Intrinsics & Viewport;
+}
+
+/** The view as PNG, requested by `POST /render`, independently of the viewer's connection. Rejects like a transport. */
+export async function losslessView(
+  { server, scene, lens }: Place,
+  { position, quaternion }: ScenePose,
+  signal: AbortSignal,
+): Promise<Blob> {
+  if (server === null) throw new Error("The server has not said how it is reached.");
+  const transport = new FetchTransport(() => performance.now(), hostUrl("render", server));
+  try {
+    const { image } = await transport.request({ scene, seq: 0, position, quaternion, ...lens, format: "png" }, signal);
+    return image;
+  } finally {
+    transport.close();
+  }
+}
+
+/** The same, decoded. */
+export async function groundTruth(place: Place, pose: ScenePose, signal: AbortSignal): Promise<ImageBitmap> {
+  return createImageBitmap(await losslessView(place, pose, signal));
+}
+
+/** Of each picture in dB, at the truth's size; null is black. */
+export function psnrOf(pictures: readonly (ImageBitmap | null)[], truth: ImageBitmap): readonly number[] {
+  const { width, height } = truth;
+  const context = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+  if (context === null) throw new Error("There is no memory to compare pictures.");
+  const pixels = (picture: ImageBitmap | null) => {
+    context.fillStyle = "black";
+    context.fillRect(0, 0, width, height);
+    if (picture) context.drawImage(picture, 0, 0, width, height);
+    return context.getImageData(0, 0, width, height).data;
+  };
+  const wanted = pixels(truth);
+  return pictures.map((picture) => psnr(pixels(picture), wanted));
+}

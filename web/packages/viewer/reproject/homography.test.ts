@@ -1,0 +1,55 @@
+import { expect, test } from "vitest";
+import { add, conjugate, type Quaternion, rotate, subtract, type Vector3 } from "../view/vector";
+import { fakeView, turned } from "./fake-view";
+import { transfer, transferred } from "./homography";
+import type { View } from "./view";
+
+const ODD: Quaternion = [0.03, 0.15, 0.05, Math.sqrt(1 - 0.0259)];
+const INVERSE_DEPTHS = [0, 0.01, 0.5, 2];
+
+/** The slow way: to the point in the scene, and from there to the other view's picture. */
+function seenBy(from: View, to: View, u: number, v: number, depth: number): [number, number] {
+  const inFrom: Vector3 = [((u - from.cx) / from.fx) * depth, ((v - from.cy) / from.fy) * depth, depth];
+  const point = add(rotate(from.quaternion, inFrom), from.position);
+  const [x, y, z] = rotate(conjugate(to.quaternion), subtract(point, to.position));
+  return [(x / z) * to.fx + to.cx, (y / z) * to.fy + to.cy];
+}
+
+function expectAt(pixel: [number, number] | null, [u, v]: readonly [number, number]): void {
+  expect(pixel?.[0]).toBeCloseTo(u, 6);
+  expect(pixel?.[1]).toBeCloseTo(v, 6);
+}
+
+test("after a turn of 45° to the right the old centre is one focal length to the left", () => {
+  const toTurned = transfer(fakeView(), fakeView(turned(45)));
+  for (const inverseDepth of INVERSE_DEPTHS) expectAt(transferred(toTurned, 80, 45, inverseDepth), [80 - 100, 45]);
+});
+
+test("after a step to the right near things move left, and infinitely far ones stay", () => {
+  const toMoved = transfer(fakeView(), fakeView({ position: [0.5, 0, 0] }));
+  expectAt(transferred(toMoved, 30, 20, 1), [30 - 50, 20]);
+  expectAt(transferred(toMoved, 30, 20, 0), [30, 20]);
+});
+
+test("halfway to an object it is twice as large", () => {
+  expectAt(transferred(transfer(fakeView(), fakeView({ position: [0, 0, 2] })), 90, 50, 1 / 4), [100, 55]);
+});
+
+test("any view's pixels lie where the slow way says", () => {
+  const from = fakeView({ position: [1, 2, 3], ...turned(20), cx: 70, fy: 110 });
+  const to = fakeView({ position: [1.2, 1.9, 3.3], quaternion: ODD, fx: 200, fy: 210, cx: 150, width: 320 });
+  for (const [u, v] of [
+    [0, 0],
+    [160, 90],
+    [17.5, 60.25],
+  ] as const) {
+    for (const depth of [1, 5, 1000]) {
+      expectAt(transferred(transfer(from, to), u, v, 1 / depth), seenBy(from, to, u, v, depth));
+    }
+  }
+});
+
+test("what is behind the camera has no pixel", () => {
+  expect(transferred(transfer(fakeView(), fakeView(turned(180))), 80, 45, 0)).toBeNull();
+  expect(transferred(transfer(fakeView(), fakeView({ position: [0, 0, 2] })), 80, 45, 1)).toBeNull();
+});

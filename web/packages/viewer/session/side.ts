@@ -1,0 +1,107 @@
+/** One picture of the scene with its own settings: the whole stage, or one side of a comparison. */
+import { computed, effect, type ReadonlySignal, signal, untracked } from "@preact/signals";
+import { Listeners } from "#client/async/listeners";
+import type { Connected } from "#client/transport/connect";
+import { reprojectionNote } from "../reproject/reprojector";
+import { SOURCES } from "../sources/registry";
+import type { Source, SourceContext, SourceKind, SourceStats } from "../sources/source";
+import type { PresentedFrame } from "../view/presented";
+
+export interface SideOptions extends Omit<SourceContext, "connection" | "size" | "onPresented" | "onReceived"> {
+  /** Nobody has seen the page for some time. */
+  readonly left: ReadonlySignal<boolean>;
+}
+
+export class Side {
+  readonly settings: SourceContext["settings"];
+  /** Of its mode. */
+  readonly kind: ReadonlySignal<SourceKind>;
+  /** Of the mode; null until the scene is there, and where the mode is not available. */
+  readonly source = signal<Source | null>(null);
+  /** Why the mode is not available; null if it is. */
+  readonly missing: ReadonlySignal<string | null>;
+  /** Notice to the user if pictures should be warped and are not; else null. */
+  readonly unturned = computed(() => reprojectionNote(this.source.value?.reprojection.value ?? "off"));
+  readonly #connection = signal<Connected | null>(null);
+  readonly #presented = new Listeners<[PresentedFrame]>();
+  /** Subscribes to every frame on screen; returns a function that unsubscribes. */
+  readonly onPresented = this.#presented.add;
+  readonly #stop: () => void;
+  #received = 0;
+
+  constructor(options: SideOptions) {
+    const { rig, pixelRatio, settings, scene, config } = options;
+    this.settings = settings;
+    const context: SourceContext = {
+      ...options,
+      connection: this.#connection,
+      size: () => {
+        const { width, height } = rig.viewport.peek();
+        const ratio = pixelRatio.peek();
+        return { width: Math.round(width * ratio), height: Math.round(height * ratio) };
+      },
+      onPresented: this.#presented.tell,
+      onReceived: (bytes) => {
+        this.#received += bytes;
+      },
+    };
+    this.kind = computed(() => SOURCES[settings.value.mode]);
+    this.missing = computed(() => (scene.value === null ? null : this.kind.value.missing(config.value, scene.value)));
+    const available = computed(
+      () =>
+        scene.value !== null &&
+        rig.viewport.value.width > 1 && // the stage has been laid out
+        this.missing.value === null &&
+        (this.kind.value.keepsHidden || !options.left.value),
+    );
+    this.#stop = effect(() => {
+      const { value: kind } = this.kind;
+      if (!available.value) return undefined;
+      const source = untracked(() => kind.open(context));
+      this.source.value = source;
+      return () => {
+        this.source.value = null;
+        source.dispose();
+      };
+    });
+  }
+
+  /** Bytes of pictures received by all modes together. */
+  get receivedBytes(): number {
+    return this.#received;
+  }
+
+  /** Present figures of the mode's meter; null without a source. */
+  get figures(): SourceStats | null {
+    return this.source.value?.stats.value ?? null;
+  }
+
+  /** Ask for views over this from now on; null while there is no connection. */
+  attach(connected: Connected | null): void {
+    this.#connection.value = connected;
+  }
+
+  /** A copy of the screen; null before the first picture. */
+  picture(): Promise<ImageBitmap> | null {
+    return this.source.peek()?.picture() ?? null;
+  }
+
+  /** Called at the start of each animation frame: its subscribers find the last reported frame on screen. */
+  presented(time: number): void {
+    this.source.peek()?.presented(time);
+  }
+
+  /** The page was hidden for the last `gap` milliseconds; before anything else of this animation frame. */
+  resumed(gap: number): void {
+    this.source.peek()?.resumed(gap);
+  }
+
+  /** Called once per animation frame, after the rig was sampled; `moved` is the rig's result. */
+  tick(time: number, moved: boolean): void {
+    this.source.peek()?.tick(time, moved);
+  }
+
+  dispose(): void {
+    this.#stop();
+  }
+}

@@ -1,0 +1,282 @@
+/** The user's settings, stored in the browser. Invalid stored values are replaced by their defaults. */
+
+import * as v from "valibot";
+import { CONTROLLER_NAMES, CONTROLLERS } from "#client/abr/registry";
+import { SIDE_MODES, SOURCES, USUAL_SIDES } from "#client/wire/run";
+import { type DashSettings, FRAME_RATES, tuned } from "../dash/presets";
+import { type Kind, OFF } from "../enhance/model/enhancer";
+import { enhancersOf } from "../enhance/registry";
+import { PREDICTOR_NAMES, PREDICTORS } from "../predict/registry";
+import { CODEC_NAMES, WEBRTC_PLANS, WEBRTC_STREAMS } from "../webrtc/presets";
+
+/** A mode that shows one picture. */
+export type SourceName = (typeof SOURCES)[number];
+/** Two pictures, each with its own mode. */
+export const COMPARED = "side-by-side";
+export const MODES = [...SOURCES, COMPARED] as const;
+export type Mode = (typeof MODES)[number];
+/** Choices for a side of a comparison: a mode, and the preset of a stream. */
+export type SideMode = (typeof SIDE_MODES)[number];
+export const PLACES = ["left", "right"] as const;
+export type Place = (typeof PLACES)[number];
+
+/** How a setting is explained and used. */
+interface About {
+  /** Its label in the settings. */
+  readonly label?: string;
+  /** What it does, in one sentence. */
+  readonly help?: string;
+  /** Labels of its values, in the order in which they are offered. */
+  readonly options?: Readonly<Record<string, string>>;
+  /** Of a number. */
+  readonly unit?: string;
+  readonly range?: readonly [min: number, max: number];
+  /** Part of a link to a view: it affects the picture. */
+  readonly linked?: true;
+  /** It affects measurements, and so it may not change during a run of an experiment. */
+  readonly recorded?: true;
+}
+
+/** `usual` also replaces stored values that make no sense. */
+function setting<const Schema extends v.GenericSchema, const More extends About>(
+  schema: Schema,
+  usual: NoInfer<v.InferOutput<Schema>>,
+  about: More,
+) {
+  return { schema: v.fallback(schema, usual), ...about };
+}
+
+const toggle = <const More extends About>(usual: boolean, about: More) => setting(v.boolean(), usual, about);
+
+/** One of the values that have a label. */
+function choice<Options extends Readonly<Record<string, string>>, const More extends About>(
+  options: Options,
+  usual: NoInfer<keyof Options & string>,
+  about: More,
+) {
+  return setting(v.picklist(Object.keys(options) as (keyof Options & string)[]), usual, { ...about, options });
+}
+
+function number<const More extends About>(min: number, max: number, usual: number, about: More) {
+  return setting(v.pipe(v.number(), v.minValue(min), v.maxValue(max)), usual, { ...about, range: [min, max] });
+}
+
+function whole<const More extends About>(min: number, max: number, usual: number, about: More) {
+  const schema = v.pipe(v.number(), v.integer(), v.minValue(min), v.maxValue(max));
+  return setting(schema, usual, { ...about, range: [min, max] });
+}
+
+const LAST_RUNG = 255;
+const Kbps = v.pipe(v.number(), v.integer(), v.minValue(50), v.maxValue(100_000));
+
+/** Names with the labels that they have in a list. */
+const labelled = <Name extends string>(names: readonly Name[], label: (name: Name) => string) =>
+  Object.fromEntries(names.map((name) => [name, label(name)])) as Record<Name, string>;
+
+const models = (kind: Kind): Record<string, string> => ({
+  [OFF]: "Off",
+  ...Object.fromEntries(enhancersOf(kind).map(({ name, label }) => [name, label])),
+});
+
+/** Every setting: its values, its label and help, and whether it is part of links and of experiments. */
+export const SETTINGS = {
+  theme: setting(v.picklist(["system", "light", "dark"]), "system", {}),
+  transport: choice(
+    {
+      auto: "Automatic",
+      "webtransport-streams": "WebTransport streams",
+      "webtransport-datagrams": "WebTransport datagrams",
+      fetch: "HTTP fetch",
+    },
+    "auto",
+    { label: "Transport", recorded: true },
+  ),
+  mode: setting(v.picklist(MODES), USUAL_SIDES[0], { linked: true, recorded: true }),
+  /** The two pictures of a comparison. */
+  left: setting(v.picklist(SIDE_MODES), USUAL_SIDES[0], { label: "Left", linked: true, recorded: true }),
+  right: setting(v.picklist(SIDE_MODES), USUAL_SIDES[1], { label: "Right", linked: true, recorded: true }),
+  /** Constraint shared by both sides: a rung of the ladder, or a rate in kbit/s. */
+  lock: choice({ off: "Nothing", resolution: "Resolution", bitrate: "Bit rate" }, "off", {
+    label: "Keep the same",
+    linked: true,
+    recorded: true,
+  }),
+  lockRung: whole(0, LAST_RUNG, 0, { label: "Rung", linked: true, recorded: true }),
+  lockKbps: whole(50, 100_000, 3000, { label: "At most", unit: "kbit/s", linked: true, recorded: true }),
+  dashPreset: choice({ typical: "Typical", tuned: "Tuned", edge: "Edge", custom: "Custom" }, "tuned", {
+    label: "DASH stream",
+    linked: true,
+    recorded: true,
+  }),
+  /** Frames a second; null: the preset's own. */
+  dashFrameRate: setting(v.nullable(v.picklist(FRAME_RATES)), null, { label: "Frame rate", recorded: true }),
+  /** A single representation of a stream, for measurements; null: all that the packager offers. */
+  dashRepresentation: setting(
+    v.nullable(
+      v.object({
+        rung: v.pipe(v.number(), v.integer(), v.minValue(0), v.maxValue(LAST_RUNG)),
+        bitrate_kbps: Kbps,
+      }),
+    ),
+    null,
+    { recorded: true },
+  ),
+  /** Parameters of the preset "custom". */
+  dashCustom: setting(
+    v.object({
+      segment_s: v.pipe(v.number(), v.minValue(0.2), v.maxValue(10)),
+      frames_per_chunk: v.pipe(v.number(), v.integer(), v.minValue(1), v.maxValue(600)),
+      target_latency_ms: v.pipe(v.number(), v.integer(), v.minValue(50), v.maxValue(10_000)),
+      frame_rate: v.pipe(v.number(), v.integer(), v.minValue(1), v.maxValue(60)),
+    }),
+    tuned(30),
+    { recorded: true },
+  ),
+  webrtcStream: choice(
+    labelled(WEBRTC_STREAMS, (name) => `${CODEC_NAMES[WEBRTC_PLANS[name].codec]}, ${WEBRTC_PLANS[name].frameRate}/s`),
+    "h264-30",
+    { label: "WebRTC stream", linked: true, recorded: true },
+  ),
+  /** Controller of the ladder's rung; "fixed": chosen by the user. */
+  controller: choice(
+    {
+      ...labelled(CONTROLLER_NAMES, (name) => `Automatic: ${CONTROLLERS[name].title}`),
+      fixed: "Fixed profile",
+    },
+    "budget",
+    { label: "Adaptation", linked: true, recorded: true },
+  ),
+  /** The rung that a person chose. */
+  profile: whole(0, LAST_RUNG, 0, { label: "Profile", linked: true, recorded: true }),
+  /** When the camera stands still, ask for the view once more at the best rung. */
+  refine: toggle(true, { label: "Sharpen when you stop", linked: true, recorded: true }),
+  webp: toggle(true, {
+    label: "WebP on slow links",
+    help: "Fewer bytes for the same picture, which takes the server a few milliseconds longer",
+    linked: true,
+    recorded: true,
+  }),
+  /** The models that enhance each frame, by name, or `off`. */
+  restore: choice(models("restore"), OFF, { label: "Restore", linked: true, recorded: true }),
+  upscale: choice(models("upscale"), OFF, { label: "Upscale", linked: true, recorded: true }),
+  reprojection: toggle(true, {
+    label: "Smooth turning (reprojection)",
+    help: "Turns the newest frame to the current view each time the display is refreshed",
+    linked: true,
+    recorded: true,
+  }),
+  prediction: choice(
+    labelled(PREDICTOR_NAMES, (name) => PREDICTORS[name].title),
+    "velocity",
+    {
+      label: "Prediction",
+      help: "Requests the view from the predicted camera position",
+      linked: true,
+      recorded: true,
+    },
+  ),
+  /** As a share of the viewport at each side. */
+  overscan: setting(v.union([v.literal("auto"), v.pipe(v.number(), v.minValue(0), v.maxValue(0.5))]), "auto", {
+    label: "Overscan",
+    help: "How far each frame extends beyond the view, as a share of its size",
+    linked: true,
+    recorded: true,
+  }),
+  depth: toggle(true, {
+    label: "Use depth",
+    help: "Near things shift more than distant ones as you walk, by a coarse depth map",
+    linked: true,
+    recorded: true,
+  }),
+  surround: toggle(true, {
+    label: "Fill the edges on fast turns",
+    help: "Small pictures of all directions fill what a quick turn would leave dark",
+    linked: true,
+    recorded: true,
+  }),
+  drag: choice({ look: "Drag to look around", orbit: "Drag to orbit" }, "look", { label: "Dragging", linked: true }),
+  turnSpeed: number(1, 720, 60, { label: "Turn", unit: "°/s" }),
+  /** Null: open where there is room. */
+  sidebar: setting(v.nullable(v.boolean()), null, {}),
+  hud: toggle(true, {}),
+  /** All of the HUD's numbers, or the most important ones; null: all where there is room. */
+  hudDetails: setting(v.nullable(v.boolean()), null, {}),
+};
+
+export type Settings = { [Name in keyof typeof SETTINGS]: v.InferOutput<(typeof SETTINGS)[Name]["schema"]> };
+type NamesWith<Flag> = {
+  [Name in keyof typeof SETTINGS]: (typeof SETTINGS)[Name] extends Flag ? Name : never;
+}[keyof typeof SETTINGS];
+export type LinkedName = NamesWith<{ readonly linked: true }>;
+
+/** Settings of one picture on the stage. */
+export interface SideSettings
+  extends Omit<Settings, "mode" | "dashRepresentation">,
+    Pick<DashSettings, "dashRepresentation"> {
+  readonly mode: SourceName;
+  /** How many kbit/s it may take; without it, as many as it likes. */
+  readonly bitrateKbps?: number;
+}
+
+const NAMES = Object.keys(SETTINGS) as (keyof Settings)[];
+const about = (name: keyof Settings): About => SETTINGS[name] as About;
+const Stored = v.object(Object.fromEntries(NAMES.map((name) => [name, SETTINGS[name].schema as v.GenericSchema])));
+const parse = (stored: unknown) => v.parse(Stored, stored) as Settings;
+
+export const DEFAULT_SETTINGS: Settings = parse({});
+
+/** Settings that affect the view, which links may contain. */
+export const LINKED = NAMES.filter((name) => about(name).linked) as readonly LinkedName[];
+
+/** The settings that affect measurements, as text to compare. */
+export function recorded(settings: Settings): string {
+  return JSON.stringify(NAMES.filter((name) => about(name).recorded).map((name) => settings[name]));
+}
+
+/** The values that a setting may have in a link; null if they cannot be listed. */
+export function choicesOf(name: LinkedName): readonly string[] | null {
+  const { schema } = SETTINGS[name];
+  if (schema.type === "boolean") return ["on", "off"];
+  return schema.type === "picklist" ? schema.options : null;
+}
+
+/** Parses a setting's value, including `on` and `off`; undefined if invalid. */
+export function settingOf<Name extends LinkedName>(name: Name, text: string): Settings[Name] | undefined {
+  const candidates = [
+    text,
+    ...(text === "on" || text === "off" ? [text === "on"] : []),
+    ...(text ? [Number(text)] : []),
+  ];
+  const read = (value: unknown) => parse({ [name]: value })[name];
+  return candidates.find((value): value is Settings[Name] => read(value) === value);
+}
+
+/** The same settings, if each has a value that it may have. Throws otherwise. */
+export function validSettings(settings: Settings): Settings {
+  const valid = parse(settings);
+  // A value that makes no sense would be replaced by the usual one.
+  const wrong = NAMES.find((name) => JSON.stringify(valid[name]) !== JSON.stringify(settings[name]));
+  if (wrong !== undefined) throw new Error(`${wrong} cannot be that`);
+  return valid;
+}
+
+const KEY = "tigas.settings";
+
+/** Gives the part of localStorage that is used; some browsers throw on any access, even to the name, as in frames of other sites. */
+export type Disk = () => Pick<Storage, "getItem" | "setItem">;
+
+export function loadSettings(disk: Disk): Settings {
+  try {
+    return parse(JSON.parse(disk().getItem(KEY) ?? "{}"));
+  } catch {
+    return DEFAULT_SETTINGS;
+  }
+}
+
+export function saveSettings(disk: Disk, settings: Settings): void {
+  try {
+    disk().setItem(KEY, JSON.stringify(settings));
+  } catch {
+    // a private window or a full disk: the settings last as long as the page
+  }
+}

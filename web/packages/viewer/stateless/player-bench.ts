@@ -1,0 +1,140 @@
+/**
+ * For tests: a stateless player over fake transport, display and warp, with a clock and settings controlled by the
+ * test.
+ */
+import type { Observation } from "#client/abr/controller";
+import type { VideoStep } from "#client/abr/video-ladder";
+import { FakeTransport, settle } from "#client/transport/fake";
+import { Display } from "../enhance/display";
+import { Enhancement } from "../enhance/enhancement";
+import { PLACE } from "../enhance/fake-gpu";
+import { Overlay } from "../enhance/overlay";
+import type { PredictorName } from "../predict/registry";
+import { FakeWarp } from "../reproject/fake-warp";
+import { Reprojector } from "../reproject/reprojector";
+import { FakeDecoder } from "../video/fake-decoder";
+import { VideoFrames } from "../video/video-frames";
+import { NO_NUDGE } from "../view/motion";
+import type { PresentedFrame } from "../view/presented";
+import { Rig } from "../view/rig";
+import type { DecodedFrame } from "./pipeline";
+import { type Reply, type ShownFrame, StatelessPlayer } from "./stateless-player";
+import type { Pictured } from "./turning";
+
+export const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
+
+const SIZE = { width: 1280, height: 720 };
+
+export class PlayerBench {
+  now = 1000;
+  /** How many animation frames the display shows in a second. */
+  rate = 60;
+  axes = STILL;
+  profile = 0;
+  refine = false;
+  bitrateKbps: number | null = null;
+  observed: (observation: Observation) => void = () => undefined;
+  prediction: PredictorName = "off";
+  overscan: number | "auto" = "auto";
+  depth = true;
+  webp = false;
+  surround = false;
+  size = SIZE;
+  videoSteps: readonly VideoStep[] | null = null;
+  readonly videoDecoder = new FakeDecoder();
+  readonly video: VideoFrames;
+  /** Frames drawn to the canvas without a warp. */
+  readonly drawn: unknown[] = [];
+  readonly replies: Reply[] = [];
+  readonly shown: ShownFrame[] = [];
+  presented: PresentedFrame[] = [];
+  transport!: FakeTransport;
+  readonly rig = new Rig({ sampleInput: () => ({ axes: this.axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
+  readonly reprojector: Reprojector<Pictured>;
+  /** The reprojector's, once it is on. */
+  warp!: FakeWarp;
+  readonly player: StatelessPlayer;
+
+  /** `undecodable`: why this browser cannot decode video. */
+  constructor(display?: Display<DecodedFrame>, undecodable: string | null = null) {
+    const { videoDecoder } = this;
+    this.video = new VideoFrames(
+      () => videoDecoder,
+      () => this.now,
+      Promise.resolve(undecodable),
+    );
+    this.reprojector = new Reprojector({
+      below: { after: () => undefined, ownerDocument: { createElement: fakeCanvas } } as unknown as HTMLElement,
+      size: () => this.size,
+      now: () => this.now,
+      create: (canvas, options) => {
+        this.warp = new FakeWarp(canvas, options);
+        return this.warp;
+      },
+    });
+    this.player = new StatelessPlayer({
+      display: display ?? this.#display(),
+      reprojector: this.reprojector,
+      webp: () => this.webp,
+      overscan: () => this.overscan,
+      depth: () => this.depth,
+      surround: () => this.surround,
+      ladder: () => PLACE.ladder,
+      rig: this.rig,
+      video: this.video,
+      videoSteps: () => this.videoSteps,
+      controller: () => ({ decide: () => this.profile, observe: (heard) => this.observed(heard) }),
+      refine: () => this.refine,
+      bitrateKbps: () => this.bitrateKbps,
+      pixelRatio: () => 2,
+      prediction: () => this.prediction,
+      onPresented: (frame) => this.presented.push(frame),
+      onShown: (frame) => this.shown.push(frame),
+      onSent: () => undefined,
+      onReplied: (reply) => this.replies.push(reply),
+      onReceived: () => undefined,
+      now: () => this.now,
+    });
+    this.resize(SIZE.width, SIZE.height);
+    this.rig.enter(PLACE.scene);
+    this.connect();
+  }
+
+  /** Sets the size of the stage in screen pixels. */
+  resize(width: number, height: number): void {
+    this.size = { width, height };
+    this.rig.resize(width, height);
+  }
+
+  /** Connects to a server without known figures. */
+  connect(): void {
+    this.transport = new FakeTransport(() => this.now, { kind: "webtransport-streams" });
+    this.player.attach({ transport: this.transport, fallback: null, host: null });
+  }
+
+  /** Runs animation frames; the server answers all requests when `answer` allows it. */
+  async frames(count: number, { answer = true } = {}): Promise<void> {
+    for (let i = 0; i < count; i++) {
+      this.now += 1000 / this.rate;
+      this.player.presented(this.now);
+      this.player.tick(this.now, this.rig.sample(this.now));
+      if (answer) for (const { reply } of this.transport.requests) reply();
+      await settle();
+    }
+  }
+
+  /** The last request. */
+  last() {
+    return this.transport.requests.at(-1)?.request;
+  }
+
+  #display(): Display<DecodedFrame> {
+    const context = { transferFromImageBitmap: (bitmap: unknown) => this.drawn.push(bitmap) };
+    const canvas = { style: {}, getContext: () => context } as unknown as HTMLCanvasElement;
+    const overlay = new Overlay(canvas);
+    const enhancement = new Enhancement({ overlay, now: () => this.now });
+    return new Display({ canvas, overlay, enhancement, size: () => this.size });
+  }
+}
+
+const fakeCanvas = () => ({ classList: { add: () => undefined }, remove: () => undefined, width: 0, height: 0 });

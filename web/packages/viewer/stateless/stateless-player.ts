@@ -1,0 +1,324 @@
+/** Requests the view of the rig's pose and shows the answer: an independent picture, or the next frame of a video. */
+
+import { signal } from "@preact/signals";
+import type { Controller, Observation, Way } from "#client/abr/controller";
+import { RateCap } from "#client/abr/rate-cap";
+import type { VideoStep } from "#client/abr/video-ladder";
+import type { Connected } from "#client/transport/connect";
+import type { DecodedImage } from "#client/transport/picture";
+import type { FrameReply } from "#client/transport/transport";
+import type { Rung, SceneInfo } from "#client/wire/render";
+import type { Display, Enhanced } from "../enhance/display";
+import { Foresight } from "../predict/foresight";
+import type { PredictorName } from "../predict/registry";
+import type { Reprojector } from "../reproject/reprojector";
+import type { VideoFrames } from "../video/video-frames";
+import { Meter, STATS_EVERY } from "../view/meter";
+import type { PresentedFrame } from "../view/presented";
+import type { Rig } from "../view/rig";
+import { TimeWindow } from "../view/window";
+import { FormatChoice } from "./picture-format";
+import { type DecodedFrame, FramePipeline, type SentRequest, type ViewRequest } from "./pipeline";
+import { type PosedRequest, Refinement } from "./refinement";
+import { Rest } from "./rest";
+import { NO_STATS, type Stats, StatsRecorder, type VideoStats } from "./stats";
+import { SurroundFeed } from "./surround-feed";
+import { type Pictured, pictured, Turning } from "./turning";
+
+/** A received frame: the controllers' observation of it, and its request. */
+export interface Reply extends Observation {
+  /** The number of the pose. */
+  readonly pose: number;
+  /** The rung; null for a refinement, which the controller does not observe. */
+  readonly asked: number | null;
+}
+
+/** The frame on screen, before any warp. */
+export interface ShownFrame extends Pick<DecodedFrame, "asked" | "header" | "image"> {
+  /** When it was on the screen, on the page's clock. */
+  readonly at: number;
+  /** Null if it was shown without a warp. */
+  readonly enhanced: Enhanced | null;
+}
+
+export interface StatelessPlayerOptions {
+  readonly display: Display<DecodedFrame>;
+  /** Warps the displayed frame to the pose of each animation frame, if enabled. */
+  readonly reprojector: Reprojector<Pictured>;
+  /** Whether pictures may be WebP. */
+  readonly webp: () => boolean;
+  /** Of reprojection: how much more frames show at each side, as a share of the viewport. */
+  readonly overscan: () => number | "auto";
+  /** Of reprojection: whether frames come with a depth. */
+  readonly depth: () => boolean;
+  /** For reprojection: whether small pictures of all directions are requested. */
+  readonly surround: () => boolean;
+  /** The ladder that request profiles index; empty until it is known. */
+  readonly ladder: () => readonly Rung[];
+  readonly rig: Rig;
+  /** Null if each answer is an independent picture. */
+  readonly video: VideoFrames | null;
+  /** The ladder of a video that the controller's choice indexes; null if each answer is an independent picture. */
+  readonly videoSteps: () => readonly VideoStep[] | null;
+  readonly controller: () => Controller;
+  /** Whether to ask for the view with all of the screen's pixels once it stands still. */
+  readonly refine: () => boolean;
+  /** Upper bound of the received rate; null: unlimited. */
+  readonly bitrateKbps: () => number | null;
+  /** Pixels of the screen along one of the viewport's. */
+  readonly pixelRatio: () => number;
+  /** Predictor of the requested poses. */
+  readonly prediction: () => PredictorName;
+  readonly onPresented: (frame: PresentedFrame) => void;
+  /** The same frame without a warp; it is on the canvas during this call. */
+  readonly onShown: (frame: ShownFrame) => void;
+  /** A request went out. */
+  readonly onSent: (request: SentRequest) => void;
+  /** A frame has arrived, and the controller has observed it. */
+  readonly onReplied: (reply: Reply) => void;
+  /** Bytes of frames were received. */
+  readonly onReceived: (bytes: number) => void;
+  readonly now: () => number;
+}
+
+/** How far back the time that enhancement takes is looked at, in milliseconds. */
+const ENHANCEMENT_SPAN = 5000;
+/** A frame that others refer to is waited for about as long as an answer takes, within these limits. In milliseconds. */
+const LEAST_PATIENCE = 50;
+const USUAL_PATIENCE = 200;
+const MOST_PATIENCE = 500;
+
+export class StatelessPlayer {
+  readonly stats = signal<Stats>(NO_STATS);
+  /** Why the server refuses frames at the moment, or null. */
+  readonly problem = signal<string | null>(null);
+  readonly #options: StatelessPlayerOptions;
+  readonly #enhanceTimes = new TimeWindow(ENHANCEMENT_SPAN);
+  readonly #foresight: Foresight;
+  readonly #turning: Turning;
+  readonly #surround: SurroundFeed;
+  #meter: Meter;
+  #recorder = new StatsRecorder();
+  #pipeline: FramePipeline | undefined;
+  #connected: Connected | undefined;
+  #refinement = new Refinement();
+  #format = new FormatChoice();
+  readonly #rest = new Rest<PosedRequest>();
+  readonly #cap = new RateCap();
+  #publishedAt = 0;
+
+  constructor(options: StatelessPlayerOptions) {
+    this.#options = options;
+    this.#foresight = new Foresight(options.rig, options.prediction);
+    this.#turning = new Turning(options);
+    this.#surround = new SurroundFeed({
+      ...options,
+      onReceived: (bytes) => {
+        this.#cap.besides(bytes);
+        this.#received(bytes);
+      },
+    });
+    this.#meter = new Meter("stateless", options.onPresented);
+  }
+
+  /** Switches to this transport; null while there is no connection. */
+  attach(connected: Connected | null): void {
+    this.#pipeline?.dispose();
+    this.#meter = new Meter("stateless", this.#options.onPresented);
+    this.#recorder = new StatsRecorder();
+    this.#refinement = new Refinement();
+    this.#format = new FormatChoice();
+    this.#foresight.reset();
+    this.#surround.reset();
+    this.#connected = connected ?? undefined;
+    const { display, now, video } = this.#options;
+    display.forget();
+    video?.reset();
+    this.#pipeline =
+      connected === null
+        ? undefined
+        : new FramePipeline(video?.over(connected.transport) ?? connected.transport, this.#decode, now, {
+            sent: (request) => {
+              this.#cap.asked();
+              this.#options.onSent(request);
+            },
+            replied: (reply, view, pose) => {
+              this.#recorder.replied(reply, now());
+              this.#refinement.observe(reply);
+              this.#format.observe(reply, now());
+              this.#cap.came(reply.arrival.bytes);
+              this.#received(reply.arrival.bytes);
+              this.problem.value = null;
+              const profile = reply.header.profile ?? null;
+              const observation = {
+                profile,
+                arrival: reply.arrival,
+                server: reply.header.timing ?? null,
+                throughput: this.#recorder.throughput.bitsPerSecond,
+                inFlight: (this.#pipeline?.inFlight ?? 1) - 1,
+                turning: this.#options.rig.turning,
+                way: this.#way,
+                at: now(),
+              };
+              const asked = view.profile ?? null;
+              if (asked !== null) {
+                this.#options.controller().observe({ ...observation, profile: this.#chosen(view, profile) });
+              }
+              this.#options.onReplied({ ...observation, pose, asked });
+            },
+            refused: (problem) => {
+              this.problem.value = problem.message;
+            },
+            unrefined: () => this.#refinement.failed(),
+            format: () =>
+              this.#options.webp() ? this.#format.next(this.#recorder.throughput.bitsPerSecond, now()) : "jpeg",
+            transmission: (bytes) => {
+              const rate = this.#recorder.throughput.bitsPerSecond;
+              return rate === null ? 0 : (bytes * 8000) / rate;
+            },
+          });
+  }
+
+  dispose(): void {
+    this.attach(null);
+  }
+
+  /** The page was hidden for the last `gap` milliseconds; before anything else of this animation frame. */
+  resumed(gap: number): void {
+    this.#meter.resumed(gap);
+    this.#foresight.reset();
+    this.#pipeline?.pause();
+    this.#options.display.forget();
+    this.#options.reprojector.resumed();
+  }
+
+  /** A lossless copy of the screen. */
+  picture(): Promise<ImageBitmap> {
+    return this.#options.reprojector.picture() ?? this.#options.display.picture();
+  }
+
+  /**
+   * Called at the start of each animation frame: the frame handed to the display is on screen by now, or once it is
+   * enhanced.
+   */
+  presented(now: number): void {
+    const { display, reprojector, onShown } = this.#options;
+    const turned = reprojector.presented();
+    if (turned) {
+      const { frame, pose, view, filled, warpMs, fresh } = turned;
+      this.#meter.presented({ at: now, pose, view, filled, warpMs, ...frame }, fresh);
+    }
+    const shown = display.presented(now);
+    if (shown === null) return;
+    const { frame, enhanced } = shown;
+    this.#foresight.shown(frame.askedAt, now);
+    if (enhanced) this.#enhanceTimes.add(enhanced.ms, now);
+    if (!this.#turning.working) this.#meter.presented({ at: now, pose: frame.pose, ...pictured(frame, enhanced) });
+    const { asked, header, image } = frame;
+    onShown({ at: now, asked, header, image, enhanced });
+  }
+
+  /** Called once per animation frame, after the rig was sampled; `moved` is the rig's result. */
+  tick(now: number, moved: boolean): void {
+    const { rig, display, video, bitrateKbps } = this.#options;
+    this.#meter.sampled(rig.pose.seq, now);
+    if (this.#pipeline && rig.scene) {
+      if (moved) this.#meter.moved(rig.pose.seq, now);
+      const view = this.#view(rig.scene, now);
+      video?.tick(Math.min(MOST_PATIENCE, Math.max(LEAST_PATIENCE, this.stats.peek().roundTrip ?? USUAL_PATIENCE)));
+      if (this.#cap.allows(bitrateKbps(), now)) {
+        if ((video?.problem.peek() ?? null) === null) this.#pipeline.want(view, rig.pose.seq);
+        this.#surround.tick(this.#pipeline, view, this.#recorder.throughput.bitsPerSecond, now);
+      }
+      // The newest frame waits where it can be overtaken, not in the graphics processor's queue.
+      const frame = display.ready ? this.#pipeline.take() : undefined;
+      if (frame) display.show(frame);
+    }
+    this.#turning.turn(this.#foresight.onScreen(now), now);
+    this.#publish(now);
+  }
+
+  readonly #decode = (reply: FrameReply, signal: AbortSignal): Promise<DecodedImage> => {
+    const { video } = this.#options;
+    const picture = reply.header.video && video ? video.decode(reply, signal) : reply.picture;
+    return picture ?? Promise.reject(new Error("the frame was not decoded"));
+  };
+
+  /**
+   * The controller's choice for a received frame: a rung, or a step of the video's ladder; null if something else chose
+   * it.
+   */
+  #chosen({ video }: ViewRequest, profile: number | null): number | null {
+    const steps = this.#options.videoSteps();
+    if (steps === null) return video ? null : profile;
+    const step = steps.findIndex((one) => one.video === video);
+    return step < 0 ? null : step;
+  }
+
+  #received(bytes: number): void {
+    this.#meter.received(bytes, this.#options.now());
+    this.#options.onReceived(bytes);
+  }
+
+  #view(scene: SceneInfo, now: number): PosedRequest {
+    const { rig, refine, pixelRatio, controller, videoSteps } = this.#options;
+    const { position, quaternion } = this.#foresight.pose(now);
+    const chosen = controller().decide(now);
+    const step = videoSteps()?.[chosen];
+    const view: PosedRequest = {
+      scene: scene.id,
+      position,
+      quaternion,
+      ...rig.intrinsics.value,
+      ...rig.viewport.value,
+      ...(step ? { profile: step.rung, format: "h264", video: step.video } : { profile: chosen }),
+      ...this.#turning.request(scene, now, step !== undefined),
+    };
+    const rested = this.#rest.view(view, controller());
+    if (!refine()) return rested;
+    const throughput = this.#recorder.throughput.bitsPerSecond;
+    const settled = this.#pipeline?.settled === true && !this.#surround.hurries(throughput);
+    return this.#refinement.next(view, { now, settled, throughput, pixelRatio: pixelRatio() }) ?? rested;
+  }
+
+  /** How a frame older than the view is shown. */
+  get #way(): Way {
+    if (!this.#turning.working) return "stale";
+    const { depth, prediction, videoSteps } = this.#options;
+    if (prediction() !== "off") return "predicted";
+    return depth() && videoSteps() === null ? "depth" : "rotation";
+  }
+
+  /** The newest view is on the screen, as sharp as it gets. */
+  get #settled(): boolean {
+    if (this.#pipeline === undefined) return true;
+    const refining = this.#options.refine() && this.#refinement.pending;
+    return this.#pipeline.settled && this.#options.display.settled && !refining;
+  }
+
+  #videoStats(now: number): VideoStats | null {
+    const { controller, video, videoSteps } = this.#options;
+    const step = videoSteps()?.[controller().decide(now)];
+    return step && video ? { bitrate: step.video.bitrate_kbps * 1000, keyFrames: video.keyFrames } : null;
+  }
+
+  #publish(now: number): void {
+    const pipeline = this.#pipeline;
+    const settled = this.#settled;
+    if (now - this.#publishedAt < STATS_EVERY && settled === this.stats.peek().settled) return;
+    this.#publishedAt = now;
+    this.stats.value = {
+      kind: "requests",
+      ...this.#meter.figures(now),
+      ...this.#recorder.snapshot(now),
+      transport: this.#connected?.transport.kind ?? null,
+      video: this.#videoStats(now),
+      enhanceMs: this.#enhanceTimes.percentile(0.5, now),
+      warpMs: this.#options.reprojector.warpMs(now),
+      gpuMs: this.#options.reprojector.gpuMs,
+      inFlight: pipeline?.inFlight ?? 0,
+      settled,
+      counts: pipeline?.counts ?? NO_STATS.counts,
+    };
+  }
+}

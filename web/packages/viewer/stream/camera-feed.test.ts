@@ -1,0 +1,115 @@
+import { beforeEach, expect, test } from "vitest";
+import type { PoseUpdate } from "#client/wire/dash";
+import type { SceneInfo } from "#client/wire/render";
+import { Foresight } from "../predict/foresight";
+import type { PredictorName } from "../predict/registry";
+import { NO_NUDGE } from "../view/motion";
+import { Rig } from "../view/rig";
+import { CameraFeed } from "./camera-feed";
+
+const SCENE = { up: [0, -1, 0], camera: { position: [0, -2, -8], look_at: [0, -2, 0] } } as SceneInfo;
+const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
+
+let axes: typeof STILL;
+let rig: Rig;
+let foresight: Foresight;
+let prediction: PredictorName;
+let sent: PoseUpdate[];
+let busy: boolean;
+let now: number;
+
+beforeEach(() => {
+  axes = STILL;
+  sent = [];
+  busy = false;
+  now = 0;
+  prediction = "off";
+  rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
+  rig.resize(640, 360);
+  rig.enter(SCENE);
+  rig.sample(0);
+  foresight = new Foresight(rig, () => prediction);
+});
+
+function feed(overscan: number | null): CameraFeed {
+  const made = new CameraFeed({ rig, foresight, overscan });
+  made.open(now);
+  return made;
+}
+
+/** An animation frame. */
+function frame(subject: CameraFeed): PoseUpdate | undefined {
+  now += 16;
+  rig.sample(now);
+  const before = sent.length;
+  subject.follow(now, (update) => !busy && sent.push(update) > 0);
+  return sent[before];
+}
+
+test("a stream that is shown as it comes is told each pose once, by its number", () => {
+  const subject = feed(null);
+  expect(frame(subject)).toMatchObject({ seq: rig.pose.seq, cx: 320, cy: 180 });
+  expect(frame(subject)).toBeUndefined();
+  axes = { ...STILL, turnRight: 1 };
+  expect(frame(subject)?.seq).toBe(rig.pose.seq);
+});
+
+test("a stream that is turned shows more at each side, and its messages say what they say", () => {
+  const subject = new CameraFeed({ rig, foresight, overscan: 0.1 });
+  const first = subject.open(5);
+  expect(first).toMatchObject({ width: 768, height: 432, cx: 384, cy: 216, quaternion: rig.pose.quaternion });
+  expect(subject.told(0)).toMatchObject({ pose: rig.pose.seq, at: 5, view: first, asked: { width: 640, cx: 320 } });
+  axes = { ...STILL, turnRight: 1 };
+  const update = frame(subject);
+  expect(update).toMatchObject({ seq: 1, cx: 384, cy: 216, quaternion: rig.pose.quaternion });
+  expect(update).not.toHaveProperty("width");
+  rig.lens.value = { fx: 900, fy: 900 };
+  axes = STILL;
+  frame(subject);
+  const [one, two] = [subject.told(1), subject.told(2)];
+  expect([one?.pose, two?.pose]).toEqual([rig.pose.seq, rig.pose.seq]);
+  expect(one?.view.fx).toBeLessThan(900);
+  expect(two?.view).toMatchObject({ fx: 900, width: 768 });
+});
+
+test("what could not be sent is sent later, unless something newer is", () => {
+  const subject = feed(0.1);
+  axes = { ...STILL, turnRight: 1 };
+  busy = true;
+  frame(subject);
+  expect(subject.told(1)).toBeUndefined();
+  busy = false;
+  expect(frame(subject)).toMatchObject({ seq: 1, quaternion: rig.pose.quaternion });
+});
+
+test("a stage of another size waits for another stream: the lens stays", () => {
+  const subject = feed(0.1);
+  rig.resize(320, 180);
+  expect(frame(subject)).toMatchObject({ cx: 384, cy: 216 });
+});
+
+test("a prediction is told as one, and what it comes to once the camera rests", () => {
+  prediction = "velocity";
+  const subject = feed(0.1);
+  axes = { ...STILL, turnRight: 1 };
+  for (let i = 0; i < 10; i++) {
+    frame(subject);
+    foresight.shown(now - 100, now);
+  }
+  expect(sent.at(-1)?.quaternion).not.toEqual(rig.pose.quaternion);
+  expect(subject.told(sent.at(-1)?.seq ?? 0)?.pose).toBe(rig.pose.seq);
+  axes = STILL;
+  for (let i = 0; i < 30; i++) frame(subject);
+  expect(sent.at(-1)?.quaternion).toEqual(rig.pose.quaternion);
+  const messages = sent.length;
+  frame(subject);
+  expect(sent).toHaveLength(messages);
+});
+
+test("what was told long ago is forgotten, but for the last message", () => {
+  const subject = feed(0.1);
+  axes = { ...STILL, turnRight: 1 };
+  for (let i = 0; i <= CameraFeed.KEPT; i++) frame(subject);
+  expect(subject.told(1)).toBeUndefined();
+  expect(subject.told(sent.at(-1)?.seq ?? 0)?.pose).toBe(rig.pose.seq);
+});

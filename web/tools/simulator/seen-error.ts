@@ -1,0 +1,63 @@
+/**
+ * Metric of the controllers: the error of the seen picture against the ideal one, as measured in rendered pictures
+ * (docs/results/2026-11-seen-error.md). No controller uses it to decide. The error has two independent causes, rung and
+ * age, so their mean squared errors are added, as are their losses of SSIM.
+ */
+import type { Way } from "#client/abr/controller";
+import type { Rung } from "#client/wire/render";
+import table from "./seen-error.json";
+
+/** How far off a picture is. */
+export interface Seen {
+  /** Mean squared error of 8-bit RGB. */
+  readonly mse: number;
+  readonly ssim: number;
+}
+
+interface Late extends Seen {
+  readonly turn_deg: number;
+}
+
+const PEAK = 255 ** 2;
+/** Lower bound: two unrelated pictures. */
+const LEAST_SSIM = 0.2;
+const MOST_MSE = 6000;
+
+/** Error of a rung's pictures: the ladder's value, or an estimate by size. */
+export function seenOfRung({ psnr_db, expected_kb }: Pick<Rung, "psnr_db" | "expected_kb">): Seen {
+  const { rungs } = table;
+  const bySize = rungs.toSorted((a, b) => a.kb - b.kb).map(({ kb, psnr_db }) => [Math.log(kb), psnr_db] as const);
+  const psnr = psnr_db ?? along(bySize, Math.log(expected_kb));
+  const byQuality = rungs.map(({ psnr_db, ssim }) => [psnr_db, ssim] as const).toSorted(([a], [b]) => a - b);
+  return { mse: PEAK * 10 ** (-psnr / 10), ssim: along(byQuality, psnr) };
+}
+
+/** Error of an otherwise perfect picture after a rotation by this many degrees. */
+export function seenLate(way: Way, degrees: number): Seen {
+  const measured: readonly Late[] = [{ turn_deg: 0, mse: 0, ssim: 1 }, ...table.late[way]];
+  const of = (name: keyof Seen) =>
+    along(
+      measured.map((one) => [one.turn_deg, one[name]] as const),
+      degrees,
+    );
+  return { mse: of("mse"), ssim: of("ssim") };
+}
+
+/** Of a picture that has both faults. */
+export function together(a: Seen, b: Seen): Seen {
+  return { mse: Math.min(MOST_MSE, a.mse + b.mse), ssim: Math.max(LEAST_SSIM, a.ssim + b.ssim - 1) };
+}
+
+/** The peak signal-to-noise ratio of a mean squared error. */
+export function decibels(mse: number): number {
+  return 10 * Math.log10(PEAK / Math.max(mse, 1e-6));
+}
+
+/** Straight between points in ascending order, and flat beyond them. */
+function along(points: readonly (readonly [x: number, y: number])[], x: number): number {
+  const i = points.findIndex(([other]) => other >= x);
+  const [right, left] = [points[i] ?? points.at(-1), points[i - 1]];
+  if (right === undefined) return Number.NaN;
+  if (i < 0 || left === undefined) return right[1];
+  return left[1] + ((right[1] - left[1]) * (x - left[0])) / (right[0] - left[0]);
+}
