@@ -183,6 +183,11 @@ class Lanes:
         """The number of idle lanes."""
         return len(self._free)
 
+    @property
+    def busy(self) -> int:
+        """The number of lanes with a frame."""
+        return len(self._jobs)
+
     def fileno(self) -> int:
         """A descriptor that is readable when there is something to `collect`."""
         return self._done

@@ -30,7 +30,7 @@ STAGES = ("project", "large", "bin", "blend")
 KERNELS = ("begin", "place", "code_depth", *(f"{stage}_{side}" for side in SIDES for stage in STAGES))
 
 
-LEAST_LANES, MOST_LANES = 6, 16
+LEAST_LANES, MOST_LANES = 6, 24
 LANE_BYTES = 2 << 30
 """Memory of the device for each lane, whose buffers grow with scenes and pictures."""
 
