@@ -3,6 +3,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Dialog } from "../dialog";
 import { EXPLANATIONS } from "./explanations";
+import { Toggle } from "./setting";
 import { actionOf } from "./use-shortcuts";
 
 const MOVES: readonly (readonly [string, readonly string[]])[] = [
@@ -18,7 +19,7 @@ const MOVES: readonly (readonly [string, readonly string[]])[] = [
   ["Next mode", ["KeyM"]],
   ["Measurements", ["KeyI"]],
   ["Experiment", ["KeyX"]],
-  ["Settings", ["KeyP"]],
+  ["Lab", ["KeyP"]],
   ["Fullscreen", ["KeyF"]],
   ["This help", ["KeyH"]],
 ];
@@ -68,6 +69,7 @@ export function HelpDialog({ onClose }: { onClose: () => void }) {
             </div>
           ))}
         </dl>
+        <Toggle name="shortcuts" />
         <dl class="meanings">
           {[...POINTERS, ...NUMBERS].map(([what, meaning]) => (
             <div key={what}>

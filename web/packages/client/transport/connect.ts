@@ -1,6 +1,5 @@
 /** Picks the transport: WebTransport if available, fetch otherwise, with the reason for a fallback. */
 import type { ServerConfig } from "../wire/render";
-import { DatagramTransport } from "./datagrams";
 import { FetchTransport } from "./fetch";
 import { hostUrl } from "./host-url";
 import type { Clock } from "./reception";
@@ -46,7 +45,8 @@ export async function connect(
       { url: config.webtransport_url, certificateSha256: config.certificate_sha256, timeout: SESSION_TIMEOUT },
       signal,
     );
-    const Transport = choice === "webtransport-datagrams" ? DatagramTransport : StreamTransport;
+    const datagrams = choice === "webtransport-datagrams";
+    const Transport = datagrams ? (await import("./datagrams")).DatagramTransport : StreamTransport;
     return { transport: new Transport(session, now), fallback: null, host };
   } catch (error) {
     signal.throwIfAborted();

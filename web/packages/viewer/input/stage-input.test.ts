@@ -3,6 +3,7 @@ import { afterEach, beforeEach, expect, test } from "vitest";
 import { StageInput } from "./stage-input";
 
 let input: StageInput;
+let anywhere: boolean;
 
 beforeEach(() => {
   document.body.innerHTML = `
@@ -12,7 +13,13 @@ beforeEach(() => {
     <select></select>
     <input type="radio" />
     <input type="text" />`;
-  const options = { focal: () => ({ fx: 500, fy: 500 }), orbits: () => false, onFocus: () => undefined };
+  anywhere = true;
+  const options = {
+    focal: () => ({ fx: 500, fy: 500 }),
+    orbits: () => false,
+    keysAnywhere: () => anywhere,
+    onFocus: () => undefined,
+  };
   input = new StageInput(element("#stage"), options);
 });
 
@@ -50,6 +57,14 @@ test.each([
   ["KeyW", "input[type=text]", THE_PAGE],
   ["ArrowDown", "select", THE_PAGE],
 ])("%s on %s is heard by %j", (code, where, heard) => {
+  expect(press(code, where)).toEqual(heard);
+});
+
+test.each([
+  ["KeyW", "#stage", THE_CAMERA],
+  ["KeyW", "button", THE_PAGE],
+])("without single-key shortcuts, %s on %s is heard by %j", (code, where, heard) => {
+  anywhere = false;
   expect(press(code, where)).toEqual(heard);
 });
 

@@ -30,7 +30,7 @@ export const STATELESS: SourceKind = {
   keepsHidden: false,
   charts: false,
   missing: () => null,
-  open: (context) => new Pictures(context, null),
+  load: async () => (context) => new Pictures(context, null),
 };
 
 export class Pictures implements Source {

@@ -196,11 +196,17 @@ export const SETTINGS = {
   }),
   drag: choice({ look: "Drag to look around", orbit: "Drag to orbit" }, "look", { label: "Dragging", linked: true }),
   turnSpeed: number(1, 720, 60, { label: "Turn", unit: "°/s" }),
-  /** Null: open where there is room. */
-  sidebar: setting(v.nullable(v.boolean()), null, {}),
+  /** The lab is open. */
+  sidebar: toggle(false, {}),
   hud: toggle(true, {}),
-  /** All of the HUD's numbers, or the most important ones; null: all where there is room. */
+  /** All measurements, or one line; null: all while the lab is open where there is room. */
   hudDetails: setting(v.nullable(v.boolean()), null, {}),
+  /** How to move is shown over the picture, until the first movement. */
+  hint: toggle(true, {}),
+  shortcuts: toggle(true, {
+    label: "Single-key shortcuts",
+    help: "When off, letters move the camera only while the picture has the focus, and do nothing else",
+  }),
 };
 
 export type Settings = { [Name in keyof typeof SETTINGS]: v.InferOutput<(typeof SETTINGS)[Name]["schema"]> };
