@@ -83,7 +83,9 @@ def test_a_phone_shows_pictures_rather_than_figures(open_page: OpenPage, size: t
     assert floating.evaluate_all(OVERLAPPING) == []
     areas = floating.evaluate_all("parts => parts.map((part) => part.clientWidth * part.clientHeight)")
     assert sum(areas) < 0.4 * width * height
+    page.get_by_role("button", name="Lab", exact=True).tap()
     page.get_by_role("button", name="More measurements").first.tap()
+    page.get_by_role("button", name="Close lab").tap()
     expect(page.locator(".hud-details")).to_have_count(2 if compared else 1)
     assert floating.evaluate_all(OVERLAPPING) == []
 

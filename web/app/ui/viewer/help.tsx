@@ -70,16 +70,26 @@ export function HelpDialog({ onClose }: { onClose: () => void }) {
           ))}
         </dl>
         <Toggle name="shortcuts" />
-        <dl class="meanings">
-          {[...POINTERS, ...NUMBERS].map(([what, meaning]) => (
-            <div key={what}>
-              <dt>{what}</dt>
-              <dd>{meaning}</dd>
-            </div>
-          ))}
-        </dl>
+        <Meanings of={POINTERS} />
+        <details>
+          <summary>Measurements in the lab</summary>
+          <Meanings of={NUMBERS} />
+        </details>
       </div>
     </Dialog>
+  );
+}
+
+function Meanings({ of }: { readonly of: readonly (readonly [string, string])[] }) {
+  return (
+    <dl class="meanings">
+      {of.map(([what, meaning]) => (
+        <div key={what}>
+          <dt>{what}</dt>
+          <dd>{meaning}</dd>
+        </div>
+      ))}
+    </dl>
   );
 }
 

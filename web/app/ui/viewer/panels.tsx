@@ -92,7 +92,7 @@ function Quality({ session }: { session: ViewerSession }) {
       <Choice name="controller" bare>
         {Object.entries(SETTINGS.controller.options).map(([name, title]) => (
           <option key={name} value={name}>
-            {name === DEFAULT_SETTINGS.controller ? `${title} (recommended)` : title}
+            {name === DEFAULT_SETTINGS.controller ? "Automatic (recommended)" : title}
           </option>
         ))}
       </Choice>
