@@ -166,7 +166,7 @@ async def main() -> int:
                 for _ in range(10):
                     (await http.post("/sessions", json=wanted)).raise_for_status()
                 async with asyncio.timeout(60):
-                    while (await http.get("/sessions")).json():  # noqa: ASYNC110 - the service tells only who asks
+                    while (await http.get("/sessions")).json():  # noqa: ASYNC110 - the service sends no events
                         await asyncio.sleep(0.2)
                 left.append((memory.memory_info().rss / 1e6, memory.num_threads()))
     frames = after["frames"] - before["frames"]

@@ -37,7 +37,7 @@ from tigas_render.raster.base import Camera, PreparedScene
 from tigas_render.raster.cpu import CpuRasterizer
 
 SIZES = {(320, 180): (10, 35), (640, 360): (35, 65), (1280, 720): (35, 65)}
-"""With the qualities of the JPEGs whose picture a video is to have."""
+"""JPEG qualities that the compared videos match."""
 DISPLAY = 1280
 QUALITIES = (10, 35, 65, 90)
 BITS_PER_PIXEL = (0.025, 0.06, 0.15, 0.4, 1.0)

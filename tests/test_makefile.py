@@ -21,7 +21,7 @@ cat >.venv/bin/pip <<'PIP'
 chmod +x .venv/bin/pip
 ln -s "$0" .venv/bin/python
 """
-"""Makes an environment whose pip waits for input and then fails."""
+"""An environment in which pip waits for input and then fails."""
 
 
 def make(*arguments: str) -> str:

@@ -196,7 +196,7 @@ class Viewer:
     async def _ask(self, connection: ViewerConnection, asked: _Asked, body: bytes) -> None:
         try:
             status, rate, size = await self._answer(connection, body)
-        except Http3Failed:  # with the connection, whose end counts it as lost, or reset
+        except Http3Failed:  # with the connection, which counts it as lost, or reset
             if not connection.is_closed:
                 self._ended(Due(asked.due, "failed"))
             return

@@ -1,4 +1,4 @@
-"""Addresses: where services listen, who reaches them, and the hosts that requests name and come from."""
+"""Addresses: where services listen, from where they can be reached, and the hosts that requests name and come from."""
 
 from __future__ import annotations
 

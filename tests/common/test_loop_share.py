@@ -74,7 +74,7 @@ async def test_an_address_over_its_share_is_refused_and_another_is_served(clock:
     assert (await ask(GREEDY)).status_code == 200
     began = clock.now
     refused = await ask(GREEDY)
-    assert clock.now - began == pytest.approx(MAX_WAIT_S), "who asks again at once is held back"
+    assert clock.now - began == pytest.approx(MAX_WAIT_S), "a request repeated at once is held back"
     assert refused.status_code == 429
     assert 1 <= int(refused.headers["retry-after"]) <= 2.0 / SHARE
     assert refused.headers["content-type"] == "application/problem+json"

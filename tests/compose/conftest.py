@@ -35,7 +35,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
-    """The cluster, whose frames are made up."""
+    """The cluster, with synthetic frames."""
     stack = Stack(models_of_tests(tmp_path_factory), file="compose.cluster.yaml", TIGAS_DEVICE="instant:5000")
     with stack.running():
         yield stack

@@ -42,6 +42,7 @@ MACHINE = Machine(
     packages={"aioquic": "1"},
 )
 SERVER = ServerConfig(
+    tcp_congestion_control="cubic",
     version="9",
     commit="abc",
     device="GPU",

@@ -35,7 +35,7 @@ def new_lab() -> Lab:
 
 
 def remove_abandoned() -> None:
-    """Remove every test's lab whose process has ended."""
+    """Remove the labs of tests that have ended."""
     namespaces = subprocess.run(("ip", "netns", "list"), check=True, capture_output=True, text=True).stdout
     for name in _TESTS_CLIENT.findall(namespaces):
         with suppress(StartError), Lab(name).up():  # removes leftovers, unless they are in use

@@ -50,7 +50,7 @@ def play(page: Page, shown: int) -> None:
 
 
 def left(page: Page) -> Locator:
-    """The runs whose samples only this browser has."""
+    """The runs with samples in this browser only."""
     return page.get_by_role("region", name="Samples in this browser").locator("tbody tr")
 
 

@@ -72,7 +72,7 @@ class Http3Connection(QuicConnectionProtocol):
         self.is_closed = False
         self._webtransport_streams: set[int] = set()
         self._withdrawn: set[int] = set()
-        """Streams whose answers are no longer wanted, until their end."""
+        """Streams with abandoned responses, until their end."""
         self._news = asyncio.Event()
 
     @property
@@ -177,7 +177,7 @@ class Http3Connection(QuicConnectionProtocol):
     async def connect_webtransport(
         self, path: str = "/render", authority: str = "localhost", origin: str | None = None
     ) -> int:
-        """The id of a new session, whose response has a status. Raises Http3Failed."""
+        """The id of a new session, and its response's status. Raises Http3Failed."""
         headers = [] if origin is None else [(b"origin", origin.encode())]
         protocol = (b":protocol", b"webtransport")
         session = self.open_request("CONNECT", path, [protocol, *headers], authority=authority)

@@ -31,6 +31,14 @@ EXHAUSTED_S = 0.5
 """Pause in seconds before the next connection is accepted, after the system ran out of resources to accept one."""
 
 
+def tcp_congestion_control() -> str | None:
+    """The kernel's for new TCP connections, such as `cubic`; None if it does not say (not Linux)."""
+    if not hasattr(socket, "TCP_CONGESTION"):
+        return None
+    with socket.socket() as probe:
+        return probe.getsockopt(socket.IPPROTO_TCP, socket.TCP_CONGESTION, 16).rstrip(b"\0").decode()
+
+
 class LimitedServer(uvicorn.Server):
     """Serves one listening socket, and accepts connections itself: a TLS handshake counts as a connection as
     well.

@@ -41,7 +41,7 @@ def this_commit() -> str | None:
 def check_versions(*packages: str) -> None:
     """Raise StartError if an unsupported version of a package is installed. Call it before the package is imported.
 
-    Another minor version of a package whose private names are used may have renamed them.
+    Another minor version of these packages may have renamed the private names that are used.
     """
     for package in packages:
         try:

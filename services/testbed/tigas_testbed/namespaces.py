@@ -107,6 +107,7 @@ class Lab:
             for namespace in (client, gateway, service):
                 _run("ip", "netns", "add", namespace)
                 _run("ip", "-n", namespace, "link", "set", "lo", "up")
+                _set_tcp_congestion_control(namespace)
             _veth((client, "access", CLIENT_ADDRESS), (gateway, "access", GATEWAY_ADDRESS))
             _veth((gateway, "service", GATEWAY_SERVICE_ADDRESS), (service, "service", SERVICE_ADDRESS))
             # Whole packets: a super-packet would burst through the link as one.
@@ -125,6 +126,12 @@ class Lab:
         except subprocess.CalledProcessError as error:
             reason = " ".join(error.stderr.split()) if error.stderr else "no reason given"
             raise StartError(f"The lab cannot be built: {' '.join(error.cmd)} failed ({reason}).") from None
+
+
+def _set_tcp_congestion_control(namespace: str) -> None:
+    """Every lab's TCP is CUBIC where the kernel allows it, whatever the machine's own is. Runs record the result."""
+    with suppress(subprocess.CalledProcessError):
+        _run(*_in(namespace), "sysctl", "-qw", "net.ipv4.tcp_congestion_control=cubic")
 
 
 def check_rights() -> None:

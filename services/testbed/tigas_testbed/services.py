@@ -53,7 +53,7 @@ def render_command(scenes: Path | None, https: Port | None = None) -> list[str]:
 
 
 def dash_command() -> list[str]:
-    """The DASH packager next to the render service, whose views bypass the link."""
+    """The DASH packager next to the render service; views reach it without the shaped link."""
     return tigas("dash", "--render", f"http://{PAGE.loopback}", "--http", str(DASH.everywhere))
 
 

@@ -210,7 +210,7 @@ def test_in_a_recording_the_eyes_are_beside_one_another_and_the_walk_is_level(
     matrix = Rotation.from_quat(walk.quaternions).as_matrix()
     lean = np.degrees(np.arctan2(matrix[:, 1, 0], matrix[:, 1, 1]))
     assert abs(lean.mean()) < 5, "a head is upright on average"
-    assert np.ptp(walk.positions[:, 1]) < 0.5, "who walks stays on the floor"
+    assert np.ptp(walk.positions[:, 1]) < 0.5, "the walk leaves the floor"
     summary = Summary.of(walk)
     assert 0.1 < summary.speed < 1.5
     assert 10 < summary.turning[50] < 100

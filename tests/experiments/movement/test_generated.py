@@ -54,7 +54,7 @@ def test_they_move_as_they_are_called(seed: int) -> None:
     stroll, look, quick, orbit = (Summary.of(generate(kind, 120, seed)) for kind in KINDS)
     assert 15 < stroll.path < 60
     assert stroll.turning[100] < 90
-    assert look.path < 10, "who looks about stands"
+    assert look.path < 10, "the camera moves while looking around"
     assert 15 < look.turning[50] < 60
     assert quick.turning[50] < 30, "mostly still"
     assert 200 < quick.turning[99] < 360

@@ -194,6 +194,11 @@ def test_an_experiment_may_grow_but_not_become_another(stub: Stub, file: Path) -
             Server.of(SERVER.model_copy(update={"commit": "abd"})),
             "another render service's commit (abc, now abd)",
         ),
+        (
+            "server",
+            Server.of(SERVER.model_copy(update={"tcp_congestion_control": "bbr"})),
+            "another TCP congestion control (cubic, now bbr)",
+        ),
     ],
 )
 def test_what_was_changed_since_is_not_taken_together_unseen(

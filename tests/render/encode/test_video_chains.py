@@ -55,7 +55,7 @@ def test_an_older_view_is_not_encoded_after_a_newer_one() -> None:
     with pytest.raises(Superseded):
         videos.next(4)
     assert after(videos.next(6)) == 5
-    assert after(videos.next(4, key=True)) is None, "a viewer who numbers anew"
+    assert after(videos.next(4, key=True)) is None, "a restarted numbering"
 
 
 def test_what_follows_a_frame_that_was_lost_begins_anew() -> None:

@@ -143,7 +143,7 @@ async def test_a_service_sees_the_browser_and_its_own_paths(front: httpx.AsyncCl
     async with httpx.AsyncClient(transport=somebody, base_url=front.base_url) as http:
         told = (await http.get("/services/dash/told?a=%2Fb", headers=fields)).json()
     assert told["target"] == "/told?a=%2Fb"
-    assert told["client"] == "127.0.0.2", "nobody says of themselves who they are"
+    assert told["client"] == "127.0.0.2", "a client chose its own address"
     seen = told["headers"]
     assert (seen["host"], seen["origin"], seen["sec-fetch-site"]) == ("localhost:8443", PAGE, "same-origin")
     assert (await front.get("/services/dash")).status_code == 404, "its own root, which it has not"

@@ -36,7 +36,7 @@ class Socket:
         self.full = False
         self.batch_error: int | None = None
         self.small_path: Any = None
-        """An address whose path MTU is below a batch's segments; a kernel before 6.14 calls that EINVAL."""
+        """An address with a path MTU below a batch's segments; kernels before 6.14 call that EINVAL."""
         self.batches = 0
         self.refused = asyncio.Semaphore(0)
         """Released whenever it was full."""

@@ -6,13 +6,13 @@
 import type { ControllerFactory } from "#client/abr/controller";
 import { seeded } from "#client/abr/random";
 import { ThroughputEstimator } from "#client/abr/throughput";
+import type { DecodedImage } from "#client/transport/picture";
 import type { FrameReply } from "#client/transport/transport";
 import type { Rung, SceneInfo } from "#client/wire/render";
 import { poseAt, type TimedPose } from "#viewer/movement/playback";
 import { Foresight } from "#viewer/predict/foresight";
 import { AutoOverscan } from "#viewer/reproject/overscan";
 import type { View } from "#viewer/reproject/view";
-import type { DecodedImage } from "#viewer/stateless/decoder";
 import { type DecodedFrame, FramePipeline } from "#viewer/stateless/pipeline";
 import { Rest } from "#viewer/stateless/rest";
 import { SurroundFeed } from "#viewer/stateless/surround-feed";

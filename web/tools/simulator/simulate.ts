@@ -6,9 +6,9 @@
 import { type ControllerFactory, responseTime, type Way } from "#client/abr/controller";
 import { seeded } from "#client/abr/random";
 import { ThroughputEstimator } from "#client/abr/throughput";
+import type { DecodedImage } from "#client/transport/picture";
 import type { FrameReply } from "#client/transport/transport";
 import type { Rung } from "#client/wire/render";
-import type { DecodedImage } from "#viewer/stateless/decoder";
 import { FramePipeline } from "#viewer/stateless/pipeline";
 import { Meter } from "#viewer/view/meter";
 import type { Endpoints } from "./endpoints";

@@ -322,6 +322,8 @@ class ServerConfig(WireModel):
     """Preferred formats of pictures. Others are answered as well, but cost this server more than they gain."""
     congestion_control: CongestionControl | None = None
     """Of WebTransport and HTTP/3; null if there is neither, and from older services."""
+    tcp_congestion_control: str | None = None
+    """Of HTTP/1.1, and so of DASH: the kernel's, such as `cubic`; null if it does not say."""
     why_no_training: str | None = None
     """One sentence: why scenes' networks cannot be trained here; null if they can."""
 

@@ -57,7 +57,7 @@ def quick_turns(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
     """Standing and turning abruptly between targets: pauses, then turns by 30° to 150°.
 
     A turn of A degrees takes 0.3 s + A / 300°/s and follows the minimum-jerk profile 10τ³ − 15τ⁴ + 6τ⁵ (Flash and
-    Hogan, J. Neuroscience 5, 1985), whose peak is 1.875 times its mean: 140 to 350°/s.
+    Hogan, J. Neuroscience 5, 1985), with a peak of 1.875 times its mean: 140 to 350°/s.
     """
     begins, lasts, yaws, pitches = [0.0], [1.0], [0.0], [0.0]  # the stillness at the beginning is a turn by nothing
     end = 0.0

@@ -151,7 +151,7 @@ class StoredRun:
         return self._lines("quality", CaptureQuality)
 
     def captures(self) -> list[Capture]:
-        """Times and frames of the kept pictures, whose files are at `capture_path`."""
+        """Times and frames of the kept pictures; their files are at `capture_path`."""
         return self._lines("captures", Capture)
 
     def samples(self) -> list[Sample]:

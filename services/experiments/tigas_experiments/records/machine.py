@@ -40,6 +40,8 @@ class Server(WireModel):
     """Rendering device."""
     congestion_control: CongestionControl | None = None
     """Of HTTP/3; null in older records."""
+    tcp_congestion_control: str | None = None
+    """Of HTTP/1.1 and DASH; null in older records."""
     ladder: Entries[Rung]
     """Ladder that the run's profiles refer to: the scene's own, if it has one."""
 
@@ -51,6 +53,7 @@ class Server(WireModel):
             commit=config.commit,
             device=config.device,
             congestion_control=config.congestion_control,
+            tcp_congestion_control=config.tcp_congestion_control,
             ladder=own or config.ladder,
         )
 

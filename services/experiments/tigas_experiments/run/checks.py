@@ -64,6 +64,12 @@ def changes(kept: Iterable[RunRecord], now: MadeWith) -> list[str]:
         compare("browser", record.browser, now.browser)
         if record.server is not None:
             compare("render service's commit", record.server.commit, now.server.commit)
+            for name in ("congestion_control", "tcp_congestion_control"):
+                compare(
+                    name.replace("_", " ").replace("tcp", "TCP"),
+                    getattr(record.server, name),
+                    getattr(now.server, name),
+                )
             own = scene.ladder if scene is not None else None
             compare("ladder", _rungs(record.server.ladder), _rungs(own or now.server.ladder))
         if scene is not None:

@@ -218,7 +218,7 @@ class Planner:
         return await asyncio.to_thread(self._experiments.row, experiment, run)
 
     async def complete(self, experiment: str, run: str) -> RunRow:
-        """Complete a run whose captures are all there. Raises as `add` does."""
+        """Complete a run that has all its captures. Raises as `add` does."""
         session = await self._session(experiment)
         self._missing(session, run)
         folder = await asyncio.to_thread(self._experiments.page_run, experiment, run)

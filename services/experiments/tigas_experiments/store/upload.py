@@ -68,7 +68,7 @@ def keep_upload(
 
 
 def complete_upload(folder: Path, render: str) -> None:
-    """Complete a run whose captures are all there, or mark it as failed. Raises DiskFull."""
+    """Complete a run that has all its captures, or mark it as failed. Raises DiskFull."""
     with storage_explained():
         try:
             asyncio.run(complete(folder, render))

@@ -17,7 +17,7 @@ from tigas_render.encode.depth_segment import CodedDepth
 from tigas_render.gaussians import Batches, Gaussians
 
 NEAR_PLANE = 0.01
-"""Gaussians whose centre is nearer than this to the camera's plane, or behind it, are not drawn (scene units)."""
+"""Minimum depth of a Gaussian's centre, in scene units; nearer ones are not drawn."""
 DILATION = 0.3
 """Added to the diagonal of each projected covariance while scenes are trained, in pixels² (3DGS)."""
 ALPHA_MIN = 1 / 255

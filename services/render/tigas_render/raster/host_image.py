@@ -60,7 +60,7 @@ class FramebufferPool:
         self._lock = threading.Lock()
 
     def image(self, width: int, height: int) -> HostImage:
-        """An image of `height` × `width` pixels whose content is not yet defined."""
+        """An image of `height` × `width` pixels with undefined content."""
         size = height * width * 3
         with self._lock:
             buffer = self._free.pop() if self._free else np.empty(0, np.uint8)

@@ -166,7 +166,7 @@ class _Lane:
                 failed -= len(calls.table)
 
     def end(self) -> None:
-        """Exit after the present job, whose end is still reported."""
+        """Exit after the present job and its report."""
         self._state[IS_LAST] = 1
         os.eventfd_write(self.order, 1)
 

@@ -16,6 +16,7 @@ from prometheus_client.registry import Collector
 
 from tigas_common.address import bracketed, is_loopback
 from tigas_common.errors import BrokenScene, DeviceLost, Overloaded
+from tigas_common.http_server import tcp_congestion_control
 from tigas_common.installation import this_commit
 from tigas_common.metrics import labelled_gauge
 from tigas_common.origins import OriginPolicy
@@ -157,6 +158,7 @@ class RenderService(FrameSource):
             https_url=f"https://{bracketed(host)}:{self.https_port}/" if self.https_port else None,
             services=reached(page, self.settings.services, self.settings.upstreams),
             congestion_control=self.settings.congestion_control if quic_port else None,
+            tcp_congestion_control=tcp_congestion_control(),
             retry_after_s=self.loads.full(),
             max_upload_bytes=self.library.max_upload_bytes,
             why_no_training=self._why_no_training,

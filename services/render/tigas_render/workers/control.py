@@ -1,6 +1,6 @@
 """Messages between the supervisor and its workers: lines of JSON over a Unix socket that a worker inherits.
 
-A worker whose supervisor has died reads the end of the socket, and ends as well.
+If the supervisor dies, its workers read the end of the socket, and end as well.
 """
 
 from __future__ import annotations

@@ -1,12 +1,15 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { connect, type TransportChoice } from "./connect";
-import { FakeSession } from "./fake-session";
+import { connect, type FrameBackend, type TransportChoice } from "./connect";
+import { FakeTransport } from "./fake";
+import type { DecodedImage } from "./picture";
 
 const CONFIG = { webtransport_url: "https://localhost:4433/render", certificate_sha256: "AQID" };
 const VIEW = { scene: "s", fx: 1, fy: 1, cx: 1, cy: 1, width: 2, height: 2 };
 const never = new AbortController().signal;
-const opens = async () => new FakeSession().session;
-const fails = () => Promise.reject(new Error("QUIC did not answer in time"));
+const PICTURE = { bitmap: {}, depth: null } as DecodedImage;
+const backend = (open: FrameBackend["open"]): FrameBackend => ({ open, decode: async () => PICTURE });
+const opens = backend(async (kind) => new FakeTransport(() => 0, { kind }));
+const fails = backend(() => Promise.reject(new Error("QUIC did not answer in time")));
 
 beforeEach(() => {
   vi.stubGlobal("isSecureContext", true);
@@ -40,8 +43,8 @@ test.each([
   ["QUIC switched off", () => undefined, { ...CONFIG, webtransport_url: null }, "offers no WebTransport"],
 ])("%s needs no attempt", async (_, prepare, config, reason) => {
   prepare();
-  const open = vi.fn(opens);
-  const { transport, fallback, refused } = await connect(config, "auto", never, () => 0, open);
+  const open = vi.fn(opens.open);
+  const { transport, fallback, refused } = await connect(config, "auto", never, () => 0, backend(open));
   expect(refused ?? false).toBe(false);
   expect(transport.kind).toBe("fetch");
   expect(fallback).toContain(reason);
@@ -72,7 +75,7 @@ test.each([
   const fetched = vi.fn(() => Promise.reject(new Error("not now")));
   vi.stubGlobal("fetch", fetched);
   vi.stubGlobal("location", new URL(page));
-  const { transport } = await connect({ ...CONFIG, ...cluster }, "fetch", never, () => 0);
+  const { transport } = await connect({ ...CONFIG, ...cluster }, "fetch", never, () => 0, opens);
   await expect(transport.request({ ...VIEW, seq: 0 }, never)).rejects.toThrow("not now");
   expect(fetched).toHaveBeenCalledWith(url, expect.anything());
 });
@@ -84,10 +87,21 @@ test("aborting is no reason to fall back", async () => {
     "auto",
     abort.signal,
     () => 0,
-    () => {
+    backend((...given) => {
       abort.abort(new Error("left the page"));
-      return fails();
-    },
+      return fails.open(...given);
+    }),
   );
   await expect(connecting).rejects.toThrow("left the page");
+});
+
+test("pictures received by fetch are decoded as well", async () => {
+  vi.stubGlobal("location", new URL("http://lab.test/"));
+  vi.stubGlobal(
+    "fetch",
+    async () => new Response("jpeg", { headers: { "content-type": "image/jpeg", "tigas-seq": "0" } }),
+  );
+  const { transport } = await connect(CONFIG, "fetch", never, () => 0, opens);
+  const reply = await transport.request({ ...VIEW, seq: 0 }, never);
+  expect(await reply.picture).toBe(PICTURE);
 });

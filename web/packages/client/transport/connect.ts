@@ -2,9 +2,9 @@
 import type { ServerConfig } from "../wire/render";
 import { FetchTransport } from "./fetch";
 import { hostUrl } from "./host-url";
+import type { DecodedImage } from "./picture";
 import type { Clock } from "./reception";
-import { openSession } from "./session";
-import { StreamTransport } from "./streams";
+import type { SessionOptions } from "./session";
 import type { FrameTransport, TransportKind } from "./transport";
 
 /** `auto` is WebTransport streams, then fetch. */
@@ -20,6 +20,12 @@ export interface Connected {
   readonly host: string | null;
 }
 
+/** Sessions and decoding outside the page's main thread (`FrameWorker`). */
+export interface FrameBackend {
+  open(kind: Exclude<TransportKind, "fetch">, options: SessionOptions, signal: AbortSignal): Promise<FrameTransport>;
+  decode(image: Blob): Promise<DecodedImage>;
+}
+
 const SESSION_TIMEOUT = 3000;
 
 /** Rejects only if aborted: fetch needs no connecting. */
@@ -28,11 +34,11 @@ export async function connect(
   choice: TransportChoice,
   signal: AbortSignal,
   now: Clock,
-  open: typeof openSession = openSession,
+  backend: FrameBackend,
 ): Promise<Connected> {
   const host = config.host ?? null;
   const byFetch = (fallback: string | null): Connected => ({
-    transport: new FetchTransport(now, hostUrl("render", config)),
+    transport: decoded(new FetchTransport(now, hostUrl("render", config)), backend),
     fallback,
     host,
   });
@@ -41,15 +47,31 @@ export async function connect(
   if (typeof globalThis.WebTransport !== "function") return byFetch("this browser has no WebTransport");
   if (config.webtransport_url === null) return byFetch("the server offers no WebTransport");
   try {
-    const session = await open(
+    const transport = await backend.open(
+      choice === "auto" ? "webtransport-streams" : choice,
       { url: config.webtransport_url, certificateSha256: config.certificate_sha256, timeout: SESSION_TIMEOUT },
       signal,
     );
-    const datagrams = choice === "webtransport-datagrams";
-    const Transport = datagrams ? (await import("./datagrams")).DatagramTransport : StreamTransport;
-    return { transport: new Transport(session, now), fallback: null, host };
+    return { transport, fallback: null, host };
   } catch (error) {
     signal.throwIfAborted();
     return { ...byFetch(error instanceof Error ? error.message : String(error)), refused: true };
   }
+}
+
+/** The same transport, with decoded pictures. */
+function decoded(transport: FrameTransport, backend: FrameBackend): FrameTransport {
+  return {
+    kind: transport.kind,
+    maxInFlight: transport.maxInFlight,
+    overtaking: transport.overtaking,
+    lost: transport.lost,
+    close: () => transport.close(),
+    request: async (request, signal) => {
+      const reply = await transport.request(request, signal);
+      const picture = backend.decode(reply.image);
+      picture.catch(() => undefined); // awaited by whoever shows it
+      return { ...reply, picture };
+    },
+  };
 }

@@ -72,7 +72,8 @@ export class FakeTransport implements FrameTransport {
           bytes,
           sharedBytes: transmission > 0 ? bytes : 0,
         };
-        resolve({ header, image: new Blob(), arrival });
+        const bitmap = { width: 1280, height: 720, close: () => undefined } as ImageBitmap;
+        resolve({ header, image: new Blob(), arrival, picture: Promise.resolve({ bitmap, depth: null }) });
       },
     });
     return promise;

@@ -1,5 +1,6 @@
 /** Interface of all ways to fetch frames. */
 import type { FrameHeader, Problem, RenderRequest } from "../wire/render";
+import type { DecodedImage } from "./picture";
 
 export type TransportKind = "webtransport-streams" | "webtransport-datagrams" | "fetch";
 
@@ -18,6 +19,8 @@ export interface FrameReply {
   readonly header: FrameHeader;
   readonly image: Blob;
   readonly arrival: Arrival;
+  /** The decoded image; absent for frames of a video, and before a frame worker has seen it. Its recipient closes it. */
+  readonly picture?: Promise<DecodedImage>;
 }
 
 export interface FrameTransport {

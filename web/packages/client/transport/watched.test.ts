@@ -26,7 +26,7 @@ async function answered(seq: number, after: number): Promise<void> {
   await settle();
 }
 
-test("who asked for nothing misses nothing", async () => {
+test("without requests nothing is missing", async () => {
   await answered(0, 20);
   now += 60_000;
   expect(subject.silent).toBe(false);

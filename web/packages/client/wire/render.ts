@@ -166,6 +166,7 @@ export interface ServerConfig {
   has_scene?: boolean | null;
   formats?: ("jpeg" | "webp")[];
   congestion_control?: ("westwood" | "reno") | null;
+  tcp_congestion_control?: string | null;
   why_no_training?: string | null;
 }
 /**

@@ -44,7 +44,7 @@ export const isPerView = (mode: RunMode) => includes(PER_VIEW, mode);
 /** Whether a run needs the packager. */
 export const isStreamed = (mode: RunMode) => mode === "webrtc" || includes(DASH, mode);
 
-/** TOML, whose texts, numbers and lists are those of JSON. */
+/** TOML; its strings, numbers and lists are written as in JSON. */
 export function experimentFile(draft: Draft, { scene, movement, present, settings, viewport }: Inputs): string {
   const { trace, rtt, reprojection } = draft;
   const perView = draft.modes.some(isPerView);

@@ -136,6 +136,11 @@ test.each<[string, () => void, string | RegExp]>([
     () => (meanwhile = () => (status.value = { ...STATUS, trace: "train", time_ms: 1200 })),
     "The link was changed from outside during the run.",
   ],
+  [
+    "a connection that does not return",
+    () => (meanwhile = () => (phase = { kind: "lost" })),
+    "The connection was lost during the run and did not return.",
+  ],
   ["a shaper that goes away", () => (meanwhile = () => (status.value = null)), "The shaper is away."],
   [
     "models that are given up meanwhile",

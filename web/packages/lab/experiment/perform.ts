@@ -79,6 +79,7 @@ export async function perform(job: RunJob, performance_: Performance): Promise<P
         AbortSignal.any([signal, disturbed.signal]),
       );
       failIfUnlike(runner);
+      failIfLost(session);
       if (!link.reports(now())) throw new RunFailed("The shaper fell silent during the run.");
       const startedAt = recording.started_unix_ms - performance.timeOrigin;
       const { sampled } = runner;
@@ -113,6 +114,14 @@ function now(): number {
 function failIfUnlike(runner: Runner): void {
   const { problem } = runner.state();
   if (problem !== null) throw new RunFailed(`Frames cannot be shown as configured. ${problem}`);
+}
+
+/** A connection that comes back has only cost the run its views; one that does not may have ended for another reason. */
+function failIfLost({ phase, source }: ViewerSession): void {
+  if (phase.peek().kind !== "playing")
+    throw new RunFailed("The connection was lost during the run and did not return.");
+  if (source.peek()?.phase.peek().kind === "lost")
+    throw new RunFailed("The stream was lost during the run and did not return.");
 }
 
 function visible(): boolean {

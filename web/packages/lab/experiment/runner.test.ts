@@ -107,25 +107,11 @@ test.each([
 
 test.each<[string, () => void, string]>([
   [
-    "a lost connection",
-    () => {
-      visit.value = { kind: "lost" };
-    },
-    "The connection was lost during the run.",
-  ],
-  [
     "a visit that fails",
     () => {
       visit.value = { kind: "failed", message: "It is gone." };
     },
     "It is gone.",
-  ],
-  [
-    "a lost stream",
-    () => {
-      phase.value = { kind: "connecting" };
-    },
-    "The Stateless stream was lost during the run.",
   ],
   [
     "a download that fails",
@@ -143,6 +129,19 @@ test.each<[string, () => void, string]>([
   happens();
   await drawn(...every20(120, 200));
   await failed;
+});
+
+test("a connection and a stream that come back are part of the record", async () => {
+  const { position, quaternion } = rig.pose;
+  const points = [{ t_ms: 0, position, quaternion }];
+  const run = runner.run({ points, duration_ms: 400, capture_every_ms: 0, sample_stride: 0 });
+  await drawn(...every20(0, 100));
+  visit.value = { kind: "lost" };
+  phase.value = { kind: "connecting" };
+  await drawn(...every20(120, 200));
+  visit.value = phase.value = { kind: "playing" };
+  await drawn(...every20(220, 600));
+  await expect(run).resolves.toMatchObject({ complete: true });
 });
 
 test("the display's interval is that of the page at rest, in later runs, too", async () => {

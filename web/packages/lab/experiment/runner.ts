@@ -10,7 +10,7 @@ import { nameProblem } from "#viewer/enhance/registry";
 import { poseAt, type TimedPose } from "#viewer/movement/playback";
 import { turning } from "#viewer/reproject/acceleration";
 import type { ViewerSession } from "#viewer/session/session";
-import { kindsShown, reopens, titleOf } from "#viewer/sources/sides";
+import { kindsShown, reopens } from "#viewer/sources/sides";
 import { type Mode, type Settings, validSettings } from "#viewer/state/settings";
 import type { ScenePose } from "#viewer/view/camera";
 import type { PresentedFrame } from "#viewer/view/presented";
@@ -137,8 +137,8 @@ export class Runner {
   }
 
   /**
-   * Play a movement and record it; one at a time. Rejects with a RunFailed if the connection or stream is lost, or with
-   * the reason of `signal`.
+   * Play a movement and record it; one at a time. A connection or stream that is lost for a while is part of the record.
+   * Rejects with a RunFailed if it fails for good, or with the reason of `signal`.
    */
   async run(plan: RunPlan, signal?: AbortSignal): Promise<Required<Recording>> {
     if (this.#running) throw new Error("a run is under way");
@@ -214,14 +214,11 @@ export class Runner {
     };
     document.addEventListener("visibilitychange", onVisibility);
     this.#lapse = null;
-    const lost = new AbortController();
-    let played = false;
+    const over = new AbortController();
     const watch = effect(() => {
       this.#lapse ??= this.#unturned();
-      const plays = this.#session.source.value?.phase.value.kind === "playing";
-      const trouble = this.#trouble(played && !plays);
-      played ||= plays;
-      if (trouble !== null) lost.abort(new RunFailed(trouble));
+      const failure = this.#failure();
+      if (failure !== null) over.abort(new RunFailed(failure));
     });
     try {
       const lens = { ...rig.viewport.peek(), ...rig.intrinsics.peek() };
@@ -235,7 +232,7 @@ export class Runner {
         for (let ticks = recorder.due(now); ticks > 0; ticks--) void this.#keep(recorder, now);
         return movement(now - startedAt);
       });
-      const ending = signal ? AbortSignal.any([signal, lost.signal]) : lost.signal;
+      const ending = signal ? AbortSignal.any([signal, over.signal]) : over.signal;
       const endedAt = await this.#ended(recorder, movedUntil, ending);
       // Drawing a scene may take all of the page's time: that is the mode's own doing, and its poses are counted as missed.
       const animated = (recorder.animationInterval ?? Number.POSITIVE_INFINITY) < SLOWEST_DISPLAY;
@@ -263,14 +260,12 @@ export class Runner {
     }
   }
 
-  /** Why the pictures of a run are no longer those that it is about, in one sentence; null if they are. */
-  #trouble(stopped: boolean): string | null {
+  /** Why the pictures of a run can no longer come, in one sentence; null while they may. */
+  #failure(): string | null {
     const { phase, source } = this.#session;
     const shown = source.value?.phase.value;
-    if (phase.value.kind === "failed") return phase.value.message;
-    if (phase.value.kind !== "playing") return "The connection was lost during the run.";
-    if (shown?.kind === "failed") return shown.message;
-    return stopped ? `The ${titleOf(this.#session.state.settings.peek().mode)} stream was lost during the run.` : null;
+    const failed = [phase.value, shown].find((one) => one?.kind === "failed");
+    return failed !== undefined && "message" in failed ? (failed.message ?? null) : null;
   }
 
   /** Figures of the streams and downloads on the stage. */

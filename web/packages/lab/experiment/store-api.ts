@@ -64,7 +64,7 @@ export class StoreApi {
     await this.#ask(`${this.#run(id, run)}/captures/${name}`, { method: "PUT", body: png });
   }
 
-  /** Completes a run whose captures are all there. */
+  /** Completes a run that has all its captures. */
   complete(id: string, run: string): Promise<RunRow> {
     return this.#json(`${this.#run(id, run)}/complete`, { method: "POST", timeout: LONG_TIMEOUT });
   }

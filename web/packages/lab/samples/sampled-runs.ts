@@ -1,4 +1,4 @@
-/** The runs whose samples are in this browser, because no store has them yet. */
+/** Runs with samples in this browser that no store has yet. */
 import type { Sample } from "#client/wire/store";
 import { ABOUT, type About, enhancedName, FOLDER, INDEX, jpegName, readAbout } from "./layout";
 

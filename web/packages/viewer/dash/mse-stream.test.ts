@@ -142,7 +142,7 @@ test("a session that has ended and a video that cannot be decoded end it", async
   expect(failed[1]).toBe("The player stopped: PIPELINE_ERROR_DECODE");
 });
 
-test("who leaves leaves the video as it was", async () => {
+test("leaving restores the video element", async () => {
   await play();
   source.has(60);
   video.playbackRate = 1.05;

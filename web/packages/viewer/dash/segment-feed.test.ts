@@ -129,13 +129,13 @@ test("a request that fails on its way is tried again, a few times", async () => 
   expect(await ended).toBe("The DASH stream was interrupted.");
 });
 
-test("a stream whose session has ended ends", async () => {
+test("a stream ends with its session", async () => {
   answers.set("low/8", () => new Response(null, { status: 404 }));
   await watch(7000);
   expect(await ended).toBe("The DASH stream has ended.");
 });
 
-test("who leaves ends what was asked for", async () => {
+test("leaving aborts open requests", async () => {
   await watch(7600);
   visit.abort(new Error("left"));
   expect(await ended).toBe("left");

@@ -113,7 +113,7 @@ test("a length that is not told, or too little memory for it, ends with a senten
   await expect(huge).rejects.toThrow("This browser has not got enough memory for this scene.");
 });
 
-test("who leaves ends it", async () => {
+test("leaving ends the download", async () => {
   const visit = new AbortController();
   let link: AbortSignal | undefined;
   const endless: Answer = (_, signal) => {

@@ -42,7 +42,7 @@ test("a refusal is the store's own sentence", async () => {
   await expect(fetchMovement("http://lab", "gone")).rejects.toThrow(new MovementError("No such movement."));
 });
 
-test("a store whose text is no movement is told of by the movement's name", async () => {
+test("an unreadable stored movement is reported by its name", async () => {
   answer(() => new Response("<html>"));
   await expect(fetchMovement("http://lab", "walk")).rejects.toThrow(/^walk has no column “t_ms”/);
 });

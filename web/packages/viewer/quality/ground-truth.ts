@@ -1,5 +1,6 @@
 /** The view as the server renders it for the viewport, without loss; and how near pictures of it are. */
-import { connect } from "#client/transport/connect";
+import { FetchTransport } from "#client/transport/fetch";
+import { hostUrl } from "#client/transport/host-url";
 import type { ServerConfig } from "#client/wire/render";
 import type { ScenePose } from "../view/camera";
 import type { Intrinsics, Viewport } from "../view/intrinsics";
@@ -19,7 +20,7 @@ export async function groundTruth(
   signal: AbortSignal,
 ): Promise<ImageBitmap> {
   if (server === null) throw new Error("The server has not said how it is reached.");
-  const { transport } = await connect(server, "fetch", signal, () => performance.now());
+  const transport = new FetchTransport(() => performance.now(), hostUrl("render", server));
   try {
     const { image } = await transport.request({ scene, seq: 0, position, quaternion, ...lens, format: "png" }, signal);
     return await createImageBitmap(image);

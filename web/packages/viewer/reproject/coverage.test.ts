@@ -17,7 +17,7 @@ test("margins cover small turns", () => {
   expect(uncoveredShare(WIDE, view, 0)).toBe(0);
 });
 
-test("who turns away sees nothing of it", () => {
+test("nothing is covered after turning away", () => {
   expect(uncoveredShare(WIDE, { ...VIEW, ...turned(180) }, 0)).toBe(1);
   expect(uncoveredShare(WIDE, { ...VIEW, ...turned(90) }, 0)).toBe(1);
 });

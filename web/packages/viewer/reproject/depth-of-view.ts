@@ -1,6 +1,7 @@
 /** The depth of a picture from that of another one of the same place and direction, with another lens or other margins. */
+
+import type { DepthMap } from "#client/transport/picture";
 import type { Intrinsics, Viewport } from "../view/intrinsics";
-import type { DepthMap } from "./depth";
 
 type Lens = Intrinsics & Viewport;
 

@@ -20,18 +20,18 @@ function expectAt(pixel: [number, number] | null, [u, v]: readonly [number, numb
   expect(pixel?.[1]).toBeCloseTo(v, 6);
 }
 
-test("who turns by 45° to the right sees the old centre one focal length to the left", () => {
+test("after a turn of 45° to the right the old centre is one focal length to the left", () => {
   const toTurned = transfer(fakeView(), fakeView(turned(45)));
   for (const inverseDepth of INVERSE_DEPTHS) expectAt(transferred(toTurned, 80, 45, inverseDepth), [80 - 100, 45]);
 });
 
-test("who steps to the right sees near things move left, and infinitely far ones stay", () => {
+test("after a step to the right near things move left, and infinitely far ones stay", () => {
   const toMoved = transfer(fakeView(), fakeView({ position: [0.5, 0, 0] }));
   expectAt(transferred(toMoved, 30, 20, 1), [30 - 50, 20]);
   expectAt(transferred(toMoved, 30, 20, 0), [30, 20]);
 });
 
-test("who goes halfway to what is seen sees it twice as large", () => {
+test("halfway to an object it is twice as large", () => {
   expectAt(transferred(transfer(fakeView(), fakeView({ position: [0, 0, 2] })), 90, 50, 1 / 4), [100, 55]);
 });
 

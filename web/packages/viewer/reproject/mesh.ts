@@ -1,6 +1,6 @@
 /** A frame as a grid of triangles that is bent by depth and drawn as another view sees it. */
 
-import type { DepthMap } from "./depth";
+import type { DepthMap } from "#client/transport/picture";
 import { transfer } from "./homography";
 import { apply, type Matrix3, product, scaling } from "./matrix";
 import { Program } from "./program";

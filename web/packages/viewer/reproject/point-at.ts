@@ -1,6 +1,7 @@
 /** Position of the visible surface in a direction, from a picture's coarse depth. Pure. */
+
+import type { DepthMap } from "#client/transport/picture";
 import { add, conjugate, rotate, type Vector3 } from "../view/vector";
-import type { DepthMap } from "./depth";
 import type { View } from "./view";
 
 /** In the scene's own frame, as `direction` is; null where the picture has no depth, ends, or is infinitely deep. */

@@ -4,6 +4,7 @@
  * picture are unchanged. Nothing is warped across a cut: the old picture stays until a new one arrives.
  */
 import { type ReadonlySignal, signal } from "@preact/signals";
+import type { DepthMap } from "#client/transport/picture";
 import type { Size } from "../enhance/geometry";
 import { Overlay } from "../enhance/overlay";
 import type { ScenePose } from "../view/camera";
@@ -13,7 +14,6 @@ import { type NumberedPose, samePose } from "../view/rig";
 import { TimeWindow } from "../view/window";
 import { turning } from "./acceleration";
 import { uncoveredShare } from "./coverage";
-import type { DepthMap } from "./depth";
 import { depthOfView } from "./depth-of-view";
 import { KeepingUp } from "./keeping-up";
 import { resized, type View } from "./view";

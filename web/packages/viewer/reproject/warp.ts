@@ -3,10 +3,11 @@
  * the frame, its pixels are shown unchanged; where the frame has no pixels, earlier views are used, or else the
  * surround; elsewhere the canvas is transparent.
  */
+
+import type { DepthMap } from "#client/transport/picture";
 import { drawsInSoftware } from "./acceleration";
 import { cropFor } from "./crop";
 import { CubeCache } from "./cube-cache";
-import type { DepthMap } from "./depth";
 import { GpuTimer } from "./gpu-timer";
 import { Mesh } from "./mesh";
 import { Program } from "./program";

@@ -4,14 +4,9 @@ import { vi } from "vitest";
 import type { Connected } from "#client/transport/connect";
 import { FakeTransport, settle } from "#client/transport/fake";
 
-/** Decodes at once. */
+/** Does nothing: transports are fake. */
 class FakeWorker {
-  onmessage: ((event: { data: unknown }) => void) | undefined;
-  postMessage({ id }: { id: number }): void {
-    this.onmessage?.({
-      data: { id, value: { bitmap: { width: 1280, height: 720, close: () => undefined }, depth: null } },
-    });
-  }
+  postMessage(): void {}
   terminate(): void {}
 }
 

@@ -5,6 +5,7 @@
 import { computed, effect, type ReadonlySignal, signal, untracked } from "@preact/signals";
 import { Listeners } from "#client/async/listeners";
 import { sleep } from "#client/async/sleep";
+import { FrameWorker } from "#client/frames/frame-worker";
 import { ApiError } from "#client/http/problem";
 import { type Connected, connect } from "#client/transport/connect";
 import { type ConnectionState, maintainConnection } from "#client/transport/connection";
@@ -90,6 +91,7 @@ export class ViewerSession {
   readonly onSent = this.#sent.add;
   /** Like `onPresented`, for every received frame. */
   readonly onReplied = this.#replied.add;
+  readonly #frames = new FrameWorker();
   #loading: Promise<SceneInfo> | undefined;
   /** Where it is loaded, in a cluster. */
   #host: string | null = null;
@@ -150,6 +152,7 @@ export class ViewerSession {
     this.movement.dispose();
     this.input.dispose();
     this.left.dispose();
+    this.#frames.dispose();
   }
 
   get #sides(): readonly Side[] {
@@ -291,7 +294,7 @@ export class ViewerSession {
       void maintainConnection(
         {
           fetchConfig: (signal, report) => this.#fetchConfig(signal, report),
-          connect: (server, signal) => connect(server, chosen, signal, now),
+          connect: (server, signal) => connect(server, chosen, signal, now, this.#frames),
           onState: (state) =>
             untracked(() => {
               this.rightConnection.value = state;
@@ -353,7 +356,7 @@ export class ViewerSession {
             loading.catch(() => undefined); // #play reports a failure
             // The present picture continues until another host is ready; otherwise both steps run concurrently.
             if (this.connected.peek() !== null) await loading.catch(() => undefined);
-            return connect(server, chosen, signal, now);
+            return connect(server, chosen, signal, now, this.#frames);
           },
           onState: (state) => untracked(() => this.#heard(state, connection.signal)),
           onSilence: (silent) => {

@@ -8,7 +8,6 @@ import { Enhancement } from "../enhance/enhancement";
 import { Overlay } from "../enhance/overlay";
 import { chosenEnhancers } from "../enhance/registry";
 import { Reprojector } from "../reproject/reprojector";
-import { Decoder } from "../stateless/decoder";
 import { decodesWebp } from "../stateless/decodes-webp";
 import type { DecodedFrame } from "../stateless/pipeline";
 import { selectedController, videoSteps } from "../stateless/selected-controller";
@@ -59,9 +58,6 @@ export class Pictures implements Source {
     });
     const steps = videoSteps(video !== null, settings, ladder, pixels);
     const controller = selectedController(settings, ladder, seed, pixels, steps);
-    const decoder = new Decoder(
-      new Worker(new URL("../stateless/decode.worker.ts", import.meta.url), { type: "module", name: "decoder" }),
-    );
     this.#player = new StatelessPlayer({
       ...context,
       display,
@@ -71,7 +67,6 @@ export class Pictures implements Source {
       depth: () => settings.peek().depth,
       surround: () => settings.peek().surround,
       ladder: () => ladder.peek(),
-      decoder,
       video,
       videoSteps: () => steps.value,
       controller: () => controller.value,
@@ -101,7 +96,6 @@ export class Pictures implements Source {
       () => this.enhancement.dispose(),
       () => this.#reprojector.off(),
       () => display.dispose(),
-      () => decoder.dispose(),
       () => video?.dispose(),
       () => canvas.remove(),
     ];

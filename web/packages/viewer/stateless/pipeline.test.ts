@@ -1,8 +1,8 @@
 import { beforeEach, describe, expect, test } from "vitest";
 import { deferred } from "#client/async/deferred";
 import { FakeTransport, settle } from "#client/transport/fake";
+import type { DecodedImage } from "#client/transport/picture";
 import { FrameDropped, RequestProblem } from "#client/transport/transport";
-import type { DecodedImage } from "./decoder";
 import { view } from "./fake-view";
 import { FramePipeline, type SentRequest, type ViewRequest } from "./pipeline";
 

@@ -12,10 +12,10 @@
  * another view is wanted, is left out of the statistics, and is not repeated if it fails.
  */
 import { FrameClock } from "#client/abr/frame-clock";
+import type { DecodedImage } from "#client/transport/picture";
 import { FrameDropped, type FrameReply, type FrameTransport, RequestProblem } from "#client/transport/transport";
 import type { FrameHeader, RenderRequest } from "#client/wire/render";
 import type { Request } from "#client/wire/store";
-import type { DecodedImage } from "./decoder";
 import { InFlightLimit } from "./in-flight-limit";
 import type { PictureFormat } from "./picture-format";
 import { RequestPace } from "./request-pace";

@@ -81,9 +81,6 @@ export class PlayerBench {
       surround: () => this.surround,
       ladder: () => PLACE.ladder,
       rig: this.rig,
-      decoder: {
-        decode: async () => ({ bitmap: { ...SIZE, close: () => undefined } as ImageBitmap, depth: null }),
-      },
       video: this.video,
       videoSteps: () => this.videoSteps,
       controller: () => ({ decide: () => this.profile, observe: (heard) => this.observed(heard) }),

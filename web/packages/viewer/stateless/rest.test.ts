@@ -23,7 +23,7 @@ function then(changes: Partial<ViewRequest>, chooser: unknown = CONTROLLER): Vie
 }
 
 test.each([{ profile: 5 }, { overscan: 0.05 }, { profile: 4, overscan: 0 }])(
-  "who stands still is not sent less of the same view: %o",
+  "at rest the same view is not requested with less: %o",
   (changes) => expect(then(changes)).toBe(VIEW),
 );
 
@@ -33,7 +33,7 @@ test.each([
   { profile: 2, overscan: 0 },
   { azimuth: 1, profile: 5 },
   { depth: true },
-])("who stands still is sent more of it, and who moves another view: %o", (changes) =>
+])("at rest more of it is requested, and in motion another view: %o", (changes) =>
   expect(then(changes)).toEqual({ ...VIEW, ...changes }),
 );
 

@@ -5,6 +5,7 @@ import type { Controller, Observation, Way } from "#client/abr/controller";
 import { RateCap } from "#client/abr/rate-cap";
 import type { VideoStep } from "#client/abr/video-ladder";
 import type { Connected } from "#client/transport/connect";
+import type { DecodedImage } from "#client/transport/picture";
 import type { FrameReply } from "#client/transport/transport";
 import type { Rung, SceneInfo } from "#client/wire/render";
 import type { Display, Enhanced } from "../enhance/display";
@@ -16,7 +17,6 @@ import { Meter, STATS_EVERY } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
 import type { Rig } from "../view/rig";
 import { TimeWindow } from "../view/window";
-import type { Decoder } from "./decoder";
 import { FormatChoice } from "./picture-format";
 import { type DecodedFrame, FramePipeline, type SentRequest, type ViewRequest } from "./pipeline";
 import { type PosedRequest, Refinement } from "./refinement";
@@ -56,7 +56,6 @@ export interface StatelessPlayerOptions {
   /** The ladder that request profiles index; empty until it is known. */
   readonly ladder: () => readonly Rung[];
   readonly rig: Rig;
-  readonly decoder: Pick<Decoder, "decode">;
   /** Null if each answer is an independent picture. */
   readonly video: VideoFrames | null;
   /** The ladder of a video that the controller's choice indexes; null if each answer is an independent picture. */
@@ -239,10 +238,11 @@ export class StatelessPlayer {
     this.#publish(now);
   }
 
-  readonly #decode = (reply: FrameReply, signal: AbortSignal) =>
-    reply.header.video && this.#options.video
-      ? this.#options.video.decode(reply, signal)
-      : this.#options.decoder.decode(reply.image, signal);
+  readonly #decode = (reply: FrameReply, signal: AbortSignal): Promise<DecodedImage> => {
+    const { video } = this.#options;
+    const picture = reply.header.video && video ? video.decode(reply, signal) : reply.picture;
+    return picture ?? Promise.reject(new Error("the frame was not decoded"));
+  };
 
   /**
    * The controller's choice for a received frame: a rung, or a step of the video's ladder; null if something else chose

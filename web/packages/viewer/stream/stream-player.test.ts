@@ -278,7 +278,7 @@ test("a stream that stalls is told to hold another latency, which is the player'
   expect([targets(0), targets(4000), targets(6000)]).toEqual([[120, 170], [120, 170], [170]]);
 });
 
-test("who leaves ends the stream", async () => {
+test("leaving ends the stream", async () => {
   open();
   await settle();
   player.dispose();

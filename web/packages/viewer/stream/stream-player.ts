@@ -1,4 +1,4 @@
-/** The modes with one stream per viewer from the packager, whose camera follows the rig, measured frame by frame. */
+/** The modes with one stream per viewer from the packager: its camera follows the rig, and every frame is measured. */
 
 import { signal } from "@preact/signals";
 import { deferred } from "#client/async/deferred";

@@ -57,7 +57,7 @@ describe("a scene's own frame", () => {
     ["level", [0, -1, 0]],
     ["z up", [0, 0, 1]],
     ["a tilted table", [0.1, -0.9, -0.4]],
-  ])("%s: who takes over from a pose sees what it sees", (_, up) => {
+  ])("%s: taking over from a pose keeps the view", (_, up) => {
     const camera = { position: [1, -2, 3], azimuth: -130, elevation: 25 } as const;
     const taken = fromScene(toScene(camera, levelFor(up)), levelFor(up));
     expectClose(taken.position, camera.position);
@@ -65,7 +65,7 @@ describe("a scene's own frame", () => {
     expect(taken.elevation).toBeCloseTo(camera.elevation, 3);
   });
 
-  test("who takes over from a pose that leans to the side stands upright", () => {
+  test("taking over from a pose that leans to the side stands upright", () => {
     const leaning = { position: [0, 0, 0], quaternion: [0, 0, Math.SQRT1_2, Math.SQRT1_2] } as const;
     const { azimuth, elevation } = fromScene(
       { position: [...leaning.position], quaternion: [...leaning.quaternion] },

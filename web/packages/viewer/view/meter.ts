@@ -135,7 +135,7 @@ export class Meter {
     this.#listener(this.#last);
   }
 
-  /** Drops poses whose frames are lost for reasons other than latency (a lost server, another mode). */
+  /** Drops poses without a frame for reasons other than latency (a lost server, another mode). */
   reset(): void {
     this.#latency.reset();
     this.#viewAt = undefined;

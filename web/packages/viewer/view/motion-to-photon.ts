@@ -25,7 +25,7 @@ export class MotionToPhoton {
     return this.#waiting.map(({ at }) => now - at);
   }
 
-  /** Drops waiting inputs, whose frames are lost for reasons other than latency (a lost server, a hidden page). */
+  /** Drops waiting inputs that lost their frames for reasons other than latency (a lost server, a hidden page). */
   reset(): void {
     this.#waiting = [];
   }

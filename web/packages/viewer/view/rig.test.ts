@@ -72,7 +72,7 @@ test("the start view waits while a source has the camera", () => {
   expect(rig.pose.position).toEqual([0, -2, -8]);
 });
 
-test("who listens hears of every sample, whether the camera moved or not", () => {
+test("listeners receive every sample, whether the camera moved or not", () => {
   const heard: number[] = [];
   const stop = rig.onSample(({ position }, at) => heard.push(at, position[2]));
   rig.sample(16);
@@ -111,7 +111,7 @@ test("a focused point is flown to, unless the person moves; then it is what is o
   expect(rig.pose.position, "the person knows better").toEqual(position);
 });
 
-test("who wants no motion is there at once", () => {
+test("with reduced motion the camera arrives at once", () => {
   rig.focus([2, -2, 0], false);
   rig.sample(16);
   expect(rig.pose.position).toEqual([1, -2, -4]);

@@ -1,4 +1,4 @@
-/** A coarse depth of a frame, decoded. */
+/** A decoded picture, and the coarse depth that it may carry. */
 
 export interface DepthMap {
   readonly width: number;
@@ -10,4 +10,10 @@ export interface DepthMap {
    * depth (1/z, not along the ray) is nearest · code / 255; 0 is infinitely far.
    */
   readonly codes: Uint8Array<ArrayBuffer>;
+}
+
+export interface DecodedImage {
+  readonly bitmap: ImageBitmap;
+  /** Depth of the whole frame; null if it has none. */
+  readonly depth: DepthMap | null;
 }

@@ -1,5 +1,5 @@
 /** Decodes the depth that a frame carries, in a worker. */
-import type { DepthMap } from "./depth";
+import type { DepthMap } from "../transport/picture";
 import { DEPTH_SEGMENT_BYTES, readDepthSegment } from "./depth-segment";
 
 /** No side of a coarse depth is longer; every graphics processor takes such an image. */
