@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
+
+from scipy.stats import t as student
 
 from benchmarks.load.crowd import Crowds
 from benchmarks.load.server import Server
 from benchmarks.load.step import Interval, Step
-from tigas_experiments.report.estimates import Estimate
 
+LEAST_PAIRS = 6
+"""Minimum pairs of steps for an interval."""
 BEYOND = (1.5, 2.0)
 """Loads offered after the search, relative to the capacity."""
 LEAST_SERVED = 0.9995
@@ -123,17 +127,19 @@ class Ratio:
     value: float
     """The geometric mean over pairs of steps."""
     interval: Interval | None
-    """95 %, by a bootstrap over the pairs; None with too few."""
+    """95 %, by Student's t over the pairs; None with too few."""
 
     @classmethod
     def of(cls, pairs: Sequence[tuple[float, float]]) -> Ratio | None:
         """Ratios of alternating measurements; None without data."""
         logarithms = [math.log(one / other) for one, other in pairs if one > 0 and other > 0]
-        estimate = Estimate.over(logarithms)
-        if estimate is None:
+        if not logarithms:
             return None
-        low, high = estimate.interval or (math.nan, math.nan)
-        return cls(math.exp(estimate.mean), (math.exp(low), math.exp(high)) if estimate.interval else None)
+        mean = statistics.fmean(logarithms)
+        if len(logarithms) < LEAST_PAIRS:
+            return cls(math.exp(mean), None)
+        half = student.ppf(0.975, len(logarithms) - 1) * statistics.stdev(logarithms) / math.sqrt(len(logarithms))
+        return cls(math.exp(mean), (math.exp(mean - half), math.exp(mean + half)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,6 +36,7 @@ def write_run(
     network: str = "bus",
     rtt_ms: float | None = 20.0,
     *,
+    offset_s: float = 0.0,
     mode: Mode = "stateless",
     delay_ms: float = 40.0,
     reply_ms: float | None = None,
@@ -95,7 +96,7 @@ def write_run(
         traffic=tuple(Traffic(at=at, bytes=int(at * kbps / 8)) for at in _ticks(duration, 100)),
     )
     configuration: dict[str, Any] = {"scene": "courtyard", "movement": "stroll", "mode": mode, "profile": controller}
-    configuration |= {"network": Network(trace=network, rtt_ms=rtt_ms), "duration_s": seconds}
+    configuration |= {"network": Network(trace=network, rtt_ms=rtt_ms, offset_s=offset_s), "duration_s": seconds}
     record = RunRecord(
         status="running",
         problem=None,

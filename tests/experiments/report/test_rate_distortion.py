@@ -82,8 +82,8 @@ def test_blocks_are_compared_one_by_one(tmp_path: Path) -> None:
     assert estimate.interval is None, "four are too few"
 
 
-def test_six_blocks_give_an_interval(tmp_path: Path) -> None:
-    runs = [{**run, "movement": f"walk-{block}"} for block in range(6) for run in (*LADDER, stream(2000, 0.5))]
+def test_twelve_windows_give_an_interval(tmp_path: Path) -> None:
+    runs = [{**run, "offset_s": 10.0 * window} for window in range(12) for run in (*LADDER, stream(2000, 0.5))]
     (one,) = compared(tmp_path, *runs)
     estimate = one.estimate(SSIM)
     assert estimate is not None

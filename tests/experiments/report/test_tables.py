@@ -84,31 +84,33 @@ def test_a_row_of_runs_csv_has_every_field_and_figure(tmp_path: Path) -> None:
 
 
 def test_a_group_has_mean_range_and_interval_over_its_blocks(tmp_path: Path) -> None:
-    delays = (40.0, 50.0, 90.0, 60.0, 60.0, 60.0)
+    delays = (40.0, 50.0, 90.0, 60.0, 60.0, 60.0) * 2
     for number, delay in enumerate(delays):
         for repeat in (0, 1):
-            write_run(tmp_path / "runs" / f"{number}-{repeat}", movement=f"{number}", delay_ms=delay, repeat=repeat)
+            folder = tmp_path / "runs" / f"{number:02}-{repeat}"
+            write_run(folder, delay_ms=delay, offset_s=10.0 * number, repeat=repeat)
     write_run(tmp_path / "runs" / "other", delay_ms=70, rtt_ms=100, busy=1.0)
     one, other = rows(written(tmp_path) / "groups.csv")
     names = ("network", "rtt_ms", "controller", "runs", "blocks", "runs_saturated")
-    assert [one[name] for name in names] == ["bus", "20.0", "latency", "12", "6", "0"]
+    assert [one[name] for name in names] == ["bus", "20.0", "latency", "24", "12", "0"]
     assert [float(one[f"frame_age_mean_ms_{name}"]) for name in ("mean", "min", "max")] == [60, 40, 90]
     low, high = (float(one[f"frame_age_mean_ms_ci95_{end}"]) for end in ("low", "high"))
-    # Twelve independent runs would have an interval narrower by a factor of the square root of two.
-    half = 1.96 * statistics.pstdev(delays) / math.sqrt(len(delays))
-    assert (low, high) == pytest.approx((60 - half, 60 + half), abs=3)
+    # As many independent runs would have an interval narrower by a factor of the square root of two.
+    half = 2.201 * statistics.stdev(delays) / math.sqrt(len(delays))
+    assert (low, high) == pytest.approx((60 - half, 60 + half), abs=0.1)
     assert [other[name] for name in names] == ["bus", "100.0", "latency", "1", "1", "1"]
     assert other["frame_age_mean_ms_ci95_low"] == ""
 
 
 def test_differences_csv_has_each_figure_against_the_baseline(tmp_path: Path) -> None:
-    for number in range(6):
-        write_run(tmp_path / "runs" / f"l{number}", "latency", movement=f"{number}", delay_ms=60.0 + 10 * number)
-        write_run(tmp_path / "runs" / f"b{number}", "budget", movement=f"{number}", delay_ms=40.0 + 10 * number)
+    for number in range(12):
+        offset_s, delay_ms = 10.0 * number, 40.0 + 10 * number
+        write_run(tmp_path / "runs" / f"l{number}", "latency", delay_ms=delay_ms + 20, offset_s=offset_s)
+        write_run(tmp_path / "runs" / f"b{number}", "budget", delay_ms=delay_ms, offset_s=offset_s)
     found = {row["figure"]: row for row in rows(written(tmp_path) / "differences.csv")}
     row = found["frame_age_mean_ms"]
     names = ("network", "rtt_ms", "controller", "baseline", "blocks")
-    assert [row[name] for name in names] == ["bus", "20.0", "budget", "latency", "6"]
+    assert [row[name] for name in names] == ["bus", "20.0", "budget", "latency", "12"]
     ends = [float(row[name]) for name in ("difference", "ci95_low", "ci95_high")]
     assert ends == pytest.approx([-20, -20.5, -19.5]), "blocks differ by far more than controllers do in each of them"
     assert found["response_time_mean_ms"]["difference"] == "", "nobody recorded replies"

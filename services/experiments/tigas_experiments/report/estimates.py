@@ -1,55 +1,68 @@
-"""Means over blocks with their range and bootstrap confidence intervals, and paired differences."""
+"""Means over blocks with confidence intervals that hold for other networks and people, and paired differences.
+
+Blocks that share a network window or a person are not independent. Intervals come from the variance of the mean with
+both as clusters (Cameron, Gelbach & Miller, J. Business & Economic Statistics 29, 2011) and Student's t, with
+Satterthwaite's degrees of freedom.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Self, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
-from scipy.stats import bootstrap
+from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from tigas_experiments.report.metrics import Metric
+from tigas_experiments.report.run_table import Block
 
-LEAST_BLOCKS = 6
-"""Minimum for an interval: with fewer, equal signs of all blocks occur by chance in more than 5 % of cases."""
-RESAMPLES = 5000
-SEED = 1
+LEAST_WINDOWS = 12
+"""Minimum number of network windows for an interval: with fewer, it covers the true mean too seldom."""
+LEAST_PEOPLE = 6
+"""With fewer people, intervals hold for these people only: their variance cannot be estimated."""
+CONFIDENCE = 0.95
 Key = TypeVar("Key")
 
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A mean over blocks with its 95 % bootstrap confidence interval."""
+    """A mean over blocks with its 95 % confidence interval."""
 
     mean: float
     low: float
     """Lowest value of the runs or, without them, the blocks."""
     high: float
     blocks: int
-    interval: tuple[float, float] | None
-    """None with fewer than LEAST_BLOCKS."""
+    interval: tuple[float, float] | None = None
+    """None with fewer than LEAST_WINDOWS windows."""
+    p: float | None = None
+    """Probability of a mean at least this far from zero if the true one is zero; None without an interval."""
 
     @classmethod
-    def over(cls, blocks: Sequence[float], step: float = 0.0, runs: Sequence[float] = ()) -> Self | None:
+    def over(cls, blocks: Mapping[Block, float], step: float = 0.0, runs: Sequence[float] = ()) -> Self | None:
         """Estimate from one value per block; None without blocks. One infinite value makes the mean infinite.
 
         `step` is the resolution of each value, which widens the interval of equal values.
         """
-        if not blocks:
+        found = cls.of_means([*blocks.values()], runs)
+        if found is None:
             return None
-        low, high = min(runs or blocks), max(runs or blocks)
-        mean = sum(blocks) / len(blocks)  # nan for inf and -inf
-        interval = _interval(tuple(blocks), step) if len(blocks) >= LEAST_BLOCKS else None
-        # Rounding must not move the mean of equal values outside their range.
-        return cls(min(max(mean, low), high), low, high, len(blocks), interval)
+        interval, p = _interval(tuple(sorted(blocks.items())), step) or (None, None)
+        return cls(found.mean, found.low, found.high, len(blocks), interval, p)
 
-    @property
-    def certain(self) -> bool:
-        """Whether the interval excludes zero."""
-        return self.interval is not None and (self.interval[0] > 0 or self.interval[1] < 0)
+    @classmethod
+    def of_means(cls, values: Sequence[float], runs: Sequence[float] = ()) -> Self | None:
+        """Mean and range alone; None without values."""
+        if not values:
+            return None
+        low, high = min(runs or values), max(runs or values)
+        mean = sum(values) / len(values)  # nan for inf and -inf
+        # Rounding must not move the mean of equal values outside their range.
+        return cls(min(max(mean, low), high), low, high, len(values))
 
     def interval_text(self, metric: Metric) -> str:
         """The formatted interval; empty without one."""
@@ -62,6 +75,17 @@ class Estimate:
         """The formatted range; empty for equal values."""
         low, high = metric.text(self.low), metric.text(self.high)
         return "" if low == high else f"{low}–{high}"
+
+
+def certain(estimates: Iterable[Estimate | None]) -> Collection[Estimate]:
+    """Estimates of one table that differ from zero, with at most 5 % chance of a false one among all (Holm 1979)."""
+    claims = sorted((found for found in estimates if found and found.p is not None), key=lambda found: found.p or 0)
+    sure: list[Estimate] = []
+    for place, claim in enumerate(claims):
+        if claim.p is None or claim.p > (1 - CONFIDENCE) / (len(claims) - place):
+            break
+        sure.append(claim)
+    return sure
 
 
 def signed(metric: Metric, difference: float) -> str:
@@ -78,22 +102,55 @@ def paired(one: Mapping[Key, float], other: Mapping[Key, float]) -> dict[Key, fl
     return {block: 0.0 if one[block] == other[block] else one[block] - other[block] for block in one if block in other}
 
 
-@lru_cache(100_000)
-def _interval(values: tuple[float, ...], step: float) -> tuple[float, float]:
-    """Percentile bootstrap with fixed resamples; half a step to both sides of equal, nonzero values.
+class _Clusters(NamedTuple):
+    variance: float
+    """Of the mean."""
+    number: int
 
-    An infinite value makes its end of the interval infinite. For the other end it counts as the outermost finite value,
-    which is conservative.
+
+@lru_cache(100_000)
+def _interval(blocks: tuple[tuple[Block, float], ...], step: float) -> tuple[tuple[float, float], float] | None:
+    """Interval of the mean, and the p-value of a mean of zero; None with too few windows.
+
+    Half a step to both sides of equal, nonzero values. An infinite value makes its end of the interval infinite. For
+    the other end it counts as the outermost finite value, which is conservative.
     """
+    windows, people = [block.window for block, _ in blocks], [block.movement for block, _ in blocks]
+    if len(set(windows)) < LEAST_WINDOWS:
+        return None
+    values = [value for _, value in blocks]
     finite = [value for value in values if math.isfinite(value)]
     if not finite:
-        return min(values), max(values)
+        return (min(values), max(values)), 0.0
     clipped = np.clip(values, min(finite), max(finite))
+    mean = float(clipped.mean())
     if np.ptp(clipped) == 0:
-        half = step / 2 if finite[0] != 0 else 0.0
-        low, high = finite[0] - half, finite[0] + half
+        half = step / 2 if mean != 0 else 0.0
+        p = float(abs(mean) <= half)
     else:
-        rng = np.random.default_rng(SEED)
-        found = bootstrap((clipped,), np.mean, n_resamples=RESAMPLES, method="percentile", rng=rng)
-        low, high = map(float, found.confidence_interval)
-    return min(low, min(values)) if -math.inf in values else low, math.inf if math.inf in values else high
+        error, freedom = _standard_error(clipped - mean, windows, people)
+        half = float(student.ppf((1 + CONFIDENCE) / 2, freedom)) * error
+        p = float(2 * student.sf(abs(mean) / error, freedom)) if error > 0 else float(mean == 0)
+    low = min(mean - half, min(values)) if -math.inf in values else mean - half
+    return (low, math.inf if math.inf in values else mean + half), p
+
+
+def _standard_error(
+    residuals: NDArray[np.float64], windows: Sequence[Hashable], people: Sequence[Hashable]
+) -> tuple[float, float]:
+    """Standard error of the mean, and its degrees of freedom."""
+    by_window, by_person = _clusters(residuals, windows), _clusters(residuals, people)
+    if by_person.number < LEAST_PEOPLE:
+        return math.sqrt(by_window.variance), by_window.number - 1
+    both = _clusters(residuals, [*zip(windows, people, strict=True)])
+    sides = (by_window, by_person)
+    variance = max(by_window.variance + by_person.variance - both.variance, *(side.variance for side in sides))
+    spread = sum(side.variance**2 / (side.number - 1) for side in sides)
+    return math.sqrt(variance), variance**2 / spread if spread else by_window.number - 1
+
+
+def _clusters(residuals: NDArray[np.float64], keys: Sequence[Hashable]) -> _Clusters:
+    numbers = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+    sums = np.bincount([numbers[key] for key in keys], residuals)
+    count = len(sums)
+    return _Clusters(float((sums**2).sum()) / len(residuals) ** 2 * count / max(1, count - 1), count)

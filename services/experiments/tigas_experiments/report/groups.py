@@ -50,9 +50,9 @@ class Group:
         Over all networks: mean and range of the networks' means, which are weighted equally.
         """
         if self.networks:
-            return Estimate.over([found.mean for each in self.networks if (found := each.estimate(metric))])
+            return Estimate.of_means([found.mean for each in self.networks if (found := each.estimate(metric))])
         values = [value for run in self.runs if (value := run.values[metric.name]) is not None]
-        return Estimate.over([*self.blocks(metric).values()], runs=values)
+        return Estimate.over(self.blocks(metric), runs=values)
 
     def blocks(self, metric: Metric) -> dict[Block, float]:
         values: dict[Block, list[float]] = {}
@@ -90,8 +90,8 @@ class Difference:
 
     def estimate(self, metric: Metric) -> Estimate | None:
         """Mean difference over all common blocks; None without any."""
-        values = [paired(own.blocks(metric), base.blocks(metric)) for own, base in self.pairs]
-        return Estimate.over([value for found in values for value in found.values()], metric.step)
+        pairs = [paired(own.blocks(metric), base.blocks(metric)) for own, base in self.pairs]
+        return Estimate.over({block: value for found in pairs for block, value in found.items()}, metric.step)
 
 
 class Comparison(NamedTuple):

@@ -11,7 +11,7 @@ from matplotlib.colors import Normalize
 
 from tigas_experiments.quality.metrics import PictureMetric
 from tigas_experiments.report.controllers import Controller, Look, in_order
-from tigas_experiments.report.estimates import Estimate
+from tigas_experiments.report.estimates import LEAST_WINDOWS, Estimate
 from tigas_experiments.report.groups import Groups
 from tigas_experiments.report.metrics import Metric
 from tigas_experiments.report.picture_scores import PictureKind, Row, computed, rows_of
@@ -102,7 +102,7 @@ def quality_over_all(groups: Groups) -> Plot | None:
 
 def _rate_distortion(found: RateDistortion, looks: Mapping[Controller, Look], where: str) -> Plot | None:
     """A curve through the fixed rungs of a mode, a point for each adaptive controller."""
-    rates = [rate for each in found.series for one in each.samples for rate in each.values(one, RECEIVED)]
+    rates = [rate for each in found.series for one in each.samples for rate in each.values(one, RECEIVED).values()]
     metrics = [
         metric
         for metric in QUALITIES
@@ -118,7 +118,7 @@ def _rate_distortion(found: RateDistortion, looks: Mapping[Controller, Look], wh
     label_lowest(panels, columns=2)
     caption = (
         f"Quality against received data, over {where}. Small points: blocks; large: their means, with 95 % confidence "
-        "intervals from six blocks on. Lines: through the fixed rungs of a mode."
+        f"intervals from {LEAST_WINDOWS} network windows on. Lines: through the fixed rungs of a mode."
     )
     return Plot.of(figure, panels, "rate-distortion", "Quality against rate", caption)
 
@@ -132,7 +132,7 @@ def _draw_series(axes: Axes, series: Series, metric: Metric, looks: Mapping[Cont
         if rate is None or quality is None:
             continue
         if len(rates) > 1:
-            axes.plot(rates, qualities, ".", color=colour, markersize=3, alpha=0.35)
+            axes.plot([*rates.values()], [*qualities.values()], ".", color=colour, markersize=3, alpha=0.35)
         axes.errorbar(
             rate.mean,
             quality.mean,

@@ -42,10 +42,10 @@ class Series:
         name = "Fixed rungs" if first.mode == "stateless" else f"{MODE_NAMES[first.mode].replace(',', '')}, fixed"
         return " + ".join((name, *(word.replace("-", " ") for word in first.motion)))
 
-    def values(self, controller: Controller, metric: Metric, having: Metric | None = None) -> list[float]:
+    def values(self, controller: Controller, metric: Metric, having: Metric | None = None) -> dict[Block, float]:
         """Values of the blocks of a controller that have the metric, and another one."""
-        samples = self.samples[controller].values()
-        return [sample[metric] for sample in samples if metric in sample and (having or metric) in sample]
+        samples = self.samples[controller].items()
+        return {block: own[metric] for block, own in samples if metric in own and (having or metric) in own}
 
     def points(self, block: Block, metric: Metric) -> Points:
         """Points of one block; none for a curve with fewer than two."""
@@ -69,7 +69,7 @@ class EqualRate:
 
     @classmethod
     def of(cls, curve: Series, other: Series) -> EqualRate:
-        values: dict[Metric, list[float]] = {metric: [] for metric in QUALITIES}
+        values: dict[Metric, dict[Block, float]] = {metric: {} for metric in QUALITIES}
         ranges: dict[Block, tuple[float, float] | None] = {}
         for block in dict.fromkeys(block for samples in other.samples.values() for block in samples):
             for metric in QUALITIES:
@@ -79,7 +79,7 @@ class EqualRate:
                     ranges.setdefault(block, None)
                     if low <= high:
                         ranges[block] = (low, high)
-                        values[metric].append(_mean_over(low, high, one, two))
+                        values[metric][block] = _mean_over(low, high, one, two)
         estimates = {metric: Estimate.over(values[metric], metric.step) for metric in QUALITIES}
         return cls(curve, other, len(ranges), [each for each in ranges.values() if each], estimates)
 
@@ -104,7 +104,7 @@ class EqualRate:
             return ""
         ranges = []
         for series in (self.curve, self.other):
-            means = [float(np.mean(series.values(each, RECEIVED))) for each in series.samples]
+            means = [float(np.mean([*series.values(each, RECEIVED).values()])) for each in series.samples]
             ranges.append(f"{series.title} {_range(min(means), max(means))}")
         return f"no overlap: {', '.join(ranges)} Mbit/s"
 

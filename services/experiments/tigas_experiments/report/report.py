@@ -13,7 +13,7 @@ from markupsafe import Markup
 from tigas_common.files import read_regular
 from tigas_experiments.records.samples import MAX_PICTURE_BYTES
 from tigas_experiments.report.controllers import Controller
-from tigas_experiments.report.estimates import LEAST_BLOCKS, signed
+from tigas_experiments.report.estimates import LEAST_PEOPLE, LEAST_WINDOWS, certain, signed
 from tigas_experiments.report.figures import MOST_NETWORKS, OVERVIEW_FIGURES, figures
 from tigas_experiments.report.gallery import Snapshot, gallery, snapshots
 from tigas_experiments.report.groups import Groups, choose_baseline
@@ -99,7 +99,9 @@ def write_report(
         column_groups=COLUMN_GROUPS,
         qualities=QUALITIES,
         interactive_ms=f"{INTERACTIVE_MS:g}",
-        least_blocks=LEAST_BLOCKS,
+        least_windows=LEAST_WINDOWS,
+        least_people=LEAST_PEOPLE,
+        certain=certain,
         signed=signed,
     )
     report.page.write_text(page, encoding="utf-8")

@@ -42,7 +42,8 @@ class Block(NamedTuple):
 
     network: str
     """Name without the round trip."""
-    trace_offset_s: float
+    trace_offset_s: float | None
+    """None without a trace."""
     scene: str
     movement: str
     movement_offset_s: float
@@ -50,7 +51,15 @@ class Block(NamedTuple):
     @classmethod
     def of(cls, configuration: Configuration) -> Block:
         network, movement = configuration.network, Path(configuration.movement).name
-        return cls(network.name, network.offset_s, configuration.scene, movement, configuration.movement_offset_s)
+        offset_s = None if network.trace is None else network.offset_s
+        return cls(network.name, offset_s, configuration.scene, movement, configuration.movement_offset_s)
+
+    @property
+    def window(self) -> tuple[object, ...]:
+        """Part of a network trace, shared with other blocks; on a link that never changes, part of a movement."""
+        if self.trace_offset_s is None:
+            return self.network, self.movement, self.movement_offset_s
+        return self.network, self.trace_offset_s
 
 
 class Condition(NamedTuple):
