@@ -35,7 +35,7 @@ help:
 	@echo "make lab           install experiments and their store, reports and training, as in: make lab demo"
 	@echo "make bench-gpu     measure GPU rendering (needs a GPU)"
 	@echo "make lock          update uv.lock after a change of pyproject.toml"
-	@echo "make release       build wheel and source archive with the page in them, and lists of all that they need (SBOM), into dist/, and images"
+	@echo "make release       build wheel and source archive with the page in them, the npm package of the viewer, and lists of all that they need (SBOM), into dist/, and images"
 	@echo "make format        format the code and fix what can be fixed automatically"
 	@echo "make docs          build the documentation site into site/"
 	@echo "make clean         remove installed dependencies, build outputs and caches"
@@ -173,7 +173,7 @@ TORCH = torch==$(shell sed -n '/^name = "torch"$$/{n;s/version = "\(.*\)"/\1/p}'
 
 # Only what builds the page: without types, source maps, debug builds and other module formats, which are most of it.
 UNUSED := typescript @typescript dashjs/dist/legacy dashjs/dist/modern/umd lucide/dist/cjs lucide/dist/umd \
-	playcanvas/build/playcanvas.*
+	playcanvas/build/playcanvas.* mediabunny/dist/bundles mediabunny/src
 web/node_modules/.build: web/package.json web/package-lock.json
 	@node -e 'const [major, minor] = process.versions.node.split("."); process.exit(major > 22 || (major == 22 && minor >= 12) || (major == 20 && minor >= 19) ? 0 : 1)' 2>/dev/null || { echo "The web client needs Node.js 20.19, or 22.12 or newer: https://nodejs.org"; exit 1; }
 	@echo "== web client: dependencies of the page"
@@ -195,11 +195,12 @@ $(STATIC): web/node_modules/.build $(shell find web/app web/packages web/public 
 SBOM_EXTRAS := cluster dash gpu lab render shaper
 VERSION = $(shell $(VENV)/python -c 'import tomllib; print(tomllib.load(open("pyproject.toml", "rb"))["project"]["version"])')
 
-dist: .venv/.demo $(STATIC)
+dist: .venv/.demo web/node_modules/.ready $(STATIC)
 	@rm -rf dist
 	@$(VENV)/uv build --quiet --no-build-isolation --out-dir dist
 	@$(foreach extra,$(SBOM_EXTRAS),$(VENV)/uv export --frozen --quiet --no-default-groups --extra $(extra) --format cyclonedx1.5 --preview-features sbom-export --output-file dist/tigas-$(extra).cdx.json >/dev/null &&) true
 	@cd web && npm sbom --package-lock-only --omit dev --sbom-format cyclonedx >../dist/tigas-page.cdx.json
+	@cd web && npm run --silent build:package && npm pack --silent --pack-destination ../dist ./dist-package >/dev/null
 	@ls dist
 
 release: .venv/.ready dist
@@ -212,4 +213,4 @@ images:
 	@docker image ls --filter 'reference=tigas-*:$(VERSION)'
 
 clean:
-	rm -rf .venv dist site web/node_modules services/render/tigas_render/static .mypy_cache .ruff_cache .pytest_cache
+	rm -rf .venv dist site web/node_modules web/dist-package services/render/tigas_render/static .mypy_cache .ruff_cache .pytest_cache

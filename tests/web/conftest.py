@@ -46,6 +46,9 @@ FAMILIAR = """(([open]) => {
 })([%s])"""
 """A visitor who has moved before, and has the lab open or not. Settings that are stored stay."""
 
+LOOPBACK = ["local-network-access"]
+"""Chromium's permission prompt before a public site, or a page that the test answers itself, may use local services."""
+
 OpenPage = Callable[..., Page]
 
 

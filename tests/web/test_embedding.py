@@ -6,13 +6,11 @@ from pathlib import Path
 
 from playwright.sync_api import expect
 
-from tests.web.conftest import OpenPage
+from tests.web.conftest import LOOPBACK, OpenPage
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE
 
 SITE = "https://lab.example"
-LOOPBACK = ["local-network-access"]
-"""Chromium's permission prompt before a public site may show local services."""
 
 
 def test_a_site_that_is_allowed_shows_the_viewer(models: Path, open_page: OpenPage) -> None:
@@ -24,4 +22,31 @@ def test_a_site_that_is_allowed_shows_the_viewer(models: Path, open_page: OpenPa
         stage = page.frame_locator("iframe").locator(".stage")
         expect(stage).to_have_attribute("data-settled", "true")
         expect(stage).to_have_attribute("data-transport", "webtransport-streams")
+        page.goto("about:blank")
+
+
+def test_the_page_around_the_frame_controls_the_view(models: Path, open_page: OpenPage) -> None:
+    with RenderServer("--scenes", str(models), "--allow-origin", SITE) as render:
+        page = open_page(expected_errors="Mixed Content", turn=False, permissions=LOOPBACK)
+        body = f"""<iframe src="{render.url}{SCENE}?noui" width="1000" height="700"></iframe><script>
+            const answers = new Map();
+            const answer = (id) => new Promise((resolve) => answers.set(id, resolve));
+            addEventListener("message", ({{ data }}) => answers.get(data.id ?? data.tigas)?.(data));
+            const loaded = answer("loaded");
+            const ask = (message) => {{
+                document.querySelector("iframe").contentWindow.postMessage(message, "{render.url}");
+                return answer(message.id);
+            }};
+        </script>"""
+        page.route(f"{SITE}/", lambda route: route.fulfill(body=body, content_type="text/html"))
+        page.goto(SITE)
+        assert page.evaluate("loaded") == {"tigas": "loaded", "scene": "pebbles"}
+        frame = page.frame_locator("iframe")
+        expect(frame.locator(".stage")).to_have_attribute("data-settled", "true")
+        expect(frame.get_by_role("button")).to_have_count(0)
+        camera = {"position": [1, -2, 3], "quaternion": [0, 0, 0, 1]}
+        asked = {"tigas": "camera", "id": 1, "camera": camera, "duration": 100}
+        assert page.evaluate("message => ask(message)", asked) == {"tigas": "camera", "id": 1, "camera": camera}
+        taken = "ask({tigas: 'screenshot', id: 2, width: 80}).then(({screenshot: {type, size}}) => [type, size > 500])"
+        assert page.evaluate(taken) == ["image/png", True]
         page.goto("about:blank")

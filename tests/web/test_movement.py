@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -157,6 +158,31 @@ def test_a_recording_replays_what_was_seen(open_page: OpenPage, server: RenderSe
     assert len(shown) > 10
     assert distances(shown, dense).max() < 2e-3, "between two recorded poses it goes straight"
     assert shown[-1] == pytest.approx(kept[-1], abs=MICRO)
+
+
+def test_a_movement_is_saved_as_a_video(visit: tuple[Page, Poses], tmp_path: Path) -> None:
+    page, _ = visit
+    choose(page, turning_walk(500))
+    with page.expect_download() as downloading:
+        page.get_by_role("button", name="Save as video").click()
+    path = tmp_path / downloading.value.suggested_filename
+    assert path.stem == "walk"
+    downloading.value.save_as(path)
+    with av.open(path) as video:
+        frames = [frame.to_ndarray(format="gray").astype(np.int16) for frame in video.decode(video=0)]
+        assert video.streams.video[0].average_rate == 30
+    stage = page.locator(".stage").bounding_box()
+    assert stage is not None
+    assert frames[0].shape == (stage["height"] // 2 * 2, stage["width"] // 2 * 2)
+    assert len(frames) == 16
+    assert frames[0].std() > 10, "the first frame is blank"
+    assert np.abs(frames[-1] - frames[0]).mean() > 10, "the camera stands still"
+
+    choose(page, turning_walk(60_000, name="long.csv"))
+    page.get_by_role("button", name="Save as video").click()
+    expect(page.get_by_role("progressbar", name="Saving the video")).to_be_visible()
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.get_by_role("button", name="Save as video")).to_be_visible()
 
 
 def distances(these: NDArray[np.float64], those: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import Page, Request, expect
 
 from tests.web.conftest import OpenPage
@@ -35,6 +36,21 @@ def test_shows_the_scene_over_webtransport(viewer: Page) -> None:
     assert picture(viewer).std() > 10, "the picture is blank"
     assert stat(viewer, "transport") == "WebTransport streams"
     assert viewer.locator(".stage").get_attribute("data-transport") == "webtransport-streams"
+
+
+def test_saves_a_picture_of_the_view_without_loss(viewer: Page) -> None:
+    shown = picture(viewer)
+    with viewer.expect_download() as download:
+        viewer.keyboard.press("t")
+    with Image.open(download.value.path()) as image:
+        box = viewer.locator(".stage").bounding_box()
+        assert box is not None
+        assert (image.format, image.size) == ("PNG", (round(box["width"]), round(box["height"])))
+        width, height = image.size
+        part = image.convert("RGB").crop((width * 52 // 100, height * 30 // 100, width * 92 // 100, height * 65 // 100))
+        saved = np.asarray(part.resize((shown.shape[1], shown.shape[0])), dtype=np.int16)
+    assert np.abs(saved - shown).mean() < 5
+    assert download.value.suggested_filename == "Pebbles.png"
 
 
 @pytest.mark.parametrize("key", ["KeyW", "KeyS", "KeyA", "KeyD", "Space", "ShiftLeft", "ArrowLeft", "ArrowUp"])

@@ -35,7 +35,13 @@ function Page({ current }: { readonly current: Route }) {
   if (current.page === "run") return <RunPage key={current.experiment} id={current.experiment} />;
   if (current.page === "samples") return <SamplesPage key={current.experiment} id={current.experiment} />;
   return current.page === "viewer" ? (
-    <Viewer key={current.scene} sceneId={current.scene} asked={current.asked} unknown={current.unknown} />
+    <Viewer
+      key={current.scene}
+      sceneId={current.scene}
+      asked={current.asked}
+      unknown={current.unknown}
+      bare={current.bare ?? false}
+    />
   ) : (
     <Dashboard />
   );

@@ -2,6 +2,7 @@
 import "./styles/tokens.css";
 import "./styles/base.css";
 import "./styles/dashboard.css";
+import "#viewer/embed/stage.css";
 import "./styles/viewer.css";
 import "./styles/figures.css";
 import "./styles/lab.css";

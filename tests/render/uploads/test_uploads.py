@@ -333,10 +333,11 @@ async def test_only_loopback_lets_pages_change_scenes_unless_it_is_told_to(
             await client.post("/uploads", headers=begin("a.ply", 5)),
             await client.patch(f"/uploads/{'0' * 32}", headers=part(0), content=b"x"),
             await client.post("/scenes/attic/rename", json={"name": "loft"}),
+            await client.put("/scenes/attic/view" if editable is False else "/scenes/loft/view", json=VIEW),
             await client.delete("/scenes/attic" if editable is False else "/scenes/loft"),
         ]
     refusals = [answer for answer in answers if answer.status_code == 403]
-    assert len(refusals) == (0 if editable else 4)
+    assert len(refusals) == (0 if editable else 5)
     assert all("--edit-scenes lets them" in answer.json()["detail"] for answer in refusals)
     assert (models / "attic.ply").exists() is not editable
 
@@ -442,6 +443,49 @@ async def test_a_scene_is_renamed_and_deleted(client: httpx.AsyncClient, models:
     assert (await ids(client), names(models)) == (["courtyard"], [])
 
 
+VIEW = {"camera": {"position": [0, -2, -8], "look_at": [0, -1, 0]}, "up": [0, 1, 0]}
+
+
+async def test_the_start_view_of_a_file_and_of_a_folder_is_set_and_moves_with_it(
+    client: httpx.AsyncClient, models: Path
+) -> None:
+    plys.write(models / "hall" / "scene.ply", plys.binary_ply())
+    (models / "hall" / "scene.json").write_text(json.dumps({"background": [0, 0, 1]}))
+    await client.get("/scenes?scan=1")
+    for id in ("attic", "hall"):
+        for when in ("unloaded", "loaded"):
+            before = (await client.get(f"/scenes/{id}")).json()
+            assert before["state"] == when
+            view = {**VIEW, "camera": {"position": [len(when), 0, 0], "look_at": [0, 0, 0]}}
+            answer = (await client.put(f"/scenes/{id}/view", json=view)).json()
+            assert {name: answer[name] for name in view} == view
+            assert (answer["state"], answer["background"]) == (when, before["background"]), "nothing else changes"
+            await client.post(f"/scenes/{id}/load")
+        renamed = (await client.post(f"/scenes/{id}/rename", json={"name": f"{id}2"})).json()
+        assert renamed["up"] == [0, 1, 0]
+        assert (await client.delete(f"/scenes/{id}2")).status_code == 204
+    assert names(models) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "status", "sentence"),
+    [
+        ({"up": [0, 0, 0]}, 400, "a vector of length zero points nowhere"),
+        ({"camera": {"position": [1, 2, 3], "look_at": [1, 2, 3]}}, 400, "camera cannot look at its own position"),
+        ({"up": [0, "1e999", 0]}, 400, "up"),
+        ({"camera": None}, 400, "camera"),
+        ({"else": 1}, 400, "else"),
+    ],
+)
+async def test_a_view_that_shows_nothing_is_refused(
+    client: httpx.AsyncClient, models: Path, change: dict[str, Any], status: int, sentence: str
+) -> None:
+    answer = await client.put("/scenes/attic/view", json=VIEW | change)
+    assert answer.status_code == status
+    assert sentence in answer.json()["detail"]
+    assert names(models) == ["attic.ply"]
+
+
 @pytest.mark.parametrize("name", ["../up", "", "a/b", "hall", "courtyard", ".x", "x" * 300, "hall.compressed"])
 async def test_what_cannot_be_a_name_changes_nothing(client: httpx.AsyncClient, models: Path, name: str) -> None:
     plys.write(models / "hall" / "scene.ply", plys.binary_ply())
@@ -454,6 +498,7 @@ async def test_the_built_in_scene_stays(client: httpx.AsyncClient) -> None:
     for answer in (
         await client.delete("/scenes/courtyard"),
         await client.post("/scenes/courtyard/rename", json={"name": "yard"}),
+        await client.put("/scenes/courtyard/view", json=VIEW),
     ):
         assert problem(answer) == (409, "built-in-scene")
         assert "is part of TIGAS" in answer.json()["detail"]

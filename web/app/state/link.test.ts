@@ -33,10 +33,3 @@ test("what is as usual is left out", () => {
 test("settings that make no sense change nothing", () => {
   expect(linkedSettings({ mode: "telepathy", profile: "-1", refine: "maybe", depth: "off" })).toEqual({ depth: false });
 });
-
-test.each(["", "1,2,3", "1,2,3,0,0,0,0", "1,2,x,0,0,0,1", "1,2,3,0,0,0,1,9", "1e999,2,3,0,0,0,1", "1,2,3,,,,1"])(
-  "%j is no pose",
-  (at) => {
-    expect(linkedPose({ at })).toBeNull();
-  },
-);

@@ -40,3 +40,12 @@ test.each(["two-1", "a/b", "100%"])("the experiment %s has pages for its samples
   expect(parseRoute(samplesHash(experiment))).toEqual({ page: "samples", experiment });
   expect(parseRoute(runHash(experiment))).toEqual({ page: "run", experiment });
 });
+
+test("a link can hide the controls", () => {
+  expect(parseRoute("#/scene/a?noui&mode=local")).toEqual({
+    page: "viewer",
+    scene: "a",
+    asked: { mode: "local" },
+    bare: true,
+  });
+});

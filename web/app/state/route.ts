@@ -9,6 +9,8 @@ export type Route =
       readonly page: "viewer";
       readonly scene: string;
       readonly asked: Asked;
+      /** Shows nothing but the view, as in a frame of another page. */
+      readonly bare?: true;
       /** Unknown names in the link. */
       readonly unknown?: readonly string[];
     };
@@ -20,6 +22,8 @@ export const ASKABLE = ["at", ...LINKED] as const;
 
 /** The list of experiments. */
 export const EXPERIMENTS = "#/experiments";
+/** In a link: hides all controls of the page. */
+const BARE = "noui";
 /** `?at=x,y,z,qx,qy,qz,qw` is the camera pose; `?mode=NAME`, `?reprojection=on|off` and so on are settings. */
 const VIEWER = /^#\/scene\/([^/?]+)(?:\?(.*))?$/;
 
@@ -37,12 +41,13 @@ export function parseRoute(hash: string): Route {
     const scene = decodeURIComponent(id);
     const parameters = new URLSearchParams(query);
     const asked = ASKABLE.flatMap((name) => (parameters.has(name) ? [[name, parameters.get(name) ?? ""]] : []));
-    const known: readonly string[] = ASKABLE;
+    const known: readonly string[] = [...ASKABLE, BARE];
     const unknown = [...parameters.keys()].filter((name) => !known.includes(name));
     return {
       page: "viewer",
       scene,
       asked: Object.fromEntries(asked),
+      ...(parameters.has(BARE) && { bare: true as const }),
       ...(unknown.length > 0 && { unknown }),
     };
   } catch {

@@ -9,11 +9,13 @@ import { FakePage } from "./session/fake-page";
 import { fetchConfig, loadScene } from "./state/api";
 import { COURTYARD, serverConfig } from "./state/fake-server";
 import { DEFAULT_SETTINGS } from "./state/settings";
+import type { ScenePose } from "./view/camera";
 
 vi.mock("./state/api");
 vi.mock("#client/transport/connect");
 
-const POSE = { position: [1, -2, 3], quaternion: [0, 0, 0, 1] } as const;
+const POSE: ScenePose = { position: [1, -2, 3], quaternion: [0, 0, 0, 1] };
+const AWAY: ScenePose = { position: [5, -2, 3], quaternion: [0, 1, 0, 0] };
 let host: FakePage;
 let viewers: Viewer[];
 
@@ -39,7 +41,7 @@ function open(scene: string, options: Partial<Parameters<typeof createViewer>[1]
 }
 
 test("two viewers on a page have their own scene, server, settings and camera", async () => {
-  const [garden, left] = open("garden", { settings: { reprojection: false }, camera: { ...POSE } as never });
+  const [garden, left] = open("garden", { settings: { reprojection: false }, camera: POSE });
   const [hall, right] = open("hall", { server: "https://lab.test/" });
   await settle();
   await host.frames(10);
@@ -47,9 +49,11 @@ test("two viewers on a page have their own scene, server, settings and camera", 
     ["garden", ""],
     ["hall", "https://lab.test"],
   ]);
-  expect([left, right].map((container) => container.querySelectorAll("canvas").length)).toEqual([1, 1]);
+  expect(
+    [left, right].map((container) => container.firstElementChild?.shadowRoot?.querySelectorAll("canvas").length),
+  ).toEqual([1, 1]);
   hall.set({ drag: "orbit", refine: false });
-  garden.follow((at) => ({ position: [at / 1000, 0, 0], quaternion: [0, 0, 0, 1] }));
+  void garden.animate(AWAY);
   await host.frames(5);
   expect([garden.settings, hall.settings]).toEqual([
     { ...DEFAULT_SETTINGS, reprojection: false },
@@ -61,7 +65,7 @@ test("two viewers on a page have their own scene, server, settings and camera", 
   expect(new Set(asked.map(({ scene }) => scene))).toEqual(new Set(["garden", "hall"]));
   garden.destroy();
   expect(left.childElementCount).toBe(0);
-  hall.follow((at) => ({ position: [at / 1000, 0, 0], quaternion: [0, 0, 0, 1] }));
+  void hall.animate(AWAY);
   await host.frames(5);
   expect(
     new Set(
@@ -74,7 +78,7 @@ test("two viewers on a page have their own scene, server, settings and camera", 
 });
 
 test("tells that the scene is there, of each frame, of figures and of errors by code", async () => {
-  const [viewer] = open("garden", { camera: { ...POSE } as never });
+  const [viewer] = open("garden", { camera: POSE });
   const told: string[] = [];
   for (const name of ["loaded", "frame", "stats"] as const) viewer.on(name, () => told.push(name));
   const stop = viewer.on("error", ({ code, message }) => told.push(`${code}: ${message}`));
@@ -92,4 +96,40 @@ test("tells that the scene is there, of each frame, of figures and of errors by 
   attic.on("error", ({ code, message }) => told.push(`${code}: ${message}`));
   await settle();
   expect(told.at(-1)).toBe("failed: There is no scene attic.");
+});
+
+test("an animation resolves when the camera is there, and the user continues from there", async () => {
+  const [viewer] = open("garden", { camera: POSE });
+  await settle();
+  await host.frames(2);
+  const arrived = vi.fn();
+  void viewer.animate(AWAY, { duration: 400, easing: "linear" }).then(arrived);
+  await host.frames(11);
+  expect(arrived).not.toHaveBeenCalled();
+  expect(viewer.camera.position[0]).toBeCloseTo(3);
+  await host.frames(11);
+  expect(arrived).toHaveBeenCalledWith(true);
+  await host.frames(5);
+  expect(viewer.camera.position).toEqual(AWAY.position);
+});
+
+test.each<[string, (viewer: Viewer, stage: HTMLElement) => void]>([
+  ["another animation", (viewer) => void viewer.animate(POSE)],
+  ["a new camera", (viewer) => Object.assign(viewer, { camera: POSE })],
+  ["the user", (_, stage) => void stage.dispatchEvent(new Event("pointerdown"))],
+  ["the viewer's end", (viewer) => viewer.destroy()],
+])("%s ends a looped path, where the camera is", async (_, end) => {
+  const [viewer, container] = open("garden", { camera: POSE });
+  const stage = container.firstElementChild?.shadowRoot?.querySelector<HTMLElement>(".stage");
+  await settle();
+  await host.frames(2);
+  const keyframes = [
+    { t_ms: 0, ...POSE },
+    { t_ms: 400, ...AWAY },
+  ];
+  const ended = viewer.path(keyframes, { loop: true });
+  await host.frames(31);
+  expect(viewer.camera.position[0]).toBeCloseTo(3); // half way for the second time
+  if (stage) end(viewer, stage);
+  await expect(ended).resolves.toBe(false);
 });

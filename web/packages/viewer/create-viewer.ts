@@ -1,158 +1,59 @@
 /** A viewer in an element of any page, without controls: `const viewer = createViewer(element, { scene: "garden" })`. */
-import { effect, untracked } from "@preact/signals";
-import type { SceneInfo } from "#client/wire/render";
+import { effect } from "@preact/signals";
+import { ViewerControl } from "./control/viewer-control";
+import type { ViewerSettings } from "./control/viewer-settings";
+import { openStage } from "./embed/stage";
 import { ViewerSession } from "./session/session";
-import type { Settings } from "./state/settings";
 import { validSettings } from "./state/settings";
 import { ViewerState } from "./state/viewer-state";
 import type { ScenePose } from "./view/camera";
-import type { Figures } from "./view/meter";
-import type { PresentedFrame } from "./view/presented";
+
+export type { ViewerErrorCode, ViewerEvents } from "./control/viewer-control";
+export type { ViewerSettings } from "./control/viewer-settings";
+export type { Easing } from "./movement/camera-path";
+export type { TimedPose } from "./movement/playback";
+export type { ScenePose } from "./view/camera";
 
 export interface ViewerOptions {
   /** The scene's id. */
   readonly scene: string;
   /** URL of the server; by default the page's own. */
   readonly server?: string;
-  readonly settings?: Partial<Settings>;
+  readonly settings?: Partial<ViewerSettings>;
   /** Where the camera begins; by default the scene's start view. */
   readonly camera?: ScenePose;
   /** Text for assistive technology. */
   readonly label?: string;
 }
 
-/** Why there is no picture: the server is away or full, the scene cannot be had, or the mode is not available. */
-export type ViewerErrorCode = "lost" | "full" | "failed" | "unavailable";
-
-export interface ViewerEvents {
-  /** The scene is there, and the camera in it. */
-  readonly loaded: SceneInfo;
-  /** A frame is on the screen. */
-  readonly frame: PresentedFrame;
-  /** Figures, several times a second. */
-  readonly stats: Figures;
-  readonly error: { readonly code: ViewerErrorCode; readonly message: string };
-}
-
-const FULL = "The server is full. The scene opens automatically as soon as there is room.";
-
-export class Viewer {
-  readonly #element: HTMLElement;
-  readonly #session: ViewerSession;
-  readonly #stops = new Set<() => void>();
+export class Viewer extends ViewerControl {
+  readonly #close: () => void;
 
   constructor(container: HTMLElement, { scene, server = "", settings = {}, camera, label = scene }: ViewerOptions) {
     const state = new ViewerState({}, server.replace(/\/+$/, ""));
     state.settings.value = validSettings({ ...state.settings.peek(), ...settings });
-    const [element, left, right] = ["stage", "pane", "pane"].map((name) => {
-      const div = container.ownerDocument.createElement("div");
-      div.className = name;
-      return div;
-    }) as [HTMLDivElement, HTMLDivElement, HTMLDivElement];
-    element.tabIndex = 0;
-    element.setAttribute("role", "application");
-    element.setAttribute("aria-label", label);
-    element.append(left, right);
-    container.append(element);
-    this.#element = element;
-    this.#session = new ViewerSession(scene, { element, left, right }, state);
-    if (camera) this.on("loaded", () => this.look(camera));
-  }
-
-  /** The camera's present pose in the scene's own frame. */
-  get camera(): ScenePose {
-    const { position, quaternion } = this.#session.rig.pose;
-    return { position: [...position], quaternion: [...quaternion] };
-  }
-
-  get settings(): Settings {
-    return this.#session.state.settings.peek();
-  }
-
-  /** Puts the camera at a pose of the scene, upright. */
-  look(pose: ScenePose): void {
-    this.#session.rig.place(pose);
-  }
-
-  /** Puts the camera at the scene's start view. */
-  reset(): void {
-    this.#session.rig.resetCamera();
-  }
-
-  /** Follows a path: the pose at a time (performance.now) until it is null. Null gives the camera back. */
-  follow(path: ((now: number) => ScenePose | null) | null): void {
-    this.#session.rig.drive(path);
-  }
-
-  /** Changes settings; the rest stays. Throws if one does not exist or make sense. */
-  set(settings: Partial<Settings>): void {
-    this.#session.state.settings.value = validSettings({ ...this.settings, ...settings });
-  }
-
-  /** A copy of the screen; null before the first picture. */
-  picture(): Promise<ImageBitmap> | null {
-    return this.#session.left.picture();
-  }
-
-  /** Subscribes; returns a function that unsubscribes. What is the case already is told at once. */
-  on<Name extends keyof ViewerEvents>(name: Name, listener: (event: ViewerEvents[Name]) => void): () => void {
-    const stop = this.#listen(name, listener as (event: never) => void);
-    const stopOnce = () => {
-      this.#stops.delete(stopOnce);
-      stop();
+    const stage = openStage(container, label);
+    const session = new ViewerSession(scene, stage, state);
+    super(session);
+    if (camera) this.camera = camera;
+    const stopMarking = effect(() => {
+      stage.element.dataset.phase = session.phase.value.kind;
+    });
+    this.#close = () => {
+      stopMarking();
+      session.dispose();
+      stage.close();
     };
-    this.#stops.add(stopOnce);
-    return stopOnce;
   }
 
-  destroy(): void {
-    for (const stop of this.#stops) stop();
-    this.#session.dispose();
-    this.#element.remove();
-  }
-
-  #listen(name: keyof ViewerEvents, tell: (event: never) => void): () => void {
-    const say = tell as (event: ViewerEvents[keyof ViewerEvents]) => void;
-    const { scene, left } = this.#session;
-    switch (name) {
-      case "loaded": {
-        let entered = false;
-        return effect(() => {
-          const { value } = scene;
-          if (value === null || entered) return;
-          entered = true;
-          untracked(() => say(value));
-        });
-      }
-      case "frame":
-        return this.#session.onPresented(say);
-      case "stats":
-        return effect(() => {
-          const stats = left.source.value?.stats.value;
-          if (stats) untracked(() => say(stats));
-        });
-      case "error":
-        return effect(() => {
-          const error = this.#error();
-          if (error) untracked(() => say(error));
-        });
-    }
-  }
-
-  #error(): ViewerEvents["error"] | null {
-    const { phase, left } = this.#session;
-    const missing = left.missing.value;
-    if (missing !== null) return { code: "unavailable", message: `${missing}.` };
-    const phases = [phase.value, left.source.value?.phase.value];
-    for (const one of phases) {
-      if (one?.kind === "full") return { code: "full", message: FULL };
-      if (one?.kind === "lost" || one?.kind === "failed") return { code: one.kind, message: one.message };
-    }
-    return null;
+  /** Ends the connection and removes the viewer from its element. */
+  override destroy(): void {
+    super.destroy();
+    this.#close();
   }
 }
 
-/** Shows a scene in an element, which it fills, until it is destroyed. The page loads `viewer.css`. */
+/** Shows a scene in an element, which it fills, until it is destroyed. */
 export function createViewer(container: HTMLElement, options: ViewerOptions): Viewer {
   return new Viewer(container, options);
 }

@@ -273,6 +273,14 @@ class SceneName(WireModel):
     name: str = Field(max_length=200)
 
 
+class SceneView(WireModel):
+    """New start view of a scene, in its own coordinates."""
+
+    camera: StartCamera
+    up: Point
+    """Direction that points up; it need not have length one."""
+
+
 class AddedScene(WireModel):
     """Result of an upload."""
 

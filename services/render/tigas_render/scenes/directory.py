@@ -25,7 +25,7 @@ from tigas_render.scenes.ply import MAX_HEADER, read_ply
 from tigas_render.scenes.scene_file import SceneFile, explained, read_start
 from tigas_render.scenes.sog import read_sog
 from tigas_render.scenes.sog_files import META, ZIP
-from tigas_render.scenes.source import SceneMetadata, SceneSource, read_ladder, read_metadata
+from tigas_render.scenes.source import SceneMetadata, SceneSource, read_ladder, read_metadata, scene_id
 from tigas_render.scenes.splat import looks_like_splat, read_splat
 from tigas_render.scenes.spz import GZIP, MAGIC, read_spz
 from tigas_render.scenes.streamed_sog import LOD_META, read_streamed_sog
@@ -61,11 +61,6 @@ def scene_paths(directory: Path) -> dict[str, Path]:
         else:
             paths[id] = path
     return paths
-
-
-def scene_id(path: Path) -> str:
-    """Id of a single-file scene: its name without the ending."""
-    return path.stem.removesuffix(".compressed")
 
 
 def _rank(path: Path) -> tuple[int, str]:

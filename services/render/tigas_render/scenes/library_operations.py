@@ -1,4 +1,4 @@
-"""Operations on a models directory: add, rename and remove scenes.
+"""Operations on a models directory: add, rename and remove scenes, and set their start views.
 
 A scene is added from a file or a URL, whole and readable or not at all. Names are looked up in the directory, so that
 none leads elsewhere.
@@ -21,13 +21,14 @@ import httpx
 from tigas_common.errors import TigasError, UnknownScene
 from tigas_common.files import check_room, move_new, open_regular, read_regular, replace_file, to_disk
 from tigas_common.limits import IdleTimeout
-from tigas_common.parsing import MAX_BODY
+from tigas_common.parsing import MAX_BODY, parse
+from tigas_common.wire.render import SceneView
 from tigas_render.local_files import locked_directory
-from tigas_render.scenes.directory import SAFE_NAME, read_scene_file, scene_id, scene_paths
+from tigas_render.scenes.directory import SAFE_NAME, read_scene_file, scene_paths
 from tigas_render.scenes.registry import BUILTIN
 from tigas_render.scenes.scene_file import Listener, SceneFile
 from tigas_render.scenes.sog_files import META
-from tigas_render.scenes.source import METADATA
+from tigas_render.scenes.source import SceneMetadata, metadata_path, scene_id
 from tigas_render.scenes.streamed_sog import FORMAT as STREAMED
 from tigas_render.scenes.streamed_sog import LOD_META
 
@@ -177,6 +178,7 @@ def remove_scene(directory: Path, id: str) -> None:
     path = _path(directory, id)
     if path.is_symlink() or not path.is_dir():
         path.unlink()
+        metadata_path(path).unlink(missing_ok=True)
         return
     last = Path(tempfile.mkdtemp(prefix=".removed-", dir=directory))
     path.rename(last / id)  # removed in one step, however long deleting the files takes
@@ -184,24 +186,43 @@ def remove_scene(directory: Path, id: str) -> None:
 
 
 def rename_scene(directory: Path, id: str, name: str) -> None:
-    """Give a scene another id by renaming its file or folder. A name in its scene.json is updated as well.
+    """Give a scene another id by renaming its file or folder. A name in its metadata is updated as well.
 
     Raises UnknownScene, NotAdded if the id is not possible, and OSError.
     """
     path = _path(directory, id)
     check_free(directory, name)
-    if not path.is_dir():
-        move_new(path, directory / f"{name}{path.name.removeprefix(scene_id(path))}")
-        return
     before = _metadata(path)
-    if "name" in before:
-        _write_metadata(path, {**before, "name": name})
+    after = {**before, "name": name} if "name" in before else before
+    if path.is_dir():
+        target = directory / name
+        if after != before:
+            _write_metadata(path, after)
+    else:
+        target = directory / f"{name}{path.name.removeprefix(scene_id(path))}"
+        if before:
+            _write_metadata(target, after)
     try:
-        move_new(path, directory / name)
+        move_new(path, target)
     except OSError:
-        if "name" in before:
+        if not path.is_dir():
+            metadata_path(target).unlink(missing_ok=True)
+        elif after != before:
             _write_metadata(path, before)
         raise
+    if not target.is_dir():
+        metadata_path(path).unlink(missing_ok=True)
+
+
+def set_view(directory: Path, id: str, view: SceneView) -> None:
+    """Set a scene's start view and up axis in its metadata.
+
+    Raises UnknownScene, InvalidRequest if nothing can be seen from it, and OSError.
+    """
+    path = _path(directory, id)
+    metadata = {**_metadata(path), **view.model_dump(mode="json")}
+    parse(SceneMetadata, json.dumps(metadata).encode())
+    _write_metadata(path, metadata)
 
 
 def _path(directory: Path, id: str) -> Path:
@@ -211,14 +232,15 @@ def _path(directory: Path, id: str) -> Path:
         raise UnknownScene(f"There is no scene {id[:100]!r}.") from None
 
 
-def _metadata(folder: Path) -> dict[str, Any]:
-    """The contents of a scene.json; empty if it is missing or invalid. Raises OSError."""
+def _metadata(scene: Path) -> dict[str, Any]:
+    """The contents of a scene's metadata; empty if it is missing or invalid. Raises OSError."""
     try:
-        metadata = json.loads(read_regular(folder / METADATA, MAX_BODY))
+        metadata = json.loads(read_regular(metadata_path(scene), MAX_BODY))
     except (FileNotFoundError, ValueError, RecursionError):
         return {}
     return metadata if isinstance(metadata, dict) else {}
 
 
-def _write_metadata(folder: Path, metadata: dict[str, Any]) -> None:
-    replace_file(folder / METADATA, f"{json.dumps(metadata, indent=2, ensure_ascii=False)}\n".encode())
+def _write_metadata(scene: Path, metadata: dict[str, Any]) -> None:
+    content = f"{json.dumps(metadata, indent=2, ensure_ascii=False)}\n"
+    replace_file(metadata_path(scene), content.encode())

@@ -78,11 +78,21 @@ class LadderFile(WireModel):
 
 
 def read_metadata(scene: Path) -> SceneMetadata:
-    """Read the scene.json in a scene's folder; without one, or for a single file, all fields have their defaults.
+    """Read the scene.json of a scene's folder or, as NAME.scene.json, beside its single file; all fields have defaults.
 
     Raises BrokenScene with one sentence on the problem.
     """
-    return _read_json(scene / METADATA, SceneMetadata) or SceneMetadata()
+    return _read_json(metadata_path(scene), SceneMetadata) or SceneMetadata()
+
+
+def metadata_path(scene: Path) -> Path:
+    """Place of the metadata of a scene's folder or single file."""
+    return scene / METADATA if scene.is_dir() else scene.with_name(f"{scene_id(scene)}.{METADATA}")
+
+
+def scene_id(path: Path) -> str:
+    """Id of a single-file scene: its name without the ending."""
+    return path.stem.removesuffix(".compressed")
 
 
 def read_ladder(scene: Path) -> tuple[Rung, ...] | None:

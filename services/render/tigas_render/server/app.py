@@ -33,7 +33,7 @@ from tigas_common.web import (
     problem_response,
     takes,
 )
-from tigas_common.wire.render import AddedScene, HostLoad, SceneInfo, SceneName, ServerConfig, Training
+from tigas_common.wire.render import AddedScene, HostLoad, SceneInfo, SceneName, SceneView, ServerConfig, Training
 from tigas_render.server.frame_route import FRAMES, PATH, HttpFrames
 from tigas_render.server.page import Page
 from tigas_render.server.service import RenderService
@@ -54,6 +54,7 @@ def create_app(service: RenderService) -> ASGIApp:
             Route("/scenes/{id}", scene),
             Route("/scenes/{id}", remove, methods=["DELETE"]),
             Route("/scenes/{id}/rename", rename, methods=["POST"]),
+            Route("/scenes/{id}/view", set_view, methods=["PUT"]),
             Route("/scenes/{id}/load", load, methods=["POST"]),
             Route("/scenes/{id}/unload", unload, methods=["POST"]),
             Route("/scenes/{id}/preview", preview),
@@ -108,6 +109,14 @@ async def rename(request: Request, body: Body[SceneName]) -> ModelResponse[Scene
     service, name = _service(request), (await body.read()).name
     await service.library.rename(request.path_params["id"], name)
     return json_response(await service.info(name))
+
+
+@takes(SceneView)
+async def set_view(request: Request, body: Body[SceneView]) -> ModelResponse[SceneInfo]:
+    """Set the start view of a scene, for everyone."""
+    service, id = _service(request), request.path_params["id"]
+    await service.library.set_view(id, await body.read())
+    return json_response(await service.info(id))
 
 
 async def add(request: Request) -> ModelResponse[AddedScene]:

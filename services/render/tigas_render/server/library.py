@@ -12,8 +12,9 @@ from pathlib import Path
 from tigas_common.errors import BrokenScene, Overloaded, TigasError
 from tigas_common.files import storage_explained
 from tigas_common.offload import Limit, Offload, offload_to_process
+from tigas_common.wire.render import SceneView
 from tigas_render.scenes.directory import read_scene_file
-from tigas_render.scenes.library_operations import NotAdded, keep, remove_scene, rename_scene
+from tigas_render.scenes.library_operations import NotAdded, keep, remove_scene, rename_scene, set_view
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.settings import RenderSettings
 from tigas_render.single_flight import SingleFlight
@@ -71,6 +72,10 @@ class Library:
     async def rename(self, scene_id: str, name: str) -> None:
         """Give a scene another id. Raises as `remove`, and NotAdded if there cannot be such a scene."""
         await self._change(scene_id, partial(rename_scene, name=name))
+
+    async def set_view(self, scene_id: str, view: SceneView) -> None:
+        """Set a scene's start view. Raises as `remove`, and InvalidRequest if nothing can be seen from it."""
+        await self._change(scene_id, partial(set_view, view=view))
 
     def tidy(self) -> None:
         with suppress(ScenesFixed):

@@ -12,8 +12,8 @@ from starlette.routing import Route
 
 from tigas_common.address import client_network
 from tigas_common.errors import InvalidRequest
-from tigas_render.scenes.directory import scene_id
 from tigas_render.scenes.library_operations import check_free
+from tigas_render.scenes.source import scene_id
 from tigas_render.uploads.parts import open_uploads
 from tigas_render.uploads.parts_route import PART, PATH, number_of, tus
 

@@ -111,6 +111,8 @@ class Aggregate(_EnginesApp):
                 return await self._merged(scope, body, merge_scene, by_all=True)
             case ("DELETE", ["scenes", _]) | ("POST", ["scenes", _, "rename"] | ["uploads", _, "scene"]):
                 return await self._change(scope, body)
+            case "PUT", ["scenes", _, "view"]:
+                return await self._change(scope, body)
             case "POST", ["scenes", scene, "enhance"]:
                 return await self._first(await self._trainers(scope, scene), scope, body)
             case _, ["scenes", scene, "load" | "preview"] | ["scenes", scene, "download", _]:

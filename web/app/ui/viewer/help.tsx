@@ -16,6 +16,7 @@ const MOVES: readonly (readonly [string, readonly string[]])[] = [
   ["Mouse look (locks the pointer)", ["KeyL"]],
   ["Back to the start", ["KeyR"]],
   ["Stop playback", ["Esc"]],
+  ["Save a picture", ["KeyT"]],
   ["Next mode", ["KeyM"]],
   ["Measurements", ["KeyI"]],
   ["Experiment", ["KeyX"]],

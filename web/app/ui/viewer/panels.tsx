@@ -15,6 +15,7 @@ import { ModePanel } from "./mode-panel";
 import { MovementTrace } from "./movement-trace";
 import { NumberField } from "./number-field";
 import { ReprojectionPanel } from "./reprojection-panel";
+import { SaveVideo } from "./save-video";
 import { Choice, NumberSetting, Toggle } from "./setting";
 
 interface Props {
@@ -55,6 +56,7 @@ export function Panels({ session, onReset }: Props) {
       <Movement session={session} onReset={onReset} />
       <Section title="Movement trace">
         <MovementTrace deck={session.movement} scene={session.scene.value} />
+        <SaveVideo session={session} />
       </Section>
       <Lens session={session} />
     </>

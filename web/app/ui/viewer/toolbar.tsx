@@ -1,7 +1,7 @@
 /** The toolbar over the stage: back, the scene's name, and what a visitor needs. */
 
 import { useSignal } from "@preact/signals";
-import { ArrowLeft, CircleHelp, FlaskConical, Maximize, SlidersHorizontal } from "lucide";
+import { ArrowLeft, Camera, CircleHelp, FlaskConical, Maximize, SlidersHorizontal } from "lucide";
 import { useCallback } from "preact/hooks";
 import type { ViewerSession } from "#viewer/session/session";
 import { Icon } from "../icon";
@@ -19,9 +19,11 @@ interface Props {
   readonly actions: ViewerActions;
   /** The lab is open. */
   readonly lab: boolean;
+  /** A picture is being saved. */
+  readonly saving: boolean;
 }
 
-export function Toolbar({ name, session, actions, lab }: Props) {
+export function Toolbar({ name, session, actions, lab, saving }: Props) {
   const menu = useSignal(false);
   const close = useCallback(() => {
     menu.value = false;
@@ -52,6 +54,7 @@ export function Toolbar({ name, session, actions, lab }: Props) {
           </button>
           <CopyLink session={session} />
           <IconButton icon={CircleHelp} label="Help" shortcut="H" onClick={actions.help} />
+          <IconButton icon={Camera} label="Save a picture" shortcut="T" busy={saving} onClick={actions.screenshot} />
           {actions.fullscreen && (
             <IconButton icon={Maximize} label="Fullscreen" shortcut="F" onClick={actions.fullscreen} />
           )}

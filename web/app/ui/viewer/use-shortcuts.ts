@@ -12,6 +12,7 @@ export interface ViewerActions {
   readonly mode: () => void;
   readonly experiment: () => void;
   readonly drag: () => void;
+  readonly screenshot: () => void;
   readonly lock: () => void;
 }
 
@@ -25,6 +26,7 @@ const KEYS: Readonly<Record<string, keyof ViewerActions>> = {
   KeyM: "mode",
   KeyX: "experiment",
   KeyO: "drag",
+  KeyT: "screenshot",
   KeyL: "lock",
 };
 

@@ -6,6 +6,7 @@ import { afterEach, beforeAll, beforeEach, expect, test, vi } from "vitest";
 import { FakeTransport } from "#client/transport/fake";
 import type { SessionStatus } from "#client/wire/dash";
 import { ComparisonHistory } from "#viewer/charts/history";
+import { screenshot } from "#viewer/control/screenshot";
 import { type Comparison, UNSCORED } from "#viewer/session/comparison";
 import { COURTYARD, serverConfig } from "#viewer/state/fake-server";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
@@ -13,9 +14,12 @@ import { NO_STATS } from "#viewer/stateless/stats";
 import { config, settings } from "../../state/app";
 import { type FakeSession, fakeLocal, fakeSession, fakeSide, fakeStream } from "../../state/fake-session";
 import type { Asked } from "../../state/route";
+import { save } from "../save";
 import { Viewer } from "./viewer";
 
 vi.mock("../chart/live-plot", () => ({ plotLive: () => () => undefined }));
+vi.mock("#viewer/control/screenshot", () => ({ screenshot: vi.fn() }));
+vi.mock("../save", async (original) => ({ ...(await original<typeof import("../save")>()), save: vi.fn() }));
 vi.mock("../chart/distribution-plot", () => ({ plotDistribution: () => () => undefined }));
 const visits = vi.hoisted(() => ({ opened: [] as unknown[][], next: undefined as unknown }));
 vi.mock("#viewer/session/session", () => ({
@@ -103,6 +107,27 @@ test("keys open help, hide the measurements, open the settings and change the mo
     modes.push(settings.value.mode);
   }
   expect(modes).toEqual(["video", "dash", "webrtc", "local", "side-by-side"]);
+});
+
+test("T and a button save a picture of the view, and say why there is none", async () => {
+  const picture = new Blob(["png"]);
+  vi.mocked(screenshot).mockResolvedValueOnce(picture);
+  show();
+  await userEvent.keyboard("t");
+  await waitFor(() => expect(save).toHaveBeenCalledWith("Courtyard.png", picture));
+  vi.mocked(screenshot).mockRejectedValueOnce(new Error("The server is busy."));
+  await userEvent.click(screen.getByRole("button", { name: "Save a picture" }));
+  expect((await screen.findByRole("alert")).textContent).toBe("The picture was not saved. The server is busy.");
+});
+
+test("without controls there is only the view", async () => {
+  settings.value = { ...settings.value, sidebar: true };
+  render(<Viewer sceneId="courtyard" asked={{}} bare />);
+  await userEvent.keyboard("h");
+  expect(stage()).toBeTruthy();
+  for (const role of ["toolbar", "dialog", "complementary", "region", "link"]) {
+    expect(screen.queryByRole(role)).toBeNull();
+  }
 });
 
 test("help names the keys as the keyboard in use does", async () => {
@@ -388,6 +413,7 @@ test("a visitor chooses the picture, its quality and dragging in plain words", a
   session.scene.value = { ...COURTYARD, downloads: [{ form: "compressed", bytes: 1_000_000 }] };
   show();
   await user.click(screen.getByRole("button", { name: "View" }));
+  await screen.findByRole("radio", { name: "Stream" });
   const choose = (name: string) => user.click(screen.getByRole("radio", { name }));
   const checked = () =>
     screen.getAllByRole<HTMLInputElement>("radio", { checked: true }).map((radio) => radio.parentElement?.textContent);
@@ -413,7 +439,7 @@ test("a visitor chooses the picture, its quality and dragging in plain words", a
 test("what this server does not offer is not offered to a visitor", async () => {
   show();
   await userEvent.click(screen.getByRole("button", { name: "View" }));
-  expect(screen.getByRole("radio", { name: "Stream" })).toBeTruthy();
+  expect(await screen.findByRole("radio", { name: "Stream" })).toBeTruthy();
   expect(screen.queryByRole("radio", { name: "Compare" })).toBeNull();
   expect(screen.queryByRole("radio", { name: "On this device" })).toBeNull();
 });

@@ -22,6 +22,7 @@ import { StatusLines } from "./status-line";
 import { Toolbar } from "./toolbar";
 import { useFocusReturn } from "./use-focus-return";
 import { useFullscreen } from "./use-fullscreen";
+import { useScreenshot } from "./use-screenshot";
 import { useShortcuts } from "./use-shortcuts";
 
 const ExperimentDialog = lazy(async () => (await import("../experiment/experiment-dialog")).ExperimentDialog);
@@ -36,9 +37,11 @@ interface Props {
   readonly asked: Asked;
   /** Unknown values in the link. */
   readonly unknown?: readonly string[] | undefined;
+  /** Without any controls, as in a frame of another page. */
+  readonly bare?: boolean;
 }
 
-export function Viewer({ sceneId, asked, unknown }: Props) {
+export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
   const root = useRef<HTMLDivElement>(null);
   const stage = useRef<HTMLDivElement>(null);
   const left = useRef<HTMLDivElement>(null);
@@ -64,7 +67,7 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
     const current = new ViewerSession(sceneId, place, page);
     session.value = current;
     const withdraw = offerScripts(current);
-    const leaveAddress = keepAddress(current);
+    const leaveAddress = bare ? () => undefined : keepAddress(current);
     stage.current.focus({ preventScroll: true });
     return () => {
       session.value = null;
@@ -72,7 +75,7 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
       leaveAddress();
       current.dispose();
     };
-  }, [sceneId, session]);
+  }, [sceneId, session, bare]);
 
   const live = session.value;
   useEffect(() => {
@@ -87,6 +90,7 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
     if (live && entered && pose) live.rig.place(pose);
   }, [asked, live, entered]);
 
+  const picture = useScreenshot(live);
   const { hud, hudDetails, hint, sidebar, mode, drag } = settings.value;
   const sidebarOpen = fullscreen.on ? besideFullscreen.value : sidebar;
   const actions = {
@@ -106,12 +110,13 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
     },
     drag: () => changeSettings({ drag: drag === "look" ? "orbit" : "look" }),
     lock: () => void session.value?.input.lock(),
+    screenshot: picture.take,
     fullscreen: fullscreen.toggle,
   };
   const stats = live?.source.value?.stats.value;
   const note = linkNote(asked, unknown);
   const phase = live?.phase.value.kind ?? "connecting";
-  const usable = phase !== "failed";
+  const usable = phase !== "failed" && !bare;
   const compared = (live?.comparison.value?.sides.length ?? 0) > 1;
   const measured = live && entered && hud && usable ? live : null;
   const Measurements = (hudDetails ?? (sidebarOpen && roomy)) ? Figures : StatusLines;
@@ -150,8 +155,21 @@ export function Viewer({ sceneId, asked, unknown }: Props) {
         {live && <MovementStatus deck={live.movement} />}
         {live && <StageMessage session={live} />}
         {live && <Freeze session={live} />}
-        {live && compared && !sidebarOpen && <WalkVerdict session={live} onOpen={actions.sidebar} />}
-        <Toolbar name={name} session={usable ? live : null} actions={actions} lab={sidebarOpen} />
+        {picture.problem && (
+          <p class="floating freeze" role="alert">
+            {picture.problem}
+          </p>
+        )}
+        {live && compared && !bare && !sidebarOpen && <WalkVerdict session={live} onOpen={actions.sidebar} />}
+        {!bare && (
+          <Toolbar
+            name={name}
+            session={usable ? live : null}
+            actions={actions}
+            lab={sidebarOpen}
+            saving={picture.busy}
+          />
+        )}
       </main>
       {live && usable && sidebarOpen && (
         <Sidebar session={live} actions={actions} onSkip={() => stage.current?.focus({ preventScroll: true })} />

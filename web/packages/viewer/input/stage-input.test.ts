@@ -14,16 +14,21 @@ beforeEach(() => {
     <input type="radio" />
     <input type="text" />`;
   anywhere = true;
-  const options = {
-    focal: () => ({ fx: 500, fy: 500 }),
-    orbits: () => false,
-    keysAnywhere: () => anywhere,
-    onFocus: () => undefined,
-  };
-  input = new StageInput(element("#stage"), options);
+  input = open({ sharesPage: false });
 });
 
 afterEach(() => input.dispose());
+
+function open({ sharesPage }: { sharesPage: boolean }): StageInput {
+  const focal = () => ({ fx: 500, fy: 500 });
+  return new StageInput(element("#stage"), {
+    focal,
+    orbits: () => false,
+    keysAnywhere: () => anywhere,
+    onFocus: () => undefined,
+    sharesPage,
+  });
+}
 
 function element(selector: string): HTMLElement {
   const found = document.querySelector<HTMLElement>(selector);
@@ -90,4 +95,22 @@ test("a trackpad's pinch moves the camera instead of zooming the page", () => {
 test("mouse look that the browser refuses is not an error", async () => {
   element("#stage").requestPointerLock = () => Promise.reject(new DOMException("too soon after Esc"));
   await expect(input.lock()).resolves.toBeUndefined();
+});
+
+test("beside other content the camera moves only while the stage has the focus", () => {
+  input.dispose();
+  input = open({ sharesPage: true });
+  const scroll = () => {
+    const event = new WheelEvent("wheel", { deltaY: -10, cancelable: true });
+    element("#stage").dispatchEvent(event);
+    return { moves: input.sample(1000).nudge.forward > 0, browser: !event.defaultPrevented };
+  };
+  element("button").focus();
+  expect(press("KeyW", "button")).toEqual(THE_PAGE);
+  expect(scroll()).toEqual(THE_PAGE);
+  element("#stage").focus();
+  expect(press("KeyW", "#stage")).toEqual(THE_CAMERA);
+  expect(scroll()).toEqual(THE_CAMERA);
+  element("button").focus();
+  expect(Object.values(input.sample(1000).axes).every((axis) => axis === 0)).toBe(true);
 });

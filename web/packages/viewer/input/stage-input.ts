@@ -26,6 +26,8 @@ export interface StageInputOptions {
   readonly keysAnywhere: () => boolean;
   /** A place of the stage was clicked twice. */
   readonly onFocus: (event: MouseEvent) => void;
+  /** Whether keys, gamepads and the wheel move the camera only while the stage has the focus. */
+  readonly sharesPage: boolean;
 }
 
 const [MAIN, MIDDLE, RIGHT] = [0, 1, 2];
@@ -48,7 +50,8 @@ export class StageInput {
     this.#stage = stage;
     this.#options = options;
     const { signal } = this.#listening;
-    addEventListener("keydown", (event) => this.#press(event), { signal });
+    const keyboard: EventTarget = options.sharesPage ? stage : window;
+    keyboard.addEventListener("keydown", (event) => this.#press(event as KeyboardEvent), { signal });
     addEventListener("keyup", (event) => this.#keys.release(event.code), { signal });
     addEventListener("blur", () => this.#release(), { signal });
     document.addEventListener("visibilitychange", () => this.#release(), { signal });
@@ -60,6 +63,7 @@ export class StageInput {
     stage.addEventListener("dblclick", options.onFocus, { signal });
     stage.addEventListener("contextmenu", (event) => event.preventDefault(), { signal }); // its button drags
     stage.addEventListener("wheel", (event) => this.#turnWheel(event), { signal, passive: false });
+    if (options.sharesPage) stage.addEventListener("blur", () => this.#keys.releaseAll(), { signal });
   }
 
   /** Input since the last sample, `elapsed` milliseconds ago. */
@@ -68,7 +72,7 @@ export class StageInput {
     const nudge = glided === 0 ? this.#nudge : sum(this.#nudge, { ...NO_NUDGE, forward: glided });
     this.#nudge = NO_NUDGE;
     const keys = this.#keys.axes(elapsed);
-    const gamepad = gamepadAxes(navigator.getGamepads?.() ?? []);
+    const gamepad = this.#attended ? gamepadAxes(navigator.getGamepads?.() ?? []) : null;
     const haste = (keys.haste ?? 1) * (gamepad?.haste ?? 1);
     return {
       nudge,
@@ -152,12 +156,19 @@ export class StageInput {
     return document.pointerLockElement === this.#stage;
   }
 
+  /** Whether input that is not aimed at an element is meant for this stage. */
+  get #attended(): boolean {
+    if (!this.#options.sharesPage) return true;
+    return (this.#stage.getRootNode() as Document | ShadowRoot).activeElement === this.#stage;
+  }
+
   #letGo(event: PointerEvent): void {
     this.#pointers.delete(event.pointerId);
     if (this.#pointers.size === 0) delete this.#stage.dataset.grabbed;
   }
 
   #turnWheel(event: WheelEvent): void {
+    if (!this.#attended) return; // the page scrolls
     event.preventDefault(); // with Ctrl, which is also how browsers report a pinch on a trackpad, the page would zoom
     this.#glide.add(wheel(event));
   }

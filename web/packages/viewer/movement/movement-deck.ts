@@ -4,6 +4,7 @@
  */
 import { computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
 import type { NumberedPose, PoseSource, Rig } from "../view/rig";
+import type { CameraPath } from "./camera-path";
 import { MAX_POINTS, MovementError, type MovementTrace, placeInScene, toLevelFrame } from "./movement";
 import { poseAt, type TimedPose } from "./playback";
 
@@ -86,6 +87,15 @@ export class MovementDeck {
       if (signal.aborted) return;
       this.problem.value = error instanceof MovementError ? error.message : "This movement is not available.";
     }
+  }
+
+  /** The chosen movement as a path in the present scene; null without one of them. */
+  get path(): CameraPath | null {
+    const movement = this.#chosen.peek();
+    const { scene } = this.#rig;
+    if (!movement || !scene) return null;
+    const points = placeInScene(movement.trace, scene);
+    return { duration: movement.trace.duration, at: (time) => poseAt(points, time) };
   }
 
   /** Stops playback. */

@@ -32,7 +32,7 @@ function interpolated(a: readonly number[], b: readonly number[], share: number)
 }
 
 /** The shorter way (Shoemake 1985); nearly equal rotations are interpolated straight. */
-function slerp(a: ScenePose["quaternion"], b: ScenePose["quaternion"], share: number): ScenePose["quaternion"] {
+export function slerp(a: ScenePose["quaternion"], b: ScenePose["quaternion"], share: number): ScenePose["quaternion"] {
   const dot = a.reduce((sum, value, i) => sum + value * (b[i] ?? 0), 0);
   const sign = dot < 0 ? -1 : 1;
   const angle = Math.acos(Math.min(1, Math.abs(dot)));

@@ -13,20 +13,25 @@ interface Place {
   readonly lens: Intrinsics & Viewport;
 }
 
-/** Requested by `POST /render`, independently of the viewer's connection. Rejects like a transport. */
-export async function groundTruth(
+/** The view as PNG, requested by `POST /render`, independently of the viewer's connection. Rejects like a transport. */
+export async function losslessView(
   { server, scene, lens }: Place,
   { position, quaternion }: ScenePose,
   signal: AbortSignal,
-): Promise<ImageBitmap> {
+): Promise<Blob> {
   if (server === null) throw new Error("The server has not said how it is reached.");
   const transport = new FetchTransport(() => performance.now(), hostUrl("render", server));
   try {
     const { image } = await transport.request({ scene, seq: 0, position, quaternion, ...lens, format: "png" }, signal);
-    return await createImageBitmap(image);
+    return image;
   } finally {
     transport.close();
   }
+}
+
+/** The same, decoded. */
+export async function groundTruth(place: Place, pose: ScenePose, signal: AbortSignal): Promise<ImageBitmap> {
+  return createImageBitmap(await losslessView(place, pose, signal));
 }
 
 /** Of each picture in dB, at the truth's size; null is black. */

@@ -48,6 +48,8 @@ export interface Stage {
   readonly left: HTMLElement;
   /** Empty unless two modes are compared. */
   readonly right: HTMLElement;
+  /** There is other content beside it: keys, gamepads and the wheel move the camera only while it has the focus. */
+  readonly sharesPage?: boolean;
 }
 
 export class ViewerSession {
@@ -76,6 +78,8 @@ export class ViewerSession {
   readonly unturned = computed(() => this.left.unturned.value ?? this.right.value?.unturned.value ?? null);
   readonly input: StageInput;
   readonly stage: Stage;
+  /** Pixels of the screen along one of the viewport's. */
+  readonly pixelRatio = signal(devicePixelRatio);
   /** Of the controllers' random numbers. */
   readonly seed = signal(1);
   readonly #sceneId: string;
@@ -95,7 +99,6 @@ export class ViewerSession {
   #loading: Promise<SceneInfo> | undefined;
   /** Where it is loaded, in a cluster. */
   #host: string | null = null;
-  readonly #pixelRatio = signal(devicePixelRatio);
   #animation = 0;
   /** Bytes of sides that were closed. */
   #receivedBefore = 0;
@@ -113,6 +116,7 @@ export class ViewerSession {
       orbits: () => settings.peek().drag === "orbit",
       keysAnywhere: () => settings.peek().shortcuts,
       onFocus: (event) => this.#focus(event),
+      sharesPage: stage.sharesPage ?? false,
     });
     this.rig = new Rig({
       sampleInput: (elapsed) => this.input.sample(elapsed),
@@ -171,7 +175,7 @@ export class ViewerSession {
       ladder,
       left: this.presence.left,
       seed: this.seed,
-      pixelRatio: this.#pixelRatio,
+      pixelRatio: this.pixelRatio,
       onShown: this.#shown.tell,
       onSent: this.#sent.tell,
       onReplied: this.#replied.tell,
@@ -220,7 +224,7 @@ export class ViewerSession {
     observer.observe(left);
     const screen = new AbortController();
     const followScreen = () => {
-      this.#pixelRatio.value = devicePixelRatio;
+      this.pixelRatio.value = devicePixelRatio;
       const query = matchMedia(`(resolution: ${devicePixelRatio}dppx)`);
       query.addEventListener("change", followScreen, { once: true, signal: screen.signal });
     };

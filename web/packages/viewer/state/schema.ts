@@ -38,17 +38,15 @@ export function either<A, B>(one: Schema<A>, other: Schema<B>): Schema<A | B> {
 }
 
 /** An object with exactly these properties. */
-export function record<const Shape extends Readonly<Record<string, Schema<unknown>>>>(
-  shape: Shape,
-): Schema<{ [Name in keyof Shape]: ValueOf<Shape[Name]> }> {
-  type Record = { [Name in keyof Shape]: ValueOf<Shape[Name]> };
+export function record<T extends object>(shape: { readonly [Name in keyof T]: Schema<T[Name]> }): Schema<T> {
+  const schemas = Object.entries<Schema<unknown>>(shape);
   return {
-    accepts: (value): value is Record => {
+    accepts: (value): value is T => {
       if (typeof value !== "object" || value === null) return false;
       const given = value as Readonly<{ [name: string]: unknown }>;
       return (
         Object.keys(given).every((name) => name in shape) &&
-        Object.entries(shape).every(([name, schema]) => schema.accepts(given[name]))
+        schemas.every(([name, schema]) => schema.accepts(given[name]))
       );
     },
   };

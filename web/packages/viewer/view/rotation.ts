@@ -1,5 +1,5 @@
 /** Rotations as vectors along their axis, as long as their angle in radians: these can be added and scaled. */
-import type { Quaternion, Vector3 } from "../view/vector";
+import type { Quaternion, Vector3 } from "./vector";
 
 /** Smaller angles count as no rotation, to avoid division by zero. */
 const NOTHING = 1e-12;

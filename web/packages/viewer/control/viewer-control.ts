@@ -1,0 +1,187 @@
+/** Control of a visit by code: its camera, settings, pictures and events. */
+import { effect, untracked } from "@preact/signals";
+import type { SceneInfo } from "#client/wire/render";
+import { type CameraPath, cameraPath, type Easing } from "../movement/camera-path";
+import type { TimedPose } from "../movement/playback";
+import type { ViewerSession } from "../session/session";
+import { validSettings } from "../state/settings";
+import type { ScenePose } from "../view/camera";
+import type { Viewport } from "../view/intrinsics";
+import type { Figures } from "../view/meter";
+import type { PresentedFrame } from "../view/presented";
+import { Journey } from "./journey";
+import { screenshot } from "./screenshot";
+import { exportVideo, type VideoOptions } from "./video-export";
+import type { ViewerSettings } from "./viewer-settings";
+
+/**
+ * Why there is no picture: the server is away or full, the scene cannot be shown, or the mode is not available; `invalid`: an
+ * attribute of the element makes no sense.
+ */
+export type ViewerErrorCode = "lost" | "full" | "failed" | "unavailable" | "invalid";
+
+export interface ViewerEvents {
+  /** The scene is there, and the camera in it. */
+  readonly loaded: SceneInfo;
+  /** A frame is on the screen. */
+  readonly frame: PresentedFrame;
+  /** Figures, several times a second. */
+  readonly stats: Figures;
+  readonly error: { readonly code: ViewerErrorCode; readonly message: string };
+}
+
+const FULL = "The server is full. The scene opens automatically as soon as there is room.";
+/** Duration of an animation in milliseconds. */
+const USUAL_DURATION = 1000;
+
+export class ViewerControl {
+  readonly #session: ViewerSession;
+  readonly #stops = new Set<() => void>();
+  /** Where the camera begins once the scene is loaded. */
+  #start: ScenePose | null = null;
+
+  /** @internal */
+  constructor(session: ViewerSession) {
+    this.#session = session;
+    this.on("loaded", () => {
+      if (this.#start) session.rig.place(this.#start);
+    });
+  }
+
+  /** The camera's present pose in the scene's own frame, camera to world. */
+  get camera(): ScenePose {
+    const { position, quaternion } = this.#session.rig.pose;
+    return { position: [...position], quaternion: [...quaternion] };
+  }
+
+  /** Puts the camera at a pose, upright; before the scene is loaded, where it will begin. */
+  set camera(pose: ScenePose) {
+    const { rig, scene } = this.#session;
+    this.#start = pose;
+    if (scene.peek() === null) return;
+    if (rig.source.peek() !== null) rig.drive(null);
+    rig.place(pose);
+  }
+
+  get settings(): ViewerSettings {
+    return this.#session.state.settings.peek();
+  }
+
+  /** Changes settings; the rest stays. Throws if one does not exist or make sense. */
+  set(settings: Partial<ViewerSettings>): void {
+    this.#session.state.settings.value = validSettings({ ...this.settings, ...settings });
+  }
+
+  /** Puts the camera at the scene's start view. */
+  reset(): void {
+    const { rig } = this.#session;
+    if (rig.source.peek() !== null) rig.drive(null);
+    rig.resetCamera();
+  }
+
+  /**
+   * Moves the camera to a pose in `duration` milliseconds. Resolves to true when it is there, or to false when the user or
+   * another call took the camera over.
+   */
+  animate(
+    to: ScenePose,
+    {
+      duration = USUAL_DURATION,
+      easing = "ease-in-out",
+    }: { readonly duration?: number; readonly easing?: Easing } = {},
+  ): Promise<boolean> {
+    const keyframes = [
+      { t_ms: 0, ...this.camera },
+      { t_ms: Math.max(1, duration), ...to },
+    ];
+    return this.#travel(cameraPath(keyframes, { easing }), false);
+  }
+
+  /** Moves the camera along keyframes; with `loop`, again and again. Resolves as `animate`. */
+  path(
+    keyframes: readonly TimedPose[],
+    { loop = false, easing = "linear" }: { readonly loop?: boolean; readonly easing?: Easing } = {},
+  ): Promise<boolean> {
+    return this.#travel(cameraPath(keyframes, { easing, closed: loop }), loop);
+  }
+
+  /** A copy of the screen; null before the first picture. */
+  picture(): Promise<ImageBitmap> | null {
+    return this.#session.left.picture();
+  }
+
+  /** A PNG of the view at full quality, rendered by the server. Rejects with the reason in one sentence. */
+  screenshot(size: Partial<Viewport> = {}): Promise<Blob> {
+    return screenshot(this.#session, size);
+  }
+
+  /** A camera path as a video at full quality, which takes longer than the path. Rejects with the reason in one sentence. */
+  video(
+    keyframes: readonly TimedPose[],
+    { easing = "linear", ...options }: VideoOptions & { readonly easing?: Easing } = {},
+  ): Promise<Blob> {
+    return exportVideo(this.#session, cameraPath(keyframes, { easing }), options);
+  }
+
+  /** Subscribes; returns a function that unsubscribes. A scene or an error that is already known is reported at once. */
+  on<Name extends keyof ViewerEvents>(name: Name, listener: (event: ViewerEvents[Name]) => void): () => void {
+    const stop = this.#listen(name, listener as (event: never) => void);
+    const stopOnce = () => {
+      this.#stops.delete(stopOnce);
+      stop();
+    };
+    this.#stops.add(stopOnce);
+    return stopOnce;
+  }
+
+  /** Ends its movements and subscriptions. */
+  destroy(): void {
+    this.#session.rig.drive(null);
+    for (const stop of this.#stops) stop();
+  }
+
+  #travel(path: CameraPath, loop: boolean): Promise<boolean> {
+    const { rig, stage } = this.#session;
+    return new Journey(rig, stage.element, path, loop).arrived;
+  }
+
+  #listen(name: keyof ViewerEvents, tell: (event: never) => void): () => void {
+    const say = tell as (event: ViewerEvents[keyof ViewerEvents]) => void;
+    const { scene, left } = this.#session;
+    switch (name) {
+      case "loaded": {
+        let entered = false;
+        return effect(() => {
+          const { value } = scene;
+          if (value === null || entered) return;
+          entered = true;
+          untracked(() => say(value));
+        });
+      }
+      case "frame":
+        return this.#session.onPresented(say);
+      case "stats":
+        return effect(() => {
+          const stats = left.source.value?.stats.value;
+          if (stats) untracked(() => say(stats));
+        });
+      case "error":
+        return effect(() => {
+          const error = this.#error();
+          if (error) untracked(() => say(error));
+        });
+    }
+  }
+
+  #error(): ViewerEvents["error"] | null {
+    const { phase, left } = this.#session;
+    const missing = left.missing.value;
+    if (missing !== null) return { code: "unavailable", message: `${missing}.` };
+    const phases = [phase.value, left.source.value?.phase.value];
+    for (const one of phases) {
+      if (one?.kind === "full") return { code: "full", message: FULL };
+      if (one?.kind === "lost" || one?.kind === "failed") return { code: one.kind, message: one.message };
+    }
+    return null;
+  }
+}

@@ -1,0 +1,145 @@
+/**
+ * The element `<tigas-viewer src="https://viewer.example" scene="garden">`. It can be imported where there is no document,
+ * as on a server that renders pages.
+ */
+import { createViewer, type Viewer, type ViewerEvents } from "./create-viewer";
+import { attributePose, attributeSettings, posterUrl, serverUrl } from "./embed/attributes";
+import styles from "./embed/element.css?inline";
+import { shadowOf } from "./embed/shadow";
+import { toolbar } from "./embed/toolbar";
+
+const TAG = "tigas-viewer";
+const EVENTS = ["loaded", "frame", "stats", "error"] as const;
+/** Stands in where there are no elements. */
+const Base = (globalThis.HTMLElement ?? class {}) as typeof HTMLElement;
+
+interface Parts {
+  readonly view: HTMLElement;
+  readonly poster: HTMLImageElement;
+  readonly message: HTMLElement;
+  readonly toolbar: HTMLElement;
+}
+
+export class TigasViewer extends Base {
+  static readonly observedAttributes = ["src", "scene", "mode", "quality", "at", "controls", "poster"];
+  #parts: Parts | undefined;
+  #viewer: Viewer | null = null;
+  #reopening = false;
+  #messages = { invalid: "", problem: "" };
+
+  /** Controls the view by code; null while the element is in no document or names no scene. */
+  get viewer(): Viewer | null {
+    return this.#viewer;
+  }
+
+  connectedCallback(): void {
+    this.#parts ??= this.#build();
+    this.#open(this.#parts);
+  }
+
+  disconnectedCallback(): void {
+    this.#close();
+  }
+
+  attributeChangedCallback(name: string, before: string | null, now: string | null): void {
+    const parts = this.#parts;
+    if (before === now || parts === undefined || !this.isConnected) return;
+    if (name === "src" || name === "scene") this.#reopen(parts);
+    else if (name === "controls") parts.toolbar.hidden = now === null;
+    else if (name === "poster") parts.poster.src = posterUrl(this.#attribute);
+    else this.#apply({ place: name === "at" });
+  }
+
+  readonly #attribute = (name: string) => this.getAttribute(name);
+
+  #build(): Parts {
+    const [view, poster, message] = [part("div", "view"), part("img", "poster"), part("p", "message")];
+    Object.assign(poster, { alt: "", crossOrigin: "anonymous" });
+    message.setAttribute("role", "status");
+    const buttons = toolbar({
+      reset: () => this.#viewer?.reset(),
+      fullscreen: () => void toggleFullscreen(this).catch(() => undefined), // the browser refuses it
+    });
+    shadowOf(this, styles).append(view, poster, message, buttons);
+    return { view, poster, message, toolbar: buttons };
+  }
+
+  #open(parts: Parts): void {
+    const scene = this.getAttribute("scene");
+    parts.toolbar.hidden = !this.hasAttribute("controls");
+    parts.poster.hidden = scene === null;
+    this.#say({ invalid: "", problem: "" });
+    if (scene === null) return;
+    parts.poster.src = posterUrl(this.#attribute);
+    const label = this.getAttribute("aria-label") ?? scene;
+    const viewer = createViewer(parts.view, { scene, server: serverUrl(this.#attribute), label });
+    this.#viewer = viewer;
+    viewer.on("frame", () => {
+      parts.poster.hidden = true;
+      this.#say({ problem: "" });
+    });
+    for (const name of EVENTS.filter((one) => one !== "error")) viewer.on(name, (event) => this.#tell(name, event));
+    viewer.on("error", (error) => {
+      this.#say({ problem: error.message });
+      this.#tell("error", error);
+    });
+    this.#apply({ place: true });
+  }
+
+  #close(): void {
+    this.#viewer?.destroy();
+    this.#viewer = null;
+  }
+
+  /** Opens another scene or server once all attributes are set. */
+  #reopen(parts: Parts): void {
+    if (this.#reopening) return;
+    this.#reopening = true;
+    queueMicrotask(() => {
+      this.#reopening = false;
+      this.#close();
+      if (this.isConnected) this.#open(parts);
+    });
+  }
+
+  /** Applies mode, quality and, if `place`, the pose. */
+  #apply({ place }: { readonly place: boolean }): void {
+    try {
+      const pose = attributePose(this.#attribute);
+      this.#viewer?.set(attributeSettings(this.#attribute));
+      if (place && pose && this.#viewer) this.#viewer.camera = pose;
+      this.#say({ invalid: "" });
+    } catch (error) {
+      const message = error instanceof Error ? error.message : String(error);
+      this.#say({ invalid: message });
+      this.#tell("error", { code: "invalid", message });
+    }
+  }
+
+  /** Shows why there is no picture, or which attribute is wrong; a message that is left out stays. */
+  #say(messages: { readonly invalid?: string; readonly problem?: string }): void {
+    this.#messages = { ...this.#messages, ...messages };
+    const text = this.#messages.invalid || this.#messages.problem;
+    if (this.#parts) Object.assign(this.#parts.message, { textContent: text, hidden: text === "" });
+  }
+
+  #tell<Name extends keyof ViewerEvents>(name: Name, detail: ViewerEvents[Name]): void {
+    this.dispatchEvent(new CustomEvent(name, { detail }));
+  }
+}
+
+function part<Tag extends keyof HTMLElementTagNameMap>(tag: Tag, className: string): HTMLElementTagNameMap[Tag] {
+  return Object.assign(document.createElement(tag), { className });
+}
+
+async function toggleFullscreen(element: HTMLElement): Promise<void> {
+  await (document.fullscreenElement === element ? document.exitFullscreen() : element.requestFullscreen());
+}
+
+declare global {
+  interface HTMLElementTagNameMap {
+    [TAG]: TigasViewer;
+  }
+}
+
+if (globalThis.customElements && !customElements.get(TAG)) customElements.define(TAG, TigasViewer);

@@ -1,0 +1,48 @@
+/** Attributes of a tigas-viewer as settings. Pure. */
+import { DEFAULT_SETTINGS, MODES, type Settings, settingOf } from "../state/settings";
+import type { ScenePose } from "../view/camera";
+import { poseOf } from "../view/pose-text";
+
+/** Gives an attribute's text; null without it. */
+export type Attributes = (name: string) => string | null;
+
+/** Settings of `mode` and `quality` ("auto" or a rung). Throws if one has no such value. */
+export function attributeSettings(of: Attributes): Pick<Settings, "mode" | "controller" | "profile"> {
+  const { mode, controller, profile } = DEFAULT_SETTINGS;
+  const quality = of("quality") ?? "auto";
+  const rung = /^\d+$/.test(quality) ? settingOf("profile", quality) : undefined;
+  if (quality !== "auto" && rung === undefined) {
+    throw new Error(`There is no quality “${quality}”: use “auto”, or a number from 0, the best.`);
+  }
+  return {
+    mode: modeOf(of("mode") ?? mode),
+    controller: rung === undefined ? controller : "fixed",
+    profile: rung ?? profile,
+  };
+}
+
+function modeOf(name: string): Settings["mode"] {
+  const mode = settingOf("mode", name);
+  if (mode === undefined) throw new Error(`There is no mode “${name}”: use ${MODES.join(", ")}.`);
+  return mode;
+}
+
+/** The pose of `at`; null without it. Throws if it is none. */
+export function attributePose(of: Attributes): ScenePose | null {
+  const at = of("at");
+  if (at === null) return null;
+  const pose = poseOf(at);
+  if (pose === null) throw new Error(`“${at}” is no camera pose: use x,y,z,qx,qy,qz,qw.`);
+  return pose;
+}
+
+/** URL of the picture that is shown before the first frame: the scene's thumbnail, unless `poster` names another. */
+export function posterUrl(of: Attributes): string {
+  const thumbnail = `scenes/${encodeURIComponent(of("scene") ?? "")}/preview`;
+  return of("poster") ?? [serverUrl(of), thumbnail].filter(Boolean).join("/");
+}
+
+/** The server's URL without a slash at its end; empty for the page's own. */
+export function serverUrl(of: Attributes): string {
+  return (of("src") ?? "").replace(/\/+$/, "");
+}

@@ -1,0 +1,24 @@
+/** The stage of a viewer in any element of a page, with its styles. */
+import type { Stage } from "../session/session";
+import { shadowOf } from "./shadow";
+import styles from "./stage.css?inline";
+
+const HOST = ":host { display: block; position: relative; width: 100%; height: 100%; overflow: hidden; }";
+
+/** Fills a container with a stage; `label` is its name for assistive technology. */
+export function openStage(container: HTMLElement, label: string): Stage & { readonly close: () => void } {
+  const page = container.ownerDocument;
+  const host = page.createElement("div");
+  const [element, left, right] = ["stage", "pane", "pane"].map((name) => {
+    const div = page.createElement("div");
+    div.className = name;
+    return div;
+  }) as [HTMLDivElement, HTMLDivElement, HTMLDivElement];
+  element.tabIndex = 0;
+  element.setAttribute("role", "application");
+  element.setAttribute("aria-label", label);
+  element.append(left, right);
+  shadowOf(host, HOST, styles).append(element);
+  container.append(host);
+  return { element, left, right, sharesPage: true, close: () => host.remove() };
+}
