@@ -211,11 +211,6 @@ def stages(
             stages_of_one(rasterizer, name, scene, Camera(poses[name], centred_lens(width, height)), bandwidth)
 
 
-def make_all(calls: tuple[Calls, ...]) -> None:
-    for some in calls:
-        some.make()
-
-
 def stages_of_one(rasterizer: CudaRasterizer, name: str, scene: CudaScene, camera: Camera, bandwidth: float) -> None:
     width, height = camera.intrinsics.width, camera.intrinsics.height
     rasterizer.render(scene, camera)  # enlarges the buffers
@@ -227,9 +222,9 @@ def stages_of_one(rasterizer: CudaRasterizer, name: str, scene: CudaScene, camer
         for stage in rasterizer.stages[side]:
             spent.setdefault(stage.name, []).append(device_time(partial(workspace.launch_stage, stage), stream))
     median = {stage: statistics.median(times) for stage, times in spent.items()}
-    drawing, fetching = workspace.drawing(scene, camera, "jpeg"), workspace.fetching(width, height, "jpeg", QUALITY)
-    whole = statistics.median(device_time(partial(make_all, drawing), stream) for _ in range(100))
-    codec = 1000 * statistics.median(timed(partial(make_all, fetching), 100))
+    calls = workspace.frame(scene, camera, "jpeg", QUALITY)
+    whole = statistics.median(device_time(Calls(*calls.draw).make, stream) for _ in range(100))
+    codec = 1000 * statistics.median(timed(Calls(*calls.fetch).make, 100))
     line = "  ".join(f"{stage} {time:.0f}" for stage, time in median.items())
     print(f"  {name:12} {width} x {height}: {line}  as a graph {whole:.0f}; nvJPEG {codec:.0f};", end="")
     print(f" {workspace.entries} entries, tiles of {side}")

@@ -1,12 +1,15 @@
 /// <reference types="vitest/config" />
 import { defineConfig } from "vite";
 import { compress } from "./scripts/compress.mjs";
+import { firstChunk } from "./scripts/first-chunk.mjs";
 
 const SERVER = "http://localhost:8080";
+/** Bytes of scripts that the first screen may need, compressed. */
+const FIRST_SCREEN = 60_000;
 
 export default defineConfig({
   base: "./",
-  plugins: [compress()],
+  plugins: [firstChunk(FIRST_SCREEN), compress()],
   resolve: { tsconfigPaths: true },
   build: {
     outDir: "../services/render/tigas_render/static",

@@ -19,7 +19,7 @@ from tigas_common.wire.render import FrameFormat, RenderRequest, Rung
 from tigas_render.encode.depth_segment import coded
 from tigas_render.gaussians import Batches
 from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, Rasterizer
-from tigas_render.raster.calls import Call, CallError, Calls
+from tigas_render.raster.calls import Call, CallError, FrameCalls
 from tigas_render.raster.lanes import FetchedImage, Job, LaneRasterizer
 
 
@@ -145,10 +145,10 @@ class FakeJob(Job):
     depth: bool
     image: FetchedImage | None = None
 
-    def calls(self) -> tuple[tuple[Calls, ...], tuple[Calls, ...]]:
+    def calls(self) -> FrameCalls:
         function: Any = STATUS(self._make)
         function.__name__ = "make"
-        return (Calls(Call(function, ())),), ()
+        return FrameCalls((Call(function, ()),), ())
 
     def _make(self) -> int:
         try:

@@ -6,7 +6,7 @@ from collections import defaultdict
 
 import pytest
 
-from tigas_render.fair_queue import FairSchedule, Turns
+from tigas_render.fair_queue import LEAST_KEPT, FairSchedule, Turns
 from tigas_render.frame import Client
 
 A, B, C = (Client(name, "only") for name in "abc")
@@ -142,13 +142,13 @@ def test_how_much_waits_and_whether_others_wait() -> None:
 
 def test_clients_that_have_gone_are_forgotten() -> None:
     schedule: FairSchedule[int] = FairSchedule(depth=4)
-    for number in range(5_000):
+    for number in range(10 * LEAST_KEPT):
         for client in (Client(f"address {number}", "only"), Client("address", f"session {number}")):
             schedule.push(client, number, 0.1)
             schedule.pop()
             schedule.begin(client, 0.1)
     kept = [schedule._addresses, *schedule._sessions.values()]
-    assert sum(len(turns._starts) for turns in kept) < 20
+    assert sum(len(turns._starts) for turns in kept) < 3 * LEAST_KEPT
 
 
 def test_equals_are_served_in_the_order_in_which_they_came() -> None:

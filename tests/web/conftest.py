@@ -38,6 +38,14 @@ NO_ADAPTER = "No available adapters"
 TURN = "try { sessionStorage.setItem('tigas.turning', 'forced') } catch {}"
 """Browsers under test render in software, where the page warps pictures only on demand."""
 
+FAMILIAR = """(([open]) => {
+  try {
+    const chosen = JSON.parse(localStorage.getItem('tigas.settings') ?? '{}');
+    localStorage.setItem('tigas.settings', JSON.stringify({ hint: false, sidebar: open, ...chosen }));
+  } catch {}
+})([%s])"""
+"""A visitor who has moved before, and has the lab open or not. Settings that are stored stay."""
+
 LOOPBACK = ["local-network-access"]
 """Chromium's permission prompt before a public site, or a page that the test answers itself, may use local services."""
 
@@ -100,7 +108,7 @@ def open_page(browser: Browser, server: RenderServer) -> Iterator[OpenPage]:
     """Opens pages; the test fails if one of them logs an unexpected error.
 
     A test with a private service requests it before this: fixtures end in reverse order, and a page whose service has
-    ended logs errors.
+    ended logs errors. On screens with room for it, the lab is open, unless the page is for a newcomer.
     """
     contexts: list[BrowserContext] = []
     complaints: list[str] = []
@@ -111,9 +119,14 @@ def open_page(browser: Browser, server: RenderServer) -> Iterator[OpenPage]:
         url: str = server.url,
         expected_errors: str | None = None,
         turn: bool = True,
+        newcomer: bool = False,
         **options: Any,
     ) -> Page:
-        context = browser.new_context(**{"viewport": DESKTOP, **options})
+        options = {"viewport": DESKTOP, **options}
+        context = browser.new_context(**options)
+        if not newcomer:
+            roomy = options["viewport"]["width"] >= 800 and options["viewport"]["height"] >= 500
+            context.add_init_script(FAMILIAR % json.dumps(roomy))
         if turn:
             context.add_init_script(TURN)
         context.set_default_timeout(PATIENCE)

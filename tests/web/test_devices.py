@@ -57,18 +57,18 @@ def test_a_phone_shows_everything_without_scrolling_sideways(open_page: OpenPage
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
     expect(page.locator(".sidebar")).to_have_count(0)
     expect(page.locator(".pad")).to_be_visible()
-    page.get_by_role("button", name="Settings").tap()
+    page.get_by_role("button", name="Lab", exact=True).tap()
     expect(page.locator(".sidebar")).to_be_in_viewport()
     # a tablet in portrait and landscape, and a phone in landscape
     for width, height in (1024, 768), (768, 1024), (844, 390):
         page.set_viewport_size({"width": width, "height": height})
         assert page.evaluate("document.documentElement.scrollHeight") <= height
-        assert page.locator(".title, [role=toolbar], .hud, .pad, .rise").evaluate_all(OVERLAPPING) == []
-    page.get_by_role("button", name="Close settings").tap()
+        assert page.locator(".title, [role=toolbar], .hud, .status-line, .pad, .rise").evaluate_all(OVERLAPPING) == []
+    page.get_by_role("button", name="Close lab").tap()
     page.evaluate("tigas.settings({ hudDetails: true })")
     for width, height in (360, 640), (640, 360), (390, 844), (844, 390):
         page.set_viewport_size({"width": width, "height": height})
-        assert page.locator(".title, [role=toolbar], .hud, .pad, .rise").evaluate_all(OVERLAPPING) == []
+        assert page.locator(".title, [role=toolbar], .hud, .status-line, .pad, .rise").evaluate_all(OVERLAPPING) == []
         assert page.locator("h1").evaluate("title => title.scrollWidth <= title.clientWidth"), "the title is cut"
 
 
@@ -77,13 +77,15 @@ def test_a_phone_shows_everything_without_scrolling_sideways(open_page: OpenPage
 def test_a_phone_shows_pictures_rather_than_figures(open_page: OpenPage, size: tuple[int, int], compared: str) -> None:
     width, height = size
     page = open_page(SCENE + compared, **PHONE | {"viewport": {"width": width, "height": height}})
-    expect(page.locator("[data-stat=motion-to-photon]")).to_have_count(2 if compared else 1)
+    expect(page.locator("[data-stat=status]")).to_have_count(2 if compared else 1)
     expect(page.locator(".sidebar")).to_have_count(0)
-    floating = page.locator(".hud, .side-hud, .title, [role=toolbar], .pad, .rise")
+    floating = page.locator(".hud, .side-hud, .status-line, .title, [role=toolbar], .pad, .rise")
     assert floating.evaluate_all(OVERLAPPING) == []
     areas = floating.evaluate_all("parts => parts.map((part) => part.clientWidth * part.clientHeight)")
     assert sum(areas) < 0.4 * width * height
+    page.get_by_role("button", name="Lab", exact=True).tap()
     page.get_by_role("button", name="More measurements").first.tap()
+    page.get_by_role("button", name="Close lab").tap()
     expect(page.locator(".hud-details")).to_have_count(2 if compared else 1)
     assert floating.evaluate_all(OVERLAPPING) == []
 

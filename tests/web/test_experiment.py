@@ -77,7 +77,7 @@ def test_a_file_of_this_visit_and_what_makes_no_sense(open_page: OpenPage, lab: 
     (tmp_path / "broken.csv").write_text("t_ms,x\n1,2\n")
     page = open_page(SCENE, url=lab.url, expected_errors="400")
     wait_for_frames(page)
-    page.get_by_role("toolbar").get_by_role("button", name="Experiment").click()
+    page.get_by_role("complementary", name="Lab").get_by_role("button", name="Experiment").click()
     movement = dialog(page).get_by_label("Movement file of the experiment")
     movement.set_input_files(tmp_path / "broken.csv")
     expect(dialog(page).get_by_role("alert")).to_contain_text("broken.csv")
@@ -155,7 +155,7 @@ def test_page_and_command_write_identical_folders(open_page: OpenPage, lab: Page
     assert status == 0, errors
     page = open_page(SCENE, url=lab.url)
     wait_for_frames(page)
-    page.get_by_role("toolbar").get_by_role("button", name="Experiment").click()
+    page.get_by_role("complementary", name="Lab").get_by_role("button", name="Experiment").click()
     dialog(page).get_by_text("As a file").click()
     dialog(page).get_by_label("Experiment’s file").fill(FILE)
     start(page)

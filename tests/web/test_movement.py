@@ -69,9 +69,9 @@ def test_whoever_stops_a_movement_has_the_camera_where_it_is(visit: tuple[Page, 
     choose(page, turning_walk(60_000))
 
     def close_settings_and_stop() -> None:
-        press(page, "Close settings")
+        press(page, "Close lab")
         press(page, "Stop the movement")
-        press(page, "Settings")
+        press(page, "Lab")
 
     ways: list[Callable[[], None]] = [
         lambda: page.keyboard.press("Escape"),

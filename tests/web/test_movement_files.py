@@ -50,7 +50,7 @@ def test_a_file_that_is_no_movement_changes_nothing(visit: tuple[Page, Poses]) -
 
 def test_a_file_may_be_dropped_anywhere(visit: tuple[Page, Poses]) -> None:
     page, _ = visit
-    press(page, "Close settings")
+    press(page, "Close lab")
     text = turning_walk(1000)["buffer"].decode()
     dropped = page.evaluate_handle(
         """text => {

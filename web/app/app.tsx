@@ -3,12 +3,14 @@ import { unsaved } from "#viewer/movement/movement-deck";
 import { outdated, route } from "./state/app";
 import type { Route } from "./state/route";
 import { Dashboard } from "./ui/dashboard/dashboard";
-import { ExperimentList } from "./ui/experiment/experiment-list";
-import { RunPage } from "./ui/experiment/run-page";
-import { SamplesPage } from "./ui/experiment/samples-page";
+import { lazy } from "./ui/lazy";
 import { useLeavingWarning } from "./ui/use-leaving-warning";
 import { Viewer } from "./ui/viewer/viewer";
 import { isUploading } from "./uploads/uploads";
+
+const ExperimentList = lazy(async () => (await import("./ui/experiment/experiment-list")).ExperimentList);
+const RunPage = lazy(async () => (await import("./ui/experiment/run-page")).RunPage);
+const SamplesPage = lazy(async () => (await import("./ui/experiment/samples-page")).SamplesPage);
 
 export function App() {
   const current = route.value;

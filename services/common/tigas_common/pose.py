@@ -45,7 +45,8 @@ class Pose:
         scale = max(map(abs, quaternion))
         if scale == 0:
             raise ValueError("a quaternion of length zero is no rotation")
-        x, y, z, w = (q / scale for q in quaternion)
+        x, y, z, w = quaternion
+        x, y, z, w = x / scale, y / scale, z / scale, w / scale
         s = 2 / (x * x + y * y + z * z + w * w)
         return cls(
             position,

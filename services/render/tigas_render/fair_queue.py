@@ -12,6 +12,10 @@ from tigas_render.frame import Client
 Work = TypeVar("Work")
 
 
+LEAST_KEPT = 256
+"""Clients of which some may be absent, and are kept nevertheless: those of a busy service come back at once."""
+
+
 class Turns:
     """Self-clocked fair queueing (Golestani, 1994): equal seconds for each waiting client.
 
@@ -24,7 +28,7 @@ class Turns:
         self._now = 0.0
         self._starts: dict[str, float] = {}
         """Start of each client's next turn; missing clients start now."""
-        self._most = 4
+        self._most = LEAST_KEPT
         """Number of entries before those equal to the default are dropped."""
         self._costs: dict[str, float] = {}
         """Ends of the waiting clients' next turns."""
@@ -44,7 +48,7 @@ class Turns:
         past = [other for other, start in self._starts.items() if start <= self._now and other not in self._costs]
         for other in past:
             del self._starts[other]
-        self._most = max(4, 2 * len(self._starts))
+        self._most = max(LEAST_KEPT, 2 * len(self._starts))
         return past
 
     def wait_for(self, name: str, cost: float) -> None:

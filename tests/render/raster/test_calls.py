@@ -35,14 +35,6 @@ def test_all_arguments_arrive_in_order() -> None:
     assert recorder.seen == [numbers]
 
 
-def test_replaced_arguments_are_the_next_call_s() -> None:
-    recorder = Recorder("record")
-    calls = Calls(Call(recorder.function, (1, 2, 3, 4)))
-    calls.replace(0, 1, 20, 30)
-    calls.make()
-    assert recorder.seen[0][:4] == (1, 20, 30, 4)
-
-
 def test_the_first_failure_is_told_and_ends_it() -> None:
     class Refused(CallError):
         pass

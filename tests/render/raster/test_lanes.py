@@ -11,24 +11,27 @@ from typing import Any
 
 import pytest
 
-from tigas_render.raster.calls import Call, CallError, Calls
+from tigas_render.raster.calls import Call, CallError, FrameCalls
 from tigas_render.raster.lanes import FetchedImage, Job, Lanes
 
 LIBC: Any = ctypes.CDLL(None)
-WORKS, FAILS = Calls(Call(LIBC.sched_yield, ())), Calls(Call(LIBC.close, (-1,)))
+WORKS, FAILS = Call(LIBC.sched_yield, ()), Call(LIBC.close, (-1,))
 
 
 @dataclass
 class Task(Job):
     """Runs out of room this many times."""
 
-    fetch: Calls = WORKS
+    fetch: tuple[Call, ...] = (WORKS,)
     tries: int = 1
     closed: list[bool] = field(default_factory=list)
     """Whether it had failed."""
 
-    def calls(self) -> tuple[tuple[Calls, ...], tuple[Calls, ...]]:
-        return (WORKS,), (self.fetch, WORKS)
+    def __post_init__(self) -> None:
+        self._calls = FrameCalls((WORKS,), (*self.fetch, WORKS))
+
+    def calls(self) -> FrameCalls:
+        return self._calls
 
     def fetched(self) -> FetchedImage | None:
         self.tries -= 1
@@ -59,7 +62,7 @@ def outcome(lanes: Lanes, task: Task) -> FetchedImage | Exception:
 
 
 def test_an_image_comes_with_its_times(lanes: Lanes) -> None:
-    task = Task(Calls(Call(LIBC.usleep, (2000,))))
+    task = Task((Call(LIBC.usleep, (2000,)),))
     image = outcome(lanes, task)
     assert isinstance(image, FetchedImage)
     assert image.to_host().tolist() == [[[97, 98, 99], [100, 101, 102]]]
@@ -78,7 +81,7 @@ def test_a_failure_is_told_and_the_lane_goes_on(lanes: Lanes) -> None:
     class Refused(CallError):
         pass
 
-    task = Task(Calls(Call(LIBC.sched_yield, ()), Call(LIBC.close, (-1,), Refused)))
+    task = Task((WORKS, Call(LIBC.close, (-1,), Refused)))
     error = outcome(lanes, task)
     assert isinstance(error, Refused)
     assert str(error) == "close failed with status -1"
@@ -88,7 +91,7 @@ def test_a_failure_is_told_and_the_lane_goes_on(lanes: Lanes) -> None:
 
 def test_a_frame_that_cannot_begin_leaves_the_lane_free(lanes: Lanes) -> None:
     class Refused(Task):
-        def calls(self) -> tuple[tuple[Calls, ...], tuple[Calls, ...]]:
+        def calls(self) -> FrameCalls:
             raise ValueError("no")
 
     task = Refused()
@@ -100,7 +103,7 @@ def test_a_frame_that_cannot_begin_leaves_the_lane_free(lanes: Lanes) -> None:
 
 def test_other_lanes_go_on_meanwhile_and_the_end_waits_for_what_has_begun(lanes: Lanes) -> None:
     counter, event = ctypes.create_string_buffer(8), os.eventfd(0)
-    waiting = Task(Calls(Call(LIBC.eventfd_read, (event, ctypes.addressof(counter)))))
+    waiting = Task((Call(LIBC.eventfd_read, (event, ctypes.addressof(counter))),))
     told: list[FetchedImage | Exception] = []
     lanes.begin(waiting, told.append)
     lanes.begin(Task(), told.append)
@@ -140,7 +143,7 @@ def test_a_job_runs_on_the_calling_thread_until_its_buffers_are_large_enough() -
     task = Task(tries=3)
     assert task.run().content == b"abcdef"
     assert (task.tries, task.closed) == (0, [False])
-    failing = Task(FAILS)
+    failing = Task((FAILS,))
     with pytest.raises(CallError):
         failing.run()
     assert failing.closed == [True]

@@ -16,6 +16,7 @@ from aioquic.tls import CipherSuite, SessionTicket
 from tests.render.transport.client import CERTIFICATE, FakeFrames, connect, eventually, request_body
 from tests.render.transport.serving import hello
 from tigas_render.admission.limits import Limits
+from tigas_render.transport.edge_counts import MOST_AHEAD, EdgeCounts, counts_file
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
 from tigas_render.transport.shared_port import Edge, Relay, Share, TicketStore, steer
@@ -135,6 +136,39 @@ async def test_a_retry_token_is_good_at_the_edge_that_its_client_comes_to() -> N
             moved += client._quic.original_destination_connection_id[0] % 2 != retry_source[0] % 2
             assert (await client.fetch("GET", "/")).status == 200
         assert moved > 0
+
+
+@pytest.mark.anyio
+async def test_new_clients_are_sent_to_the_edge_with_the_fewest_connections() -> None:
+    edges, clients = 3, 12
+    [first] = bind_all("127.0.0.1", 0)
+    sockets = (first, *(bind_another(first) for _ in range(edges - 1)))
+    assert steer(first, edges)
+    async with AsyncExitStack() as stack:
+        fd = stack.enter_context(counts_file(edges))
+        servers = []
+        for number in range(edges):
+            share = Share(Edge(number, edges), (sockets[number],), bytes(16), counts=EdgeCounts(fd, number, edges))
+            server = Http3Server(hello, certificate=CERTIFICATE, share=share)
+            servers.append(await stack.enter_async_context(server))
+        for _ in range(clients):
+            client = await stack.enter_async_context(connect(first.getsockname()[1]))
+            assert (await client.fetch("GET", "/")).status == 200
+        counts = [server.connections for server in servers]
+        assert sum(counts) == clients
+        assert max(counts) - min(counts) <= 1 + MOST_AHEAD
+
+
+def test_an_edge_sends_clients_away_only_if_another_has_markedly_fewer() -> None:
+    with counts_file(3) as fd:
+        one, two, three = (EdgeCounts(fd, number, 3) for number in range(3))
+        two.update(5)
+        three.update(4)
+        assert (one.emptier(), two.emptier(), three.emptier()) == (None, 0, 0)
+        one.update(3)
+        assert (one.emptier(), two.emptier(), three.emptier()) == (None, 0, None)
+        assert EdgeCounts(fd, 1, 3).emptier() is None, "an edge that is started again has no connections"
+        assert one.emptier() == 1
 
 
 def ticket(label: bytes) -> SessionTicket:

@@ -89,13 +89,15 @@ type FakeSide = ReturnType<typeof fakeSide>;
 
 /** In the scene, playing. */
 export function fakeSession() {
-  const rig = new Rig({ sampleInput: () => ({ axes: STILL, nudge: NO_NUDGE }), turnSpeed: () => 60 });
+  const rig = new Rig({ sampleInput: () => ({ axes: fake.axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
   rig.resize(1280, 720);
   rig.enter(COURTYARD);
   const pictures = fakePictures();
   const left = fakeSide("left", pictures);
   const right = signal<FakeSide | null>(null);
   const fake = {
+    /** The input that the rig samples. */
+    axes: STILL,
     phase: signal<Phase>({ kind: "playing" }),
     state: page,
     presence: new Presence(),

@@ -1,5 +1,8 @@
 /** Numbers as people read them. */
 
+/** A figure that is not known. */
+export const NONE = "–";
+
 /** 1,234 → "1.2 k", 2,345,678 → "2.3 M". */
 export function count(value: number): string {
   if (value < 1000) return String(value);
@@ -23,6 +26,12 @@ export function bitrate(value: number): string {
 /** Two significant digits below ten, whole numbers above. */
 function significant(value: number): string {
   return value < 9.95 ? String(Math.round(value * 10) / 10) : String(Math.round(value));
+}
+
+/** Without the unit. */
+export function milliseconds(value: number | null | undefined): string {
+  if (value === null || value === undefined) return NONE;
+  return value < 10 ? value.toFixed(1) : String(Math.round(value));
 }
 
 /** Milliseconds as a clock: "0:07", "12:30", "1:02:03". */

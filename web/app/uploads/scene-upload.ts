@@ -1,7 +1,7 @@
 /** Upload of one scene file: sent in parts (tus), so that a broken connection costs nothing, then checked. */
 import { type ReadonlySignal, signal } from "@preact/signals";
-import pRetry from "p-retry";
 import type { DetailedError } from "tus-js-client";
+import { retry } from "#client/async/retry";
 import { ApiError, problemOf } from "#client/http/problem";
 import type { AddedScene } from "#client/wire/render";
 import { addUploaded } from "#viewer/state/api";
@@ -56,10 +56,10 @@ export class SceneUpload {
       const url = await this.#send();
       if (url === null) return null;
       this.#state.value = { kind: "checking" };
-      return await pRetry(() => addUploaded(url, signal), {
+      return await retry(() => addUploaded(url, signal), {
         retries: RETRIES.length,
         signal,
-        shouldRetry: ({ error }) => error instanceof ApiError && error.unreachable,
+        shouldRetry: (error) => error instanceof ApiError && error.unreachable,
       });
     } catch (error) {
       if (!signal.aborted) this.fail(sentence(error));

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from typing import Final
 
 from tigas_common.errors import DeadlineExceeded, Superseded, TigasError
 from tigas_common.wire.render import FrameFormat, RenderRequest, ServerTiming
@@ -26,6 +27,13 @@ from tigas_render.raster.base import Image, Rasterizer
 from tigas_render.raster.lanes import FetchedImage, LaneRasterizer, Lanes
 
 logger = logging.getLogger(__name__)
+
+
+ENOUGH_LANES: Final = 6
+"""Frames at once that keep a device busy."""
+MOST_BEGUN_S: Final = 0.05
+"""Expected seconds of frames in lanes beyond which no more than ENOUGH_LANES are used: where the device is slow, frames
+wait in the queue, which knows which is newest, rather than in the device."""
 
 
 @dataclass(eq=False)
@@ -91,12 +99,14 @@ class FrameMaker(ABC):
 class LaneFrameMaker(FrameMaker):
     """Starts a frame whenever a lane is free, and finishes JPEGs, on the event loop.
 
+    Lanes beyond ENOUGH_LANES hide that a finished lane waits for a busy event loop.
     Threads do the remaining work on the host, such as video and WebP.
     """
 
     rasterizer: LaneRasterizer
 
     async def start(self) -> None:
+        self._begun_s = 0.0  # expected seconds of frames in lanes
         self._on_host = 0  # images that the threads encode or will encode
         self._is_scheduled = False  # whether the event loop is about to run `_begin_all`
         self._loop = asyncio.get_running_loop()
@@ -126,11 +136,16 @@ class LaneFrameMaker(FrameMaker):
 
     def _begin_all(self) -> None:
         self._is_scheduled = False
-        while self._lanes is not None and self._lanes.free and self._on_host < self._most_on_host:
+        while self._lanes is not None and self._may_begin(self._lanes):
             work = self.queue.take()
             if work is None:
                 return
             self._begin(self._lanes, work)
+
+    def _may_begin(self, lanes: Lanes) -> bool:
+        if not lanes.free or self._on_host >= self._most_on_host:
+            return False
+        return lanes.busy < ENOUGH_LANES or self._begun_s < MOST_BEGUN_S
 
     def _begin(self, lanes: Lanes, work: Work) -> None:
         request = work.request
@@ -142,6 +157,8 @@ class LaneFrameMaker(FrameMaker):
             lanes.begin(job, partial(self._fetched, work))
         except Exception as error:
             self._failed("Rendering", work, error)
+        else:
+            self._begun_s += work.expected
 
     def _collect(self) -> None:
         try:
@@ -151,6 +168,7 @@ class LaneFrameMaker(FrameMaker):
             self._begin_all()
 
     def _fetched(self, work: Work, image: FetchedImage | Exception) -> None:
+        self._begun_s -= work.expected
         if isinstance(image, Exception):
             self._failed("Rendering", work, image)
         elif image.format == "jpeg":

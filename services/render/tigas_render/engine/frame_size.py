@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Final
 
 from tigas_common.errors import InvalidRequest
+from tigas_common.pose import Intrinsics
 from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE
 from tigas_common.wire.render import RenderRequest, Rung
 from tigas_render.raster.base import Camera
@@ -27,6 +28,14 @@ class FrameSize:
     """Columns at the left, and as many at the right."""
     margin_y: int
     """Rows at the top, and as many at the bottom."""
+    width: int = field(init=False, compare=False)
+    height: int = field(init=False, compare=False)
+    pixels: int = field(init=False, compare=False)
+
+    def __post_init__(self) -> None:
+        width, height = self.inner_width + 2 * self.margin_x, self.inner_height + 2 * self.margin_y
+        for name, value in (("width", width), ("height", height), ("pixels", width * height)):
+            object.__setattr__(self, name, value)
 
     @classmethod
     def of(cls, request: RenderRequest, ladder: tuple[Rung, ...]) -> FrameSize:
@@ -34,32 +43,28 @@ class FrameSize:
         rung = None if request.profile is None else ladder[request.profile]
         return _sized(request.width, request.height, rung, request.overscan, request.video is not None)
 
-    @property
-    def width(self) -> int:
-        return self.inner_width + 2 * self.margin_x
-
-    @property
-    def height(self) -> int:
-        return self.inner_height + 2 * self.margin_y
-
-    @property
-    def pixels(self) -> int:
-        return self.width * self.height
-
     def camera(self, request: RenderRequest, background: tuple[float, float, float]) -> Camera:
         """The request's view. Margins extend it without changing its centre."""
-        # scale from the frame to the viewport; one number, since both sides differ by rounding only
-        enlarged = math.sqrt(request.width * request.height / (self.inner_width * self.inner_height))
-        return Camera(
-            request.pose,
-            request.intrinsics.resized(self.inner_width, self.inner_height).widened(self.margin_x, self.margin_y),
-            background,
-            max(1.0, request.display_scale * enlarged),
-            (self.margin_x, self.margin_y),
-        )
+        lens = request.fx, request.fy, request.cx, request.cy, request.width, request.height
+        intrinsics, enlarged = _lens(self, *lens)
+        scale = max(1.0, request.display_scale * enlarged)
+        return Camera(request.pose, intrinsics, background, scale, (self.margin_x, self.margin_y))
 
 
-@lru_cache(maxsize=1024)  # a viewer asks for one size, or a few, thousands of times
+@lru_cache(maxsize=1024)  # a viewer asks with one lens, or a few, thousands of times
+def _lens(
+    size: FrameSize, fx: float, fy: float, cx: float, cy: float, width: int, height: int
+) -> tuple[Intrinsics, float]:
+    """A frame's intrinsics, and the scale from it to the viewport: one number, as both sides differ by rounding only.
+
+    The other arguments are the viewport's intrinsics.
+    """
+    of_viewport = Intrinsics(fx, fy, cx, cy, width, height)
+    intrinsics = of_viewport.resized(size.inner_width, size.inner_height).widened(size.margin_x, size.margin_y)
+    return intrinsics, math.sqrt(width * height / (size.inner_width * size.inner_height))
+
+
+@lru_cache(maxsize=1024)  # as well
 def _sized(width: int, height: int, rung: Rung | None, overscan: float, is_video: bool) -> FrameSize:
     if rung is not None:
         width, height = rung.size_for(width, height)

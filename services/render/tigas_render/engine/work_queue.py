@@ -226,11 +226,12 @@ class WorkQueue:
     def _check(self, work: Work) -> None:
         """Raises DeadlineExceeded and Overloaded if a frame is not to be rendered now."""
         request, now = work.request, self._clock()
-        try:
-            work.check_deadline(now + self._costs.at_least(request.scene, request.format, work.size.pixels))
-        except DeadlineExceeded:
-            self._costs.doubt(request.scene, request.format)
-            raise
+        if request.deadline_ms is not None:
+            try:
+                work.check_deadline(now + self._costs.at_least(request.scene, request.format, work.size.pixels))
+            except DeadlineExceeded:
+                self._costs.doubt(request.scene, request.format)
+                raise
         client = work.client
         others_wait = self._schedule.others_wait(client)
         self._large_frames.check(client, request, work.size, now, others_wait=others_wait)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
@@ -201,17 +202,15 @@ def depth_size(width: int, height: int) -> tuple[int, int]:
 
 def coarse(camera: Camera) -> Camera:
     """The same view in the pixels of its map of depth, drawn as a picture that is shown as large as the camera's."""
-    k = camera.intrinsics
+    intrinsics, scale, margins = _coarse(camera.intrinsics, camera.margins)
+    return Camera(camera.pose, intrinsics, (0.0, 0.0, 0.0), camera.display_scale * scale, margins)
+
+
+@lru_cache(maxsize=1024)  # a viewer has one lens, or a few, for thousands of frames
+def _coarse(k: Intrinsics, margins: tuple[int, int]) -> tuple[Intrinsics, float, tuple[int, int]]:
     columns, rows = depth_size(k.width, k.height)
     scale = math.sqrt(k.width * k.height / (columns * rows))
-    margin_x, margin_y = (round(margin / scale) for margin in camera.margins)
-    return replace(
-        camera,
-        intrinsics=k.resized(columns, rows),
-        background=(0.0, 0.0, 0.0),
-        display_scale=camera.display_scale * scale,
-        margins=(margin_x, margin_y),
-    )
+    return k.resized(columns, rows), scale, (round(margins[0] / scale), round(margins[1] / scale))
 
 
 def inverse_depth(means: NDArray[np.float32]) -> Depth:

@@ -8,8 +8,8 @@ a frame's time (docs/results/2026-11-gpu.md); a sequence releases it once.
 from __future__ import annotations
 
 import ctypes
-import itertools
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -44,21 +44,19 @@ class Call:
     arguments: tuple[int, ...]
     error: type[CallError] = CallError
     """The exception for a status other than 0."""
+    kept: object = None
+    """Memory that an argument points to, if nothing else keeps it."""
 
 
 class Calls:
     """A prepared sequence of calls, made by a single entry into C."""
 
     def __init__(self, *calls: Call) -> None:
-        self._calls = calls  # keeps the functions alive
+        self._calls = calls  # keeps the functions and their memory alive
         self.table = np.zeros((len(calls), 1 + MOST_ARGUMENTS), np.int64)
         """A row per call, the function's address and its arguments, for `make_calls`."""
         for row, call in zip(self.table, calls, strict=True):
             row[: 1 + len(call.arguments)] = [_address(call.function), *call.arguments]
-
-    def replace(self, call: int, argument: int, *values: int) -> None:
-        """Replace arguments of a call, starting at one of them; both count from 0."""
-        self.table[call, 1 + argument : 1 + argument + len(values)] = values
 
     def make(self) -> None:
         """Make the calls up to the first failure, and raise its error."""
@@ -127,18 +125,20 @@ def _serve(read, write, orders, done, bit, counter, table, state):  # type: igno
             return
 
 
-class Stopwatch:
-    """Measures the time between C calls by further calls."""
+class FrameCalls(Calls):
+    """The calls of a frame, prepared once for many frames, one at a time, with readings of the clock between them."""
 
-    def __init__(self, readings: int) -> None:
-        self._times = np.zeros((readings, 2), np.int64)
-        """Seconds and nanoseconds: struct timespec."""
-        self.readings = tuple(
-            Calls(Call(_libc.clock_gettime, (time.CLOCK_MONOTONIC, row.ctypes.data))) for row in self._times
+    def __init__(self, draw: Sequence[Call], fetch: Sequence[Call]) -> None:
+        """draw, fetch: calls that draw the frame, and that encode it, copy it to the host and wait."""
+        self._times = np.zeros((3, 2), np.int64)
+        """Seconds and nanoseconds, struct timespec, at the beginning, after drawing and at the end."""
+        began, drawn, ended = (
+            Call(_libc.clock_gettime, (time.CLOCK_MONOTONIC, row.ctypes.data)) for row in self._times
         )
-        """Calls that record the current time."""
+        self.draw, self.fetch = tuple(draw), tuple(fetch)
+        super().__init__(began, *self.draw, drawn, *self.fetch, ended)
 
-    def seconds(self) -> list[float]:
-        """Seconds from each reading to the next."""
-        times = [seconds + 1e-9 * nanoseconds for seconds, nanoseconds in self._times.tolist()]
-        return [later - earlier for earlier, later in itertools.pairwise(times)]
+    def seconds(self) -> tuple[float, float]:
+        """How long the last frame took to draw, and to encode and fetch."""
+        (began, began_ns), (drawn, drawn_ns), (ended, ended_ns) = self._times.tolist()
+        return drawn - began + 1e-9 * (drawn_ns - began_ns), ended - drawn + 1e-9 * (ended_ns - drawn_ns)

@@ -16,7 +16,7 @@ from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.images import encode_jpeg, encode_yuv420p
 from tigas_render.gaussians import Batches
 from tigas_render.raster.base import Camera, PreparedScene
-from tigas_render.raster.calls import Call, Calls
+from tigas_render.raster.calls import Call, FrameCalls
 from tigas_render.raster.lanes import FetchedImage, Job, LaneRasterizer
 
 NAME = "instant"
@@ -43,10 +43,11 @@ class InstantJob(Job):
     format: FrameFormat
     quality: int
     jpeg_bytes: int
-    delay: Calls
+    delay: FrameCalls
+    free: list[FrameCalls]
 
-    def calls(self) -> tuple[tuple[Calls], tuple[()]]:
-        return (self.delay,), ()
+    def calls(self) -> FrameCalls:
+        return self.delay
 
     def fetched(self) -> FetchedImage:
         if self.format == "jpeg":
@@ -55,6 +56,9 @@ class InstantJob(Job):
             pixels = np.full((self.height, self.width, 3), GREY, np.uint8)
             content = pixels.tobytes() if self.format == "png" else encode_yuv420p(pixels)
         return FetchedImage(self.width, self.height, self.format, self.quality, content)
+
+    def close(self, *, failed: bool) -> None:
+        self.free.append(self.delay)
 
 
 class InstantRasterizer(LaneRasterizer):
@@ -66,7 +70,8 @@ class InstantRasterizer(LaneRasterizer):
     def __init__(self, size: int = DEFAULT_BYTES, frames_per_s: int | None = None) -> None:
         """size: bytes of every JPEG; frames_per_s: upper limit, None for unlimited."""
         self._size = size
-        self._delay = Calls(Call(_libc.usleep, (round(1e6 / frames_per_s) if frames_per_s else 0,)))
+        self._delay = Call(_libc.usleep, (round(1e6 / frames_per_s) if frames_per_s else 0,))
+        self._free: list[FrameCalls] = []
         self.frames_in_flight = 1 if frames_per_s else 6  # as many as CUDA's
 
     def pack(self, scene: Batches) -> PreparedScene:
@@ -76,7 +81,11 @@ class InstantRasterizer(LaneRasterizer):
 
     def job(self, scene: PreparedScene, camera: Camera, format: FrameFormat, quality: int, *, depth: bool) -> Job:
         k = camera.intrinsics
-        return InstantJob(k.width, k.height, format, quality, self._size, self._delay)
+        try:
+            delay = self._free.pop()
+        except IndexError:
+            delay = FrameCalls((self._delay,), ())
+        return InstantJob(k.width, k.height, format, quality, self._size, delay, self._free)
 
 
 @functools.lru_cache(64)

@@ -7,7 +7,6 @@ launches, encoding and readback acquires the GIL five times a frame (docs/result
 
 from __future__ import annotations
 
-import itertools
 import logging
 import os
 import signal
@@ -31,8 +30,7 @@ from tigas_render.raster.calls import (
     MOST_CALLS,
     ROWS,
     STATUS,
-    Calls,
-    Stopwatch,
+    FrameCalls,
     serve,
 )
 
@@ -73,8 +71,8 @@ class Job(ABC):
     """One frame as C calls, with the device's resources that it holds until it is closed."""
 
     @abstractmethod
-    def calls(self) -> tuple[tuple[Calls, ...], tuple[Calls, ...]]:
-        """The calls of one attempt: drawing calls; and calls that encode, copy to the host and wait."""
+    def calls(self) -> FrameCalls:
+        """The calls of one attempt. No other job has them until this one is closed."""
 
     @abstractmethod
     def fetched(self) -> FetchedImage | None:
@@ -94,8 +92,7 @@ class Job(ABC):
             with self.explained():
                 image = None
                 while image is None:
-                    for calls in itertools.chain(*self.calls()):
-                        calls.make()
+                    self.calls().make()
                     image = self.fetched()
             failed = False
             return image
@@ -136,8 +133,8 @@ class _Lane:
     def __init__(self, bit: int, done: int, enter: Callable[[], None]) -> None:
         self.bit = bit
         self.order = os.eventfd(0, os.EFD_CLOEXEC)
-        self.watch = Stopwatch(3)
-        self._calls: tuple[Calls, ...] = ()
+        self.calls: FrameCalls
+        """Of the last job."""
         self._table = np.zeros((MOST_CALLS, 1 + MOST_ARGUMENTS), np.int64)
         self._state = np.zeros(4, np.int64)
         self.thread = threading.Thread(target=self._run, args=(done, enter), name=f"lane {bit}", daemon=True)
@@ -147,23 +144,18 @@ class _Lane:
         """Execute the job's calls in order, until one fails. Raises RuntimeError after `end`."""
         if self._state[IS_LAST]:
             raise RuntimeError("the lanes have ended")
-        began, drawn, done = self.watch.readings
         with job.explained():
-            draw, fetch = job.calls()
-        self._calls = (began, *draw, drawn, *fetch, done)
-        rows = np.concatenate([calls.table for calls in self._calls])
+            self.calls = job.calls()
+        rows = self.calls.table
         self._table[: len(rows)] = rows
         self._state[ROWS] = len(rows)
         os.eventfd_write(self.order, 1)
 
     def check(self) -> None:
         """Raise the error of the call that failed, if one did."""
-        failed, status = int(self._state[FAILED]), int(self._state[STATUS])
+        status = int(self._state[STATUS])
         if status:
-            for calls in self._calls:
-                if failed < len(calls.table):
-                    raise calls.error(failed, status)
-                failed -= len(calls.table)
+            raise self.calls.error(int(self._state[FAILED]), status)
 
     def end(self) -> None:
         """Exit after the present job and its report."""
@@ -190,6 +182,11 @@ class Lanes:
     def free(self) -> int:
         """The number of idle lanes."""
         return len(self._free)
+
+    @property
+    def busy(self) -> int:
+        """The number of lanes with a frame."""
+        return len(self._jobs)
 
     def fileno(self) -> int:
         """A descriptor that is readable when there is something to `collect`."""
@@ -232,7 +229,7 @@ class Lanes:
                     lane.begin(job)
                     return None
             failed = False
-            image.rendering, image.encoding = lane.watch.seconds()
+            image.rendering, image.encoding = lane.calls.seconds()
             result: FetchedImage | Exception = image
         except Exception as error:
             result = error

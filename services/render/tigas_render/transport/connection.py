@@ -32,9 +32,10 @@ too coarse for round trips and pacing.
 class Connections:
     """All connections of a server, by connection id and by address."""
 
-    def __init__(self, send: Callable[[list[Datagram]], None]) -> None:
-        """send: puts datagrams for one address on the network."""
+    def __init__(self, send: Callable[[list[Datagram]], None], counted: Callable[[int], None]) -> None:
+        """send: puts datagrams for one address on the network; counted: called with each new number of connections."""
         self.send = send
+        self._counted = counted
         self._cids: dict[Connection, set[bytes]] = {}
         """The connection ids that the client of each connection may use."""
         self.by_cid: dict[bytes, Connection] = {}
@@ -58,6 +59,7 @@ class Connections:
         self.handshaking.add(connection)
         self.usage[connection.usage.address] = connection.usage
         connection.usage.connections += 1
+        self._counted(len(self._cids))
 
     def issued(self, connection: Connection, cid: bytes) -> None:
         """The client may use this connection id from now on."""
@@ -77,6 +79,7 @@ class Connections:
             return
         for cid in self._cids.pop(connection):
             self.by_cid.pop(cid, None)
+        self._counted(len(self._cids))
         connection.usage.connections -= 1
         if not connection.usage.connections:
             del self.usage[connection.usage.address]

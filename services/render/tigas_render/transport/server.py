@@ -30,7 +30,7 @@ from tigas_render.transport.connection import Connection, Connections
 from tigas_render.transport.frames import SessionFactory
 from tigas_render.transport.inbox import Inbox, Received
 from tigas_render.transport.routing import Router, Service
-from tigas_render.transport.shared_port import LONG_HEADER, Share
+from tigas_render.transport.shared_port import LONG_HEADER, Edge, Share
 from tigas_render.transport.stateless import Retries, StatelessResets, refusal
 from tigas_render.transport.udp import Address, Datagram, UdpEndpoint, bind_all
 
@@ -78,7 +78,7 @@ class Http3Server:
         self._retries = Retries(self._share.retry_key)
         self._reset_key = reset_key or os.urandom(32)
         self._relay = self._share.relay
-        self._connections = Connections(self._send)
+        self._connections = Connections(self._send, self._counted)
         self._admission = ConnectionAdmission(self._limits, self._load)
         self._inbox = Inbox()
         self._next_turns: asyncio.Handle | None = None
@@ -156,6 +156,10 @@ class Http3Server:
             max_datagram_frame_size=65_536,
             max_stream_data=self._limits.stream_window,
         )
+
+    def _counted(self, connections: int) -> None:
+        if self._share.counts is not None:
+            self._share.counts.update(connections)
 
     def _send(self, datagrams: list[Datagram]) -> None:
         if datagrams and (endpoint := self._endpoints.get(len(datagrams[0][1]))) is not None:
@@ -235,8 +239,10 @@ class Http3Server:
             if validated is None:
                 return None
             original, retry_source = validated, header.destination_cid
-        elif self._must_prove_address(usage):
-            return self._retries.packet(header, address, now)
+        else:
+            emptier = self._emptier_edge()
+            if emptier is not None or self._must_prove_address(usage):
+                return self._retries.packet(header, address, now, emptier)
         if not self._admission.may_begin(network, now):
             return None
         if (reason := self._admission.refusal(usage, len(self._connections), now)) is not None:
@@ -256,6 +262,12 @@ class Http3Server:
         connection = Connection(quic, self._connections, usage, make_router, self._limits.handshake_timeout)
         self._connections.add(connection, header.destination_cid, quic.host_cid)
         return connection
+
+    def _emptier_edge(self) -> Edge | None:
+        """The edge that new clients are sent to, if it is not this one."""
+        share = self._share
+        number = None if share.counts is None else share.counts.emptier()
+        return None if number is None else Edge(number, share.edge.of)
 
     def _must_prove_address(self, usage: Usage) -> bool:
         handshaking = self._connections.handshaking

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 
 from aioquic.tls import SessionTicket
 
+from tigas_render.transport.edge_counts import EdgeCounts
 from tigas_render.transport.udp import Address
 
 logger = logging.getLogger(__name__)
@@ -175,5 +176,7 @@ class Share:
     """The same for all edges, so that each takes the others' tokens."""
     tickets: TicketStore = field(default_factory=TicketStore)
     """Session tickets of all edges."""
+    counts: EdgeCounts | None = None
+    """Connections of all edges; None: new clients stay where they come."""
     relay: Relay | None = None
     """Where the kernel does not bring each datagram to the edge that it is for."""

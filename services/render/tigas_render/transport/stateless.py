@@ -14,6 +14,7 @@ from aioquic.quic.packet_builder import QuicPacketBuilder
 from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import AESGCM
 
+from tigas_render.transport.shared_port import Edge
 from tigas_render.transport.udp import Address
 
 RETRY_TOKEN_S = 10.0
@@ -41,9 +42,11 @@ class Retries:
         """key: of RETRY_KEY_LENGTH bytes; a new one by default."""
         self._aead = AESGCM(key or os.urandom(RETRY_KEY_LENGTH))
 
-    def packet(self, header: QuicHeader, address: Address, now: float) -> bytes:
-        """The answer to the first packet with this header."""
+    def packet(self, header: QuicHeader, address: Address, now: float, edge: Edge | None = None) -> bytes:
+        """The answer to the first packet with this header. edge: where the client is to come next; None: anywhere."""
         source_cid = os.urandom(RETRY_CID_LENGTH)
+        if edge is not None:
+            source_cid = edge.named(source_cid)
         return encode_quic_retry(
             version=header.version or 0,
             source_cid=source_cid,

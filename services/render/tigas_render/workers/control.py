@@ -68,12 +68,14 @@ class EngineStart(_Start):
 
 
 class EdgeStart(_Start):
-    """The start of an edge. Sockets are file descriptors that it inherits."""
+    """The start of an edge. Sockets and memory are file descriptors that it inherits."""
 
     kind: Literal["edge"] = "edge"
     http: int
     https: int | None
     quic: tuple[int, ...]
+    counts: int
+    """The memory of the edges' numbers of connections."""
     relay: int | None
     """The inbox for datagrams that other edges pass on, if the kernel cannot steer them."""
     relays: tuple[int, ...]

@@ -16,6 +16,7 @@ from tigas_render.server.certificates import CertificateKeeper
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.certificate import Certificate
+from tigas_render.transport.edge_counts import counts_file
 from tigas_render.transport.shared_port import TicketStore
 from tigas_render.transport.stateless import RETRY_KEY_LENGTH
 from tigas_render.workers.control import (
@@ -47,10 +48,11 @@ async def supervise(settings: RenderSettings, devices: tuple[str, ...], edges: i
     keep_together()
     with (
         PublicSockets.bound(settings, edges) as sockets,
+        counts_file(edges) as counts,
         locked_directory(Path(tempfile.gettempdir()), DIRECTORY) as directory,
     ):
         async with CertificateKeeper.running(settings) as keeper:
-            await Supervisor(settings, devices, edges, sockets, directory, keeper).run()
+            await Supervisor(settings, devices, edges, sockets, counts, directory, keeper).run()
 
 
 class Supervisor:
@@ -62,14 +64,16 @@ class Supervisor:
         devices: tuple[str, ...],
         edges: int,
         sockets: PublicSockets,
+        counts: int,
         directory: Path,
         keeper: CertificateKeeper,
     ) -> None:
-        """directory: for the engines' sockets, as of EngineStart."""
+        """counts: from `counts_file`; directory: for the engines' sockets, as of EngineStart."""
         self._settings = settings
         self._devices = devices
         self._names = names(devices)
         self._sockets = sockets
+        self._counts = counts
         self._directory = directory
         self._reset_key = kept_key(settings.cache / "stateless-reset.key")
         self._retry_key = os.urandom(RETRY_KEY_LENGTH)
@@ -81,7 +85,7 @@ class Supervisor:
         self._engines = [self._engine(number, edges) for number in range(len(devices))]
         for engine in self._engines:
             engine.others = [other for other in self._engines if other is not engine]
-        self._standby = Standby(sockets.fds())
+        self._standby = Standby((*sockets.fds(), counts))
         self._edges = [self._edge(number, edges) for number in range(edges)]
         self._show(keeper.certificate)
         keeper.on_renewal(self._show)
@@ -169,6 +173,7 @@ class Supervisor:
                 http=public.http.fileno(),
                 https=None if public.https is None else public.https.fileno(),
                 quic=tuple(sock.fileno() for sock in public.quic[number]) if public.quic else (),
+                counts=self._counts,
                 relay=public.relays[number][0].fileno() if public.relays else None,
                 relays=tuple(outbox.fileno() for _, outbox in public.relays),
                 certificate=self._certificate,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import struct
 import sys
 import weakref
 from collections.abc import Callable, Iterator
@@ -18,11 +19,11 @@ from unittest.mock import patch
 import torch
 
 from tigas_render.raster import lanes  # noqa: F401 - with Numba, before modules are replaced
-from tigas_render.raster.cuda.parameters import LAYOUT
+from tigas_render.raster.cuda.parameters import SIZE
 
 USERS = tuple(f"tigas_render.raster.cuda.{name}" for name in ("nvidia", "rasterizer", "workspace"))
 """Our modules that import the replaced ones."""
-STATUS = 20
+STATUS = 8 * 20
 """Where in a frame's parameters the address is at which it leaves the entries that its lists needed."""
 
 
@@ -105,8 +106,8 @@ class FakeGpu:
 
     def draw(self) -> None:
         """The kernels of a frame after the first."""
-        parameters = LAYOUT.unpack_from((ctypes.c_char * LAYOUT.size).from_address(self._parameters))
-        ctypes.c_uint32.from_address(parameters[STATUS]).value = self.entries
+        (status,) = struct.unpack_from("=Q", (ctypes.c_char * SIZE).from_address(self._parameters), STATUS)
+        ctypes.c_uint32.from_address(status).value = self.entries
         self.frames += 1
 
     def synchronize(self) -> None:
@@ -219,6 +220,7 @@ def fake_gpu() -> Iterator[FakeGpu]:
             current_stream=lambda device: gpu,
             empty_cache=gpu.empty_cache,
             get_device_capability=lambda device: (9, 0),
+            get_device_properties=lambda device: SimpleNamespace(total_memory=12 << 30),
             set_device=lambda device: None,
             synchronize=lambda device: gpu.synchronize(),
         ),

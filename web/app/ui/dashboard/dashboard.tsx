@@ -3,20 +3,24 @@ import { useSignal } from "@preact/signals";
 import { RefreshCw, Search, Upload } from "lucide";
 import { useEffect, useRef } from "preact/hooks";
 import type { SceneInfo } from "#client/wire/render";
-import { config, refreshScenes, scenes, scenesError } from "../../state/app";
+import { config, refreshScenes, scenes, scenesError, settings } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
 import { added, addFiles, uploads } from "../../uploads/uploads";
 import { Icon } from "../icon";
 import { IconButton } from "../icon-button";
 import { InsecureHint } from "../insecure-hint";
+import { lazy } from "../lazy";
 import { TopBar } from "../top-bar";
 import { DropZone } from "./drop-zone";
-import { NoMatch, NoScenes } from "./empty";
 import { filterScenes } from "./filter";
 import { whatIsNew } from "./news";
-import { DeleteQuestion, RenameQuestion } from "./questions";
 import { SceneCard, SkeletonCard } from "./scene-card";
-import { UploadCard } from "./upload-card";
+
+const NoMatch = lazy(async () => (await import("./empty")).NoMatch);
+const NoScenes = lazy(async () => (await import("./empty")).NoScenes);
+const UploadCard = lazy(async () => (await import("./upload-card")).UploadCard, { quiet: true });
+const RenameQuestion = lazy(async () => (await import("./questions")).RenameQuestion);
+const DeleteQuestion = lazy(async () => (await import("./questions")).DeleteQuestion);
 
 /** How often the list is read again while a scene loads or the server is away, in milliseconds. */
 const REFRESH_EVERY = 1000;
@@ -42,7 +46,7 @@ export function Dashboard() {
       stale.current = false;
     }, REFRESH_EVERY);
     const focusSearch = (event: KeyboardEvent) => {
-      if (event.key !== "/" || event.target instanceof HTMLInputElement) return;
+      if (event.key !== "/" || event.target instanceof HTMLInputElement || !settings.peek().shortcuts) return;
       event.preventDefault();
       search.current?.focus();
     };

@@ -2,8 +2,9 @@
 
 import { FolderOpen } from "lucide";
 import { useRef } from "preact/hooks";
-import { MovementError, readMovementFile, writeMovement } from "#viewer/movement/movement";
+import { MovementError } from "#viewer/movement/movement";
 import { addFile, movements, type NamedMovement } from "#viewer/movement/movement-deck";
+import { readMovementFile, writeMovement } from "#viewer/movement/movement-file";
 import { clock } from "../format";
 import { Icon } from "../icon";
 import { useStoredMovements } from "../use-stored-movements";

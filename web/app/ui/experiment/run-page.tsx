@@ -73,6 +73,7 @@ function Performing({ id, store: base, shaper: shaperBase }: PerformingProps) {
     <>
       <div class="run-stage" ref={stage} inert hidden={ending?.value != null} />
       <main class="run-panel">
+        <h1 class="visually-hidden">Experiment</h1>
         {conductor.value && ending?.value === null && <ProgressPanel conductor={conductor.value} />}
         {ending?.value && <EndPanel id={id} store={new StoreApi(base)} ending={ending.value} attempt={attempt} />}
         {notices && notices.value.length > 0 && (

@@ -3,7 +3,7 @@ import { webgpuProblem } from "#viewer/enhance/device";
 import type { EnhancementStatus } from "#viewer/enhance/enhancement";
 import { KINDS } from "#viewer/enhance/model/enhancer";
 import type { ViewerSession } from "#viewer/session/session";
-import { milliseconds } from "./hud";
+import { milliseconds } from "../format";
 import { enhancementNote } from "./notes";
 import { SceneTraining } from "./scene-training";
 import { Choice } from "./setting";

@@ -3,6 +3,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Dialog } from "../dialog";
 import { EXPLANATIONS } from "./explanations";
+import { Toggle } from "./setting";
 import { actionOf } from "./use-shortcuts";
 
 const MOVES: readonly (readonly [string, readonly string[]])[] = [
@@ -19,7 +20,7 @@ const MOVES: readonly (readonly [string, readonly string[]])[] = [
   ["Next mode", ["KeyM"]],
   ["Measurements", ["KeyI"]],
   ["Experiment", ["KeyX"]],
-  ["Settings", ["KeyP"]],
+  ["Lab", ["KeyP"]],
   ["Fullscreen", ["KeyF"]],
   ["This help", ["KeyH"]],
 ];
@@ -69,16 +70,27 @@ export function HelpDialog({ onClose }: { onClose: () => void }) {
             </div>
           ))}
         </dl>
-        <dl class="meanings">
-          {[...POINTERS, ...NUMBERS].map(([what, meaning]) => (
-            <div key={what}>
-              <dt>{what}</dt>
-              <dd>{meaning}</dd>
-            </div>
-          ))}
-        </dl>
+        <Toggle name="shortcuts" />
+        <Meanings of={POINTERS} />
+        <details>
+          <summary>Measurements in the lab</summary>
+          <Meanings of={NUMBERS} />
+        </details>
       </div>
     </Dialog>
+  );
+}
+
+function Meanings({ of }: { readonly of: readonly (readonly [string, string])[] }) {
+  return (
+    <dl class="meanings">
+      {of.map(([what, meaning]) => (
+        <div key={what}>
+          <dt>{what}</dt>
+          <dd>{meaning}</dd>
+        </div>
+      ))}
+    </dl>
   );
 }
 

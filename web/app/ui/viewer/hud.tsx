@@ -1,32 +1,26 @@
 /** Measurements over the stage. The numbers carry `data-stat`, so that scripts and tests can read them. */
 
-import { ChevronDown, ChevronUp } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { EnhancementStatus } from "#viewer/enhance/enhancement";
 import type { ViewerSession } from "#viewer/session/session";
 import type { Source } from "#viewer/sources/source";
 import { SETTINGS } from "#viewer/state/settings";
 import type { Stats } from "#viewer/stateless/stats";
-import { changeSettings, ladder, settings } from "../../state/app";
-import { bitrate, bytes } from "../format";
-import { Icon } from "../icon";
+import { ladder } from "../../state/app";
+import { bitrate, bytes, milliseconds, NONE } from "../format";
+import { DetailsButton } from "./details-button";
 import { EXPLANATIONS, type Explained } from "./explanations";
 import { enhancementNote, Notes, serverNote } from "./notes";
-
-const NONE = "–";
 
 interface HudProps {
   readonly session: ViewerSession;
   readonly source: Source;
   readonly stats: Stats;
-  /** Whether all figures are shown unless the person chose otherwise. */
-  readonly detailed: boolean;
   /** Problem with the link that opened this view. */
   readonly linkNote?: string | null;
 }
 
-export function Hud({ session, source, stats, detailed, linkNote }: HudProps) {
-  const details = settings.value.hudDetails ?? detailed;
+export function Hud({ session, source, stats, linkNote }: HudProps) {
   const enhancement = source.enhancement?.status.value ?? { kind: "off" };
   const { fallback, host } = session.connected.value ?? {};
   return (
@@ -43,9 +37,9 @@ export function Hud({ session, source, stats, detailed, linkNote }: HudProps) {
         {stats.turned && (
           <Figure name="content-age" label="content age" value={milliseconds(stats.contentAge)} unit="ms" />
         )}
-        <DetailsButton details={details} />
+        <DetailsButton details />
       </div>
-      {details && <Details stats={stats} enhancement={enhancement} />}
+      <Details stats={stats} enhancement={enhancement} />
       <p class="hud-transport" title={EXPLANATIONS.transport}>
         <span class="dot" data-transport={stats.transport ?? "none"} />
         <span data-stat="transport">
@@ -66,7 +60,7 @@ export function Hud({ session, source, stats, detailed, linkNote }: HudProps) {
         {session.silent.value && <span data-stat="silence"> – no answer, asking again…</span>}
       </p>
       <Notes
-        most={details ? 2 : 1}
+        most={2}
         of={{
           "link-note": linkNote ?? null,
           "reprojection-note": session.unturned.value,
@@ -75,22 +69,6 @@ export function Hud({ session, source, stats, detailed, linkNote }: HudProps) {
         }}
       />
     </section>
-  );
-}
-
-export function DetailsButton({ details }: { details: boolean }) {
-  const label = details ? "Fewer measurements" : "More measurements";
-  return (
-    <button
-      type="button"
-      class="icon-button"
-      aria-expanded={details}
-      aria-label={label}
-      title={label}
-      onClick={() => changeSettings({ hudDetails: !details })}
-    >
-      <Icon of={details ? ChevronDown : ChevronUp} />
-    </button>
   );
 }
 
@@ -216,10 +194,4 @@ function rate({ newViewsPerSecond, settled, shown }: Stats): string {
 /** While pictures are turned, it is not that of their pixels. */
 export function latencyName({ turned }: Pick<Stats, "turned">): string {
   return turned ? "view latency" : "motion to photon";
-}
-
-/** Without the unit. */
-export function milliseconds(value: number | null | undefined): string {
-  if (value === null || value === undefined) return NONE;
-  return value < 10 ? value.toFixed(1) : String(Math.round(value));
 }

@@ -44,7 +44,7 @@ test.each([
   [{ kind: "lost", message: "The download was cut off." } as const, "The download was cut off. Trying again…"],
   [{ kind: "failed", message: "This scene is too large." } as const, "This scene is too large."],
   [{ kind: "playing" } as const, ""],
-  [null, "This server does not offer the scene for download; see Settings, Mode."],
+  [null, "This server does not offer the scene for download; see Lab, Mode."],
 ])("the stage says how a download stands: %j", (phase, said) => {
   changeSettings({ mode: "local" });
   const session = fakeSession();

@@ -1,9 +1,7 @@
 /** Additional figures of a download: its progress and the rendered part. */
 import type { LocalStats } from "#viewer/local/local-player";
-import { bytes } from "../format";
+import { bytes, NONE } from "../format";
 import { Row } from "./hud";
-
-const NONE = "–";
 
 export function LocalRows({ stats }: { stats: LocalStats }) {
   const { received, total, drawn, gaussians, firstPictureMs, completeMs, backend } = stats;

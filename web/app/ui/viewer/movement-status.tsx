@@ -7,7 +7,6 @@ import { changeSettings } from "../../state/app";
 import { clock } from "../format";
 import { Icon } from "../icon";
 import { IconButton } from "../icon-button";
-import { openFile } from "./movement-trace";
 
 export function MovementStatus({ deck }: { deck: MovementDeck }) {
   useEscape(deck);
@@ -69,7 +68,7 @@ function useDrop(deck: MovementDeck): void {
         if (!hasFile(event) || !file) return;
         event.preventDefault(); // the browser would show the file instead of the page
         changeSettings({ sidebar: true });
-        void openFile(deck, file);
+        void import("./movement-trace").then(({ openFile }) => openFile(deck, file));
       },
       { signal },
     );

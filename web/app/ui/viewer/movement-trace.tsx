@@ -3,7 +3,6 @@ import { useSignal } from "@preact/signals";
 import { Circle, Download, FolderOpen, Pause, Play, Square } from "lucide";
 import { useRef } from "preact/hooks";
 import type { SceneInfo } from "#client/wire/render";
-import { readMovementFile, writeMovement } from "#viewer/movement/movement";
 import {
   addFile,
   type MovementDeck,
@@ -12,6 +11,7 @@ import {
   type NamedMovement,
   unsaved,
 } from "#viewer/movement/movement-deck";
+import { readMovementFile, writeMovement } from "#viewer/movement/movement-file";
 import { fetchMovement, type ListedMovement } from "#viewer/movement/stored-movements";
 import { config } from "../../state/app";
 import { clock } from "../format";

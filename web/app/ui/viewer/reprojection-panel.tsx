@@ -3,8 +3,8 @@ import { turning } from "#viewer/reproject/acceleration";
 import type { ViewerSession } from "#viewer/session/session";
 import { applies } from "#viewer/sources/sides";
 import { settings } from "../../state/app";
+import { milliseconds } from "../format";
 import { OverscanOptions, overscanOf } from "../overscans";
-import { milliseconds } from "./hud";
 import { Choice, Toggle } from "./setting";
 
 export function ReprojectionPanel({ session }: { session: ViewerSession }) {

@@ -116,10 +116,18 @@ export function Segments({ name }: { name: ChoiceName }) {
   );
 }
 
-export function SegmentList({ name, label, children }: { name: string; label: string; children: ComponentChildren }) {
+interface SegmentListProps {
+  readonly name: string;
+  readonly label: string;
+  /** Whether the label is shown; else a heading already says it. */
+  readonly headed?: boolean;
+  readonly children: ComponentChildren;
+}
+
+export function SegmentList({ name, label, headed, children }: SegmentListProps) {
   return (
     <fieldset class="segments" data-choice={name}>
-      <legend class="visually-hidden">{label}</legend>
+      <legend class={headed ? "segments-name" : "visually-hidden"}>{label}</legend>
       {children}
     </fieldset>
   );

@@ -7,23 +7,21 @@ import type { Source } from "#viewer/sources/source";
 import type { Place } from "#viewer/state/settings";
 import { NO_FIGURES } from "#viewer/view/meter";
 import { ladder, settings } from "../../state/app";
-import { bitrate, bytes } from "../format";
+import { bitrate, bytes, NONE } from "../format";
+import { DetailsButton } from "./details-button";
 import { EXPLANATIONS } from "./explanations";
-import { DetailsButton, EnhancementRow, latencyName, ReprojectionRow, Row } from "./hud";
+import { EnhancementRow, latencyName, ReprojectionRow, Row } from "./hud";
 import { LocalRows } from "./local-rows";
 import { enhancementNote, Notes } from "./notes";
 import { useLimits } from "./use-limits";
 
-const NONE = "–";
-
-export function SideFigures({ session, detailed }: { session: ViewerSession; detailed: boolean }) {
-  const details = settings.value.hudDetails ?? detailed;
+export function SideFigures({ session }: { session: ViewerSession }) {
   const [left, right] = sideTitles(settings.value);
   return (
     <div class="sides">
-      <SideHud place="left" title={left ?? ""} side={session.left} session={session} details={details} />
+      <SideHud place="left" title={left ?? ""} side={session.left} session={session} />
       {session.right.value && (
-        <SideHud place="right" title={right ?? ""} side={session.right.value} session={session} details={details} />
+        <SideHud place="right" title={right ?? ""} side={session.right.value} session={session} />
       )}
     </div>
   );
@@ -34,10 +32,9 @@ interface HudProps {
   readonly title: string;
   readonly side: Side;
   readonly session: ViewerSession;
-  readonly details: boolean;
 }
 
-function SideHud({ place, title, side, session, details }: HudProps) {
+function SideHud({ place, title, side, session }: HudProps) {
   const figures = side.figures ?? NO_FIGURES;
   const { motionToPhoton, newViewsPerSecond, bandwidth, stalls, picture } = figures;
   const rung = picture?.rung == null ? undefined : ladder.value[picture.rung];
@@ -53,42 +50,40 @@ function SideHud({ place, title, side, session, details }: HudProps) {
             <i class="swatch" data-tone={place} />
             {title}
           </h2>
-          <DetailsButton details={details} />
+          <DetailsButton details />
         </div>
         <p class="figure" title={EXPLANATIONS[figures.turned ? "view-latency" : "motion-to-photon"]}>
           <strong data-stat="motion-to-photon">{milliseconds(motionToPhoton?.p50)}</strong>
           <span class="muted">{latencyName(figures)}</span>
         </p>
-        {details && (
-          <dl class="hud-details">
-            <Row name="motion-to-photon-p95" label="p95">
-              {milliseconds(motionToPhoton?.p95)}
+        <dl class="hud-details">
+          <Row name="motion-to-photon-p95" label="p95">
+            {milliseconds(motionToPhoton?.p95)}
+          </Row>
+          {figures.turned && (
+            <Row name="content-age" label="Content age">
+              {milliseconds(figures.contentAge)}
             </Row>
-            {figures.turned && (
-              <Row name="content-age" label="Content age">
-                {milliseconds(figures.contentAge)}
-              </Row>
-            )}
-            <Row name="new-views" label="New views/s">
-              {Math.round(newViewsPerSecond)}
-            </Row>
-            <Row name="bandwidth" label="Bandwidth">
-              {bitrate(bandwidth)}
-            </Row>
-            <Row name="received" label="Received">
-              {bytes(figures.bytes)}
-            </Row>
-            <Row name="resolution" label={rung?.name ?? "Resolution"}>
-              {picture ? `${picture.width} × ${picture.height}` : NONE}
-            </Row>
-            <Row name="stalls" label="Stalls">
-              {stalls.count === 0 ? "none" : `${stalls.count}, ${(stalls.time / 1000).toFixed(1)} s`}
-            </Row>
-            {source && <SourceRows source={source} />}
-          </dl>
-        )}
+          )}
+          <Row name="new-views" label="New views/s">
+            {Math.round(newViewsPerSecond)}
+          </Row>
+          <Row name="bandwidth" label="Bandwidth">
+            {bitrate(bandwidth)}
+          </Row>
+          <Row name="received" label="Received">
+            {bytes(figures.bytes)}
+          </Row>
+          <Row name="resolution" label={rung?.name ?? "Resolution"}>
+            {picture ? `${picture.width} × ${picture.height}` : NONE}
+          </Row>
+          <Row name="stalls" label="Stalls">
+            {stalls.count === 0 ? "none" : `${stalls.count}, ${(stalls.time / 1000).toFixed(1)} s`}
+          </Row>
+          {source && <SourceRows source={source} />}
+        </dl>
         <Notes
-          most={details ? 2 : 1}
+          most={2}
           of={{
             "reprojection-note": side.unturned.value,
             "enhancement-note": enhancement ? enhancementNote(enhancement) : null,

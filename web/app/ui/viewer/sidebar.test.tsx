@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { cleanup, render, screen, within } from "@testing-library/preact";
 import userEvent from "@testing-library/user-event";
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { afterEach, beforeAll, beforeEach, expect, test, vi } from "vitest";
 import { turning } from "#viewer/reproject/acceleration";
 import { serverConfig } from "#viewer/state/fake-server";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
@@ -14,8 +14,9 @@ vi.mock("../chart/live-plot", () => ({ plotLive: () => () => undefined }));
 vi.mock("../chart/distribution-plot", () => ({ plotDistribution: () => () => undefined }));
 
 let session: FakeSession;
-const onClose = vi.fn();
-const onReset = vi.fn();
+const actions = { sidebar: vi.fn(), reset: vi.fn(), hud: vi.fn(), experiment: vi.fn() };
+
+beforeAll(() => import("./panels")); // which takes a busy machine a while
 
 beforeEach(() => {
   turning.value = null;
@@ -28,15 +29,17 @@ beforeEach(() => {
 
 afterEach(cleanup);
 
-const show = () =>
-  render(<Sidebar session={asSession(session)} onClose={onClose} onReset={onReset} onSkip={() => undefined} />);
+const show = async () => {
+  render(<Sidebar session={asSession(session)} actions={actions} onSkip={() => undefined} />);
+  await screen.findByRole("heading", { name: "Lens" });
+};
 const section = (name: string) =>
   within(screen.getByRole("heading", { name, level: 3 }).closest("section") as HTMLElement);
 
 test("a controller that adapts shows the rung that it has chosen; a fixed profile is chosen by the person", async () => {
   const user = userEvent.setup();
   session.pictures.stats.value = { ...NO_STATS, frame: { bytes: 1, width: 640, height: 360, profile: 2 } };
-  show();
+  await show();
   const quality = section("Quality");
   expect(quality.getByRole("radio", { name: /Medium-Low/ })).toHaveProperty("checked", true);
   expect(quality.getByText("640 × 360")).toBeTruthy();
@@ -49,22 +52,22 @@ test("a controller that adapts shows the rung that it has chosen; a fixed profil
   expect(settings.value).toMatchObject({ refine: false, webp: false });
 });
 
-test("a rung that this server's ladder does not have is its last", () => {
+test("a rung that this server's ladder does not have is its last", async () => {
   settings.value = { ...DEFAULT_SETTINGS, controller: "fixed", profile: 9 };
-  show();
+  await show();
   expect(section("Quality").getByRole("radio", { name: /^Low/ })).toHaveProperty("checked", true);
 });
 
-test("a rung of a scene's own ladder is named once, with the size of its frames", () => {
+test("a rung of a scene's own ladder is named once, with the size of its frames", async () => {
   sceneLadder.value = [{ name: "480×270 q50", width: 480, height: 270, quality: 50, expected_kb: 11.4 }];
-  show();
+  await show();
   expect(section("Quality").getByRole("radio").closest("label")?.textContent).toBe("480×270 q50about 11 kB");
   expect(section("Quality").getAllByRole("radio")).toHaveLength(1);
 });
 
 test("how movement is met is chosen by keyboard, and what needs reprojection waits for it", async () => {
   const user = userEvent.setup();
-  show();
+  await show();
   const panel = section("Reprojection");
   const depth = panel.getByRole("checkbox", { name: "Use depth" });
   const overscan = panel.getByRole("combobox", { name: "Overscan" });
@@ -80,36 +83,36 @@ test("how movement is met is chosen by keyboard, and what needs reprojection wai
   expect(turning.value, "whoever switches it on insists on it").toBe("forced");
 });
 
-test("an overscan that an experiment set is offered, too", () => {
+test("an overscan that an experiment set is offered, too", async () => {
   settings.value = { ...DEFAULT_SETTINGS, overscan: 0.125 };
-  show();
+  await show();
   expect(section("Reprojection").getByRole("option", { name: "12.5 %" })).toHaveProperty("selected", true);
 });
 
-test("a browser that cannot turn frames says so in the panel", () => {
+test("a browser that cannot turn frames says so in the panel", async () => {
   session.pictures.reprojection.value = "slow";
-  show();
+  await show();
   expect(section("Reprojection").getByRole("status").textContent).toContain("No graphics acceleration");
 });
 
-test("a browser that cannot turn the stream's frames says so, beside frames that are turned, too", () => {
+test("a browser that cannot turn the stream's frames says so, beside frames that are turned, too", async () => {
   settings.value = { ...DEFAULT_SETTINGS, mode: "side-by-side" };
   const stream = fakeStream({ kind: "playing" });
   stream.reprojection.value = "unreadable";
   session.right.value = fakeSide("right", stream);
-  show();
+  await show();
   expect(section("Reprojection").getByRole("status").textContent).toContain("WebCodecs");
 });
 
 test("the transport is chosen by name", async () => {
-  show();
+  await show();
   await userEvent.selectOptions(screen.getByRole("combobox", { name: "Transport" }), "HTTP fetch");
   expect(settings.value.transport).toBe("fetch");
 });
 
 test("the lens is set field by field and reset; numbers that make no lens are put back", async () => {
   const user = userEvent.setup();
-  show();
+  await show();
   const lens = section("Lens");
   const fx = lens.getByRole("spinbutton", { name: /fx/ }) as HTMLInputElement;
   const usual = fx.value;
@@ -130,7 +133,7 @@ test("the lens is set field by field and reset; numbers that make no lens are pu
 
 test("speeds are set, and the camera is reset and the settings closed by their buttons", async () => {
   const user = userEvent.setup();
-  show();
+  await show();
   const turn = screen.getByRole("spinbutton", { name: /Turn/ });
   await user.clear(turn);
   await user.type(turn, "90{Tab}");
@@ -140,13 +143,13 @@ test("speeds are set, and the camera is reset and the settings closed by their b
   await user.type(move, "0.5{Tab}");
   expect(session.rig.moveSpeed.value).toBe(0.5);
   await user.click(screen.getByRole("button", { name: "Reset camera" }));
-  await user.click(screen.getByRole("button", { name: "Close settings" }));
-  expect(onReset).toHaveBeenCalledOnce();
-  expect(onClose).toHaveBeenCalledOnce();
+  await user.click(screen.getByRole("button", { name: "Close lab" }));
+  expect(actions.reset).toHaveBeenCalledOnce();
+  expect(actions.sidebar).toHaveBeenCalledOnce();
 });
 
 test.each(["DASH", "WebRTC"])("without a packager the mode %s says how to get one", async (name) => {
-  show();
+  await show();
   session.left.missing.value = `This server has no packager for ${name} streams`;
   await userEvent.click(screen.getByRole("radio", { name }));
   expect(settings.value.mode).toBe(name.toLowerCase());
@@ -159,7 +162,7 @@ test("with a packager its stream is set up by preset, or number by number", asyn
   config.value = serverConfig({ dash: "http://dash.test" });
   settings.value = { ...DEFAULT_SETTINGS, mode: "dash" };
   session.left.source.value = fakeStream({ kind: "playing" });
-  show();
+  await show();
   await user.click(screen.getByRole("radio", { name: "Typical" }));
   expect(settings.value.dashPreset).toBe("typical");
   expect(screen.getByText(/Segments of 2 s in chunks of 500 ms, played by dash.js; aims at 1000 ms\./)).toBeTruthy();
@@ -180,7 +183,7 @@ test("any two modes are compared, and what their streams have in common is set o
   config.value = serverConfig({ dash: "http://dash.test" });
   settings.value = { ...DEFAULT_SETTINGS, mode: "side-by-side" };
   session.right.value = fakeSide("right");
-  show();
+  await show();
   expect(screen.queryByRole("radio", { name: "Typical" })).toBeNull();
   await user.click(screen.getByRole("radio", { name: "60 frames/s" }));
   await user.selectOptions(screen.getByRole("combobox", { name: "Left" }), "Video");
@@ -195,7 +198,7 @@ test("both sides are given one resolution or one bit rate, and of a download it 
   config.value = serverConfig({ dash: "http://dash.test" });
   settings.value = { ...DEFAULT_SETTINGS, mode: "side-by-side", right: "local" };
   session.right.value = fakeSide("right");
-  show();
+  await show();
   await user.selectOptions(screen.getByRole("combobox", { name: "Keep the same" }), "Resolution");
   await user.selectOptions(screen.getByRole("combobox", { name: "Rung" }), "640 × 360, Medium-Low");
   expect(settings.value).toMatchObject({ lock: "resolution", lockRung: 2 });
@@ -210,7 +213,7 @@ test("both sides are given one resolution or one bit rate, and of a download it 
 test.each([
   [{}, false],
   [{ shaper: "http://shaper.test" }, true],
-])("with the services %j there is a network panel: %s", (services, offered) => {
+])("with the services %j there is a network panel: %s", async (services, offered) => {
   vi.stubGlobal(
     "EventSource",
     class {
@@ -218,7 +221,7 @@ test.each([
     },
   );
   config.value = serverConfig(services);
-  show();
+  await show();
   expect(screen.queryByRole("heading", { name: "Network" }) !== null).toBe(offered);
   cleanup();
   vi.unstubAllGlobals();

@@ -1,219 +1,42 @@
-/** The viewer's settings: quality, transport, the shaped link if there is one, movement and lens. */
+/** The lab: everything beyond looking at the scene. Its panels are loaded when it is opened. */
 
-import { X } from "lucide";
-import type { ComponentChildren } from "preact";
-import type { Rung } from "#client/wire/render";
+import { Activity, X } from "lucide";
 import type { ViewerSession } from "#viewer/session/session";
-import { applies } from "#viewer/sources/sides";
-import { DEFAULT_SETTINGS, SETTINGS, type Settings } from "#viewer/state/settings";
-import type { Intrinsics } from "#viewer/view/intrinsics";
-import { changeSettings, config, ladder, settings } from "../../state/app";
-import { bytes } from "../format";
+import { settings } from "../../state/app";
 import { IconButton } from "../icon-button";
-import { InsecureHint } from "../insecure-hint";
-import { NetworkPanel } from "../network/network-panel";
-import { ThemeButton } from "../theme-button";
-import { CopyLink } from "./copy-link";
-import { EnhancementPanel } from "./enhancement-panel";
-import { ModePanel } from "./mode-panel";
-import { MovementTrace } from "./movement-trace";
-import { NumberField } from "./number-field";
-import { ReprojectionPanel } from "./reprojection-panel";
-import { SaveVideo } from "./save-video";
-import { Choice, NumberSetting, Toggle } from "./setting";
+import { lazy } from "../lazy";
+import type { ViewerActions } from "./use-shortcuts";
+
+const Panels = lazy(async () => (await import("./panels")).Panels);
 
 interface Props {
   readonly session: ViewerSession;
-  readonly onClose: () => void;
-  readonly onReset: () => void;
+  readonly actions: Pick<ViewerActions, "sidebar" | "hud" | "experiment" | "reset">;
   /** Give the focus to the stage. */
   readonly onSkip: () => void;
 }
 
-export function Sidebar({ session, onClose, onReset, onSkip }: Props) {
-  const shaper = config.value?.services.shaper;
-  const affects = (name: keyof Settings) => applies(name, settings.value);
+export function Sidebar({ session, actions, onSkip }: Props) {
   return (
-    <aside class="sidebar" aria-label="Settings">
+    <aside class="sidebar" aria-label="Lab">
       <button type="button" class="visually-hidden quiet-button" onClick={onSkip}>
         Skip to the view
       </button>
       <header>
-        <h2>Settings</h2>
-        <CopyLink session={session} />
-        <ThemeButton />
-        <IconButton icon={X} label="Close settings" onClick={onClose} />
-      </header>
-      <Section title="Mode">
-        <ModePanel session={session} />
-      </Section>
-      {affects("controller") && <Quality session={session} />}
-      {affects("upscale") && (
-        <Section title="Enhancement">
-          <EnhancementPanel session={session} />
-        </Section>
-      )}
-      {affects("reprojection") && (
-        <Section title="Reprojection">
-          <ReprojectionPanel session={session} />
-        </Section>
-      )}
-      {affects("transport") && (
-        <Section title="Transport">
-          <Choice name="transport" bare />
-          <InsecureHint />
-        </Section>
-      )}
-      {shaper && (
-        <Section title="Network">
-          <NetworkPanel base={shaper} session={session} />
-        </Section>
-      )}
-      <Movement session={session} onReset={onReset} />
-      <Section title="Movement trace">
-        <MovementTrace deck={session.movement} scene={session.scene.value} />
-        <SaveVideo session={session} />
-      </Section>
-      <Lens session={session} />
-    </aside>
-  );
-}
-
-function Section({
-  title,
-  action,
-  children,
-}: {
-  title: string;
-  action?: ComponentChildren;
-  children: ComponentChildren;
-}) {
-  return (
-    <section>
-      <div class="section-head">
-        <h3>{title}</h3>
-        {action}
-      </div>
-      {children}
-    </section>
-  );
-}
-
-function Quality({ session }: { session: ViewerSession }) {
-  const { controller, profile } = settings.value;
-  const stats = session.source.value?.stats.value;
-  const frame = stats?.kind === "requests" ? stats.frame : null;
-  const adapts = controller !== "fixed";
-  const chosen = adapts ? frame?.profile : Math.min(profile, Math.max(0, ladder.value.length - 1));
-  return (
-    <Section title="Quality">
-      <Choice name="controller" bare>
-        {Object.entries(SETTINGS.controller.options).map(([name, title]) => (
-          <option key={name} value={name}>
-            {name === DEFAULT_SETTINGS.controller ? `${title} (recommended)` : title}
-          </option>
-        ))}
-      </Choice>
-      <fieldset class="rungs" disabled={adapts}>
-        <legend class="visually-hidden">Profile</legend>
-        {ladder.value.map((rung, index) => (
-          <label key={rung.name}>
-            <input
-              type="radio"
-              name="profile"
-              checked={index === chosen}
-              onChange={() => changeSettings({ profile: index })}
-            />
-            <span>{rung.name}</span>
-            <span class="muted">{detail(rung)}</span>
-          </label>
-        ))}
-      </fieldset>
-      <Toggle name="refine" />
-      <Toggle name="webp" />
-      <p class="readout">
-        <span>Resolution</span>
-        <output>{frame?.width && frame.height ? `${frame.width} × ${frame.height}` : "–"}</output>
-      </p>
-    </Section>
-  );
-}
-
-/** Explains a rung's name: rungs of a scene's own ladder are named after size and quality. */
-function detail({ name, width, height, quality, expected_kb }: Rung): string {
-  if (!name.startsWith(`${width}×${height} `)) return `${width} × ${height} · q${quality}`;
-  return `about ${bytes(1000 * expected_kb)}`;
-}
-
-function Movement({ session, onReset }: Pick<Props, "session" | "onReset">) {
-  const { moveSpeed } = session.rig;
-  return (
-    <Section
-      title="Movement"
-      action={
-        <button type="button" class="quiet-button" onClick={onReset}>
-          Reset camera
+        <h2>Lab</h2>
+        <button type="button" class="quiet-button" onClick={actions.experiment}>
+          Experiment…
         </button>
-      }
-    >
-      <Choice name="drag" bare />
-      <div class="fields">
-        <NumberSetting name="turnSpeed" />
-        <NumberField
-          label="Move"
-          unit="units/s"
-          min={0.001}
-          max={1e6}
-          value={moveSpeed.value}
-          onValue={(speed) => {
-            moveSpeed.value = speed;
-          }}
+        <IconButton
+          icon={Activity}
+          label="Measurements"
+          shortcut="I"
+          pressed={settings.value.hud}
+          onClick={actions.hud}
         />
-      </div>
-    </Section>
-  );
-}
-
-function Lens({ session }: { session: ViewerSession }) {
-  const { intrinsics, lens, viewport } = session.rig;
-  const locked = Object.keys(lens.value).length > 0;
-  const set = (name: keyof Intrinsics, value: number) => {
-    lens.value = { ...lens.value, [name]: value };
-  };
-  const { width, height } = viewport.value;
-  return (
-    <Section
-      title="Lens"
-      action={
-        <button
-          type="button"
-          class="quiet-button"
-          disabled={!locked}
-          onClick={() => {
-            lens.value = {};
-          }}
-        >
-          Reset lens
-        </button>
-      }
-    >
-      <div class="fields">
-        {(["fx", "fy", "cx", "cy"] as const).map((name) => (
-          <NumberField
-            key={name}
-            label={name}
-            unit="px"
-            min={name.startsWith("f") ? 1 : -1e5}
-            max={1e5}
-            value={intrinsics.value[name]}
-            locked={name in lens.value}
-            onValue={(value) => set(name, value)}
-          />
-        ))}
-      </div>
-      <p class="muted small">
-        For a stage of {width} × {height} pixels. {locked ? "Your choice is kept when the window is resized." : ""}
-      </p>
-    </Section>
+        <IconButton icon={X} label="Close lab" onClick={actions.sidebar} />
+      </header>
+      <Panels session={session} onReset={actions.reset} />
+    </aside>
   );
 }

@@ -57,9 +57,9 @@ export function StageMessage({ session }: { session: ViewerSession }) {
 /** Reason for a missing or degraded picture. */
 function SideMessage({ side }: { side: Side }) {
   const missing = side.missing.value;
-  if (missing !== null) return <Failed>{missing}; see Settings, Mode.</Failed>;
-  const phase = side.source.value?.phase.value;
-  switch (phase?.kind) {
+  if (missing !== null) return <Failed>{missing}; see Lab, Mode.</Failed>;
+  const phase = side.source.value?.phase.value ?? { kind: "connecting", message: "Starting…" };
+  switch (phase.kind) {
     case "connecting":
       return <Waiting>{phase.message ?? "Connecting…"}</Waiting>;
     case "lost":
@@ -67,7 +67,7 @@ function SideMessage({ side }: { side: Side }) {
     case "failed":
       return <Failed>{phase.message}</Failed>;
     default:
-      return phase?.problem ? <Failed>{phase.problem}</Failed> : null;
+      return phase.problem ? <Failed>{phase.problem}</Failed> : null;
   }
 }
 

@@ -1,25 +1,33 @@
-/** Toolbar at the top of the stage: back button, scene name and switches. */
+/** The toolbar over the stage: back, the scene's name, and what a visitor needs. */
 
-import { Activity, ArrowLeft, Camera, CircleHelp, Columns2, FlaskConical, Maximize, SlidersHorizontal } from "lucide";
-import { titleOf } from "#viewer/sources/sides";
-import { DEFAULT_SETTINGS, type Mode } from "#viewer/state/settings";
+import { useSignal } from "@preact/signals";
+import { ArrowLeft, Camera, CircleHelp, FlaskConical, Maximize, SlidersHorizontal } from "lucide";
+import { useCallback } from "preact/hooks";
+import type { ViewerSession } from "#viewer/session/session";
 import { Icon } from "../icon";
 import { IconButton } from "../icon-button";
+import { lazy } from "../lazy";
+import { CopyLink } from "./copy-link";
 import type { ViewerActions } from "./use-shortcuts";
+
+const ViewMenu = lazy(async () => (await import("./view-menu")).ViewMenu);
 
 interface Props {
   readonly name: string;
-  /** There is a scene to look at. */
-  readonly usable: boolean;
+  /** Null while there is no scene to look at. */
+  readonly session: ViewerSession | null;
   readonly actions: ViewerActions;
-  readonly mode: Mode;
-  readonly hud: boolean;
-  readonly sidebar: boolean;
+  /** The lab is open. */
+  readonly lab: boolean;
   /** A picture is being saved. */
   readonly saving: boolean;
 }
 
-export function Toolbar({ name, usable, actions, mode, hud, sidebar, saving }: Props) {
+export function Toolbar({ name, session, actions, lab, saving }: Props) {
+  const menu = useSignal(false);
+  const close = useCallback(() => {
+    menu.value = false;
+  }, [menu]);
   return (
     <header class="toolbar">
       <div class="floating title">
@@ -28,31 +36,32 @@ export function Toolbar({ name, usable, actions, mode, hud, sidebar, saving }: P
         </a>
         <h1>{name}</h1>
       </div>
-      {usable && (
-        <div class="floating" role="toolbar" aria-label="View">
+      {session && (
+        <div class="floating" role="toolbar" aria-label="Tools">
+          <button
+            type="button"
+            class="icon-button worded"
+            aria-label="View"
+            title="Picture, quality, dragging and theme"
+            aria-expanded={menu.value}
+            aria-controls="view-menu"
+            onClick={() => {
+              menu.value = !menu.value;
+            }}
+          >
+            <Icon of={SlidersHorizontal} />
+            <span>View</span>
+          </button>
+          <CopyLink session={session} />
           <IconButton icon={CircleHelp} label="Help" shortcut="H" onClick={actions.help} />
-          <IconButton
-            icon={Columns2}
-            label={`Mode: ${titleOf(mode)}`}
-            shortcut="M"
-            pressed={mode !== DEFAULT_SETTINGS.mode}
-            onClick={actions.mode}
-          />
-          <IconButton icon={Activity} label="Measurements" shortcut="I" pressed={hud} onClick={actions.hud} />
-          <IconButton icon={FlaskConical} label="Experiment" shortcut="X" onClick={actions.experiment} />
           <IconButton icon={Camera} label="Save a picture" shortcut="T" busy={saving} onClick={actions.screenshot} />
           {actions.fullscreen && (
             <IconButton icon={Maximize} label="Fullscreen" shortcut="F" onClick={actions.fullscreen} />
           )}
-          <IconButton
-            icon={SlidersHorizontal}
-            label="Settings"
-            shortcut="P"
-            pressed={sidebar}
-            onClick={actions.sidebar}
-          />
+          <IconButton icon={FlaskConical} label="Lab" shortcut="P" worded pressed={lab} onClick={actions.sidebar} />
         </div>
       )}
+      {session && menu.value && <ViewMenu session={session} onReset={actions.reset} onClose={close} />}
     </header>
   );
 }

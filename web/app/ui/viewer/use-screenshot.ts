@@ -1,6 +1,5 @@
 /** Saves the present view as a picture at full quality. */
 import { useSignal } from "@preact/signals";
-import { screenshot } from "#viewer/control/screenshot";
 import type { ViewerSession } from "#viewer/session/session";
 import { fileName, save } from "../save";
 
@@ -22,6 +21,7 @@ export function useScreenshot(session: ViewerSession | null): Screenshot {
     busy.value = true;
     problem.value = null;
     try {
+      const { screenshot } = await import("#viewer/control/screenshot");
       save(fileName(session.scene.peek()?.name ?? "view", "png"), await screenshot(session));
     } catch (error) {
       problem.value = `The picture was not saved. ${error instanceof Error ? error.message : String(error)}`;

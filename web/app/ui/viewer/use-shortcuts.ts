@@ -1,5 +1,6 @@
 /** The viewer's keyboard shortcuts, apart from movement. */
 import { useEffect, useRef } from "preact/hooks";
+import { settings } from "../../state/app";
 
 export interface ViewerActions {
   readonly help: () => void;
@@ -36,7 +37,7 @@ export function actionOf({ key, code }: Pick<KeyboardEvent, "key" | "code">): ke
   return ["?", "؟", "？"].includes(key) ? "help" : KEYS[code];
 }
 
-/** While `locked`, shortcuts are disabled. */
+/** While `locked`, shortcuts are disabled, as they are for users who switched single keys off. */
 export function useShortcuts(actions: ViewerActions, locked: boolean): void {
   const latest = useRef({ actions, locked });
   latest.current = { actions, locked };
@@ -44,8 +45,8 @@ export function useShortcuts(actions: ViewerActions, locked: boolean): void {
     const press = (event: KeyboardEvent) => {
       const typing = event.target instanceof Element && event.target.closest(TYPING);
       const action = actionOf(event);
-      if (!action || latest.current.locked || typing || event.repeat || event.ctrlKey || event.altKey || event.metaKey)
-        return;
+      const off = latest.current.locked || !settings.peek().shortcuts;
+      if (!action || off || typing || event.repeat || event.ctrlKey || event.altKey || event.metaKey) return;
       event.preventDefault();
       latest.current.actions[action]?.();
     };

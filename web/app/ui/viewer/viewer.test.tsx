@@ -2,13 +2,13 @@
 import { signal } from "@preact/signals";
 import { act, cleanup, render, screen, waitFor } from "@testing-library/preact";
 import userEvent from "@testing-library/user-event";
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { afterEach, beforeAll, beforeEach, expect, test, vi } from "vitest";
 import { FakeTransport } from "#client/transport/fake";
 import type { SessionStatus } from "#client/wire/dash";
 import { ComparisonHistory } from "#viewer/charts/history";
 import { screenshot } from "#viewer/control/screenshot";
 import { type Comparison, UNSCORED } from "#viewer/session/comparison";
-import { serverConfig } from "#viewer/state/fake-server";
+import { COURTYARD, serverConfig } from "#viewer/state/fake-server";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
 import { NO_STATS } from "#viewer/stateless/stats";
 import { config, settings } from "../../state/app";
@@ -33,6 +33,18 @@ vi.mock("#viewer/session/session", () => ({
 }));
 
 let session: FakeSession;
+
+/** The parts that are loaded on demand, so that a busy machine shows them in time. */
+beforeAll(async () => {
+  const parts = [import("../experiment/experiment-dialog"), import("./figures"), import("./help")];
+  await Promise.all([
+    ...parts,
+    import("./panels"),
+    import("./scripts"),
+    import("./view-menu"),
+    import("./walk-verdict"),
+  ]);
+});
 
 beforeEach(() => {
   settings.value = { ...DEFAULT_SETTINGS, sidebar: false };
@@ -75,18 +87,20 @@ test("the stage tells scripts how it stands", async () => {
 
 test("keys open help, hide the measurements, open the settings and change the mode", async () => {
   const user = userEvent.setup();
+  settings.value = { ...settings.value, hudDetails: true };
   show();
   await user.keyboard("h");
-  expect(screen.getByRole("dialog", { name: "Getting around" })).toHaveProperty("open", true);
+  expect(await screen.findByRole("dialog", { name: "Getting around" })).toHaveProperty("open", true);
   await user.keyboard("h");
   await waitFor(() => expect(screen.queryByRole("dialog")).toBeNull());
   expect(document.activeElement).toBe(stage());
+  await screen.findByRole("region", { name: "Measurements" });
   await user.keyboard("i");
   expect(screen.queryByRole("region", { name: "Measurements" })).toBeNull();
   await user.keyboard("i");
   expect(screen.getByRole("region", { name: "Measurements" })).toBeTruthy();
   await user.keyboard("p");
-  expect(screen.getByRole("complementary", { name: "Settings" })).toBeTruthy();
+  expect(screen.getByRole("complementary", { name: "Lab" })).toBeTruthy();
   const modes: string[] = [];
   for (let i = 0; i < 5; i++) {
     await user.keyboard("m");
@@ -127,7 +141,7 @@ test("help names the keys as the keyboard in use does", async () => {
   );
   show();
   await userEvent.keyboard("h");
-  const walk = screen.getByText("Walk").parentElement;
+  const walk = (await screen.findByText("Walk")).parentElement;
   await waitFor(() => expect(walk?.textContent).toBe("WalkZQSD"));
   vi.unstubAllGlobals();
 });
@@ -154,12 +168,13 @@ test("a dialog gives the focus back to what opened it, and the settings give it 
   const help = screen.getByRole("button", { name: "Help" });
   help.focus();
   await user.keyboard("{Enter}");
+  await screen.findByRole("dialog");
   await user.keyboard("{Enter}"); // on its button to close it, which is first
   await waitFor(() => expect(screen.queryByRole("dialog")).toBeNull());
   expect(document.activeElement).toBe(help);
   await user.keyboard("p");
   expect(document.activeElement).toBe(help);
-  screen.getByRole("button", { name: "Close settings" }).focus();
+  screen.getByRole("button", { name: "Close lab" }).focus();
   await user.keyboard("{Enter}");
   expect(document.activeElement).toBe(stage());
 });
@@ -167,7 +182,7 @@ test("a dialog gives the focus back to what opened it, and the settings give it 
 test("fullscreen leaves the settings away until they are asked for, and gives them back at its end", async () => {
   settings.value = { ...DEFAULT_SETTINGS, sidebar: true };
   show();
-  const shown = () => screen.queryByRole("complementary", { name: "Settings" }) !== null;
+  const shown = () => screen.queryByRole("complementary", { name: "Lab" }) !== null;
   const turn = (on: boolean) =>
     act(() => {
       Object.assign(document, { fullscreenElement: on ? stage() : null }); // happy-dom has none
@@ -216,18 +231,23 @@ test("what is typed into a field, or with a modifier, is no shortcut", async () 
   const user = userEvent.setup();
   settings.value = { ...DEFAULT_SETTINGS, sidebar: true };
   show();
-  await user.type(screen.getByRole("spinbutton", { name: /Turn/ }), "i");
+  await user.type(await screen.findByRole("spinbutton", { name: /Turn/ }), "i");
   stage().focus();
   await user.keyboard("{Control>}i{/Control}");
   expect(settings.value.hud).toBe(true);
 });
 
 test("the measurements are those of the mode", async () => {
+  settings.value = { ...settings.value, hudDetails: true };
   show();
+  await screen.findByRole("region", { name: "Measurements" });
   await act(() => {
     settings.value = { ...settings.value, mode: "side-by-side", left: "local", right: "dash-edge" };
     session.left.source.value = fakeLocal({ kind: "playing" }, { drawn: 300 });
-    const stream = fakeStream({ kind: "playing" }, { liveLatency: 320, stalls: { count: 2, time: 1500 } });
+    const stream = fakeStream(
+      { kind: "playing" },
+      { liveLatency: 320, stalls: { count: 2, time: 1500 }, motionToPhoton: { p50: 80, p95: 90 } },
+    );
     session.right.value = fakeSide("right", stream);
   });
   const names = screen.getAllByRole("region").map((region) => region.getAttribute("aria-label"));
@@ -238,8 +258,9 @@ test("the measurements are those of the mode", async () => {
   expect(dash.querySelector("[data-stat=live-latency]")?.textContent).toBe("320 ms");
   expect(dash.querySelector("[data-stat=stalls]")?.textContent).toBe("2, 1.5 s");
   await userEvent.click(screen.getAllByRole("button", { name: "Fewer measurements" })[0] as HTMLElement);
-  expect(dash.querySelector("[data-stat=stalls]"), "both sides keep their main figure only").toBeNull();
-  expect(dash.querySelector("[data-stat=motion-to-photon]")).not.toBeNull();
+  expect(document.querySelector("[data-stat=stalls]"), "both sides keep their main figure only").toBeNull();
+  const line = screen.getByRole("region", { name: "Status: DASH, edge" });
+  expect(line.querySelector("[data-stat=motion-to-photon]")?.textContent).toBe("80");
   await act(() => {
     settings.value = { ...settings.value, mode: "dash" };
     session.right.value = null;
@@ -266,15 +287,15 @@ test("while the settings are closed, the last walk is summed up over the stage, 
     quality: signal(UNSCORED),
   } as unknown as Comparison;
   show();
-  const said = screen.getByRole("button", { name: /^Stateless was 50 ms more up to date than Video/ });
+  const said = await screen.findByRole("button", { name: /^Stateless was 50 ms more up to date than Video/ });
   await userEvent.click(said);
-  expect(screen.getByRole("region", { name: "The last walk" }).textContent).toContain("Stateless was 50 ms");
+  expect((await screen.findByRole("region", { name: "The last walk" })).textContent).toContain("Stateless was 50 ms");
   expect(said.isConnected).toBe(false);
 });
 
 test("a stream whose frames show nothing new says that the server is the limit, and a slow machine that it is", async () => {
   vi.useFakeTimers({ toFake: ["setInterval", "clearInterval", "performance"] });
-  settings.value = { ...settings.value, mode: "dash" };
+  settings.value = { ...settings.value, mode: "dash", hudDetails: true };
   let ticks = 0;
   const stream = fakeStream({ kind: "playing" });
   stream.status = async () => ({ id: "a", frames: 60 * ticks, repeated: 45 * ticks++, dropped: 0 }) as SessionStatus;
@@ -315,7 +336,7 @@ test("a scene that there is not has nothing to set, to measure or to walk in", a
   session.phase.value = { kind: "failed", message: "There is no scene courtyard." };
   const { container } = show();
   expect(screen.queryByRole("toolbar")).toBeNull();
-  expect(screen.queryByRole("complementary", { name: "Settings" })).toBeNull();
+  expect(screen.queryByRole("complementary", { name: "Lab" })).toBeNull();
   expect(container.querySelector(".move-pad")).toBeNull();
   expect(screen.getByRole("link", { name: "Back to all scenes" })).toBeTruthy();
   await userEvent.keyboard("ip");
@@ -344,28 +365,94 @@ test("from the settings, keys get back to the view in one step", async () => {
   expect(document.activeElement).toBe(stage());
 });
 
-/** A screen on which these media queries match; the viewer on it. */
-function showOn(matching: (query: string) => boolean) {
+/** A screen on which these media queries match; the viewer on it, with the lab open. */
+async function showOn(matching: (query: string) => boolean) {
   vi.stubGlobal("matchMedia", (query: string) => Object.assign(new EventTarget(), { matches: matching(query) }));
-  settings.value = DEFAULT_SETTINGS;
-  const { container } = show();
+  settings.value = { ...DEFAULT_SETTINGS, sidebar: true };
+  show();
   vi.unstubAllGlobals();
-  return {
-    sidebar: screen.queryByRole("complementary", { name: "Settings" }) !== null,
-    details: container.querySelector(".hud-details") !== null,
-  };
+  await screen.findByRole("heading", { name: "Lens" });
+  const details = await screen.findByRole("button", { name: /measurements/ });
+  return details.getAttribute("aria-expanded") === "true";
 }
 
-test("settings and details begin open only where there is room, and details not on touch screens", () => {
+test("beside the lab, all measurements are shown only where there is room, and not on touch screens", async () => {
   const wide = (query: string) => query === "(min-width: 800px) and (min-height: 500px)";
-  expect(showOn(wide)).toEqual({ sidebar: true, details: true });
+  expect(await showOn(wide)).toBe(true);
   cleanup();
-  expect(showOn((query) => wide(query) || query === "(pointer: coarse)")).toEqual({ sidebar: true, details: false });
+  expect(await showOn((query) => wide(query) || query === "(pointer: coarse)")).toBe(false);
   cleanup();
-  expect(
-    showOn((query) => query === "(pointer: coarse)"),
-    "a phone",
-  ).toEqual({ sidebar: false, details: false });
+  expect(await showOn((query) => query === "(pointer: coarse)"), "a phone").toBe(false);
+});
+
+test("a newcomer sees one line and how to move, until the first movement; the lab is closed", async () => {
+  settings.value = DEFAULT_SETTINGS;
+  session.pictures.stats.value = { ...NO_STATS, newViewsPerSecond: 23.6, motionToPhoton: { p50: 48.2, p95: 90 } };
+  show();
+  expect(screen.getByRole("region", { name: "Status" }).textContent).toBe("Live24 views/s48 ms");
+  expect(screen.queryByRole("complementary", { name: "Lab" })).toBeNull();
+  expect(screen.queryByRole("button", { name: /measurements/ })).toBeNull();
+  const hint = () => screen.queryByText("Drag to look · WASD or wheel to move · double-click to go there");
+  await act(() => {
+    session.rig.sample(20);
+    session.rig.place({ position: [1, 2, 3], quaternion: [0, 0, 0, 1] });
+    session.rig.sample(40);
+  });
+  expect(hint(), "a link's place is no movement").not.toBeNull();
+  await act(() => {
+    session.axes = { ...session.axes, forward: 1 };
+    session.rig.sample(60);
+  });
+  expect(hint()).toBeNull();
+  expect(settings.value.hint).toBe(false);
+});
+
+test("a visitor chooses the picture, its quality and dragging in plain words", async () => {
+  const user = userEvent.setup();
+  config.value = serverConfig({ dash: "http://dash.test" });
+  session.scene.value = { ...COURTYARD, downloads: [{ form: "compressed", bytes: 1_000_000 }] };
+  show();
+  await user.click(screen.getByRole("button", { name: "View" }));
+  await screen.findByRole("radio", { name: "Stream" });
+  const choose = (name: string) => user.click(screen.getByRole("radio", { name }));
+  const checked = () =>
+    screen.getAllByRole<HTMLInputElement>("radio", { checked: true }).map((radio) => radio.parentElement?.textContent);
+  expect(checked()).toEqual(["Stream", "Auto", "Look around", "System"]);
+  await choose("Sharp");
+  expect(settings.value).toMatchObject({ controller: "fixed", profile: 0 });
+  await choose("Fast");
+  expect(settings.value).toMatchObject({ controller: "fixed", profile: 2 });
+  await choose("Orbit");
+  expect(settings.value.drag).toBe("orbit");
+  await choose("Compare");
+  expect(settings.value.mode).toBe("side-by-side");
+  await act(() => {
+    settings.value = { ...settings.value, mode: "webrtc" };
+  });
+  expect(checked()[0]).toBe("Stream");
+  await choose("On this device");
+  expect(settings.value.mode).toBe("local");
+  await user.keyboard("{Escape}");
+  expect(screen.queryByRole("radio")).toBeNull();
+});
+
+test("what this server does not offer is not offered to a visitor", async () => {
+  show();
+  await userEvent.click(screen.getByRole("button", { name: "View" }));
+  expect(await screen.findByRole("radio", { name: "Stream" })).toBeTruthy();
+  expect(screen.queryByRole("radio", { name: "Compare" })).toBeNull();
+  expect(screen.queryByRole("radio", { name: "On this device" })).toBeNull();
+});
+
+test("single-key shortcuts can be switched off", async () => {
+  const user = userEvent.setup();
+  show();
+  await user.keyboard("h");
+  await user.click(await screen.findByRole("checkbox", { name: "Single-key shortcuts" }));
+  await user.keyboard("{Escape}");
+  await user.keyboard("m");
+  expect(settings.value).toMatchObject({ shortcuts: false, mode: "stateless" });
+  expect(screen.getByRole("button", { name: "Help" }).title).toBe("Help");
 });
 
 test.each([
@@ -381,7 +468,7 @@ test.each([
 
 test("scripts can drive the viewer for as long as it is open", async () => {
   const { unmount } = show();
-  expect(window.tigas?.state()).toMatchObject({ phase: "playing", mode: "stateless" });
+  await waitFor(() => expect(window.tigas?.state()).toMatchObject({ phase: "playing", mode: "stateless" }));
   unmount();
   await waitFor(() => expect(session.disposed).toBe(true));
   expect(window.tigas).toBeUndefined();

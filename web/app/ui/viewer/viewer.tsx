@@ -2,10 +2,6 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { offerBridge } from "#lab/experiment/bridge";
-import { Runner } from "#lab/experiment/runner";
-import { ViewerControl } from "#viewer/control/viewer-control";
-import { answerParent } from "#viewer/embed/frame-messages";
 import { turning } from "#viewer/reproject/acceleration";
 import { ViewerSession } from "#viewer/session/session";
 import { MODES } from "#viewer/state/settings";
@@ -14,23 +10,26 @@ import { changeSettings, page, settings } from "../../state/app";
 import { linkedPose, linkedSettings } from "../../state/link";
 import type { Asked } from "../../state/route";
 import { added } from "../../uploads/uploads";
-import { ExperimentDialog } from "../experiment/experiment-dialog";
+import { lazy } from "../lazy";
 import { TOUCH, useMedia, WIDE } from "../use-media";
 import { Freeze } from "./freeze";
-import { HelpDialog } from "./help";
-import { Hud } from "./hud";
+import { Hint } from "./hint";
 import { linkNote } from "./link-note";
-import { MovePad } from "./move-pad";
 import { MovementStatus } from "./movement-status";
-import { SideFigures } from "./side-figures";
 import { Sidebar } from "./sidebar";
 import { StageMessage } from "./stage-message";
+import { StatusLines } from "./status-line";
 import { Toolbar } from "./toolbar";
 import { useFocusReturn } from "./use-focus-return";
 import { useFullscreen } from "./use-fullscreen";
 import { useScreenshot } from "./use-screenshot";
 import { useShortcuts } from "./use-shortcuts";
-import { WalkVerdict } from "./walk-verdict";
+
+const ExperimentDialog = lazy(async () => (await import("../experiment/experiment-dialog")).ExperimentDialog);
+const Figures = lazy(async () => (await import("./figures")).Figures);
+const HelpDialog = lazy(async () => (await import("./help")).HelpDialog);
+const MovePad = lazy(async () => (await import("./move-pad")).MovePad, { quiet: true });
+const WalkVerdict = lazy(async () => (await import("./walk-verdict")).WalkVerdict, { quiet: true });
 
 interface Props {
   readonly sceneId: string;
@@ -50,8 +49,11 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
   const session = useSignal<ViewerSession | null>(null);
   const help = useSignal(false);
   const experiment = useSignal(false);
+  /** The dialog keeps its form while it is closed. */
+  const prepared = useSignal(false);
   const wide = useMedia(WIDE);
-  const detailed = !useMedia(TOUCH) && wide;
+  const touch = useMedia(TOUCH);
+  const roomy = !touch && wide;
   const fullscreen = useFullscreen(root);
   /** Fullscreen shows only the picture; the settings open on demand. */
   const besideFullscreen = useSignal(false);
@@ -64,19 +66,13 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
     const place = { element: stage.current, left: left.current, right: right.current };
     const current = new ViewerSession(sceneId, place, page);
     session.value = current;
-    const movementRunner = new Runner(current);
-    const withdraw = offerBridge(movementRunner);
+    const withdraw = offerScripts(current);
     const leaveAddress = bare ? () => undefined : keepAddress(current);
-    const control = new ViewerControl(current);
-    const leaveParent = answerParent(control);
     stage.current.focus({ preventScroll: true });
     return () => {
       session.value = null;
       withdraw();
       leaveAddress();
-      leaveParent();
-      control.destroy();
-      movementRunner.dispose();
       current.dispose();
     };
   }, [sceneId, session, bare]);
@@ -95,8 +91,8 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
   }, [asked, live, entered]);
 
   const picture = useScreenshot(live);
-  const { hud, sidebar, mode, drag } = settings.value;
-  const sidebarOpen = fullscreen.on ? besideFullscreen.value : (sidebar ?? wide);
+  const { hud, hudDetails, hint, sidebar, mode, drag } = settings.value;
+  const sidebarOpen = fullscreen.on ? besideFullscreen.value : sidebar;
   const actions = {
     help: () => {
       help.value = !help.value;
@@ -109,6 +105,7 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
     reset: () => session.value?.rig.resetCamera(),
     mode: () => changeSettings({ mode: MODES[(MODES.indexOf(mode) + 1) % MODES.length] ?? mode }),
     experiment: () => {
+      prepared.value = true;
       experiment.value = !experiment.value;
     },
     drag: () => changeSettings({ drag: drag === "look" ? "orbit" : "look" }),
@@ -120,6 +117,9 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
   const note = linkNote(asked, unknown);
   const phase = live?.phase.value.kind ?? "connecting";
   const usable = phase !== "failed" && !bare;
+  const compared = (live?.comparison.value?.sides.length ?? 0) > 1;
+  const measured = live && entered && hud && usable ? live : null;
+  const Measurements = (hudDetails ?? (sidebarOpen && roomy)) ? Figures : StatusLines;
   useShortcuts(actions, !usable);
   useFocusReturn(root, stage);
 
@@ -149,19 +149,9 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
           <div class="pane" ref={left} />
           <div class="pane" ref={right} />
         </div>
-        {!bare && (
-          <Toolbar
-            name={name}
-            usable={usable}
-            actions={actions}
-            mode={mode}
-            hud={hud}
-            sidebar={sidebarOpen}
-            saving={picture.busy}
-          />
-        )}
-        {live && entered && hud && usable && <Figures session={live} detailed={detailed} note={note} />}
-        {live && usable && <MovePad input={live.input} />}
+        {measured && <Measurements session={measured} linkNote={note} />}
+        {measured && hint && <Hint rig={measured.rig} />}
+        {live && usable && touch && <MovePad input={live.input} />}
         {live && <MovementStatus deck={live.movement} />}
         {live && <StageMessage session={live} />}
         {live && <Freeze session={live} />}
@@ -170,15 +160,19 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
             {picture.problem}
           </p>
         )}
-        {live && !bare && !sidebarOpen && <WalkVerdict session={live} onOpen={actions.sidebar} />}
+        {live && compared && !bare && !sidebarOpen && <WalkVerdict session={live} onOpen={actions.sidebar} />}
+        {!bare && (
+          <Toolbar
+            name={name}
+            session={usable ? live : null}
+            actions={actions}
+            lab={sidebarOpen}
+            saving={picture.busy}
+          />
+        )}
       </main>
       {live && usable && sidebarOpen && (
-        <Sidebar
-          session={live}
-          onClose={actions.sidebar}
-          onReset={actions.reset}
-          onSkip={() => stage.current?.focus({ preventScroll: true })}
-        />
+        <Sidebar session={live} actions={actions} onSkip={() => stage.current?.focus({ preventScroll: true })} />
       )}
       {help.value && (
         <HelpDialog
@@ -187,19 +181,24 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
           }}
         />
       )}
-      {live && <ExperimentDialog session={live} open={experiment} />}
+      {live && prepared.value && <ExperimentDialog session={live} open={experiment} />}
     </div>
   );
 }
 
-/** Of single pictures with all of their figures, or else of each side in the same form. */
-function Figures({ session, detailed, note }: { session: ViewerSession; detailed: boolean; note: string | null }) {
-  const source = session.source.value;
-  const stats = source?.stats.value;
-  if (source === null || stats?.kind !== "requests" || session.right.value) {
-    return <SideFigures session={session} detailed={detailed} />;
-  }
-  return <Hud session={session} source={source} stats={stats} detailed={detailed} linkNote={note} />;
+/** Offers `window.tigas` once its code is loaded, until the function that this returns is called. */
+function offerScripts(session: ViewerSession): () => void {
+  let withdraw: (() => void) | null = () => undefined;
+  import("./scripts").then(
+    ({ offer }) => {
+      if (withdraw) withdraw = offer(session);
+    },
+    () => undefined, // the page says that it is outdated
+  );
+  return () => {
+    withdraw?.();
+    withdraw = null;
+  };
 }
 
 /** The link's settings, stored like those chosen by the user. */

@@ -8,21 +8,21 @@ import { LolpController } from "./lolp";
 import { seeded } from "./random";
 import { SAFETY, TARGET_LATENCY } from "./segments";
 
-/** Of the paper's ladder at 30 frames a second, the lowest first. */
-const RATES = PAPER_LADDER.map(({ expected_kb }) => expected_kb * 1000 * 8 * 30).toReversed();
+/** Of the paper's ladder at 60 requests a second, the lowest first. */
+const RATES = PAPER_LADDER.map(({ expected_kb }) => expected_kb * 1000 * 8 * 60).toReversed();
 const LEAST = 20;
 
 afterEach(() => vi.restoreAllMocks());
 
 /** A link and a queue that wander; now and then both jump. */
-function* walk(count: number, seed: number, least = 1e6): Generator<{ throughput: number; response: number }> {
+function* walk(count: number, seed: number, least = 2e6): Generator<{ throughput: number; response: number }> {
   const random = seeded(seed);
-  let throughput = 20e6;
+  let throughput = 40e6;
   let queue = 10;
   for (let i = 0; i < count; i++) {
     const jump = random() < 0.03;
     throughput = jump ? least * 80 ** random() : throughput * 1.2 ** (random() - 0.5);
-    throughput = Math.round(Math.min(80e6, Math.max(least, throughput)) / 10_000) * 10_000;
+    throughput = Math.round(Math.min(150e6, Math.max(least, throughput)) / 10_000) * 10_000;
     queue = Math.min(90, Math.max(0, jump ? 90 * random() : queue + 10 * (random() - 0.5)));
     yield { throughput, response: LEAST + queue };
   }
@@ -90,9 +90,9 @@ describe("LoL+", () => {
     for (let i = 0; i < 60; i++) {
       const rung = ours.decide();
       const bytes = (PAPER_LADDER[rung]?.expected_kb ?? 0) * 250;
-      ours.observe(observation({ profile: rung, bytes, throughput: 20e6, response: LEAST }));
+      ours.observe(observation({ profile: rung, bytes, throughput: 40e6, response: LEAST }));
     }
-    expect(ours.decide()).toBe(0); // 14.4 Mbit/s here, and 57.6 by the ladder
+    expect(ours.decide()).toBe(0); // 28.8 Mbit/s here, and 115.2 by the ladder
   });
 });
 
@@ -112,7 +112,7 @@ describe("L2A", () => {
     async (seed) => {
       const pair = await both(1000);
       const chosen = new Set<number>();
-      for (const { throughput, response } of walk(1000, seed, 2e6)) {
+      for (const { throughput, response } of walk(1000, seed, 4e6)) {
         const [ours, theirs] = step(pair, throughput, response);
         expect(ours).toBe(theirs);
         chosen.add(ours);
@@ -133,11 +133,11 @@ describe("L2A", () => {
 
   test("deviation: Q has a bound; dash.js decides nothing any more once it has overflowed", async () => {
     const pair = await both(1000);
-    for (let i = 0; i < 1100; i++) step(pair, 1e6, LEAST);
+    for (let i = 0; i < 1100; i++) step(pair, 2e6, LEAST);
     expect(pair.ours.learned?.q).toBe(1e6);
     expect(pair.theirs.q).toBeNaN();
     let chosen: readonly [number, number] = [0, 0];
-    for (let i = 0; i < 10; i++) chosen = step(pair, 20e6, LEAST);
+    for (let i = 0; i < 10; i++) chosen = step(pair, 40e6, LEAST);
     expect(chosen).toEqual([2, 0]);
   });
 

@@ -35,9 +35,9 @@ test("starts by throughput, and leaves what the link does not carry", () => {
   const subject = new L2aController({ ladder: PAPER_LADDER });
   subject.observe(observation({ throughput: null }));
   expect(subject.decide()).toBe(3);
-  // At 30 frames/s the rungs take 1.68, 4.8, 13.2 and 57.6 Mbit/s; 0.9 of 20 Mbit/s carry 13.2.
-  subject.observe(observation({ throughput: 20e6 }));
+  // At 60 requests/s the rungs take 3.36, 9.6, 26.4 and 115.2 Mbit/s; 0.9 of 40 Mbit/s carry 26.4.
+  subject.observe(observation({ throughput: 40e6 }));
   expect(subject.decide()).toBe(1);
-  for (let i = 0; i < 40; i++) subject.observe(observation({ profile: 1, bytes: 55_000, throughput: 3e6 }));
+  for (let i = 0; i < 40; i++) subject.observe(observation({ profile: 1, bytes: 55_000, throughput: 6e6 }));
   expect(subject.decide()).toBe(3);
 });

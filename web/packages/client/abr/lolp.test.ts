@@ -19,22 +19,22 @@ function hear(count: number, told: ObservationOptions): number {
   return subject.decide();
 }
 
-// At 30 frames/s the rungs take 1.68, 4.8, 13.2 and 57.6 Mbit/s, of which 0.9 of the throughput is trusted.
+// At 60 requests/s the rungs take 3.36, 9.6, 26.4 and 115.2 Mbit/s, of which 0.9 of the throughput is trusted.
 test("it uses what the link carries", () => {
-  expect(hear(5, { throughput: 80e6, response: 40 })).toBe(0);
-  expect(hear(5, { throughput: 16e6, response: 40 })).toBe(1);
-  expect(hear(5, { throughput: 3e6, response: 40 })).toBe(3);
+  expect(hear(5, { throughput: 160e6, response: 40 })).toBe(0);
+  expect(hear(5, { throughput: 32e6, response: 40 })).toBe(1);
+  expect(hear(5, { throughput: 6e6, response: 40 })).toBe(3);
 });
 
 test("where the link carries no bitrate at all it stays where it is, as published", () => {
-  hear(5, { throughput: 16e6, response: 40 });
-  expect(hear(5, { throughput: 1e6, response: 40 })).toBe(1);
+  hear(5, { throughput: 32e6, response: 40 });
+  expect(hear(5, { throughput: 2e6, response: 40 })).toBe(1);
 });
 
 test("it goes down when frames come 90 ms later than the fastest, to what the link carries", () => {
-  hear(5, { throughput: 80e6, response: 40 });
-  expect(hear(1, { throughput: 80e6, response: 130 })).toBe(1);
-  expect(hear(5, { throughput: 80e6, response: 130 })).toBe(3);
+  hear(5, { throughput: 160e6, response: 40 });
+  expect(hear(1, { throughput: 160e6, response: 130 })).toBe(1);
+  expect(hear(5, { throughput: 160e6, response: 130 })).toBe(3);
 });
 
 test.each([0.25, 1, 4])("frames that are all %f times as large change nothing on a link as much faster", (scale) => {
@@ -46,7 +46,7 @@ test.each([0.25, 1, 4])("frames that are all %f times as large change nothing on
     }
     return subject.decide();
   };
-  expect([link(20e6, 40), link(6e6, 30), link(80e6, 50), link(16e6, 45), link(16e6, 120)]).toEqual([1, 2, 0, 1, 3]);
+  expect([link(40e6, 40), link(12e6, 30), link(160e6, 50), link(32e6, 45), link(32e6, 120)]).toEqual([1, 2, 0, 1, 3]);
 });
 
 test("nothing changes while the throughput is unknown", () => {

@@ -1,10 +1,10 @@
 /**
  * Maps frames to the segments of low-latency video, for controllers published for segments.
  *
- * A segment is a frame interval: the bitrate of a rung is a frame's bytes over the interval. The published constants
- * assume a target latency of 1.5 s and segments of half a second; here the target is 100 ms and the interval 33 ms,
- * which is the same on a clock that runs 15 times as fast. All times are therefore multiplied by 15, and every
- * published constant stays unchanged.
+ * A segment is a frame: the bitrate of a rung is a frame's bytes times the requests per second. The published constants
+ * assume a target latency of 1.5 s and segments of half a second; here the target is 100 ms, which is the same on a
+ * clock that runs 15 times as fast. All times are therefore multiplied by 15, and every published constant stays
+ * unchanged, the length of a segment included.
  *
  * The remaining share of the target, after a frame's response beyond the recent minimum, stands in for the buffer. A
  * player's buffer does not know the distance to the server either: it fills and drains by the delay of a segment
@@ -18,16 +18,19 @@ import type { FrameSizes } from "./sizes";
 const SECONDS_PER_MS = 0.015;
 /** The published target latency, in seconds: 100 ms here. */
 export const TARGET_LATENCY = 1.5;
-/** A frame interval at 30 frames a second, in seconds of the published clock. */
-export const SEGMENT = (1000 / 30) * SECONDS_PER_MS;
+/** The published length of a segment, in seconds. */
+export const SEGMENT = 0.5;
 /** dash.js trusts this much of the measured throughput. */
 export const SAFETY = 0.9;
 /** Window of the minimum response, in milliseconds. */
 const LEAST_SPAN = 10_000;
 
+/** Requests per second of the page: one for each animation frame of a usual display. */
+const REQUEST_RATE = 60;
+
 /** The bitrates of all rungs, in bits per second of our own clock, the lowest first. */
 export function bitrates(sizes: FrameSizes, rungs: number): number[] {
-  return Array.from({ length: rungs }, (_, i) => sizes.expected(rungs - 1 - i) * 8 * 30);
+  return Array.from({ length: rungs }, (_, i) => sizes.expected(rungs - 1 - i) * 8 * REQUEST_RATE);
 }
 
 /** A frame's response time, in seconds of the published clock. */

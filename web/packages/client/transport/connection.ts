@@ -4,7 +4,7 @@
  * the server is full, since browsers do not report why a session failed. In a cluster it names the host to use,
  * including a replacement.
  */
-import pRetry from "p-retry";
+import { retry } from "../async/retry";
 import type { ServerConfig } from "../wire/render";
 import type { Connected } from "./connect";
 import { ending, type WatchOptions } from "./ending";
@@ -49,7 +49,7 @@ interface Known {
 
 /** Runs until the signal aborts, and then closes the transport. */
 export async function maintainConnection(options: ConnectionOptions, signal: AbortSignal): Promise<void> {
-  const { onState, sleep, now, retry = { minTimeout: 300, maxTimeout: 2000 }, random = Math.random } = options;
+  const { onState, sleep, now, retry: pauses = { minTimeout: 300, maxTimeout: 2000 }, random = Math.random } = options;
   /**
    * Knowledge carried into the next attempt: the host that failed, the configuration that names another, or the last
    * configuration.
@@ -63,13 +63,10 @@ export async function maintainConnection(options: ConnectionOptions, signal: Abo
   while (!signal.aborted) {
     try {
       const known = { report, next, last };
-      const { config, connected } = await pRetry(() => attempt(options, known, signal).catch(rethrow), {
-        ...retry,
-        retries: Number.POSITIVE_INFINITY,
+      const { config, connected } = await retry(() => attempt(options, known, signal), {
+        ...pauses,
         factor: 1.6,
-        randomize: true,
         signal,
-        shouldRetry: () => !signal.aborted,
         onFailedAttempt: () => {
           next = undefined;
           onState({ status: "lost", reason: "The server does not answer." });
@@ -95,17 +92,12 @@ export async function maintainConnection(options: ConnectionOptions, signal: Abo
       if (report !== undefined && now() - since >= LASTING) continue;
       transport.close();
       onState({ status: "lost", reason: end.reason });
-      await sleep(retry.minTimeout, signal);
+      await sleep(pauses.minTimeout, signal);
     } catch (error) {
       if (!signal.aborted) throw error;
     }
   }
   previous?.close();
-}
-
-/** p-retry aborts on a TypeError, which a malformed configuration also causes. */
-function rethrow(error: unknown): never {
-  throw error instanceof TypeError ? new Error(error.message, { cause: error }) : error;
 }
 
 /** The server's configuration and a transport, in a cluster to the first host that can be reached. */

@@ -108,7 +108,7 @@ export async function settle(): Promise<void> {
 
 const later = globalThis.setTimeout;
 
-/** Lets streams proceed; works with fake timers. */
+/** Lets streams and parts of the page proceed that are loaded on demand; works with fake timers. */
 export function turn(): Promise<void> {
   return new Promise((resolve) => later(resolve, 0));
 }

@@ -8,8 +8,8 @@ import type { Chain } from "./chain";
 import type { Enhancement } from "./enhancement";
 import type { Size } from "./geometry";
 import type { Overlay } from "./overlay";
-import { Pace } from "./pace";
-import { type Drawn, MOST_FRAMES, type Renderer } from "./renderer";
+import { MOST_FRAMES, Pace } from "./pace";
+import type { Drawn, Renderer } from "./renderer";
 
 /** How a frame that is on the screen was enhanced. */
 export interface Enhanced extends Size {

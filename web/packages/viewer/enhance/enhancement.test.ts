@@ -1,6 +1,6 @@
-import { beforeEach, expect, test, vi } from "vitest";
+import { beforeAll, beforeEach, expect, test, vi } from "vitest";
 import { deferred } from "#client/async/deferred";
-import { settle } from "#client/transport/fake";
+import { turn as settle } from "#client/transport/fake";
 import { Enhancement } from "./enhancement";
 import { FakeDevice, type FakeRenderer, fakeModel, NO_WORK, PLACE } from "./fake-gpu";
 import { EnhancementError, type Enhancer } from "./model/enhancer";
@@ -12,6 +12,8 @@ let devices: FakeDevice[];
 let changes: (string | null)[];
 let open: () => Promise<GPUDevice>;
 let subject: Enhancement;
+
+beforeAll(() => Promise.all([import("./chain"), import("./renderer")]));
 
 beforeEach(() => {
   vi.stubGlobal("GPUTextureUsage", {});

@@ -3,11 +3,11 @@
  * after a lost device, and dropped with a sentence if unusable.
  */
 import { type ReadonlySignal, signal } from "@preact/signals";
-import { Chain, type Place } from "./chain";
+import type { Chain, Place } from "./chain";
 import { openDevice } from "./device";
 import { EnhancementError, type Enhancer, firstLine } from "./model/enhancer";
 import type { Overlay } from "./overlay";
-import { type Picture, Renderer } from "./renderer";
+import type { Picture, Renderer } from "./renderer";
 
 export type EnhancementStatus =
   | { readonly kind: "off" }
@@ -107,6 +107,7 @@ export class Enhancement {
       this.#opened ??= this.#open();
       const { device, renderer } = await this.#opened;
       signal.throwIfAborted();
+      const { Chain } = await import("./chain");
       const chain = await Chain.load(device, models, place, signal);
       try {
         if (this.#picture) await renderer.warmUp(chain, this.#picture);
@@ -136,6 +137,7 @@ export class Enhancement {
     });
     try {
       const { overlay, now } = this.#options;
+      const { Renderer } = await import("./renderer");
       return { device, renderer: new Renderer(device, overlay.canvas, now) };
     } catch (error) {
       device.destroy();

@@ -12,6 +12,9 @@ const FAR = 3;
 /** Number of animation frames after which the display's rate is known. */
 const KNOWN = 31;
 
+/** Frames that may be drawn and not released. */
+export const MOST_FRAMES = 3;
+
 export class Pace {
   readonly #clock = new FrameClock();
   #ticks = 0;

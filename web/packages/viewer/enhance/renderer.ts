@@ -5,11 +5,9 @@
 import type { Chain } from "./chain";
 import { cover, type Size } from "./geometry";
 import { EnhancementError, type Filter, firstLine } from "./model/enhancer";
+import { MOST_FRAMES } from "./pace";
 import { Resampler } from "./resampler";
 import { Stopwatch } from "./stopwatch";
-
-/** Frames that may be drawn and not released. */
-export const MOST_FRAMES = 3;
 
 /** The input picture with its index in the ladder, null for a frame without a rung. */
 export interface Picture extends Size {

@@ -3,6 +3,7 @@ import { afterEach, beforeEach, expect, test } from "vitest";
 import { StageInput } from "./stage-input";
 
 let input: StageInput;
+let anywhere: boolean;
 
 beforeEach(() => {
   document.body.innerHTML = `
@@ -12,6 +13,7 @@ beforeEach(() => {
     <select></select>
     <input type="radio" />
     <input type="text" />`;
+  anywhere = true;
   input = open({ sharesPage: false });
 });
 
@@ -19,7 +21,13 @@ afterEach(() => input.dispose());
 
 function open({ sharesPage }: { sharesPage: boolean }): StageInput {
   const focal = () => ({ fx: 500, fy: 500 });
-  return new StageInput(element("#stage"), { focal, orbits: () => false, onFocus: () => undefined, sharesPage });
+  return new StageInput(element("#stage"), {
+    focal,
+    orbits: () => false,
+    keysAnywhere: () => anywhere,
+    onFocus: () => undefined,
+    sharesPage,
+  });
 }
 
 function element(selector: string): HTMLElement {
@@ -54,6 +62,14 @@ test.each([
   ["KeyW", "input[type=text]", THE_PAGE],
   ["ArrowDown", "select", THE_PAGE],
 ])("%s on %s is heard by %j", (code, where, heard) => {
+  expect(press(code, where)).toEqual(heard);
+});
+
+test.each([
+  ["KeyW", "#stage", THE_CAMERA],
+  ["KeyW", "button", THE_PAGE],
+])("without single-key shortcuts, %s on %s is heard by %j", (code, where, heard) => {
+  anywhere = false;
   expect(press(code, where)).toEqual(heard);
 });
 

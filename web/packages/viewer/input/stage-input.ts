@@ -22,6 +22,8 @@ export interface StageInputOptions {
   readonly focal: () => { readonly fx: number; readonly fy: number };
   /** Whether dragging orbits; with Alt held it does the other thing. */
   readonly orbits: () => boolean;
+  /** Whether keys move the camera wherever the focus is, or only on the stage. */
+  readonly keysAnywhere: () => boolean;
   /** A place of the stage was clicked twice. */
   readonly onFocus: (event: MouseEvent) => void;
   /** Whether keys, gamepads and the wheel move the camera only while the stage has the focus. */
@@ -105,7 +107,7 @@ export class StageInput {
 
   #press(event: KeyboardEvent): void {
     const inside = (selector: string) => event.target instanceof Element && event.target.closest(selector) !== null;
-    if (inside(TYPING)) return;
+    if (inside(TYPING) || !(this.#options.keysAnywhere() || this.#stage.contains(event.target as Node | null))) return;
     if (event.code === "Tab") this.#keys.releaseAll(); // the focus moves on
     if (["Space", "ShiftLeft", "ShiftRight"].includes(event.code) && inside(PRESSING)) return;
     if (event.code.startsWith("Arrow") && inside(CHOOSING)) return;

@@ -1,6 +1,6 @@
 /** Fetches a file into memory; where it is cut off, it is resumed. */
 
-import pRetry from "p-retry";
+import { retry } from "#client/async/retry";
 import { ApiError, readProblem } from "#client/http/problem";
 
 export interface DownloadOptions {
@@ -33,16 +33,14 @@ class CutOff extends Error {}
 export async function download(options: DownloadOptions): Promise<Uint8Array<ArrayBuffer>> {
   const { signal, onCut, firstRetry = FIRST_RETRY } = options;
   const file = new PartialFile(options);
-  await pRetry(() => file.resume(), {
-    retries: Number.POSITIVE_INFINITY,
+  await retry(() => file.resume(), {
     minTimeout: firstRetry,
     maxTimeout: 4000,
     factor: 1.6,
-    randomize: true,
     signal,
-    shouldRetry: ({ error }) => !signal.aborted && error instanceof CutOff,
-    onFailedAttempt: ({ error }) => {
-      if (error instanceof CutOff && !signal.aborted) onCut(error.message);
+    shouldRetry: (error) => error instanceof CutOff,
+    onFailedAttempt: (error) => {
+      if (error instanceof CutOff) onCut(error.message);
     },
   });
   return file.bytes;

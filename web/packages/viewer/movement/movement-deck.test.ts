@@ -4,8 +4,9 @@ import type { SceneInfo } from "#client/wire/render";
 import { NO_NUDGE } from "../view/motion";
 import type { NumberedPose } from "../view/rig";
 import { Rig } from "../view/rig";
-import { MovementError, readMovement, writeMovement } from "./movement";
+import { MovementError } from "./movement";
 import { addFile, MovementDeck, movements, type NamedMovement, unsaved } from "./movement-deck";
+import { readMovement, writeMovement } from "./movement-file";
 
 const SCENE = { id: "hall", up: [0, -1, 0], camera: { position: [0, -2, -8], look_at: [0, -2, 0] } } as SceneInfo;
 const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };

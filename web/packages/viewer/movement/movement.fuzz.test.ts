@@ -3,7 +3,8 @@
 import fc from "fast-check";
 import { expect, test } from "vitest";
 import { EFFORT } from "#client/fuzz/effort";
-import { MovementError, type MovementTrace, readMovement, readMovementFile, writeMovement } from "./movement";
+import { MovementError, type MovementTrace } from "./movement";
+import { readMovement, readMovementFile, writeMovement } from "./movement-file";
 
 const SOUND =
   "# anchor: start\n# unit: m\nt_ms,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n20,0.5,0,0,0,0.7,0,0.7\n300,1,2,3,1,0,0,0\n";

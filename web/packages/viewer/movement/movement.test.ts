@@ -2,15 +2,8 @@ import { describe, expect, test } from "vitest";
 import type { SceneInfo } from "#client/wire/render";
 import golden from "../../../../tests/experiments/movement/golden.json";
 import { angleBetween, type Quaternion } from "../view/vector";
-import {
-  MAX_BYTES,
-  MovementError,
-  placeInScene,
-  readMovement,
-  readMovementFile,
-  toLevelFrame,
-  writeMovement,
-} from "./movement";
+import { MovementError, placeInScene, toLevelFrame } from "./movement";
+import { MAX_BYTES, readMovement, readMovementFile, writeMovement } from "./movement-file";
 
 const HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n";
 const POSE = "0,1,2,3,0,0,0,1\n";

@@ -5,8 +5,9 @@ import { readProblem } from "#client/http/problem";
 import { storeUnreachable } from "#client/http/reach";
 import { ANCHORS } from "#client/wire/movement";
 import type { Movement as ListedMovement } from "#client/wire/store";
-import { MovementError, readMovement } from "./movement";
+import { MovementError } from "./movement";
 import type { NamedMovement } from "./movement-deck";
+import { readMovement } from "./movement-file";
 
 const Listed = v.object({
   name: v.string(),

@@ -5,18 +5,40 @@
  */
 import type { ScenePose } from "../view/camera";
 import type { Vector3 } from "../view/vector";
-import coefficients from "./coefficients.json";
 import { changed, type PoseChange, PoseHistory } from "./pose-history";
 import { NOWHERE, type Predictor } from "./predictor";
-
-const { step_ms: STEP, horizons_ms: HORIZONS, turned: TURNED, moved: MOVED } = coefficients;
-const STEPS = TURNED[0]?.[0]?.length ?? 0;
 
 /** Weights of each step, for each horizon: one axis. */
 type Weights = readonly (readonly number[])[];
 
+interface Coefficients {
+  readonly step_ms: number;
+  /** How far back they look, in steps. */
+  readonly steps: number;
+  readonly horizons_ms: readonly number[];
+  readonly turned: readonly Weights[];
+  readonly moved: readonly Weights[];
+}
+
+/** How far back a camera's movement is kept, in milliseconds: longer than any coefficients look back. */
+const SPAN = 1000;
+
+/** Null until they are loaded; a prediction is the present pose until then. */
+let coefficients: Coefficients | null = null;
+
+/** Loads the weights, with the first predictor that needs them. */
+export async function loadCoefficients(): Promise<void> {
+  if (coefficients !== null) return;
+  const { default: trained } = await import("./coefficients.json");
+  coefficients = { ...trained, steps: trained.turned[0]?.[0]?.length ?? 0 };
+}
+
 export class Linear implements Predictor {
-  readonly #history = new PoseHistory(STEP * STEPS);
+  readonly #history = new PoseHistory(SPAN);
+
+  constructor() {
+    loadCoefficients().catch(() => undefined); // the page reports that it is outdated
+  }
 
   observe(pose: ScenePose, at: number): void {
     this.#history.add(pose, at);
@@ -25,10 +47,12 @@ export class Linear implements Predictor {
   predict(ahead: number): ScenePose {
     const { last } = this.#history;
     if (last === undefined) return NOWHERE;
-    const past = Array.from({ length: STEPS }, (_, i) => this.#history.since(STEP * (i + 1)));
+    if (coefficients === null) return last;
+    const { steps, step_ms, moved, turned, horizons_ms } = coefficients;
+    const past = Array.from({ length: steps }, (_, i) => this.#history.since(step_ms * (i + 1)));
     return changed(last, {
-      moved: sum(past, "moved", MOVED, ahead),
-      turned: sum(past, "turned", TURNED, ahead),
+      moved: sum(past, "moved", moved, horizons_ms, ahead),
+      turned: sum(past, "turned", turned, horizons_ms, ahead),
     });
   }
 
@@ -37,20 +61,26 @@ export class Linear implements Predictor {
   }
 }
 
-function sum(past: readonly PoseChange[], kind: keyof PoseChange, axes: readonly Weights[], ahead: number): Vector3 {
+function sum(
+  past: readonly PoseChange[],
+  kind: keyof PoseChange,
+  axes: readonly Weights[],
+  horizons: readonly number[],
+  ahead: number,
+): Vector3 {
   const along = (axis: 0 | 1 | 2) => {
-    const weights = between(axes[axis] ?? [], ahead);
+    const weights = between(axes[axis] ?? [], horizons, ahead);
     return past.reduce((total, change, step) => total + change[kind][axis] * (weights[step] ?? 0), 0);
   };
   return [along(0), along(1), along(2)];
 }
 
 /** Interpolates between the trained horizons, from zero at the present; later ones use the last horizon. */
-function between(weights: Weights, ahead: number): readonly number[] {
-  const after = HORIZONS.findIndex((horizon) => horizon >= ahead);
+function between(weights: Weights, horizons: readonly number[], ahead: number): readonly number[] {
+  const after = horizons.findIndex((horizon) => horizon >= ahead);
   if (after < 0) return weights.at(-1) ?? [];
-  const start = HORIZONS[after - 1] ?? 0;
-  const share = (ahead - start) / ((HORIZONS[after] ?? 1) - start);
+  const start = horizons[after - 1] ?? 0;
+  const share = (ahead - start) / ((horizons[after] ?? 1) - start);
   const before = weights[after - 1];
   return (weights[after] ?? []).map((weight, step) => {
     const from = before?.[step] ?? 0;

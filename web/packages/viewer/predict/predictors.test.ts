@@ -1,14 +1,17 @@
 /** Properties of every predictor of the registry, guarded as on the page. */
 
 import fc from "fast-check";
-import { describe, expect, test } from "vitest";
+import { beforeAll, describe, expect, test } from "vitest";
 import { seeded } from "#client/abr/random";
 import { EFFORT } from "#client/fuzz/effort";
 import { orientation, type ScenePose } from "../view/camera";
 import { angleBetween, subtract } from "../view/vector";
 import { Guarded } from "./guarded";
+import { loadCoefficients } from "./linear";
 import type { Predictor } from "./predictor";
 import { createPredictor, PREDICTOR_NAMES, type PredictorName } from "./registry";
+
+beforeAll(loadCoefficients);
 
 /** Predictors that extrapolate movement. */
 const MOVING = PREDICTOR_NAMES.filter((name) => name !== "off");

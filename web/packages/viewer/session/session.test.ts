@@ -1,12 +1,12 @@
 // @vitest-environment happy-dom
 import { signal } from "@preact/signals";
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { afterEach, beforeAll, beforeEach, expect, test, vi } from "vitest";
 import { PAPER_LADDER } from "#client/abr/ladder";
 import { deferred } from "#client/async/deferred";
 import { ApiError } from "#client/http/problem";
 import { connect } from "#client/transport/connect";
 import { ASK_DIRECTOR_EVERY, CHECK_EVERY } from "#client/transport/ending";
-import { type FakeTransport, settle } from "#client/transport/fake";
+import { type FakeTransport, turn as settle } from "#client/transport/fake";
 import { RequestProblem } from "#client/transport/transport";
 import { fetchConfig, fetchScene, loadScene } from "../state/api";
 import { COURTYARD, serverConfig } from "../state/fake-server";
@@ -50,6 +50,10 @@ const SERVICES = { dash: "http://dash.test" };
 let host: FakePage;
 let transports: FakeTransport[];
 let session: ViewerSession;
+
+beforeAll(() =>
+  Promise.all([import("./comparison"), import("../sources/dash-source"), import("../sources/webrtc-source")]),
+);
 
 beforeEach(() => {
   vi.clearAllMocks();
@@ -258,8 +262,8 @@ test("two modes that ask for each view are two clients of the server, and leave 
   const pane = session.stage.right;
   expect(pane.childElementCount).toBe(0);
   changeSettings({ mode: "side-by-side" });
-  expect(session.comparison.value?.sides).toEqual([session.left, session.right.value]);
   await settle();
+  expect(session.comparison.value?.sides).toEqual([session.left, session.right.value]);
   await drawn(5);
   expect(transports).toHaveLength(2);
   expect(transports.map(({ requests }) => requests.length > 0)).toEqual([true, true]);
@@ -281,6 +285,7 @@ test("a stream is opened where the mode has one, and anew when what decides it c
   await vi.advanceTimersByTimeAsync(1000); // the viewport has kept its size
   expect(streams).toHaveLength(0);
   changeSettings({ mode: "side-by-side" });
+  await settle();
   expect(streams).toHaveLength(1);
   expect(streams[0]?.options).toMatchObject({
     side: "dash",
@@ -307,7 +312,9 @@ test("where the browser gives a video's pictures away to nobody, a word says so,
   await visit(); // this DOM has no VideoFrame
   await vi.advanceTimersByTimeAsync(1000);
   changeSettings({ mode: "dash" });
+  await settle();
   expect(session.source.value?.reprojection.value).toBe("unreadable");
+  await vi.advanceTimersByTimeAsync(1000); // the viewport has kept its size
   expect(streams.at(-1)?.options.overscan).toBeNull();
 });
 
@@ -378,6 +385,7 @@ test("a visit that ends leaves nothing running", async () => {
   await visit();
   await vi.advanceTimersByTimeAsync(1000);
   changeSettings({ mode: "side-by-side" });
+  await settle();
   session.dispose();
   await settle();
   expect(host.animationFrames.size).toBe(0);

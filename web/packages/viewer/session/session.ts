@@ -27,7 +27,7 @@ import { Presence } from "../view/presence";
 import type { PresentedFrame } from "../view/presented";
 import { Rig } from "../view/rig";
 import { add, rotate } from "../view/vector";
-import { Comparison } from "./comparison";
+import type { Comparison } from "./comparison";
 import { Side } from "./side";
 
 /** How the visit stands; `failed` waits for the person. */
@@ -114,6 +114,7 @@ export class ViewerSession {
     this.input = new StageInput(stage.element, {
       focal: () => this.rig.intrinsics.value,
       orbits: () => settings.peek().drag === "orbit",
+      keysAnywhere: () => settings.peek().shortcuts,
       onFocus: (event) => this.#focus(event),
       sharesPage: stage.sharesPage ?? false,
     });
@@ -263,11 +264,18 @@ export class ViewerSession {
     });
     const stop = effect(() => {
       if (measured.value === null) return undefined;
-      const comparison = untracked(() => new Comparison(this.rig, this.#sides, this.presence, this.state.config));
-      this.comparison.value = comparison;
+      let ended = false;
+      import("./comparison").then(
+        ({ Comparison }) => {
+          if (!ended) this.comparison.value = new Comparison(this.rig, this.#sides, this.presence, this.state.config);
+        },
+        () => undefined, // figures are missing; the page reports that it is outdated
+      );
       return () => {
+        ended = true;
+        const comparison = this.comparison.peek();
         this.comparison.value = null;
-        comparison.dispose();
+        comparison?.dispose();
       };
     });
     this.#cleanups.push(stop);

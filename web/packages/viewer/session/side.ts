@@ -22,6 +22,8 @@ export class Side {
   readonly missing: ReadonlySignal<string | null>;
   /** Notice to the user if pictures should be warped and are not; else null. */
   readonly unturned = computed(() => reprojectionNote(this.source.value?.reprojection.value ?? "off"));
+  /** The mode whose code could not be loaded. */
+  readonly #unloaded = signal<SourceKind | null>(null);
   readonly #connection = signal<Connected | null>(null);
   readonly #presented = new Listeners<[PresentedFrame]>();
   /** Subscribes to every frame on screen; returns a function that unsubscribes. */
@@ -46,7 +48,10 @@ export class Side {
       },
     };
     this.kind = computed(() => SOURCES[settings.value.mode]);
-    this.missing = computed(() => (scene.value === null ? null : this.kind.value.missing(config.value, scene.value)));
+    this.missing = computed(() => {
+      if (this.#unloaded.value === this.kind.value) return "This mode could not be loaded; reload the page";
+      return scene.value === null ? null : this.kind.value.missing(config.value, scene.value);
+    });
     const available = computed(
       () =>
         scene.value !== null &&
@@ -57,13 +62,27 @@ export class Side {
     this.#stop = effect(() => {
       const { value: kind } = this.kind;
       if (!available.value) return undefined;
-      const source = untracked(() => kind.open(context));
-      this.source.value = source;
-      return () => {
-        this.source.value = null;
-        source.dispose();
-      };
+      return untracked(() => this.#open(kind, context));
     });
+  }
+
+  /** Opens a source of the mode once its code is loaded; returns a function that closes it. */
+  #open(kind: SourceKind, context: SourceContext): () => void {
+    let closed = false;
+    kind.load().then(
+      (open) => {
+        if (!closed) this.source.value = open(context);
+      },
+      () => {
+        if (!closed) this.#unloaded.value = kind;
+      },
+    );
+    return () => {
+      closed = true;
+      const source = this.source.peek();
+      this.source.value = null;
+      source?.dispose();
+    };
   }
 
   /** Bytes of pictures received by all modes together. */

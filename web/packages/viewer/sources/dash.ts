@@ -1,6 +1,5 @@
 /** The mode `dash`: a stream over DASH, by preset. */
-import { overDash } from "../dash/dash-views";
-import { PRESETS, planFor } from "../dash/presets";
+import { PRESETS } from "../dash/presets";
 import { streamed } from "./streamed";
 
 export const DASH = streamed({
@@ -11,7 +10,5 @@ export const DASH = streamed({
     settings: { dashPreset: preset },
   })),
   settings: ["dashPreset", "dashFrameRate", "dashRepresentation", "dashCustom"],
-  planOf: planFor,
-  adaptive: ({ adaptive }) => adaptive,
-  open: overDash,
+  load: async () => (await import("./dash-source")).openDash,
 });

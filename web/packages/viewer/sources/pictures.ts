@@ -19,6 +19,7 @@ import type { Source, SourceContext, SourceKind, SourcePhase } from "./source";
 
 export const STATELESS: SourceKind = {
   title: "Stateless",
+  about: "Single pictures: one per pose of the camera, each complete in itself.",
   settings: [
     ...(["transport", "controller", "profile", "refine", "webp", "restore", "upscale"] as const),
     ...(["reprojection", "prediction", "overscan", "depth", "surround"] as const),
@@ -29,7 +30,7 @@ export const STATELESS: SourceKind = {
   keepsHidden: false,
   charts: false,
   missing: () => null,
-  open: (context) => new Pictures(context, null),
+  load: async () => (context) => new Pictures(context, null),
 };
 
 export class Pictures implements Source {

@@ -1,6 +1,6 @@
 /**
- * The modes, by name. To add one, write a file that exports its `SourceKind`, list it here, and name it in the Python
- * wire types (`SOURCES` in tigas_experiments/wire/run.py), which experiments share.
+ * The modes, by name. To add one, write a file that exports its `SourceKind` and one with its source, loaded on demand;
+ * list it here, and name it in the Python wire types (`SOURCES` in tigas_experiments/wire/run.py), which experiments share.
  */
 import type { SideMode, SourceName } from "../state/settings";
 import { DASH } from "./dash";

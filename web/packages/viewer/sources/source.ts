@@ -109,5 +109,8 @@ export interface SourceKind {
   readonly charts: boolean;
   /** Why it is not available for a scene of this server, without a full stop; null if it is. */
   missing(server: ServerConfig | null, scene: SceneInfo): string | null;
-  open(context: SourceContext): Source;
+  /** Loads its code; the result opens the source. */
+  load(): Promise<OpenSource>;
 }
+
+export type OpenSource = (context: SourceContext) => Source;

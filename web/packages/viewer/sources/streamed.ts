@@ -1,170 +1,33 @@
-/** Modes with a stream of the packager's, opened anew whenever something changes that decides it. */
-import { computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
+/** The registry's lines of modes with a stream of the packager's. */
 import type { ServerConfig } from "#client/wire/render";
-import { Reprojector } from "../reproject/reprojector";
-import type { Settings, SideSettings } from "../state/settings";
-import { type OpenViews, STREAM_NAMES, type StreamKind } from "../stream/stream";
-import { NO_STREAM_STATS, StreamPlayer, type StreamStats } from "../stream/stream-player";
-import { type StreamedFrame, TurnedVideo } from "../stream/turned-video";
-import { AUTO_OVERSCAN } from "../stream/wider";
-import { keepTurning } from "./keep-turning";
-import type { Source, SourceContext, SourceKind, SourcePhase, Variant } from "./source";
+import type { Settings } from "../state/settings";
+import { STREAM_NAMES, type StreamKind } from "../stream/stream";
+import type { OpenSource, SourceKind, Variant } from "./source";
 
-/** A stream is opened anew when the viewport has kept its size for this long, in milliseconds. */
-const RESIZED_AFTER = 400;
-
-interface StreamMode<Plan> {
+interface StreamMode {
   readonly kind: StreamKind;
   readonly variants?: readonly Variant[];
-  /** The settings that decide the plan. */
+  /** The settings that decide how it is streamed. */
   readonly settings: readonly (keyof Settings)[];
-  readonly planOf: (settings: SideSettings) => Plan;
-  /** Whether stalls raise the target latency. */
-  readonly adaptive: (plan: Plan) => boolean;
-  readonly open: (source: { readonly base: string; readonly scene: string; readonly plan: Plan }) => OpenViews;
+  readonly load: () => Promise<OpenSource>;
 }
 
-/** The registry's line of a stream. */
-export function streamed<Plan>(mode: StreamMode<Plan>): SourceKind {
-  const title = STREAM_NAMES[mode.kind];
+export function streamed({ kind, variants, settings, load }: StreamMode): SourceKind {
+  const title = STREAM_NAMES[kind];
   const motion = ["reprojection", "overscan"] as const;
   return {
     title,
     remedy: "Start one with tigas dash, and name it to the server as the service “dash”.",
-    ...(mode.variants && { variants: mode.variants }),
-    settings: [...mode.settings, ...motion, "prediction"],
-    reopens: [...mode.settings, ...motion],
+    ...(variants && { variants }),
+    settings: [...settings, ...motion, "prediction"],
+    reopens: [...settings, ...motion],
     requests: false,
     drawsHere: false,
     keepsHidden: false,
     charts: true,
     missing: (server) => (packagerOf(server) === undefined ? `This server has no packager for ${title} streams` : null),
-    open: (context) => new Streamed(context, mode),
+    load,
   };
 }
 
-const packagerOf = (server: ServerConfig | null) => server?.services.dash;
-
-class Streamed<Plan> implements Source {
-  readonly phase: ReadonlySignal<SourcePhase>;
-  readonly stats: ReadonlySignal<StreamStats>;
-  readonly enhancement = null;
-  readonly content = null;
-  readonly reprojection: Source["reprojection"];
-  readonly #player: Signal<StreamPlayer | null> = signal(null);
-  readonly #cleanups: readonly (() => void)[];
-
-  constructor(context: SourceContext, { kind, planOf, adaptive, open }: StreamMode<Plan>) {
-    const { pane, rig, settings, scene, config, size, now } = context;
-    const video = silentVideo();
-    pane.append(video);
-    const reprojector = new Reprojector<StreamedFrame>({ below: video, size, now, readable: TurnedVideo.supported });
-    this.reprojection = reprojector.status;
-    this.phase = computed(() => {
-      const phase = this.#player.value?.phase.value ?? { kind: "connecting" };
-      return phase.kind === "connecting" ? { ...phase, message: `Starting the ${STREAM_NAMES[kind]} stream…` } : phase;
-    });
-    this.stats = computed(() => this.#player.value?.stats.value ?? NO_STREAM_STATS);
-    const [viewport, stopFollowing] = settled(rig.viewport, RESIZED_AFTER);
-    const wanted = computed(() => {
-      const { overscan } = settings.value;
-      const base = packagerOf(config.value);
-      if (base === undefined || scene.value === null) return null;
-      const turned = reprojector.status.value === "on";
-      // As text, so that only a change of its content is one; the configuration is read again and again.
-      return JSON.stringify({
-        source: { base, scene: scene.value.id, plan: planOf(settings.value) },
-        viewport: viewport.value,
-        overscan: turned ? (overscan === "auto" ? AUTO_OVERSCAN : overscan) : null,
-      });
-    });
-    const play = () =>
-      effect(() => {
-        if (wanted.value === null) return undefined;
-        const { source, overscan } = JSON.parse(wanted.value);
-        const player = untracked(
-          () =>
-            new StreamPlayer({
-              ...context,
-              video,
-              reprojector,
-              overscan,
-              side: kind,
-              open: open(source),
-              adaptive: adaptive(source.plan),
-              prediction: () => settings.value.prediction,
-            }),
-        );
-        this.#player.value = player;
-        return () => {
-          this.#player.value = null;
-          player.dispose();
-        };
-      });
-    this.#cleanups = [
-      keepTurning(reprojector, settings, scene),
-      play(),
-      stopFollowing,
-      () => reprojector.off(),
-      () => video.remove(),
-    ];
-  }
-
-  picture(): Promise<ImageBitmap> | null {
-    return this.#player.peek()?.picture() ?? null;
-  }
-
-  presented(now: number): void {
-    this.#player.peek()?.presented(now);
-  }
-
-  resumed(gap: number): void {
-    this.#player.peek()?.resumed(gap);
-  }
-
-  tick(now: number, moved: boolean): void {
-    this.#player.peek()?.tick(now, moved);
-  }
-
-  played(startedAt: number) {
-    return this.#player.peek()?.played(startedAt) ?? {};
-  }
-
-  async status(signal: AbortSignal) {
-    return (await this.#player.peek()?.status(signal)) ?? null;
-  }
-
-  dispose(): void {
-    for (const cleanup of this.#cleanups) cleanup();
-  }
-}
-
-function silentVideo(): HTMLVideoElement {
-  const video = document.createElement("video");
-  return Object.assign(video, {
-    muted: true,
-    playsInline: true,
-    disablePictureInPicture: true,
-    disableRemotePlayback: true,
-  });
-}
-
-/** A debounced copy of a signal, and a function that stops it. */
-function settled<T>(source: ReadonlySignal<T>, after: number): [ReadonlySignal<T>, () => void] {
-  const result = signal(source.peek());
-  let timer: ReturnType<typeof setTimeout>;
-  const stop = effect(() => {
-    const { value } = source;
-    clearTimeout(timer);
-    timer = setTimeout(() => {
-      result.value = value;
-    }, after);
-  });
-  return [
-    result,
-    () => {
-      stop();
-      clearTimeout(timer);
-    },
-  ];
-}
+export const packagerOf = (server: ServerConfig | null) => server?.services.dash;

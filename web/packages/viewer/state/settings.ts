@@ -1,6 +1,5 @@
 /** The user's settings, stored in the browser. Invalid stored values are replaced by their defaults. */
 
-import * as v from "valibot";
 import { CONTROLLER_NAMES, CONTROLLERS } from "#client/abr/registry";
 import { SIDE_MODES, SOURCES, USUAL_SIDES } from "#client/wire/run";
 import { type DashSettings, FRAME_RATES, tuned } from "../dash/presets";
@@ -8,6 +7,17 @@ import { type Kind, OFF } from "../enhance/model/enhancer";
 import { enhancersOf } from "../enhance/registry";
 import { PREDICTOR_NAMES, PREDICTORS } from "../predict/registry";
 import { CODEC_NAMES, WEBRTC_PLANS, WEBRTC_STREAMS } from "../webrtc/presets";
+import {
+  BOOLEAN,
+  either,
+  nullable,
+  numberWithin,
+  oneOf,
+  record,
+  type Schema,
+  type ValueOf,
+  wholeWithin,
+} from "./schema";
 
 /** A mode that shows one picture. */
 export type SourceName = (typeof SOURCES)[number];
@@ -38,15 +48,11 @@ interface About {
 }
 
 /** `usual` also replaces stored values that make no sense. */
-function setting<const Schema extends v.GenericSchema, const More extends About>(
-  schema: Schema,
-  usual: NoInfer<v.InferOutput<Schema>>,
-  about: More,
-) {
-  return { schema: v.fallback(schema, usual), ...about };
+function setting<T, const More extends About>(schema: Schema<T>, usual: NoInfer<T>, about: More) {
+  return { schema, usual, ...about };
 }
 
-const toggle = <const More extends About>(usual: boolean, about: More) => setting(v.boolean(), usual, about);
+const toggle = <const More extends About>(usual: boolean, about: More) => setting(BOOLEAN, usual, about);
 
 /** One of the values that have a label. */
 function choice<Options extends Readonly<Record<string, string>>, const More extends About>(
@@ -54,20 +60,19 @@ function choice<Options extends Readonly<Record<string, string>>, const More ext
   usual: NoInfer<keyof Options & string>,
   about: More,
 ) {
-  return setting(v.picklist(Object.keys(options) as (keyof Options & string)[]), usual, { ...about, options });
+  return setting(oneOf(Object.keys(options) as (keyof Options & string)[]), usual, { ...about, options });
 }
 
 function number<const More extends About>(min: number, max: number, usual: number, about: More) {
-  return setting(v.pipe(v.number(), v.minValue(min), v.maxValue(max)), usual, { ...about, range: [min, max] });
+  return setting(numberWithin(min, max), usual, { ...about, range: [min, max] });
 }
 
 function whole<const More extends About>(min: number, max: number, usual: number, about: More) {
-  const schema = v.pipe(v.number(), v.integer(), v.minValue(min), v.maxValue(max));
-  return setting(schema, usual, { ...about, range: [min, max] });
+  return setting(wholeWithin(min, max), usual, { ...about, range: [min, max] });
 }
 
 const LAST_RUNG = 255;
-const Kbps = v.pipe(v.number(), v.integer(), v.minValue(50), v.maxValue(100_000));
+const KBPS = wholeWithin(50, 100_000);
 
 /** Names with the labels that they have in a list. */
 const labelled = <Name extends string>(names: readonly Name[], label: (name: Name) => string) =>
@@ -80,7 +85,7 @@ const models = (kind: Kind): Record<string, string> => ({
 
 /** Every setting: its values, its label and help, and whether it is part of links and of experiments. */
 export const SETTINGS = {
-  theme: setting(v.picklist(["system", "light", "dark"]), "system", {}),
+  theme: setting(oneOf(["system", "light", "dark"]), "system", {}),
   transport: choice(
     {
       auto: "Automatic",
@@ -91,10 +96,10 @@ export const SETTINGS = {
     "auto",
     { label: "Transport", recorded: true },
   ),
-  mode: setting(v.picklist(MODES), USUAL_SIDES[0], { linked: true, recorded: true }),
+  mode: setting(oneOf(MODES), USUAL_SIDES[0], { linked: true, recorded: true }),
   /** The two pictures of a comparison. */
-  left: setting(v.picklist(SIDE_MODES), USUAL_SIDES[0], { label: "Left", linked: true, recorded: true }),
-  right: setting(v.picklist(SIDE_MODES), USUAL_SIDES[1], { label: "Right", linked: true, recorded: true }),
+  left: setting(oneOf(SIDE_MODES), USUAL_SIDES[0], { label: "Left", linked: true, recorded: true }),
+  right: setting(oneOf(SIDE_MODES), USUAL_SIDES[1], { label: "Right", linked: true, recorded: true }),
   /** Constraint shared by both sides: a rung of the ladder, or a rate in kbit/s. */
   lock: choice({ off: "Nothing", resolution: "Resolution", bitrate: "Bit rate" }, "off", {
     label: "Keep the same",
@@ -109,25 +114,18 @@ export const SETTINGS = {
     recorded: true,
   }),
   /** Frames a second; null: the preset's own. */
-  dashFrameRate: setting(v.nullable(v.picklist(FRAME_RATES)), null, { label: "Frame rate", recorded: true }),
+  dashFrameRate: setting(nullable(oneOf(FRAME_RATES)), null, { label: "Frame rate", recorded: true }),
   /** A single representation of a stream, for measurements; null: all that the packager offers. */
-  dashRepresentation: setting(
-    v.nullable(
-      v.object({
-        rung: v.pipe(v.number(), v.integer(), v.minValue(0), v.maxValue(LAST_RUNG)),
-        bitrate_kbps: Kbps,
-      }),
-    ),
-    null,
-    { recorded: true },
-  ),
+  dashRepresentation: setting(nullable(record({ rung: wholeWithin(0, LAST_RUNG), bitrate_kbps: KBPS })), null, {
+    recorded: true,
+  }),
   /** Parameters of the preset "custom". */
   dashCustom: setting(
-    v.object({
-      segment_s: v.pipe(v.number(), v.minValue(0.2), v.maxValue(10)),
-      frames_per_chunk: v.pipe(v.number(), v.integer(), v.minValue(1), v.maxValue(600)),
-      target_latency_ms: v.pipe(v.number(), v.integer(), v.minValue(50), v.maxValue(10_000)),
-      frame_rate: v.pipe(v.number(), v.integer(), v.minValue(1), v.maxValue(60)),
+    record({
+      segment_s: numberWithin(0.2, 10),
+      frames_per_chunk: wholeWithin(1, 600),
+      target_latency_ms: wholeWithin(50, 10_000),
+      frame_rate: wholeWithin(1, 60),
     }),
     tuned(30),
     { recorded: true },
@@ -176,7 +174,7 @@ export const SETTINGS = {
     },
   ),
   /** As a share of the viewport at each side. */
-  overscan: setting(v.union([v.literal("auto"), v.pipe(v.number(), v.minValue(0), v.maxValue(0.5))]), "auto", {
+  overscan: setting(either(oneOf(["auto"]), numberWithin(0, 0.5)), "auto", {
     label: "Overscan",
     help: "How far each frame extends beyond the view, as a share of its size",
     linked: true,
@@ -196,14 +194,20 @@ export const SETTINGS = {
   }),
   drag: choice({ look: "Drag to look around", orbit: "Drag to orbit" }, "look", { label: "Dragging", linked: true }),
   turnSpeed: number(1, 720, 60, { label: "Turn", unit: "°/s" }),
-  /** Null: open where there is room. */
-  sidebar: setting(v.nullable(v.boolean()), null, {}),
+  /** The lab is open. */
+  sidebar: toggle(false, {}),
   hud: toggle(true, {}),
-  /** All of the HUD's numbers, or the most important ones; null: all where there is room. */
-  hudDetails: setting(v.nullable(v.boolean()), null, {}),
+  /** All measurements, or one line; null: all while the lab is open where there is room. */
+  hudDetails: setting(nullable(BOOLEAN), null, {}),
+  /** How to move is shown over the picture, until the first movement. */
+  hint: toggle(true, {}),
+  shortcuts: toggle(true, {
+    label: "Single-key shortcuts",
+    help: "When off, letters move the camera only while the picture has the focus, and do nothing else",
+  }),
 };
 
-export type Settings = { [Name in keyof typeof SETTINGS]: v.InferOutput<(typeof SETTINGS)[Name]["schema"]> };
+export type Settings = { [Name in keyof typeof SETTINGS]: ValueOf<(typeof SETTINGS)[Name]["schema"]> };
 type NamesWith<Flag> = {
   [Name in keyof typeof SETTINGS]: (typeof SETTINGS)[Name] extends Flag ? Name : never;
 }[keyof typeof SETTINGS];
@@ -220,8 +224,15 @@ export interface SideSettings
 
 const NAMES = Object.keys(SETTINGS) as (keyof Settings)[];
 const about = (name: keyof Settings): About => SETTINGS[name] as About;
-const Stored = v.object(Object.fromEntries(NAMES.map((name) => [name, SETTINGS[name].schema as v.GenericSchema])));
-const parse = (stored: unknown) => v.parse(Stored, stored) as Settings;
+
+/** Settings from outside; those that make no sense have their usual values. */
+function parse(stored: Readonly<Record<string, unknown>>): Settings {
+  const read = (name: keyof Settings) => {
+    const { schema, usual }: { schema: Schema<unknown>; usual: unknown } = SETTINGS[name];
+    return schema.accepts(stored[name]) ? stored[name] : usual;
+  };
+  return Object.fromEntries(NAMES.map((name) => [name, read(name)])) as Settings;
+}
 
 export const DEFAULT_SETTINGS: Settings = parse({});
 
@@ -235,9 +246,7 @@ export function recorded(settings: Settings): string {
 
 /** The values that a setting may have in a link; null if they cannot be listed. */
 export function choicesOf(name: LinkedName): readonly string[] | null {
-  const { schema } = SETTINGS[name];
-  if (schema.type === "boolean") return ["on", "off"];
-  return schema.type === "picklist" ? schema.options : null;
+  return SETTINGS[name].schema.choices ?? null;
 }
 
 /** Parses a setting's value, including `on` and `off`; undefined if invalid. */
@@ -253,7 +262,7 @@ export function settingOf<Name extends LinkedName>(name: Name, text: string): Se
 
 /** The same settings, if each has a value that it may have. Throws otherwise. */
 export function validSettings(settings: Settings): Settings {
-  const valid = parse(settings);
+  const valid = parse({ ...settings });
   // A value that makes no sense would be replaced by the usual one.
   const wrong = NAMES.find((name) => JSON.stringify(valid[name]) !== JSON.stringify(settings[name]));
   if (wrong !== undefined) throw new Error(`${wrong} cannot be that`);

@@ -1,8 +1,8 @@
 /** The modes with one stream per viewer from the packager: its camera follows the rig, and every frame is measured. */
 
 import { signal } from "@preact/signals";
-import pRetry from "p-retry";
 import { deferred } from "#client/async/deferred";
+import { retry } from "#client/async/retry";
 import { ApiError } from "#client/http/problem";
 import type { SessionStatus } from "#client/wire/dash";
 import type { Recording } from "#client/wire/store";
@@ -186,16 +186,13 @@ export class StreamPlayer {
   async #run(signal: AbortSignal): Promise<void> {
     try {
       while (!signal.aborted) {
-        const { ended } = await pRetry(() => this.#start(signal), {
-          retries: Number.POSITIVE_INFINITY,
+        const { ended } = await retry(() => this.#start(signal), {
           minTimeout: 300,
           maxTimeout: 4000,
           factor: 1.6,
-          randomize: true,
           signal,
-          shouldRetry: ({ error }) =>
-            !signal.aborted && (error instanceof StreamEnded || (error instanceof ApiError && error.unreachable)),
-          onFailedAttempt: ({ error }) => this.#lost(error.message, signal),
+          shouldRetry: (error) => error instanceof StreamEnded || (error instanceof ApiError && error.unreachable),
+          onFailedAttempt: (error) => this.#lost(error instanceof Error ? error.message : String(error), signal),
         });
         this.#lost(await ended, signal);
       }

@@ -8,13 +8,17 @@ from __future__ import annotations
 
 import ctypes
 from ctypes import POINTER, addressof, byref, c_int, c_size_t, c_void_p
+from functools import cache
+from typing import Any
 
 from cuda.bindings import driver
 from cuda.pathfinder import load_nvidia_dynamic_lib
 
-from tigas_render.raster.calls import Call, CallError, Calls
+from tigas_render.raster.calls import Call, CallError
 
 DRIVER = "libcuda.so.1"
+BLOCKING_SYNC = 4
+"""CU_CTX_SCHED_BLOCKING_SYNC."""
 CSS_420, CSS_GRAY = 2, 6
 """nvjpegChromaSubsampling_t: one chroma sample for four pixels, and none."""
 ALLOCATOR_FAILURE = 5
@@ -29,9 +33,25 @@ class DriverError(CallError):
         self.args = (f"{function} failed: {driver.CUresult(status).name}",)
 
 
+def wait_asleep(index: int) -> None:
+    """Let threads sleep while they wait for a device, before anything else uses it.
+
+    By default they spin, and take processors from the threads that serve viewers. A context that exists already may
+    keep its way.
+    """
+    library = ctypes.CDLL(DRIVER)
+    library.cuInit(0)
+    library.cuDevicePrimaryCtxSetFlags_v2(index, BLOCKING_SYNC)
+
+
 def driver_call(name: str, *arguments: int) -> Call:
     """A call for later."""
-    return Call(getattr(ctypes.CDLL(DRIVER), name), arguments, DriverError)
+    return Call(_driver_function(name), arguments, DriverError)
+
+
+@cache
+def _driver_function(name: str) -> Any:
+    return getattr(ctypes.CDLL(DRIVER), name)
 
 
 class NvJpegError(CallError):
@@ -76,9 +96,9 @@ class NvJpeg:
         if status:
             raise NvJpegError(name, status)
 
-    def prepared(self, name: str, *arguments: int) -> Call:
-        """A call for later."""
-        return Call(getattr(self._library, name), arguments, NvJpegError)
+    def prepared(self, name: str, *arguments: int, kept: object = None) -> Call:
+        """A call for later. kept: as of `Call`."""
+        return Call(getattr(self._library, name), arguments, NvJpegError, kept)
 
 
 class JpegEncoder:
@@ -92,23 +112,15 @@ class JpegEncoder:
         self._stream = c_void_p(stream)
         chroma = CSS_GRAY if gray else CSS_420
         self._state, self._params = c_void_p(), c_void_p()
-        self._planes = _Planes()
+        self._chroma = chroma
         self.length = c_size_t()
-        """Of the last JPEG, in bytes."""
+        """Of the last JPEG, in bytes; of the room for the next, before it is encoded."""
         self._bound, self._bound_of = c_size_t(), (0, 0)
         library.call("nvjpegEncoderStateCreate", library.handle, byref(self._state), self._stream)
         library.call("nvjpegEncoderParamsCreate", library.handle, byref(self._params), self._stream)
         library.call("nvjpegEncoderParamsSetSamplingFactors", self._params, chroma, self._stream)
         library.call("nvjpegEncoderParamsSetOptimizedHuffman", self._params, int(gray), self._stream)
-        handle, state, params = (pointer.value or 0 for pointer in (library.handle, self._state, self._params))
-        planes, length = addressof(self._planes), addressof(self.length)
-        self._encode = Calls(
-            library.prepared("nvjpegEncoderParamsSetQuality", params, 0, stream),
-            library.prepared("nvjpegEncodeYUV", handle, state, params, planes, chroma, 0, 0, stream),
-        )
-        self._fetch = Calls(
-            library.prepared("nvjpegEncodeRetrieveBitstream", handle, state, 0, length, stream), synchronize
-        )
+        self._wait = synchronize
 
     def close(self) -> None:
         """Give the library's memory back."""
@@ -123,19 +135,27 @@ class JpegEncoder:
             self._bound_of = width, height
         return self._bound.value
 
-    def encoding(self, planes: int, width: int, height: int, quality: int, into: int, room: int) -> tuple[Calls, Calls]:
-        """Two calls: one encodes planes in device memory; the other copies the result to `room` bytes of pinned memory,
-        and waits.
+    def encoding(self, planes: int, width: int, height: int, quality: int) -> tuple[Call, ...]:
+        """Calls that encode planes in device memory.
 
-        Planes: Y [H, W], Cb and Cr [⌈H/2⌉, ⌈W/2⌉], one after the other. The JPEG's size is in `length`
-        afterwards.
+        Planes: Y [H, W], Cb and Cr [⌈H/2⌉, ⌈W/2⌉], one after the other.
         """
         columns, rows = (width + 1) // 2, (height + 1) // 2
         chroma = planes + width * height  # not read if there is none
-        self._planes.channel[:3] = [planes, chroma, chroma + columns * rows]
-        self._planes.pitch[:3] = [width, columns, columns]
-        self.length.value = room
-        self._encode.replace(0, 1, quality)
-        self._encode.replace(1, 5, width, height)
-        self._fetch.replace(0, 2, into)
-        return self._encode, self._fetch
+        image = _Planes()
+        image.channel[:3] = [planes, chroma, chroma + columns * rows]
+        image.pitch[:3] = [width, columns, columns]
+        handle, state, params = (each.value or 0 for each in (self._library.handle, self._state, self._params))
+        stream = self._stream.value or 0
+        arguments = handle, state, params, addressof(image), self._chroma, width, height, stream
+        return (
+            self._library.prepared("nvjpegEncoderParamsSetQuality", params, quality, stream),
+            self._library.prepared("nvjpegEncodeYUV", *arguments, kept=image),
+        )
+
+    def fetching(self, into: int) -> tuple[Call, ...]:
+        """Calls that copy the last JPEG to `length` bytes of pinned memory, and wait. Then its size is in `length`."""
+        handle, state, stream = (each.value or 0 for each in (self._library.handle, self._state, self._stream))
+        length = addressof(self.length)
+        retrieve = self._library.prepared("nvjpegEncodeRetrieveBitstream", handle, state, into, length, stream)
+        return retrieve, self._wait

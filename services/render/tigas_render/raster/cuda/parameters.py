@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import ctypes
 import struct
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final, Literal
 
+from tigas_common.pose import Intrinsics
 from tigas_common.wire.render import FrameFormat
 from tigas_render.raster.base import Camera, derivative_limits, footprint
-from tigas_render.raster.cuda.scene import CHUNK, CudaScene
+from tigas_render.raster.cuda.scene import CHUNK, CODES, POINTERS, CudaScene
 
 SMALL_PICTURE = 640 * 360
 """Pixels. A picture of at most so many gets small tiles, as large ones would keep few multiprocessors busy; so does one
@@ -19,8 +20,14 @@ MAX_SLICES = 256
 """A slice's number has 8 bits."""
 MAX_LISTS = 1 << 18
 """Lists of all tiles and slices together: enough to keep each short, few enough to count in microseconds."""
-LAYOUT: Final = struct.Struct("=22Q6I4i27f4x")
-"""Pointers; padded, chunks, capacity, tiles, tiles_x, slices; width, height, format, sh_coefficients; the floats."""
+_PLAN: Final = struct.Struct("=18Q6I3i")
+"""The other pointers; padded, chunks, capacity, tiles, tiles_x, slices; width, height, format."""
+_POSE: Final = struct.Struct("=12f")
+"""rotation, eye."""
+_LENS: Final = struct.Struct("=13f4x")
+"""The other floats."""
+SIZE: Final = sum(part.size for part in (POINTERS, _PLAN, CODES, _POSE, _LENS))
+"""Bytes of `struct Frame`."""
 PixelFormat = FrameFormat | Literal["depth"]
 FORMATS: Final[dict[PixelFormat, int]] = {"png": 0, "jpeg": 1, "yuv420p": 2, "depth": 3}
 """Outputs of the blending kernel: RGB, JPEG's planes, video's planes, input of `inverse_depth`."""
@@ -55,30 +62,45 @@ def tile_layout(width: int, height: int, gaussians: int) -> TileLayout:
     return TileLayout(side, columns, rows, slices)
 
 
-def write_frame(
-    into: ctypes.Array[ctypes.c_char],
-    scene: CudaScene,
-    camera: Camera,
+def plan_numbers(
+    width: int,
+    height: int,
+    padded: int,
     layout: TileLayout,
     format: PixelFormat,
     buffers: tuple[int, ...],
     capacity: int,
-) -> None:
-    """Fill `struct Frame`. buffers: the device's addresses from `splats` to `progress`, in the struct's order."""
-    k = camera.intrinsics
-    rotation = camera.pose.rotation
-    dilation, low_pass = footprint(camera.display_scale, scene.antialiased)
-    LAYOUT.pack_into(
-        into, 0,
-        scene.means.data_ptr(), scene.shapes.data_ptr(), scene.sh.data_ptr(), scene.bounds.data_ptr(), *buffers,
-        scene.padded, scene.padded // CHUNK, capacity, layout.tiles, layout.columns, layout.slices,
-        k.width, k.height, FORMATS[format], scene.coefficients,
-        scene.scale_low, scene.scale_step,
-        *(rotation[column][row] for row in range(3) for column in range(3)),  # world to camera
-        *camera.pose.position,
-        k.fx, k.fy, k.cx, k.cy, dilation, dilation + low_pass, *map(_float32, derivative_limits(camera.viewport)),
-        *camera.background,
+) -> bytes:
+    """The part of `struct Frame` that all frames of a size and format have in common.
+
+    padded: Gaussians; buffers: the device's addresses from `splats` to `progress`, in the struct's order.
+    """
+    return _PLAN.pack(
+        *buffers, padded, padded // CHUNK, capacity, layout.tiles, layout.columns, layout.slices,
+        width, height, FORMATS[format],
     )  # fmt: skip
+
+
+def frame_parameters(scene: CudaScene, camera: Camera, plan: bytes) -> bytes:
+    """`struct Frame`. plan: from `plan_numbers`."""
+    (a, b, c), (d, e, f), (g, h, i) = camera.pose.rotation
+    pose = _POSE.pack(a, d, g, b, e, h, c, f, i, *camera.pose.position)  # world to camera
+    lens = _lens(camera.intrinsics, camera.margins, camera.display_scale, camera.background, scene.antialiased)
+    return b"".join((scene.pointers, plan, scene.codes, pose, lens))
+
+
+@lru_cache(maxsize=1024)  # a viewer has one lens, or a few, for thousands of frames
+def _lens(
+    k: Intrinsics,
+    margins: tuple[int, int],
+    display_scale: float,
+    background: tuple[float, float, float],
+    antialiased: bool,
+) -> bytes:
+    dilation, low_pass = footprint(display_scale, antialiased)
+    limits = derivative_limits(k.widened(-margins[0], -margins[1]))
+    numbers = k.fx, k.fy, k.cx, k.cy, dilation, dilation + low_pass
+    return _LENS.pack(*numbers, *map(_float32, limits), *background)
 
 
 def _float32(value: float) -> float:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from types import TracebackType
 
 import torch
 from cuda.core import Device
@@ -17,9 +17,9 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import FrameFormat
 from tigas_render.gaussians import Batches
 from tigas_render.raster.base import Camera, PreparedScene, one_gaussian
-from tigas_render.raster.calls import Calls
+from tigas_render.raster.calls import FrameCalls
 from tigas_render.raster.cuda.compiler import load_kernels, make_stages
-from tigas_render.raster.cuda.nvidia import ALLOCATOR_FAILURE, NvJpeg, NvJpegError
+from tigas_render.raster.cuda.nvidia import ALLOCATOR_FAILURE, NvJpeg, NvJpegError, wait_asleep
 from tigas_render.raster.cuda.scene import CudaScene, pack
 from tigas_render.raster.cuda.workspace import Workspace
 from tigas_render.raster.lanes import FetchedImage, Job, LaneRasterizer
@@ -30,10 +30,17 @@ STAGES = ("project", "large", "bin", "blend")
 KERNELS = ("begin", "place", "code_depth", *(f"{stage}_{side}" for side in SIDES for stage in STAGES))
 
 
-class CudaRasterizer(LaneRasterizer):
-    """Renders on one NVIDIA GPU (Ampere or newer). Make jobs on one thread at a time; run them on any."""
+LEAST_LANES, MOST_LANES = 6, 24
+LANE_BYTES = 2 << 30
+"""Memory of the device for each lane, whose buffers grow with scenes and pictures."""
 
-    frames_in_flight = 6
+
+class CudaRasterizer(LaneRasterizer):
+    """Renders on one NVIDIA GPU (Ampere or newer). Make jobs on one thread at a time; run them on any.
+
+    Six frames in flight keep the device busy. The lanes beyond them hide that a finished lane waits for a busy event
+    loop (docs/results/2026-11-engine-cost.md).
+    """
 
     def __init__(self, index: int, cache: Path) -> None:
         """index: the device's number; cache: a directory for compiled kernels.
@@ -46,9 +53,10 @@ class CudaRasterizer(LaneRasterizer):
         self._lock = threading.Lock()
         self._threads = threading.local()
         self._full = False
+        self.explained = Explained(self)
         try:
             self._open(index, cache)
-        except (RuntimeError, CUDAError) as error:  # a full GPU, a driver that is too old, a library that is missing
+        except (OSError, RuntimeError, CUDAError) as error:  # a full GPU, a driver that is too old or missing
             raise ValueError(f"{self.device} cannot be used: {_first_line(error)}.") from error
 
     def _open(self, index: int, cache: Path) -> None:
@@ -56,7 +64,10 @@ class CudaRasterizer(LaneRasterizer):
         if capability < (8, 0):
             name = torch.cuda.get_device_name(self._device)
             raise ValueError(f"{name} is too old: the CUDA rasteriser needs an Ampere GPU or newer.")
+        wait_asleep(index)
         self.enter_thread()
+        memory = torch.cuda.get_device_properties(self._device).total_memory
+        self.frames_in_flight = max(LEAST_LANES, min(MOST_LANES, memory // LANE_BYTES))
         program = load_kernels(f"sm_{capability[0]}{capability[1]}", cache)
         kernels = {name: program.get_kernel(name) for name in KERNELS}
         self.stages = {side: make_stages(Device(index), kernels, side) for side in SIDES}
@@ -69,7 +80,7 @@ class CudaRasterizer(LaneRasterizer):
 
     def pack(self, scene: Batches) -> CudaScene:
         """Pack a scene; see `scene.pack`. Raises OutOfDeviceMemory and DeviceLost."""
-        with self.explained():
+        with self.explained:
             self._make_room()
             packed = pack(scene, self._device)
             torch.cuda.current_stream(self._device).synchronize()  # frames read it from other streams
@@ -78,7 +89,7 @@ class CudaRasterizer(LaneRasterizer):
     def job(self, scene: PreparedScene, camera: Camera, format: FrameFormat, quality: int, *, depth: bool) -> CudaJob:
         """One view in a workspace. Raises OutOfDeviceMemory and DeviceLost."""
         assert isinstance(scene, CudaScene)
-        with self.explained():
+        with self.explained:
             self._make_room()
             return CudaJob(self, self.take_workspace(), scene, camera, format, quality, depth)
 
@@ -114,18 +125,12 @@ class CudaRasterizer(LaneRasterizer):
             Device(self._device.index).set_current()
             self._threads.is_current = True
 
-    @contextmanager
-    def explained(self) -> Iterator[None]:
-        """Make the device current for this thread and translate its errors into the service's."""
-        try:
-            self.enter_thread()
-            yield
-        except (RuntimeError, CUDAError) as error:
-            if _is_out_of_memory(error):
-                self._full = True
-                raise OutOfDeviceMemory(f"{self.device} has too little free memory; try again later.") from None
-            if self._works():
-                raise  # the failure of this one request
+    def explain(self, error: Exception) -> None:
+        """Raise the service's error for one of the device; do nothing for one that concerns a single request."""
+        if _is_out_of_memory(error):
+            self._full = True
+            raise OutOfDeviceMemory(f"{self.device} has too little free memory; try again later.") from None
+        if not self._works():
             # Every call fails after a kernel crashed or the GPU fell off the bus; only a new process helps.
             raise DeviceLost(f"{self.device} failed ({_first_line(error)}); restart the service.") from error
 
@@ -150,6 +155,25 @@ class CudaRasterizer(LaneRasterizer):
         return True
 
 
+class Explained(AbstractContextManager[None]):
+    """A context with the device current for the thread, and its errors translated into the service's.
+
+    It keeps no state, so that all threads enter the same one. Three times a frame, a generator took 3 µs each.
+    """
+
+    def __init__(self, rasterizer: CudaRasterizer) -> None:
+        self._rasterizer = rasterizer
+
+    def __enter__(self) -> None:
+        self._rasterizer.enter_thread()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if isinstance(error, RuntimeError | CUDAError):
+            self._rasterizer.explain(error)
+
+
 def _is_out_of_memory(error: Exception) -> bool:
     """PyTorch, the driver, the runtime (for pinned memory) and nvJPEG each say it in their own way."""
     if isinstance(error, torch.cuda.OutOfMemoryError) or (
@@ -163,7 +187,7 @@ def _first_line(error: Exception) -> str:
     return str(error).partition("\n")[0].rstrip(".") or type(error).__name__
 
 
-@dataclass
+@dataclass(slots=True, eq=False)
 class CudaJob(Job):
     """One view in a workspace."""
 
@@ -175,11 +199,9 @@ class CudaJob(Job):
     quality: int
     with_depth: bool
 
-    def calls(self) -> tuple[tuple[Calls, ...], tuple[Calls, ...]]:
+    def calls(self) -> FrameCalls:
         """Raises OutOfDeviceMemory and DeviceLost."""
-        k = self.camera.intrinsics
-        drawing = self.workspace.drawing(self.scene, self.camera, self.format, depth=self.with_depth)
-        return drawing, self.workspace.fetching(k.width, k.height, self.format, self.quality)
+        return self.workspace.frame(self.scene, self.camera, self.format, self.quality, depth=self.with_depth)
 
     def fetched(self) -> FetchedImage | None:
         """The frame and its depth, copied from pinned memory. Raises Overloaded."""
@@ -189,13 +211,13 @@ class CudaJob(Job):
         return FetchedImage(k.width, k.height, self.format, self.quality, workspace.output(), workspace.coded_depth())
 
     def explained(self) -> AbstractContextManager[None]:
-        return self.rasterizer.explained()
+        return self.rasterizer.explained
 
     def close(self, *, failed: bool) -> None:
         """Return the workspace once the device has finished with it."""
         try:
             if failed:
-                with suppress(Exception), self.explained():
+                with suppress(Exception), self.rasterizer.explained:
                     self.workspace.wait()
         finally:
             self.rasterizer.give_back(self.workspace)

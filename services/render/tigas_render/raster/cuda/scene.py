@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+import struct
+from dataclasses import dataclass, field
 
 import torch
 
@@ -13,6 +14,7 @@ from tigas_render.raster.morton import BITS, MAX_SAMPLE, morton_grid, spread
 
 CHUNK = 256
 """Gaussians that are culled together; `frame.cuh` says the same."""
+POINTERS, CODES = struct.Struct("=4Q"), struct.Struct("=i2f")
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +37,15 @@ class CudaScene(PreparedScene):
     """log2 of a scale is scale_low + scale_step · code."""
     antialiased: bool = False
     """As Gaussians have it."""
+    pointers: bytes = field(init=False)
+    """Its part of the pointers in `struct Frame` of frame.cuh."""
+    codes: bytes = field(init=False)
+    """Its part of the numbers there: the coefficients, and the scales' codes."""
+
+    def __post_init__(self) -> None:
+        tensors = (self.means, self.shapes, self.sh, self.bounds)
+        object.__setattr__(self, "pointers", POINTERS.pack(*(tensor.data_ptr() for tensor in tensors)))
+        object.__setattr__(self, "codes", CODES.pack(self.coefficients, self.scale_low, self.scale_step))
 
     @property
     def padded(self) -> int:

@@ -13,10 +13,17 @@ from tigas_common.errors import Overloaded
 from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.depth_segment import CodedDepth
 from tigas_render.raster.base import Camera, coarse
-from tigas_render.raster.calls import Call, Calls
+from tigas_render.raster.calls import Call, Calls, FrameCalls
 from tigas_render.raster.cuda.compiler import Stage
 from tigas_render.raster.cuda.nvidia import JpegEncoder, NvJpeg, driver_call
-from tigas_render.raster.cuda.parameters import LAYOUT, PixelFormat, TileLayout, tile_layout, write_frame
+from tigas_render.raster.cuda.parameters import (
+    SIZE,
+    PixelFormat,
+    TileLayout,
+    frame_parameters,
+    plan_numbers,
+    tile_layout,
+)
 from tigas_render.raster.cuda.scene import CHUNK, CudaScene
 
 FIRST_CAPACITY = 1 << 21
@@ -26,8 +33,8 @@ MOST_ENTRIES = 1 << 30
 SHRUNK_AFTER = 1024
 """Frames after which lists that none of them filled to a tenth are given back."""
 
-MOST_PLANS = 64
-"""Number of picture sizes for which a workspace keeps its plan."""
+MOST_KINDS = 256
+"""Number of kinds of frames, by size, format and quality, that a workspace has prepared."""
 
 # As in frame.cuh.
 DEPTH_BINS = 8192
@@ -46,7 +53,7 @@ class Parameters:
 
     def __init__(self, frame: int) -> None:
         """frame: an address on the device."""
-        self._content = ctypes.create_string_buffer(LAYOUT.size)
+        self._content = ctypes.create_string_buffer(SIZE)
         self._frame = ctypes.c_void_p(frame)
         self._pointers = (ctypes.c_void_p * 2)(ctypes.addressof(self._content), ctypes.addressof(self._frame))
         self.arguments = ctypes.addressof(self._pointers)
@@ -55,19 +62,48 @@ class Parameters:
         self.frame_alone = ctypes.addressof(self._pointer)
         """That of the arguments of a kernel which takes nothing but where the parameters are stored."""
 
-    def write(self, scene: CudaScene, camera: Camera, format: PixelFormat, plan: Plan) -> None:
-        write_frame(self._content, scene, camera, plan.layout, format, plan.addresses, plan.capacity)
+    def write(self, scene: CudaScene, camera: Camera, plan: Plan) -> None:
+        self._content.raw = frame_parameters(scene, camera, plan.numbers)
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Constants of all frames of a size."""
+    """Constants of all frames of a size and format."""
 
     layout: TileLayout
-    addresses: tuple[int, ...]
-    """As `write_frame` takes them."""
+    numbers: bytes
+    """As `frame_parameters` takes them."""
     capacity: int
     """Entries that the lists have room for."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layer:
+    """The picture of a kind of frames, or their depth."""
+
+    plan: Plan
+    encode: tuple[Call, ...]
+    fetch: tuple[Call, ...]
+    output: torch.Tensor
+    """Pinned memory, from the address on."""
+    address: int
+    room: int
+    """Bytes that the encoded layer can have."""
+    length: ctypes.c_size_t
+    """Bytes of the last one, after it; the room before."""
+
+    def content(self) -> bytes:
+        """A copy of the encoded layer on the host."""
+        return ctypes.string_at(self.address, self.length.value)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameKind:
+    """What all frames of a size, format and quality have in common, with depth or without."""
+
+    calls: FrameCalls
+    picture: Layer
+    depth: Layer | None
 
 
 class Workspace:
@@ -82,8 +118,7 @@ class Workspace:
         self.torch_stream = torch.cuda.Stream(device)  # type: ignore[no-untyped-call]
         self.stream: Stream = Stream.from_handle(self.torch_stream.cuda_stream)
         wait = driver_call("cuStreamSynchronize", int(self.stream.handle))
-        self._wait = Calls(wait)
-        self._copy = Calls(driver_call("cuMemcpyDtoHAsync_v2", 0, 0, 0, int(self.stream.handle)), wait)
+        self._wait_call, self._wait = wait, Calls(wait)
         self._status = torch.zeros(3, dtype=torch.int32, pin_memory=True)
         status = self._status.data_ptr()
         self._needed, self._needed_for_depth = (ctypes.c_uint32.from_address(status + offset) for offset in (0, 4))
@@ -93,23 +128,20 @@ class Workspace:
         self._buffers: dict[str, torch.Tensor] = {}
         self._plans: dict[tuple[int, int, int, PixelFormat], Plan] = {}
         """Of frames that the buffers have room for, by width, height, Gaussians and format."""
-        self._output = torch.empty(0, dtype=torch.uint8)
-        self._length = ctypes.c_size_t()
-        """Bytes of it that are the last frame's."""
-        self._depth_output = torch.empty(0, dtype=torch.uint8)
-        self._depth: tuple[int, int] | None = None
-        """Columns and rows of the last frame's depth; None if it has no depth."""
-        self._allocate("frame", LAYOUT.size)
+        self._kinds: dict[tuple[int, int, int, FrameFormat, int, bool], FrameKind] = {}
+        """Of such frames, by width, height, Gaussians, format, quality, and whether they have depth."""
+        self._kind: FrameKind
+        """Of the last frame."""
+        self._output, self._depth_output = (torch.empty(0, dtype=torch.uint8) for _ in range(2))
+        self._allocate("frame", SIZE)
         self._allocate("progress", PROGRESS_BYTES).zero_()
         torch.cuda.current_stream(device).synchronize()
         self._parameters, self._depth_parameters = (Parameters(self._buffers["frame"].data_ptr()) for _ in range(2))
         self._graphs = {side: self._capture(of_side) for side, of_side in stages.items()}
-        self._launches: dict[tuple[int, Parameters], Calls] = {}
-        """By the side of tiles."""
         block = (1, 1, 1, DEPTH_THREADS, 1, 1)
         arguments = self._parameters.frame_alone
-        self._code_depth = Calls(
-            driver_call("cuLaunchKernel", int(code_depth.handle), *block, 0, int(self.stream.handle), arguments, 0)
+        self._code_depth = driver_call(
+            "cuLaunchKernel", int(code_depth.handle), *block, 0, int(self.stream.handle), arguments, 0
         )
         # last, as they have to be closed
         self._encoder = JpegEncoder(library, self.torch_stream.cuda_stream, wait)
@@ -120,41 +152,57 @@ class Workspace:
         """Entries of all lists of the last frame that was finished."""
         return self._needed.value
 
-    def drawing(
-        self, scene: CudaScene, camera: Camera, format: FrameFormat, *, depth: bool = False
-    ) -> tuple[Calls, ...]:
-        """The calls that queue one frame, and its depth; valid until the next `drawing`.
+    def frame(
+        self, scene: CudaScene, camera: Camera, format: FrameFormat, quality: int, *, depth: bool = False
+    ) -> FrameCalls:
+        """The calls that draw, encode and fetch one frame, and its depth; valid until the next `frame`.
 
         Raises torch.cuda.OutOfMemoryError if the buffers have to grow and cannot.
         """
+        k = camera.intrinsics
+        key = k.width, k.height, scene.padded, format, quality, depth
+        kind = self._kinds.get(key) or self._make_kind(key, scene, camera)
+        self._kind = kind
         self._needed_for_depth.value = 0
-        self._depth = None
+        self._parameters.write(scene, camera, kind.picture.plan)
+        kind.picture.length.value = kind.picture.room
+        if kind.depth is not None:
+            self._depth_parameters.write(scene, coarse(camera), kind.depth.plan)
+            kind.depth.length.value = kind.depth.room
+        return kind.calls
+
+    def _make_kind(
+        self, key: tuple[int, int, int, FrameFormat, int, bool], scene: CudaScene, camera: Camera
+    ) -> FrameKind:
+        width, height, _, format, quality, has_depth = key
         plan = self._plan(scene, camera, format)
-        of_depth: tuple[Calls, ...] = ()
-        if depth:
+        depth: Layer | None = None
+        draw: tuple[Call, ...] = ()
+        if has_depth:
             small = coarse(camera)
             plan_of_depth = self._plan(scene, small, "depth")
             plan = self._plan(scene, camera, format)  # buffers may have moved, but have room for both now
-            self._depth_parameters.write(scene, small, "depth", plan_of_depth)
-            self._depth = small.intrinsics.width, small.intrinsics.height
-            of_depth = self._launch(plan_of_depth.layout.side, self._depth_parameters), self._code_depth
-        self._parameters.write(scene, camera, format, plan)
-        return *of_depth, self._launch(plan.layout.side, self._parameters)
+            depth = self._depth(plan_of_depth, small.intrinsics.width, small.intrinsics.height)
+            draw = *self._launch(plan_of_depth.layout.side, self._depth_parameters), self._code_depth
+        picture = self._picture(plan, width, height, format, quality)
+        draw += self._launch(plan.layout.side, self._parameters)
+        layers = (picture,) if depth is None else (picture, depth)
+        fetch = [call for layer in layers for call in layer.encode] + [call for layer in layers for call in layer.fetch]
+        if len(self._kinds) >= MOST_KINDS:
+            self._kinds.clear()
+        kind = self._kinds[key] = FrameKind(FrameCalls(draw, fetch), picture, depth)
+        return kind
 
     def prepare(self, scene: CudaScene, camera: Camera, format: FrameFormat) -> TileLayout:
         """Make room for a frame and write its parameters, but launch nothing."""
         plan = self._plan(scene, camera, format)
-        self._parameters.write(scene, camera, format, plan)
+        self._parameters.write(scene, camera, plan)
         return plan.layout
 
-    def _launch(self, side: int, parameters: Parameters) -> Calls:
+    def _launch(self, side: int, parameters: Parameters) -> tuple[Call, ...]:
         """The calls that queue a frame with tiles of a given side."""
-        found = self._launches.get((side, parameters))
-        if found is None:
-            first = self._first_launch(self._stages[side][0], parameters)
-            graph = driver_call("cuGraphLaunch", int(self._graphs[side].handle), int(self.stream.handle))
-            found = self._launches[side, parameters] = Calls(first, graph)
-        return found
+        first = self._first_launch(self._stages[side][0], parameters)
+        return first, driver_call("cuGraphLaunch", int(self._graphs[side].handle), int(self.stream.handle))
 
     def _plan(self, scene: CudaScene, camera: Camera, format: PixelFormat) -> Plan:
         """Room for a frame. It stays where it is until another frame needs more."""
@@ -163,7 +211,7 @@ class Workspace:
         plan = self._plans.get(key)
         if plan is None:
             plan = self._make_room(*key)  # first, since no other plan is left if it enlarges a buffer
-            if len(self._plans) >= MOST_PLANS:
+            if len(self._plans) >= MOST_KINDS:
                 self._plans.clear()
             self._plans[key] = plan
         return plan
@@ -195,44 +243,40 @@ class Workspace:
         addresses = tuple(self._allocate(name, size).data_ptr() for name, size in sizes)
         status = ctypes.addressof(self._needed_for_depth if format == "depth" else self._needed)
         others = (status, self._buffers["progress"].data_ptr())
-        return Plan(layout, addresses + others, capacity)
+        numbers = plan_numbers(width, height, padded, layout, format, addresses + others, capacity)
+        return Plan(layout, numbers, capacity)
 
-    def fetching(self, width: int, height: int, format: FrameFormat, quality: int) -> tuple[Calls, ...]:
-        """The calls that encode a frame queued in this format, copy it to the host and wait for it."""
-        pixels = self._buffers["pixels"].data_ptr()
-        if format == "jpeg":
-            output = self._output = _at_least(self._encoder.bound(width, height), self._output)
-            self._length = self._encoder.length
-            encode, fetch = self._encoder.encoding(pixels, width, height, quality, output.data_ptr(), output.nbytes)
-            picture: tuple[Calls, ...] = (encode,)
-        else:
-            self._length = ctypes.c_size_t(picture_bytes(width, height, format))
-            output = self._output = _at_least(self._length.value, self._output)
-            self._copy.replace(0, 0, output.data_ptr(), pixels, self._length.value)
-            picture, fetch = (), self._copy
-        if self._depth is None:
-            return *picture, fetch
-        columns, rows = self._depth
-        output = self._depth_output = _at_least(self._depth_encoder.bound(columns, rows), self._depth_output)
+    def _picture(self, plan: Plan, width: int, height: int, format: FrameFormat, quality: int) -> Layer:
+        pixels, is_jpeg = self._buffers["pixels"].data_ptr(), format == "jpeg"
+        room = self._encoder.bound(width, height) if is_jpeg else picture_bytes(width, height, format)
+        output = self._output = _at_least(room, self._output)
+        address = output.data_ptr()
+        if is_jpeg:
+            encode = self._encoder.encoding(pixels, width, height, quality)
+            return Layer(plan, encode, self._encoder.fetching(address), output, address, room, self._encoder.length)
+        copy = driver_call("cuMemcpyDtoHAsync_v2", address, pixels, room, int(self.stream.handle))
+        return Layer(plan, (), (copy, self._wait_call), output, address, room, ctypes.c_size_t())
+
+    def _depth(self, plan: Plan, columns: int, rows: int) -> Layer:
+        encoder = self._depth_encoder
+        room = encoder.bound(columns, rows)
+        output = self._depth_output = _at_least(room, self._depth_output)
+        address = output.data_ptr()
         codes = self._buffers["depth"].data_ptr() + 8 * columns * rows
-        encode_depth, fetch_depth = self._depth_encoder.encoding(
-            codes, columns, rows, DEPTH_QUALITY, output.data_ptr(), output.nbytes
-        )
-        return *picture, encode_depth, fetch, fetch_depth
+        encode = encoder.encoding(codes, columns, rows, DEPTH_QUALITY)
+        return Layer(plan, encode, encoder.fetching(address), output, address, room, encoder.length)
 
     def wait(self) -> None:
         self._wait.make()
 
     def output(self) -> bytes:
         """A copy of the encoded frame on the host."""
-        return ctypes.string_at(self._output.data_ptr(), self._length.value)
+        return self._kind.picture.content()
 
     def coded_depth(self) -> CodedDepth | None:
         """A copy of the frame's encoded depth on the host; None if it was queued without depth."""
-        if self._depth is None:
-            return None
-        image = ctypes.string_at(self._depth_output.data_ptr(), self._depth_encoder.length.value)
-        return CodedDepth(self._nearest.value, image)
+        depth = self._kind.depth
+        return None if depth is None else CodedDepth(self._nearest.value, depth.content())
 
     def fitted(self) -> bool:
         """Whether the finished frame's lists had room; if not, they are enlarged and the frame has to be redrawn.
@@ -242,14 +286,14 @@ class Workspace:
         needed = max(self._needed.value, self._needed_for_depth.value)
         if needed > MOST_ENTRIES:
             raise Overloaded("The view shows too many large Gaussians to draw; ask for a smaller picture.")
-        room = self._buffers["entries"].nbytes // 8
+        room = self._kind.picture.plan.capacity
         if needed > room:
             self._allocate("entries", 8 * needed * 5 // 4)
             return False
         self._most_needed, self._fitting = max(self._most_needed, needed), self._fitting + 1
         if self._fitting == SHRUNK_AFTER:
             if 10 * max(self._most_needed, FIRST_CAPACITY) < room:
-                self._plans.clear()
+                self._forget_kinds()
                 del self._buffers["entries"], self._buffers["partials"]
             self._most_needed, self._fitting = 0, 0
         return True
@@ -257,7 +301,7 @@ class Workspace:
     def shrink(self) -> None:
         """Release buffers that grew with scenes and pictures; the next frame allocates them again."""
         self.wait()
-        self._plans.clear()
+        self._forget_kinds()
         self._buffers = {name: self._buffers[name] for name in ("frame", "progress")}
 
     def close(self) -> None:
@@ -286,6 +330,11 @@ class Workspace:
             launch(builder, stage.config, stage.kernel, self._buffers["frame"].data_ptr())
         return builder.end_building().complete()
 
+    def _forget_kinds(self) -> None:
+        """Prepare frames anew: buffers move, or are released."""
+        self._plans.clear()
+        self._kinds.clear()
+
     def _allocate(self, name: str, size: int) -> torch.Tensor:
         """The buffer of this name, enlarged if it has less than `size` bytes; then its content is lost."""
         buffer = self._buffers.get(name)
@@ -293,7 +342,7 @@ class Workspace:
             # Growing waits for the stream: running kernels may use the old buffer. It is released before the new one is
             # allocated; if memory is short, none is left.
             self.wait()
-            self._plans.clear()
+            self._forget_kinds()
             self._buffers[name] = torch.empty(0, dtype=torch.uint8, device=self._device)
             del buffer
             buffer = torch.empty(size, dtype=torch.uint8, device=self._device)

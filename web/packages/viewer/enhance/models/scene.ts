@@ -3,10 +3,7 @@
  * `docs/experiments.md` describes them.
  */
 
-import type { Rung } from "#client/wire/render";
-import { EnhancementError, type Enhancer, type Loaded } from "../model/enhancer";
-import { networksFor, readNetworks } from "../network/networks";
-import { NetworkPipelines } from "../network/pipelines";
+import type { Enhancer } from "../model/enhancer";
 
 export const SCENE: Enhancer = {
   name: "scene",
@@ -17,21 +14,6 @@ export const SCENE: Enhancer = {
     if (enhance === "scene") return `scenes/${encodeURIComponent(id)}/enhance.safetensors`;
     return enhance === "general" ? "enhance/general.safetensors" : null;
   },
-  load,
+  load: async (device, weights, ladder) =>
+    (await import("../network/scene-network")).loadSceneNetworks(device, weights, ladder),
 };
-
-async function load(device: GPUDevice, weights: ArrayBuffer | null, ladder: readonly Rung[]): Promise<Loaded> {
-  if (weights === null) throw new EnhancementError("there are no weights for this scene.");
-  const networks = readNetworks(weights);
-  const chosen = networksFor(networks, ladder);
-  const used = [...new Set(chosen.filter((network) => network !== undefined))];
-  const compiled = await Promise.all(used.map((network) => NetworkPipelines.compile(device, network)));
-  const byRung = chosen.map((network) => (network === undefined ? undefined : compiled[used.indexOf(network)]));
-  return {
-    run: (encoder, input, rung) => (rung === null ? undefined : byRung[rung])?.run(encoder, input) ?? input,
-    serves: (rung) => byRung[rung] !== undefined,
-    dispose: () => {
-      for (const each of compiled) each.dispose();
-    },
-  };
-}

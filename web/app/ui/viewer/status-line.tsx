@@ -1,0 +1,81 @@
+/** Each picture on the stage in one line, such as "Live · 24 views/s · 48 ms"; the lab shows the measurements in full. */
+
+import type { ViewerSession } from "#viewer/session/session";
+import type { Side } from "#viewer/session/side";
+import { sideTitles } from "#viewer/sources/sides";
+import { settings } from "../../state/app";
+import { milliseconds } from "../format";
+import { DetailsButton } from "./details-button";
+import { enhancementNote, Notes, serverNote } from "./notes";
+
+interface Props {
+  readonly session: ViewerSession;
+  /** Problem with the link that opened this view. */
+  readonly linkNote: string | null;
+}
+
+export function StatusLines({ session, linkNote }: Props) {
+  const sides = [session.left, session.right.value].filter((side) => side !== null);
+  const names = sideTitles(settings.value);
+  return (
+    <div class="sides">
+      {sides.map((side, i) => (
+        <div key={i === 0 ? "left" : "right"} class="side">
+          <StatusLine
+            side={side}
+            name={sides.length > 1 ? (names[i] ?? null) : null}
+            silent={i === 0 && session.silent.value}
+            linkNote={i === 0 ? linkNote : null}
+          />
+        </div>
+      ))}
+    </div>
+  );
+}
+
+interface LineProps {
+  readonly side: Side;
+  /** In a comparison. */
+  readonly name: string | null;
+  readonly silent: boolean;
+  readonly linkNote: string | null;
+}
+
+function StatusLine({ side, name, silent, linkNote }: LineProps) {
+  const { figures } = side;
+  const enhancement = side.source.value?.enhancement?.status.value;
+  const views = Math.round(figures?.newViewsPerSecond ?? 0);
+  const latency = figures?.motionToPhoton?.p50;
+  return (
+    <section class="floating status-line" aria-label={name ? `Status: ${name}` : "Status"} data-live={!silent}>
+      <p>
+        <span data-stat="status">{silent ? "No answer, asking again…" : (name ?? state(side))}</span>
+        {views > 0 && (
+          <span title="New pictures per second">
+            <span data-stat="new-views">{views}</span> views/s
+          </span>
+        )}
+        {latency !== undefined && (
+          <span title="From your input to the picture">
+            <span data-stat="motion-to-photon">{milliseconds(latency)}</span> ms
+          </span>
+        )}
+        {settings.value.sidebar && <DetailsButton details={false} />}
+      </p>
+      <Notes
+        most={1}
+        of={{
+          "link-note": linkNote,
+          "reprojection-note": side.unturned.value,
+          "enhancement-note": enhancement ? enhancementNote(enhancement) : null,
+          "server-note": figures?.kind === "requests" ? serverNote(figures) : null,
+        }}
+      />
+    </section>
+  );
+}
+
+function state(side: Side): string {
+  if (side.source.value?.phase.value.kind !== "playing") return "Starting…";
+  return side.kind.value.drawsHere ? "On this device" : "Live";
+}

@@ -1,0 +1,42 @@
+/** Attempts again after failures, with pauses that grow and vary. */
+import { sleep } from "./sleep";
+
+export interface RetryOptions {
+  readonly signal: AbortSignal;
+  /** Attempts after the first; by default without end. */
+  readonly retries?: number;
+  /** First and longest pause, in milliseconds. */
+  readonly minTimeout?: number;
+  readonly maxTimeout?: number;
+  /** Ratio of a pause to the one before; each is up to twice as long, at random. */
+  readonly factor?: number;
+  readonly onFailedAttempt?: (error: unknown) => void;
+  /** Whether another attempt may help; by default always. */
+  readonly shouldRetry?: (error: unknown) => boolean;
+}
+
+/** Resolves with the first success. Rejects with the last failure, or with the signal's reason. */
+export async function retry<T>(
+  attempt: () => Promise<T>,
+  {
+    signal,
+    retries = Number.POSITIVE_INFINITY,
+    minTimeout = 1000,
+    maxTimeout = Number.POSITIVE_INFINITY,
+    factor = 2,
+    onFailedAttempt = () => undefined,
+    shouldRetry = () => true,
+  }: RetryOptions,
+): Promise<T> {
+  for (let failures = 0; ; failures++) {
+    signal.throwIfAborted();
+    try {
+      return await attempt();
+    } catch (error) {
+      signal.throwIfAborted();
+      onFailedAttempt(error);
+      if (failures >= retries || !shouldRetry(error)) throw error;
+    }
+    await sleep(Math.min(maxTimeout, minTimeout * factor ** failures * (1 + Math.random())), signal);
+  }
+}

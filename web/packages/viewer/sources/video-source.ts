@@ -1,0 +1,11 @@
+/** Frames of a video as a source. */
+import { videoProblem } from "../video/support";
+import { VideoFrames } from "../video/video-frames";
+import { Pictures } from "./pictures";
+import type { OpenSource } from "./source";
+
+export const openVideo: OpenSource = (context) => {
+  const worker = () =>
+    new Worker(new URL("../video/video.worker.ts", import.meta.url), { type: "module", name: "video decoder" });
+  return new Pictures(context, new VideoFrames(worker, context.now, videoProblem()));
+};
