@@ -122,7 +122,7 @@ lock: .venv/.demo
 	@$(VENV)/uv lock
 
 compare: .venv/.lab $(STATIC)
-	@$(if $(SCENES),TIGAS_RENDER_SCENES=$(SCENES)) $(VENV)/tigas compare $(foreach network,$(NETWORKS),--network $(network)) --profile budget --profile 2 $(ARGS)
+	@$(if $(SCENES),TIGAS_RENDER_SCENES=$(SCENES)) $(VENV)/tigas compare $(foreach network,$(NETWORKS),--network $(network)) --profile seen --profile 2 $(ARGS)
 
 bench: .venv/.ready
 	@$(VENV)/python -m benchmarks.raster

@@ -42,7 +42,7 @@ def test_profiles_can_be_chosen_only_while_no_controller_chooses(open_page: Open
     page = open_page(SCENE)
     wait_for_frames(page)
     low = page.get_by_role("radio", name="Low").last
-    expect(page.get_by_label("Adaptation")).to_have_value("budget")
+    expect(page.get_by_label("Adaptation")).to_have_value("seen")
     expect(low).to_be_disabled()
     page.get_by_label("Adaptation").select_option("fixed")
     low.check()

@@ -91,7 +91,7 @@ def test_two_viewers(open_example: OpenExample) -> None:
     for index in range(2):
         shows_frames(viewers.nth(index))
     controllers = page.evaluate("[...document.querySelectorAll('tigas-viewer')].map(e => e.viewer.settings.controller)")
-    assert controllers == ["budget", "fixed"]
+    assert controllers == ["seen", "fixed"]
 
 
 def test_a_viewer_that_is_controlled_by_code(open_example: OpenExample) -> None:

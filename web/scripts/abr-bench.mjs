@@ -91,7 +91,7 @@ async function main() {
       "packages/client/wire/figures",
       "packages/client/abr/controller",
       "tools/simulator/head",
-      "packages/viewer/movement/movement",
+      "packages/viewer/movement/movement-file",
     ].map(load),
   );
   const columns = figuresWithin(INTERACTIVE_MS);

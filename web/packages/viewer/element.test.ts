@@ -85,7 +85,7 @@ test("reports the scene, and an error with its code", async () => {
 test("follows its attributes, and says which one makes no sense", async () => {
   const element = await show('scene="garden"');
   await host.frames(5);
-  expect(element.viewer?.settings).toMatchObject({ mode: "stateless", controller: "budget" });
+  expect(element.viewer?.settings).toMatchObject({ mode: "stateless", controller: "seen" });
   element.setAttribute("quality", "2");
   element.setAttribute("at", AT);
   await host.frames(5);

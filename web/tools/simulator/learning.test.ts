@@ -12,7 +12,7 @@ import { parseTrace } from "./trace";
 const ROUND_TRIPS = [20, 50, 100, 200, 300];
 const LOWEST = PAPER_LADDER.length - 1;
 
-/** 20 s of a link of 24 Mbit/s; the controller afterwards, and the mean rung. */
+/** 20 s of a link of 64 Mbit/s; the controller afterwards, and the mean rung. */
 async function visited<C extends Controller>(create: (context: ControllerContext) => C, roundTrip: number) {
   const made: C[] = [];
   const { rungOverTime } = await simulate({
@@ -21,7 +21,7 @@ async function visited<C extends Controller>(create: (context: ControllerContext
       made.push(controller);
       return controller;
     },
-    trace: parseTrace("t_ms,down_kbps\n0,24000\n"),
+    trace: parseTrace("t_ms,down_kbps\n0,64000\n"),
     ladder: PAPER_LADDER,
     duration: 20_000,
     roundTrip,

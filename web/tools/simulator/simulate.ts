@@ -5,6 +5,7 @@
 
 import { type ControllerFactory, responseTime, type Way } from "#client/abr/controller";
 import { seeded } from "#client/abr/random";
+import { type Seen, seenLate, seenOfRung, together } from "#client/abr/seen-error";
 import { ThroughputEstimator } from "#client/abr/throughput";
 import type { DecodedImage } from "#client/transport/picture";
 import type { FrameReply } from "#client/transport/transport";
@@ -14,7 +15,6 @@ import { Meter } from "#viewer/view/meter";
 import type { Endpoints } from "./endpoints";
 import { EventLoop } from "./events";
 import type { Head } from "./head";
-import { type Seen, seenLate, seenOfRung, together } from "./seen-error";
 import { type Figures, Tally } from "./tally";
 import type { NetworkTrace } from "./trace";
 import { SimulatedTransport } from "./transport";

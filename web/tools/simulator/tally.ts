@@ -1,10 +1,10 @@
 /** Sums a simulated visit up. */
 
+import { decibels, type Seen } from "#client/abr/seen-error";
 import { INTERACTIVE_MS } from "#client/wire/figures";
 import type { Rung } from "#client/wire/render";
 import type { PresentedFrame } from "#viewer/view/presented";
 import type { Stalls } from "#viewer/view/stalls";
-import { decibels, type Seen } from "./seen-error";
 
 export interface Figures {
   /**

@@ -32,7 +32,7 @@ class Compare(Measure):
     """Constant link such as 20mbit,20ms-rtt, network trace (a file, or its name at the shaper), or `unshaped`."""
     modes: str = ",".join(USUALLY_COMPARED)
     """Modes to compare, separated by commas; `video` is another."""
-    profiles: tuple[str, ...] = ("budget",)
+    profiles: tuple[str, ...] = ("seen",)
     """Controller of stateless and video, or a fixed rung of the ladder."""
     duration: float = 60
     """Seconds of movement per run."""

@@ -15,6 +15,7 @@ LineStyle = Literal["-", "--", ":", "-."]
 CONTROLLER_TITLES = {
     "latency": "Latency",
     "latency-transfer": "Latency (transfer)",
+    "seen": "Seen",
     "budget": "Budget",
     "lol+": "LoL+",
     "l2a": "L2A",
@@ -40,7 +41,8 @@ class Look:
 KNOWN_LOOKS = {
     "latency": Look("#cc79a7", "-", "s"),
     "latency-transfer": Look("#cc79a7", "--", "D"),
-    "budget": Look("#0072b2", "-", "o"),
+    "seen": Look("#0072b2", "-", "o"),
+    "budget": Look("#0072b2", "--", "p"),
     "lol+": Look("#e69f00", "-", "^"),
     "l2a": Look("#56b4e9", "-", "v"),
     "dash-typical": Look("#d55e00", "--", "X"),
@@ -53,7 +55,7 @@ KNOWN_LOOKS = {
 """Okabe and Ito's palette for colour blindness."""
 OTHER_COLOURS = ("#999933", "#882255", "#44aa99", "#ddcc77")
 FIXED_COLOUR = "#7b8490"
-USUAL = "budget"
+USUAL = "seen"
 """The page's default, the one with most compared variants."""
 STAGES = {
     (True, False): Look("#dd0044", "--", "<"),

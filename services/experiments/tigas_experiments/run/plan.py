@@ -124,7 +124,7 @@ class ExperimentPlan(WireModel):
     rtts_ms: Several[Annotated[float, Field(ge=0, le=MAX_RTT_MS)]] | None = None
     """Round trips in place of the networks' own; without them, each network keeps its own."""
     modes: Several[RunMode] = ("stateless",)
-    controllers: Several[Controller] = ("budget",)
+    controllers: Several[Controller] = ("seen",)
     """Modes `stateless` and `video`: names of controllers, and fixed rungs of the ladder."""
     ladder: LadderName = "scene"
     """Each scene's own, where it has one, or the paper's for all."""

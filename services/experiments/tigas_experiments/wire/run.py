@@ -161,7 +161,7 @@ class Configuration(WireModel):
     width: int = Field(ge=64, le=MAX_SIDE)
     height: int = Field(ge=64, le=MAX_SIDE)
     """The viewport, in CSS pixels."""
-    profile: int | str = "budget"
+    profile: int | str = "seen"
     """Of the modes `stateless` and `video`: the ladder's rung, or the name of a controller."""
     dash_frame_rate: FrameRate | None = None
     """Of the modes with DASH, in frames a second; None: the preset's own."""

@@ -69,7 +69,7 @@ function initialDraft({ scene, movement, unturned }: ViewerSession): Draft {
     trace: null,
     rtt: "",
     modes: ["stateless"],
-    controllers: ["latency", "budget"],
+    controllers: ["latency", "seen"],
     reprojection: reprojection && unturned.peek() === null,
     prediction,
     segments: "1",

@@ -59,7 +59,7 @@ test("the form is a file that the store expands and begins", async () => {
   await userEvent.click(screen.getByRole("checkbox", { name: "LoL+" }));
   await start();
   await vi.waitFor(() => expect(location.hash).toBe("#/experiments/walk-1/run"));
-  expect(created()?.file).toContain('controllers = ["latency","budget","lol+"]\n');
+  expect(created()?.file).toContain('controllers = ["seen","latency","lol+"]\n');
   expect(created()?.file).toContain('movements = ["stroll-2.csv"]\n');
   expect(created()?.movements).toEqual({});
 });

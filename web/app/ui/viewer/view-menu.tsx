@@ -4,7 +4,7 @@ import { RotateCcw } from "lucide";
 import { useEffect, useRef } from "preact/hooks";
 import type { ViewerSession } from "#viewer/session/session";
 import { applies } from "#viewer/sources/sides";
-import type { Settings } from "#viewer/state/settings";
+import { DEFAULT_SETTINGS, type Settings } from "#viewer/state/settings";
 import { changeSettings, config, ladder, settings } from "../../state/app";
 import { Icon } from "../icon";
 import { Segment, SegmentList } from "./setting";
@@ -68,7 +68,7 @@ function Quality() {
   const { controller, profile } = settings.value;
   const fast = Math.floor(ladder.value.length / 2);
   const choices = [
-    { title: "Auto", chosen: controller !== "fixed", settings: { controller: "budget" } },
+    { title: "Auto", chosen: controller !== "fixed", settings: { controller: DEFAULT_SETTINGS.controller } },
     { title: "Sharp", chosen: controller === "fixed" && profile === 0, settings: { controller: "fixed", profile: 0 } },
     {
       title: "Fast",

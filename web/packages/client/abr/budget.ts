@@ -18,7 +18,6 @@
  * multiplies bytes by at most STEP, because past frames predict little about much larger ones. It also goes down when
  * frames queue on the link, unless its frames are too small to be the cause.
  */
-import type { Rung } from "../wire/render";
 import {
   type Controller,
   type ControllerContext,
@@ -28,6 +27,7 @@ import {
   type Way,
 } from "./controller";
 import { FrameClock } from "./frame-clock";
+import { firstRung } from "./ladder";
 import { LinkDelay } from "./link-delay";
 import { ServerTimes } from "./server-times";
 import { FrameSizes } from "./sizes";
@@ -54,8 +54,6 @@ const MOST_JITTER = 0.75;
  */
 const JUDGED = 5;
 const LONG = 500;
-/** QUIC's initial window (RFC 9002, section 7.2) in kB, less a fifth for margins, depth and headers. */
-const FIRST_WINDOW = 0.8 * 14.72;
 /** Largest factor by which an upgrade multiplies bytes, unless it is to the neighbour. */
 const STEP = 3;
 /** Longest duration of the beginning, in milliseconds: QUIC needs several round trips to find the link's capacity. */
@@ -173,10 +171,4 @@ export class BudgetController implements Controller {
     this.#delay.restart();
     this.#possibleSince = undefined;
   }
-}
-
-/** The best rung with frames that fit into a single round trip on any link. */
-function firstRung(ladder: readonly Rung[]): number {
-  const first = ladder.findIndex(({ expected_kb }) => expected_kb <= FIRST_WINDOW);
-  return first < 0 ? ladder.length - 1 : first;
 }

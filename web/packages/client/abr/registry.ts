@@ -9,6 +9,7 @@ import type { ControllerFactory } from "./controller";
 import { L2aController } from "./l2a";
 import { LatencyController, perRequest, perTransfer } from "./latency";
 import { LolpController } from "./lolp";
+import { SeenController } from "./seen";
 
 interface Entry {
   /** As a person reads it. */
@@ -17,6 +18,7 @@ interface Entry {
 }
 
 export const CONTROLLERS = {
+  seen: { title: "Seen", create: (context) => new SeenController(context) },
   latency: { title: "Latency", create: (context) => new LatencyController(context, perRequest()) },
   "latency-transfer": {
     title: "Latency (transfer)",

@@ -35,7 +35,11 @@ export function videoLadder(ladder: readonly Rung[], first = 0): readonly VideoS
   const smallest = smaller.at(-1) ?? largest;
   const steps: VideoStep[] = [];
   for (let bits = BEST * largest.pixels; bits >= LEAST * smallest.pixels; bits *= APART) {
-    const { pixels: _, ...size } = [largest, ...smaller].find(({ pixels }) => LEAST * pixels <= bits) ?? smallest;
+    const {
+      pixels: _,
+      psnr_db: __,
+      ...size
+    } = [largest, ...smaller].find(({ pixels }) => LEAST * pixels <= bits) ?? smallest;
     const bitrate_kbps = Math.max(LOWEST, Math.round((bits * FRAMES_PER_S) / 1000));
     const video = Object.freeze({ bitrate_kbps, frames_per_s: FRAMES_PER_S });
     steps.push({ ...size, expected_kb: bitrate_kbps / 8 / FRAMES_PER_S, video });

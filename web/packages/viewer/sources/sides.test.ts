@@ -52,6 +52,6 @@ test("a lock gives both sides one rung of the ladder, or one bit rate, and nothi
       expect(side).toMatchObject({ controller: "fixed", profile, dashRepresentation, bitrateKbps: lockKbps });
     }
   }
-  expect(both({})[0]).toMatchObject({ controller: "budget", dashRepresentation: null });
+  expect(both({})[0]).toMatchObject({ controller: "seen", dashRepresentation: null });
   expect(settingsAt("left", { ...compared, mode: "video", lock: "bitrate" }, PAPER_LADDER).bitrateKbps).toBeUndefined();
 });

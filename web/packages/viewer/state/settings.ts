@@ -141,7 +141,7 @@ export const SETTINGS = {
       ...labelled(CONTROLLER_NAMES, (name) => `Automatic: ${CONTROLLERS[name].title}`),
       fixed: "Fixed profile",
     },
-    "budget",
+    "seen",
     { label: "Adaptation", linked: true, recorded: true },
   ),
   /** The rung that a person chose. */

@@ -1,7 +1,7 @@
 import { describe, expect, test } from "vitest";
-import { WAYS } from "#client/abr/controller";
-import { PAPER_LADDER } from "#client/abr/ladder";
-import type { Rung } from "#client/wire/render";
+import type { Rung } from "../wire/render";
+import { WAYS } from "./controller";
+import { PAPER_LADDER } from "./ladder";
 import { decibels, seenLate, seenOfRung, together } from "./seen-error";
 
 describe("a late picture", () => {

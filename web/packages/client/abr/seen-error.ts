@@ -1,10 +1,10 @@
 /**
- * Metric of the controllers: the error of the seen picture against the ideal one, as measured in rendered pictures
- * (docs/results/2026-11-seen-error.md). No controller uses it to decide. The error has two independent causes, rung and
- * age, so their mean squared errors are added, as are their losses of SSIM.
+ * Error of the seen picture against the ideal one, as measured in rendered pictures (docs/results/2026-11-seen-error.md).
+ * It has two independent causes, rung and age, so their mean squared errors are added, as are their losses of SSIM. The
+ * simulator judges controllers by it, and *Seen* decides by it.
  */
-import type { Way } from "#client/abr/controller";
-import type { Rung } from "#client/wire/render";
+import type { Rung } from "../wire/render";
+import type { Way } from "./controller";
 import table from "./seen-error.json";
 
 /** How far off a picture is. */

@@ -1,0 +1,133 @@
+import { beforeEach, expect, test } from "vitest";
+import courtyard from "../../../../services/render/tigas_render/scenes/demo/ladder.json";
+import type { Rung } from "../wire/render";
+import { type ObservationOptions, observation } from "./fake-observation";
+import { PAPER_LADDER } from "./ladder";
+import { SeenController } from "./seen";
+
+const LADDER = courtyard.rungs as Rung[];
+const AT_60_HZ = 1000 / 60;
+let subject: SeenController;
+let now: number;
+
+beforeEach(() => {
+  subject = new SeenController({ ladder: LADDER });
+  now = 0;
+});
+
+interface Link {
+  readonly trip?: number;
+  /** Milliseconds that frames wait on the link. */
+  readonly queue?: number;
+  /** Milliseconds in the server of a frame of the best rung; others take as much less as they have fewer pixels. */
+  readonly server?: number;
+}
+
+/** Frames for this many milliseconds, one per animation frame: round trip, server and transmission. */
+function hear(duration: number, options: ObservationOptions & Link): number {
+  const { trip = 20, queue = 0, throughput = 20e6, server = 10, ...rest } = options;
+  for (const until = now + duration; now < until; now += AT_60_HZ) {
+    const profile = subject.decide(now);
+    const { expected_kb = 0, width = 0, height = 0 } = LADDER[profile] ?? {};
+    const bytes = 1000 * expected_kb;
+    const rendering = (server * width * height) / (1280 * 720);
+    const response = trip + rendering + queue + (throughput === null ? 0 : (bytes * 8000) / throughput);
+    subject.observe(
+      observation({
+        turning: 20,
+        way: "predicted",
+        server: rendering,
+        response,
+        at: now,
+        ...rest,
+        bytes,
+        profile,
+        throughput,
+      }),
+    );
+  }
+  return subject.decide(now);
+}
+
+test("the faster the link, the better the rung", () => {
+  const rungs = [0.5e6, 2e6, 8e6, 30e6, 200e6].map((throughput) => {
+    subject = new SeenController({ ladder: LADDER });
+    return hear(20_000, { throughput });
+  });
+  expect(rungs).toEqual(rungs.toSorted((a, b) => b - a));
+  expect(rungs[0]).toBeGreaterThan(6);
+  expect(rungs.at(-1)).toBe(0);
+});
+
+test("a camera at rest gets sharper pictures than one that turns, which gets newer ones", () => {
+  const throughput = 20e6;
+  const resting = hear(20_000, { throughput, turning: 0 });
+  const turning = hear(20_000, { throughput, turning: 90 });
+  expect(turning).toBeGreaterThan(resting);
+});
+
+test("the less the page hides the age of frames, the newer they are", () => {
+  const rungs = (["predicted", "rotation", "stale"] as const).map((way) => {
+    subject = new SeenController({ ladder: LADDER });
+    return hear(20_000, { throughput: 10e6, way });
+  });
+  expect(rungs).toEqual(rungs.toSorted((a, b) => a - b));
+  expect(new Set(rungs).size).toBe(3);
+});
+
+test("a renderer that takes long for large pictures is not asked for them", () => {
+  expect(hear(20_000, { throughput: 200e6, server: 600 })).toBeGreaterThan(2);
+});
+
+test("when the link collapses it goes down at once, as far as needed", () => {
+  hear(20_000, { throughput: 200e6 });
+  expect(hear(60, { throughput: 1e6 })).toBeGreaterThan(5);
+});
+
+test("a short rise of the throughput changes nothing", () => {
+  hear(20_000, { throughput: 4e6 });
+  const before = subject.decide(now);
+  expect(hear(300, { throughput: 100e6 })).toBe(before);
+});
+
+test("it goes up by one rung at a time, and only if the link could carry it even if it were slower", () => {
+  hear(20_000, { throughput: 2e6 });
+  const rungs: number[] = [];
+  for (let i = 0; i < 60; i++) rungs.push(hear(250, { throughput: 60e6 }));
+  for (const [i, rung] of rungs.entries()) expect((rungs[i - 1] ?? rung) - rung).toBeLessThanOrEqual(1);
+  expect(rungs.at(-1)).toBeLessThan(3);
+});
+
+test("on a link that wavers it changes less than ten times a minute", () => {
+  let changes = 0;
+  let last = hear(10_000, { throughput: 10e6 });
+  for (let i = 0; i < 120; i++) {
+    const rung = hear(500, { throughput: i % 2 === 0 ? 8e6 : 12e6 });
+    if (rung !== last) changes++;
+    last = rung;
+  }
+  expect(changes).toBeLessThan(10);
+});
+
+test("it begins with frames that fit into one round trip, and is at a good rung within a second", () => {
+  expect(LADDER[subject.decide(0)]?.expected_kb).toBeLessThan(12);
+  expect(hear(1000, { throughput: 100e6 })).toBeLessThan(3);
+});
+
+test("without a known throughput it stays", () => {
+  const before = subject.decide(now);
+  expect(hear(3000, { throughput: null })).toBe(before);
+});
+
+test("a ladder without measured quality, and one of a single rung, will do", () => {
+  const paper = new SeenController({ ladder: PAPER_LADDER });
+  for (let i = 0; i < 1000; i++) {
+    const profile = paper.decide(i * AT_60_HZ);
+    const bytes = 1000 * (PAPER_LADDER[profile]?.expected_kb ?? 0);
+    paper.observe(observation({ profile, bytes, throughput: 200e6, response: 30, way: "predicted", at: i * AT_60_HZ }));
+  }
+  expect(paper.decide(20_000)).toBe(0);
+  const only = new SeenController({ ladder: PAPER_LADDER.slice(0, 1) });
+  only.observe(observation({ profile: 0, bytes: 240_000, throughput: 1e6 }));
+  expect(only.decide(1)).toBe(0);
+});

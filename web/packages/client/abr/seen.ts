@@ -1,0 +1,168 @@
+/**
+ * The default controller, *Seen*: it takes the rung with the best picture expected on the screen, which is both as sharp
+ * as the rung and as old as its frames. With `PSNR` and `SSIM` of a rung's picture after the camera has turned
+ * (seen-error.ts), and the distribution of recent turning speeds v,
+ *
+ *     utility(ℓ) = E_v[PSNR(ℓ, v · age(ℓ)) + WEIGHT · SSIM(ℓ, v · age(ℓ))]
+ *     age(ℓ) = delay + queue · S(ℓ) / S(k) + server(ℓ) + link(ℓ) + interval(ℓ) / 2 + PAGE
+ *     link(ℓ) = j + (S(k) / r − j) · S(ℓ) / S(k)
+ *     interval(ℓ) = max(f, link(ℓ), stage(ℓ))
+ *
+ * `S` is the estimated size of a rung's frames, `k` the rung in use, `r` the throughput of the link, `delay` and `queue`
+ * the time that frames spend outside the server without their own transmission, `stage` the time in the server's slowest
+ * stage, `f` an animation frame and `j` the link's jitter, which spreads the packets of a frame equally whether there are
+ * two or twenty.
+ *
+ * Rungs with longer intervals than LONGEST are worse than all others. It goes down as far as needed once that is better by MARGIN, and up by one rung once that has been better for a while
+ * even on a link with CAUTION times the throughput; reverting an upgrade early doubles the wait before the next one. It
+ * starts with a rung whose frames fit into QUIC's first window, and goes up with the first frame of each rung during
+ * BEGINNING.
+ */
+import {
+  type Controller,
+  type ControllerContext,
+  type Observation,
+  responseTime,
+  serverTime,
+  type Way,
+} from "./controller";
+import { FrameClock } from "./frame-clock";
+import { firstRung } from "./ladder";
+import { LinkDelay } from "./link-delay";
+import { decibels, type Seen, seenLate, seenOfRung, together } from "./seen-error";
+import { ServerTimes } from "./server-times";
+import { FrameSizes } from "./sizes";
+import { TurningSpeeds } from "./turning-speeds";
+
+/** Decibels that an SSIM of 1 is worth. */
+const WEIGHT = 20;
+/** Minimum gain of another rung, in decibels. */
+const MARGIN = 0.4;
+/** Share of the throughput that an upgrade may count on. */
+const CAUTION = 0.6;
+/** Decoding and display, in milliseconds. */
+const PAGE = 25;
+/** Rungs with a longer interval between frames are avoided, in milliseconds: pictures would stutter. */
+const LONGEST = 150;
+/** Largest share of a frame's link time that is attributed to jitter. */
+const MOST_JITTER = 0.75;
+/** A rung is left only after this many of its frames, or milliseconds of them on the link, except in the beginning. */
+const JUDGED = 5;
+const LONG = 500;
+/** Longest duration of the beginning, in milliseconds: QUIC needs several round trips to find the link's capacity. */
+const BEGINNING = 2000;
+/** An upgrade must have been better for this long, in milliseconds; MAX_HOLD is the limit after failures. */
+const MIN_HOLD = 500;
+const MAX_HOLD = 8000;
+/** An upgrade that is taken back within this many milliseconds has failed. */
+const PROVEN = 1000;
+
+/** Expected quality of a rung on the screen, in decibels. */
+type Utility = (rung: number) => number;
+
+export class SeenController implements Controller {
+  readonly #pictures: readonly Seen[];
+  readonly #sizes: FrameSizes;
+  readonly #server: ServerTimes;
+  readonly #clock = new FrameClock();
+  readonly #delay = new LinkDelay();
+  readonly #speeds = new TurningSpeeds();
+  #rung: number;
+  #beginning = true;
+  #begunAt: number | undefined;
+  #changedAt = Number.NEGATIVE_INFINITY;
+  #upgradedAt = Number.NEGATIVE_INFINITY;
+  #possibleSince: number | undefined;
+  #hold = MIN_HOLD;
+
+  constructor({ ladder }: Pick<ControllerContext, "ladder">) {
+    this.#pictures = ladder.map(seenOfRung);
+    this.#sizes = new FrameSizes(ladder);
+    this.#server = new ServerTimes(ladder);
+    this.#rung = firstRung(ladder);
+  }
+
+  decide(now: number): number {
+    this.#clock.tick(now);
+    return this.#rung;
+  }
+
+  observe(observation: Observation): void {
+    const { profile, arrival, server, throughput, turning, way, at } = observation;
+    this.#sizes.observe(profile, arrival.bytes);
+    this.#server.observe(profile, server, at);
+    this.#speeds.observe(turning, at);
+    if (throughput === null) return;
+    this.#begunAt ??= at;
+    if (at - this.#begunAt > BEGINNING) this.#beginning = false;
+    const transmission = (arrival.bytes * 8000) / throughput;
+    if (arrival.sentAt > this.#changedAt) {
+      // Frames requested before the last change say nothing about its effect.
+      const network = responseTime(observation) - serverTime(observation);
+      this.#delay.observe(Math.max(0, network - transmission), at);
+    }
+    const { frames } = this.#delay;
+    const judged = frames >= JUDGED || transmission * frames > LONG;
+    if (judged && this.#lower(this.#utility(throughput, way), at)) return;
+    this.#raise(this.#utility(CAUTION * throughput, way), at);
+  }
+
+  #utility(throughput: number, way: Way): Utility {
+    const { interval } = this.#clock;
+    const { average, queue, jitter } = this.#delay;
+    const own = this.#sizes.expected(this.#rung);
+    const seems = (own * 8000) / throughput;
+    const jittered = Math.min(jitter, MOST_JITTER * seems);
+    return (rung) => {
+      const times = this.#sizes.expected(rung) / own;
+      const { total, stage } = this.#server.expected(rung);
+      const link = jittered + (seems - jittered) * times;
+      if (Math.max(link, stage) > LONGEST && rung < this.#pictures.length - 1) return -Math.max(link, stage);
+      const delay = Math.max(0, average - queue) + queue * times;
+      return this.#quality(rung, delay + total + link + Math.max(interval, link, stage) / 2 + PAGE, way);
+    };
+  }
+
+  #quality(rung: number, age: number, way: Way): number {
+    const picture = this.#pictures[rung] ?? { mse: 0, ssim: 1 };
+    return this.#speeds.expect((speed) => {
+      const { mse, ssim } = together(picture, seenLate(way, (speed * age) / 1000));
+      return decibels(mse) + WEIGHT * ssim;
+    });
+  }
+
+  /** Goes to the best of the lesser rungs if that is better; whether it did. */
+  #lower(utility: Utility, now: number): boolean {
+    const own = utility(this.#rung);
+    let best = { rung: this.#rung, value: own + MARGIN };
+    for (let rung = this.#rung + 1; rung < this.#pictures.length; rung++) {
+      const value = utility(rung);
+      if (value > best.value) best = { rung, value };
+    }
+    if (best.rung === this.#rung) return false;
+    this.#change(best.rung, now);
+    const failed = now - this.#upgradedAt < PROVEN;
+    if (failed) this.#beginning = false;
+    this.#hold = failed ? Math.min(MAX_HOLD, 2 * this.#hold) : Math.max(MIN_HOLD, this.#hold / 2);
+    return true;
+  }
+
+  /** Goes up by a rung if that has been better for long enough. */
+  #raise(utility: Utility, now: number): void {
+    if (this.#rung === 0 || utility(this.#rung - 1) <= utility(this.#rung) + MARGIN) {
+      this.#possibleSince = undefined;
+      return;
+    }
+    this.#possibleSince ??= now;
+    if (this.#beginning ? this.#delay.frames === 0 : now - this.#possibleSince < this.#hold) return;
+    this.#change(this.#rung - 1, now);
+    this.#upgradedAt = now;
+  }
+
+  #change(rung: number, now: number): void {
+    this.#rung = rung;
+    this.#changedAt = now;
+    this.#delay.restart();
+    this.#possibleSince = undefined;
+  }
+}
