@@ -24,7 +24,7 @@ GROUND, WALLS, SIGHT = 0.93, 0.5, 0.08
 """Hits below and just above the horizon, and distance of sight (in sizes of the capture), from which a place counts."""
 FEWEST = 4
 SMALLER = 0.35
-"""Difference by which Gaussians must be smaller as seen from inside, in logarithms: captures are sharpest near their cameras."""
+"""Least difference of log sizes as seen from outside and inside: captures are sharpest near their cameras."""
 OUTSIDE = 18
 """Views of the whole capture."""
 ROOM = 3.0
