@@ -30,8 +30,7 @@ DARK, BRIGHT = 0.04, 0.97
 def best_view(grid: Grid, places: Places, median: Doubles) -> tuple[Doubles, Doubles]:
     """Position and focus, [3] each. `median`: of the Gaussians' centres, which the view had better face."""
     points, penalties = places.points, places.penalties
-    if len(points) > MOST_PLACES:
-        # the clearest places, but from all over the capture
+    if len(points) > MOST_PLACES:  # some from all over the capture
         chosen = np.linspace(0, len(points) - 1, MOST_PLACES).round().astype(np.int64)
         points, penalties = points[chosen], penalties[chosen]
     hits = trace_all(grid, points, rays(ELEVATIONS, AZIMUTHS).reshape(-1, 3))

@@ -24,7 +24,7 @@ GROUND, WALLS, SIGHT = 0.93, 0.5, 0.08
 """Hits below and just above the horizon, and distance of sight (in sizes of the capture), from which a place counts."""
 FEWEST = 4
 SMALLER = 0.35
-"""How much smaller Gaussians must be as seen from inside, in logarithms: captures are sharpest near their cameras."""
+"""Least difference of log sizes as seen from outside and inside: captures are sharpest near their cameras."""
 OUTSIDE = 18
 """Views of the whole capture."""
 ROOM = 3.0
@@ -34,7 +34,7 @@ CEILED = 0.7
 EYE_M, METRIC_M = 1.65, (0.55, 5.0)
 """Height of the eyes; estimates in this range may be in metres."""
 OFF_LEVEL = 0.25
-"""How far, in eye heights, a place's ground may be from the median ground without harm."""
+"""Distance, in eye heights, by which a place's ground may differ from the median ground without harm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +133,7 @@ def _enclosed(grid: Grid, points: Doubles) -> tuple[Flags, Doubles, Hits]:
 
 
 def _straight(grid: Grid, points: Doubles, down: float) -> Doubles:
-    """[P] distance to what is straight below (1) or above (-1)."""
+    """[P] distance to the surface straight below (1) or above (-1)."""
     direction = np.array([[1e-4, down, 1e-4]])
     return trace_all(grid, points, direction / np.linalg.norm(direction)).distances
 

@@ -28,7 +28,7 @@ DOWN_Y, UP_Z = np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 TILTED_SLAB, LYING_SLAB = 0.15, 0.3
 """Share of an object's densest layer that shows that it is tilted in its file, or that its file has z up."""
 FILE_AXES = ((DOWN_Y, 3.0), (UP_Z, 1.65), (-DOWN_Y, 1.2))
-"""Axes that are often up, and how much they count."""
+"""Axes that are often up, and their weights."""
 NEAR, NOT_FAR = math.cos(math.radians(28)), math.cos(math.radians(40))
 SNAP = math.cos(math.radians(3.5))
 """An axis this near to the file's is the file's."""
@@ -69,7 +69,7 @@ def axis_of_object(likely: list[UpAxis]) -> Doubles:
 
 
 class _Evidence:
-    """What speaks for an axis, in a sample of S Gaussians."""
+    """Evidence for the axes of a sample of S Gaussians."""
 
     def __init__(self, found: Surfels) -> None:
         thin, middle, long = found.extents.T
@@ -177,7 +177,7 @@ class _Evidence:
 
 
 def _prior(up: Doubles) -> float:
-    """How much the file's axes speak for a direction; hardly more for an exact one, since that would hide a tilt."""
+    """Evidence of the file's axes for a direction; hardly more for an exact one, since that would hide a tilt."""
     best = 0.0
     for axis, weight in FILE_AXES:
         cosine = float(up @ axis)
