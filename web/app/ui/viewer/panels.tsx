@@ -17,6 +17,7 @@ import { NumberField } from "./number-field";
 import { ReprojectionPanel } from "./reprojection-panel";
 import { SaveVideo } from "./save-video";
 import { Choice, NumberSetting, Toggle } from "./setting";
+import { StartView } from "./start-view";
 
 interface Props {
   readonly session: ViewerSession;
@@ -154,6 +155,7 @@ function Movement({ session, onReset }: Props) {
           }}
         />
       </div>
+      <StartView session={session} />
     </Section>
   );
 }

@@ -35,6 +35,32 @@ export interface VideoRequest {
   key?: boolean;
 }
 /**
+ * New start view of a scene, in its own coordinates.
+ */
+export interface SceneView {
+  camera: StartCamera;
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  up: [number, number, number];
+}
+/**
+ * Where a visitor enters the scene.
+ */
+export interface StartCamera {
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  position: [number, number, number];
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  look_at: [number, number, number];
+}
+/**
  * Precedes the body on WebTransport. From status 400 on, the body is a Problem and the other fields are null.
  */
 export interface FrameHeader {
@@ -107,21 +133,6 @@ export interface SceneInfo {
   ladder?: Rung[] | null;
   builtin?: boolean;
   downloads?: SceneDownload[];
-}
-/**
- * Where a visitor enters the scene.
- */
-export interface StartCamera {
-  /**
-   * @minItems 3
-   * @maxItems 3
-   */
-  position: [number, number, number];
-  /**
-   * @minItems 3
-   * @maxItems 3
-   */
-  look_at: [number, number, number];
 }
 /**
  * One level of the quality ladder; its number is its place in the ladder, 0 the best.

@@ -1,6 +1,6 @@
 /** The service's JSON endpoints. Every failure is an ApiError with one sentence to show. */
 import { ApiError, readProblem } from "#client/http/problem";
-import type { AddedScene, SceneInfo, ServerConfig, Training } from "#client/wire/render";
+import type { AddedScene, SceneInfo, SceneView, ServerConfig, Training } from "#client/wire/render";
 
 const TIMEOUT = 5000;
 
@@ -49,6 +49,15 @@ export function deleteScene(id: string): Promise<void> {
 export function renameScene(id: string, name: string): Promise<SceneInfo> {
   const init = { method: "POST", body: JSON.stringify({ name }) };
   return call<SceneInfo>(`scenes/${encodeURIComponent(id)}/rename`, init, withTimeout());
+}
+
+/** Sets a scene's start view and up axis; the changed scene. */
+export function setStartView(id: string, view: SceneView): Promise<SceneInfo> {
+  return call<SceneInfo>(
+    `scenes/${encodeURIComponent(id)}/view`,
+    { method: "PUT", body: JSON.stringify(view) },
+    withTimeout(),
+  );
 }
 
 /** Makes the upload at this URL a scene, however long it takes to check it. */

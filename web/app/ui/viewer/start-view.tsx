@@ -1,0 +1,65 @@
+/** Buttons that store the present view as the scene's start view, for everyone. */
+import { useSignal } from "@preact/signals";
+import type { SceneInfo, SceneView } from "#client/wire/render";
+import type { ViewerSession } from "#viewer/session/session";
+import { setStartView } from "#viewer/state/api";
+import { type ScenePose, viewDistance } from "#viewer/view/camera";
+import { add, rotate, type Vector3 } from "#viewer/view/vector";
+import { config } from "../../state/app";
+
+/** Nothing where the server lets pages change no scenes, and for built-in ones. */
+export function StartView({ session }: { readonly session: ViewerSession }) {
+  const problem = useSignal<string | null>(null);
+  const scene = session.scene.value;
+  const editable = (config.value?.max_upload_bytes ?? null) !== null && scene?.builtin === false;
+  if (scene === null || !editable) return null;
+  const store = async (view: SceneView) => {
+    try {
+      const changed = await setStartView(scene.id, view);
+      problem.value = null;
+      session.rig.enter(changed);
+      session.scene.value = changed;
+    } catch (error) {
+      problem.value = error instanceof Error ? error.message : String(error);
+    }
+  };
+  return (
+    <div class="start-view">
+      <button type="button" class="quiet-button" onClick={() => void store(presentView(session, scene))}>
+        Use this view as the start view
+      </button>
+      <button
+        type="button"
+        class="quiet-button"
+        title="Look at the sky first: the middle of the picture becomes up"
+        onClick={() => void store(uprightView(session, scene))}
+      >
+        This way is up
+      </button>
+      {problem.value !== null && (
+        <p class="notice" role="alert">
+          {problem.value}
+        </p>
+      )}
+    </div>
+  );
+}
+
+function presentView({ rig }: ViewerSession, scene: SceneInfo): SceneView {
+  const [position, look_at] = segment(rig.pose, [0, 0, viewDistance(scene)]);
+  return { camera: { position, look_at }, up: scene.up };
+}
+
+/** The viewing direction becomes up, and the bottom of the picture the direction of the new start view. */
+function uprightView({ rig }: ViewerSession, scene: SceneInfo): SceneView {
+  const [position, look_at] = segment(rig.pose, [0, viewDistance(scene), 0]);
+  const [x, y, z] = rotate(rig.pose.quaternion, [0, 0, 1]);
+  return { camera: { position, look_at }, up: [x, y, z] };
+}
+
+type Point = [number, number, number];
+
+/** The camera's position, and the end of an offset from it in its own axes. */
+function segment({ position, quaternion }: ScenePose, offset: Vector3): [Point, Point] {
+  return [[...position], [...add(position, rotate(quaternion, offset))]];
+}
