@@ -202,16 +202,16 @@ def tigas_compare(*arguments: str) -> Result:
 
 
 def test_its_options_are_the_plan_of_an_experiment(stub: Stub, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "argv", ["/usr/bin/tigas", "compare", "--profile", "budget"])
+    monkeypatch.setattr(sys, "argv", ["/usr/bin/tigas", "compare", "--profile", "seen"])
     networks = ("--network", "20mbit,20ms-rtt", "--network", "unshaped")
-    result = tigas_compare("--out", str(out), *networks, "--profile", "budget", "--profile", "2")
+    result = tigas_compare("--out", str(out), *networks, "--profile", "seen", "--profile", "2")
     assert result.exit_code == 0, result.output
-    modes = ("stateless-budget_0", "stateless-2_0", "dash-typical_0", "dash-tuned_0", "dash-edge_0")
+    modes = ("stateless-seen_0", "stateless-2_0", "dash-typical_0", "dash-tuned_0", "dash-edge_0")
     assert stub.made == [f"courtyard_stroll_{net}_{mode}" for net in ("20mbit-20ms-rtt", "unshaped") for mode in modes]
     assert sorted(path.name for path in (out / "runs").iterdir()) == sorted(stub.made)
     record = read_experiment(out)
     assert (record.source, record.planned, record.name) == ("command", 10, "out")
-    assert record.command == "tigas compare --profile budget"
+    assert record.command == "tigas compare --profile seen"
     assert stub.reported == [out]
     again = tigas_compare("--out", str(out))
     assert (again.exit_code, len(stub.made)) == (1, 10)
@@ -224,7 +224,7 @@ def test_a_run_that_fails_costs_the_exit_status_and_no_other_run(stub: Stub, out
     assert result.exit_code == 1
     assert result.output.splitlines() == [
         f"4 runs, about 7 minutes, into {out}",
-        "1/4 Stateless budget, 20mbit,20ms-rtt, stroll",
+        "1/4 Stateless seen, 20mbit,20ms-rtt, stroll",
         "2/4 DASH typical, 20mbit,20ms-rtt, stroll: The viewer failed: Target closed",
         "3/4 DASH tuned, 20mbit,20ms-rtt, stroll",
         "4/4 DASH edge, 20mbit,20ms-rtt, stroll",

@@ -52,7 +52,7 @@ def experiment(tmp_path: Path) -> Path:
     for repeat in (0, 1):
         run = write_run(tmp_path / "runs" / f"latency-{repeat}", "latency", "bus", 20.0, repeat=repeat)
         write_triplets(run, 2, quality=40 - 10 * repeat)
-    write_run(tmp_path / "runs" / "budget", "budget", "bus", 20.0)
+    write_run(tmp_path / "runs" / "seen", "seen", "bus", 20.0)
     return tmp_path
 
 
@@ -63,7 +63,7 @@ def test_an_experiment_is_scored_by_controller_network_and_model(experiment: Pat
     assert re.search(r"bus, 20 ms Latency original 4 [\d.]+ ± [\d.]+ 0\.[\d]+ ± 0\.[\d]+ 0\.[\d]+ ±", rows)
     assert re.search(r"bus, 20 ms Latency enhanced scene 4 ", rows)
     assert re.search(r"bus, 20 ms Latency difference scene 4 \+[\d.]+ ±", rows)
-    assert "Budget" not in rows
+    assert "Seen" not in rows
     assert len(read_scores(experiment / "runs" / "latency-1")) == 4
 
 
@@ -140,7 +140,7 @@ def rendered(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 def test_what_was_seen_is_scored_after_its_ground_truth_was_rendered(rendered: str, tmp_path: Path) -> None:
-    run = write_run(tmp_path / "runs" / "a", "budget", "bus", 20.0, scene=SMALL)
+    run = write_run(tmp_path / "runs" / "a", "seen", "bus", 20.0, scene=SMALL)
     stored = StoredRun(run)
     pose = stored.inputs()[20].model_copy(update={"position": (0.0, 0.0, 0.0)})
     write_lines(run / "inputs.ndjson", [pose])
@@ -160,7 +160,7 @@ def test_what_was_seen_is_scored_after_its_ground_truth_was_rendered(rendered: s
     )
     result = quality(str(tmp_path), "--metrics", "psnr,ssim", "--render", rendered)
     assert result.exit_code == 0, result.output
-    assert re.search(r"bus, 20 ms Budget seen 1 ", words(result))
+    assert re.search(r"bus, 20 ms Seen seen 1 ", words(result))
     assert read_scores(run)[0].psnr == pytest.approx(seen.psnr_db)
 
 

@@ -180,7 +180,7 @@ def write_large(folder: Path, networks: Sequence[str], rtts: Sequence[float], re
     """Write runs of six controllers and modes over networks and round trips; returns their number."""
     contenders: dict[str | int, dict[str, Any]] = {
         "latency": {"delay_ms": 90.0, "jitter_ms": 60.0, "rungs": (0, 1), "hold": 400, "every": 3, "kbps": 18_000.0},
-        "budget": {"delay_ms": 35.0, "jitter_ms": 9.0, "rungs": (1, 2), "hold": 300, "kbps": 11_000.0},
+        "seen": {"delay_ms": 35.0, "jitter_ms": 9.0, "rungs": (1, 2), "hold": 300, "kbps": 11_000.0},
         "lol+": {"delay_ms": 32.0, "jitter_ms": 12.0, "rungs": (3, 2), "hold": 30, "kbps": 5000.0},
         "l2a": {"delay_ms": 50.0, "jitter_ms": 25.0, "rungs": (0, 1, 2, 1), "hold": 90, "kbps": 15_000.0},
         2: {"delay_ms": 38.0, "jitter_ms": 14.0, "rungs": (2,), "kbps": 9000.0},
@@ -191,7 +191,7 @@ def write_large(folder: Path, networks: Sequence[str], rtts: Sequence[float], re
         for rtt, (name, look), repeat in itertools.product(rtts, contenders.items(), range(repeats)):
             number = next(numbers)
             changed = {**look, "delay_ms": look["delay_ms"] + rtt * (2.5 if name == "latency" else 1.1) + 6 * repeat}
-            profile = "budget" if name == "dash" else name
+            profile = "seen" if name == "dash" else name
             run = folder / "runs" / f"{number:03}_{place}_{rtt:g}_{name}_{repeat}"
             write_run(run, profile, network, rtt, seconds=seconds, repeat=repeat, **changed)
     return next(numbers) - 1

@@ -20,9 +20,9 @@ def experiment(folder: Path) -> Path:
     record = ExperimentRecord(name="It", created="2026-01-01T00:00:00Z", source="command", plan={})
     write_experiment(folder, record)
     write_run(folder / "runs" / "a", "latency", rtt_ms=20)
-    write_run(folder / "runs" / "b", "budget", rtt_ms=300)
-    write_run(folder / "runs" / "c", "budget", rtt_ms=20)
-    write_run(folder / "runs" / "d", "budget", rtt_ms=20)
+    write_run(folder / "runs" / "b", "seen", rtt_ms=300)
+    write_run(folder / "runs" / "c", "seen", rtt_ms=20)
+    write_run(folder / "runs" / "d", "seen", rtt_ms=20)
     (folder / "runs" / "c" / "frames.ndjson").unlink()
     return folder
 
@@ -32,7 +32,7 @@ def written(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file() and path.name != ".lock"}
 
 
-@pytest.mark.parametrize("options", [(), ("--baseline", "budget")], ids=["as it was made", "baseline"])
+@pytest.mark.parametrize("options", [(), ("--baseline", "seen")], ids=["as it was made", "baseline"])
 def test_a_report_is_made_again_byte_for_byte_without_telling_how(tmp_path: Path, options: tuple[str, ...]) -> None:
     folder, archive = experiment(tmp_path / "study"), tmp_path / "elsewhere" / "runs.tar.xz"
     archive.parent.mkdir()
@@ -49,12 +49,12 @@ def test_a_report_is_made_again_byte_for_byte_without_telling_how(tmp_path: Path
 
 def test_who_asks_for_another_report_of_an_archive_gets_it(tmp_path: Path) -> None:
     folder, archive = experiment(tmp_path / "study"), tmp_path / "it.tar.xz"
-    run_report(folder, "--archive", str(archive), "--baseline", "budget")
+    run_report(folder, "--archive", str(archive), "--baseline", "seen")
     shutil.rmtree(folder)
     assert run_report(archive, "--baseline", "latency").exit_code == 0
     assert "Against Latency" in (folder / "report.html").read_text()
     assert run_report(folder).exit_code == 0
-    assert "Against Budget" in (folder / "report.html").read_text(), "as the archive has it"
+    assert "Against Seen" in (folder / "report.html").read_text(), "as the archive has it"
     (folder / "options.json").write_text('{"template": "comparison", "baseline": "latency"}')
     assert run_report(folder).exit_code == 0
     assert "Against Latency" in (folder / "report.html").read_text(), "early archives said which page to make"

@@ -27,7 +27,7 @@ SIGHTS = {
 
 def test_a_controller_looks_the_same_in_every_report() -> None:
     def controller(
-        mode: Mode = "stateless", profile: int | str = "budget", upscale: str = "off", **more: object
+        mode: Mode = "stateless", profile: int | str = "seen", upscale: str = "off", **more: object
     ) -> Controller:
         return Controller.of(
             Configuration.model_validate(
@@ -46,9 +46,9 @@ def test_a_controller_looks_the_same_in_every_report() -> None:
             )
         )
 
-    budget, mine = controller(), controller(profile="mine")
+    seen, mine = controller(), controller(profile="mine")
     some = {
-        budget,
+        seen,
         controller("dash-tuned"),
         controller("dash-tuned", "latency"),
         mine,
@@ -62,29 +62,29 @@ def test_a_controller_looks_the_same_in_every_report() -> None:
         controller("video", 3),
     }
     titles = [
-        *("Budget", "Budget + reprojection + prediction auto", "Budget + scene", "mine"),
+        *("Seen", "Seen + reprojection + prediction auto", "Seen + scene", "mine"),
         *(
             "Profile 0",
             "Profile 3",
             "Profile 3 + scene",
-            "Video Budget",
+            "Video Seen",
             "Video Profile 3",
             "DASH tuned",
             "DASH tuned + reprojection",
         ),
     ]
     assert [each.title for each in in_order(some)] == titles
-    assert controller("video").name == "video-budget"
-    assert controller(upscale="scene").name == "budget+scene"
-    assert controller(reprojection=True, prediction="auto").name == "budget+reprojection+prediction-auto"
+    assert controller("video").name == "video-seen"
+    assert controller(upscale="scene").name == "seen+scene"
+    assert controller(reprojection=True, prediction="auto").name == "seen+reprojection+prediction-auto"
     found = looks(some)
-    assert found[budget] == looks([budget])[budget]
+    assert found[seen] == looks([seen])[seen]
     assert len({(look.colour, look.dashes, look.marker) for look in found.values()}) == len(found)
 
 
 @pytest.mark.parametrize("seen_as", SIGHTS, ids=list(SIGHTS))
 def test_what_is_done_to_frames_is_told_apart_in_both_themes(seen_as: str) -> None:
-    plain = Controller("stateless", "budget")
+    plain = Controller("stateless", "seen")
     stages = [
         plain,
         replace(plain, motion=("reprojection",)),
@@ -101,7 +101,7 @@ def test_what_is_done_to_frames_is_told_apart_in_both_themes(seen_as: str) -> No
 
 
 def test_what_is_done_to_all_frames_sets_nothing_apart() -> None:
-    plain = [Controller("stateless", "latency"), Controller("stateless", "budget"), Controller("stateless", 2)]
+    plain = [Controller("stateless", "latency"), Controller("stateless", "seen"), Controller("stateless", 2)]
     turned = [replace(one, motion=("reprojection",)) for one in plain]
     assert list(looks(turned).values()) == list(looks(plain).values())
     both = looks([*plain, *turned])
@@ -113,11 +113,11 @@ def test_runs_are_called_by_what_tells_them_apart() -> None:
     two = [configuration("dash-tuned"), configuration(movement="walks/user3.csv")]
     assert list(run_names(two).values()) == [
         "DASH tuned, 20mbit,20ms-rtt, stroll",
-        "Stateless budget, 20mbit,20ms-rtt, user3",
+        "Stateless seen, 20mbit,20ms-rtt, user3",
     ]
     assert list(run_names(two)) == [run.slug for run in two]
     many = [*two, configuration(scene="garden", segment=1, repeat=2)]
-    assert list(run_names(many).values())[2] == "Stateless budget, 20mbit,20ms-rtt, stroll, garden, part 2, repeat 3"
+    assert list(run_names(many).values())[2] == "Stateless seen, 20mbit,20ms-rtt, stroll, garden, part 2, repeat 3"
 
 
 def linear(colour: str) -> NDArray[np.float64]:

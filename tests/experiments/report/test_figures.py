@@ -12,7 +12,7 @@ from tigas_experiments.report.metrics import METRICS
 
 
 def test_round_trips_are_compared_if_there_are_several(tmp_path: Path) -> None:
-    assert over_rtt(groups(tmp_path / "one", {}, {"controller": "budget"}), "bus") is None
+    assert over_rtt(groups(tmp_path / "one", {}, {"controller": "seen"}), "bus") is None
     runs = [{"rtt_ms": rtt, "delay_ms": 30 + rtt, "repeat": n} for rtt in (20.0, 50.0, 300.0) for n in (0, 1)]
     plot = over_rtt(groups(tmp_path / "three", *runs), "bus")
     assert plot is not None
@@ -34,7 +34,7 @@ def test_the_parts_of_the_frame_age_are_stacked_by_controller_and_network(tmp_pa
         tmp_path,
         *(
             {"controller": name, "network": network, "delay_ms": took + 16, "reply_ms": took}
-            for name, took in (("latency", 60.0), ("budget", 30.0))
+            for name, took in (("latency", 60.0), ("seen", 30.0))
             for network in ("bus", "train")
         ),
         {"mode": "dash-edge", "delay_ms": 80},

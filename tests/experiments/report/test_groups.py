@@ -71,7 +71,7 @@ def test_a_repeat_counts_within_its_block_alone(tmp_path: Path) -> None:
 def test_runs_without_a_figure_do_not_count_for_it(tmp_path: Path) -> None:
     first, whole = METRICS["first_picture_s"], METRICS["whole_scene_s"]
     local = {"mode": "local-compressed", "local": download(0.5, None)}
-    of_pictures, of_download = groups(tmp_path, {"controller": "budget"}, local)
+    of_pictures, of_download = groups(tmp_path, {"controller": "seen"}, local)
     assert of_pictures.estimate(first) is None
     assert [of_download.blocks(metric).popitem()[1] for metric in (first, whole)] == [0.5, math.inf]
 
@@ -85,40 +85,40 @@ def test_an_earlier_download_of_a_plain_ply_is_still_read(tmp_path: Path) -> Non
 def test_each_network_counts_the_same_if_it_has_the_controller(tmp_path: Path) -> None:
     found = groups(
         tmp_path,
-        run("budget", "bus", "a", 40),
-        run("budget", "bus", "a", 60),
-        run("budget", "tram", "a", 110),
+        run("seen", "bus", "a", 40),
+        run("seen", "bus", "a", 60),
+        run("seen", "tram", "a", 110),
         run("latency", "bus", "a", 90),
         run("latency", "tram", "a", 90),
-        run("budget", "bus", "a", 40, rtt_ms=300),
+        run("seen", "bus", "a", 40, rtt_ms=300),
         run("l2a|\n", "tram", "a", 40),
     )
-    latency, budget = found.overall()
-    estimate = known(budget.estimate(AGE))
+    latency, seen = found.overall()
+    estimate = known(seen.estimate(AGE))
     assert (estimate.mean, estimate.low, estimate.high) == (80, 50, 110)
-    assert (latency.labels, budget.labels) == (["all", "20", "Latency", "2"], ["all", "20", "Budget", "3"])
-    first, _, row, *_ = overall_markdown([budget]).splitlines()
+    assert (latency.labels, seen.labels) == (["all", "20", "Latency", "2"], ["all", "20", "Seen", "3"])
+    first, _, row, *_ = overall_markdown([seen]).splitlines()
     assert first.startswith("| round trip, ms | controller | runs | View latency p95, ms |")
-    assert row.startswith("| 20 | Budget | 3 | 80 | 80 | ")
+    assert row.startswith("| 20 | Seen | 3 | 80 | 80 | ")
 
 
 def test_groups_of_one_network_have_the_same_blocks(tmp_path: Path) -> None:
-    """Budget is the later one in every block, but was not measured in the hard ones."""
+    """Seen is the later one in every block, but was not measured in the hard ones."""
     hard = [run("latency", "bus", f"hard {number}", 200) for number in range(4)]
-    easy = [run(name, "bus", f"{n}", ms) for n in range(4) for name, ms in (("latency", 40), ("budget", 50))]
-    latency, budget = groups(tmp_path, *hard, *easy)
-    assert [known(group.estimate(AGE)).mean for group in (latency, budget)] == [40, 50]
+    easy = [run(name, "bus", f"{n}", ms) for n in range(4) for name, ms in (("latency", 40), ("seen", 50))]
+    latency, seen = groups(tmp_path, *hard, *easy)
+    assert [known(group.estimate(AGE)).mean for group in (latency, seen)] == [40, 50]
     left_out = (
         "Tables and figures leave out 4 of 12 runs, because not all controllers have runs of their blocks: "
-        "Budget lacks 4."
+        "Seen lacks 4."
     )
     assert left_out in warnings(load(tmp_path))
 
 
 def test_controllers_without_a_common_block_are_shown_with_a_warning(tmp_path: Path) -> None:
-    assert len(groups(tmp_path, run("latency", "bus", "a", 40), run("budget", "bus", "b", 40))) == 2
+    assert len(groups(tmp_path, run("latency", "bus", "a", 40), run("seen", "bus", "b", 40))) == 2
     (warning,) = (each for each in warnings(load(tmp_path)) if "no block has runs of all controllers" in each)
-    assert warning.endswith("(Latency lacks 1, Budget lacks 1).")
+    assert warning.endswith("(Latency lacks 1, Seen lacks 1).")
 
 
 def test_only_blocks_that_both_have_are_compared(tmp_path: Path) -> None:
@@ -128,7 +128,7 @@ def test_only_blocks_that_both_have_are_compared(tmp_path: Path) -> None:
         run("latency", "bus", "b", 400),
         run("l2a", "bus", "a", 60),
         run("l2a", "bus", "c", 900),
-        run("budget", "tram", "a", 60),
+        run("seen", "tram", "a", 60),
     )
     (one,) = found.against(next(iter(found.looks)))
     estimate = known(one.estimate(AGE))
@@ -160,7 +160,7 @@ def test_the_baseline_is_the_first_of_the_file_unless_another_is_chosen(tmp_path
         assert controller is not None
         return controller.name
 
-    file: dict[str, object] = {"modes": ["dash-tuned", "stateless"], "controllers": ["budget", 2, "l2a"]}
+    file: dict[str, object] = {"modes": ["dash-tuned", "stateless"], "controllers": ["seen", 2, "l2a"]}
     assert chosen(file) == "profile-2", "there are no runs of those before it"
     assert chosen(file, "l2a") == "l2a"
     assert chosen({"modes": "odd"}) == "latency"
@@ -170,7 +170,7 @@ def test_the_baseline_is_the_first_of_the_file_unless_another_is_chosen(tmp_path
 
 
 def test_a_caption_says_how_many_runs_a_mean_is_of(tmp_path: Path) -> None:
-    one, two = groups(tmp_path, {}, {"controller": "budget"}, {"controller": "budget", "repeat": 1})
+    one, two = groups(tmp_path, {}, {"controller": "seen"}, {"controller": "seen", "repeat": 1})
 
     assert [runs_behind([one]), runs_behind([one, one]), runs_behind([two])] == [
         "One run.",

@@ -31,7 +31,7 @@ def scores(psnr: float, gain: float, lpips: float = 0.3) -> list[Score]:
 @pytest.fixture
 def experiment(tmp_path: Path) -> Path:
     """Two controllers over two networks, of one of which some samples have scores."""
-    for name, psnr in (("latency", 30.0), ("budget", 33.0)):
+    for name, psnr in (("latency", 30.0), ("seen", 33.0)):
         for network, less in (("bus", 0.0), ("train", 4.0)):
             run = write_run(tmp_path / "runs" / f"{name}-{network}", name, network, 20.0)
             write_scores(run, scores(psnr - less, 1.5, lpips=1 - psnr / 50))
@@ -125,6 +125,6 @@ def test_the_report_has_them_with_their_values(experiment: Path) -> None:
     found = csv_rows(experiment / "picture_scores.csv")
     assert len(found) == 4 * 3 * 2
     names = ("network", "controller", "picture", "metric")
-    (row,) = [each for each in found if [each[n] for n in names] == ["train", "budget", "difference", LPIPS.name]]
+    (row,) = [each for each in found if [each[n] for n in names] == ["train", "seen", "difference", LPIPS.name]]
     assert float(row["mean"]) == pytest.approx(-0.015)
     assert (row["rtt_ms"], row["model"], row["runs"], row["pictures"]) == ("20.0", "scene", "1", "3")

@@ -92,7 +92,7 @@ def test_twelve_windows_give_an_interval(tmp_path: Path) -> None:
 
 def test_all_networks_need_a_controller_everywhere(tmp_path: Path) -> None:
     bus = [*LADDER, stream(2000, 0.6)]
-    tram = [{**run, "network": "tram"} for run in (*LADDER, {"controller": "budget", "kbps": 2000})]
+    tram = [{**run, "network": "tram"} for run in (*LADDER, {"controller": "seen", "kbps": 2000})]
     everywhere = over_all(groups(tmp_path, *bus, *tram))
     assert everywhere is not None
     assert [series.title for series in everywhere.series] == ["Fixed rungs"]

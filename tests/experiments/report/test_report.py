@@ -54,7 +54,7 @@ def comparison(tmp_path: Path) -> Path:
 @pytest.fixture
 def experiment(tmp_path: Path) -> Path:
     """Two controllers, two round trips, two repeats."""
-    for name, delay in (("latency", 130.0), ("budget", 40.0)):
+    for name, delay in (("latency", 130.0), ("seen", 40.0)):
         for rtt in (20.0, 300.0):
             for repeat in (0, 1):
                 run = tmp_path / "runs" / f"{name}-{rtt:g}-{repeat}"
@@ -72,7 +72,7 @@ def test_the_page_says_what_was_measured_and_stands_alone(comparison: Path) -> N
     page = write_report(comparison, comparison).page.read_text()
     text = text_of(page)
     for expected in (
-        "Stateless, budget",
+        "Stateless, seen",
         "DASH, tuned",
         "4g-<bus>",
         COMMAND,
@@ -127,22 +127,22 @@ def test_the_terminal_has_room_for_few_networks_of_few_runs(tmp_path: Path) -> N
 
 @pytest.mark.usefixtures("no_figures")
 def test_anyone_may_be_the_baseline(experiment: Path) -> None:
-    for asked, baseline, other in (([], "latency", "budget"), (["--baseline", "budget"], "budget", "latency")):
+    for asked, baseline, other in (([], "latency", "seen"), (["--baseline", "seen"], "seen", "latency")):
         assert run_report(experiment, *asked).exit_code == 0
         found = {(row["baseline"], row["controller"]) for row in rows(experiment / "differences.csv")}
         assert found == {(baseline, other)}
         assert f"Against {baseline.title()}" in page_text(experiment)
     said = run_report(experiment, "--baseline", "bola")
     assert said.exit_code == 1
-    assert "There are no runs of the controller 'bola', only of latency, budget." in said.output
+    assert "There are no runs of the controller 'bola', only of latency, seen." in said.output
 
 
 @pytest.mark.usefixtures("no_figures")
 def test_runs_without_result_are_listed_with_reasons_and_in_no_figure(experiment: Path) -> None:
     runs = experiment / "runs"
-    (runs / "budget-20-0" / "run.json").write_text('{"status": "comp')
-    (runs / "budget-300-0" / "frames.ndjson").unlink()
-    change(runs / "budget-300-1", mood="good")  # a field of a newer version
+    (runs / "seen-20-0" / "run.json").write_text('{"status": "comp')
+    (runs / "seen-300-0" / "frames.ndjson").unlink()
+    change(runs / "seen-300-1", mood="good")  # a field of a newer version
     change(runs / "latency-20-0", status="running")
     inputs = runs / "latency-300-0" / "inputs.ndjson"
     inputs.write_text(inputs.read_text()[:-20])
@@ -164,10 +164,10 @@ def test_runs_without_result_are_listed_with_reasons_and_in_no_figure(experiment
     by_folder = {row["folder"]: row for row in rows(experiment / "runs.csv")}
     assert [row["status"] for row in by_folder.values()].count("complete") == 2
     assert by_folder["latency-20-0"]["status"] == "running"
-    assert by_folder["budget-20-0"]["status"] == "broken"
+    assert by_folder["seen-20-0"]["status"] == "broken"
     assert "never ended" in by_folder["latency-20-0"]["problem"]
     assert sum(int(row["runs"]) for row in rows(experiment / "groups.csv")) == 2
-    assert "no result: runs/budget-300-0/frames.ndjson" in (experiment / "table.md").read_text()
+    assert "no result: runs/seen-300-0/frames.ndjson" in (experiment / "table.md").read_text()
 
 
 def test_nothing_but_failures_is_a_report_too(experiment: Path) -> None:

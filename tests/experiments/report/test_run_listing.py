@@ -39,14 +39,14 @@ def test_a_markdown_table_has_a_row_for_each_run(tmp_path: Path) -> None:
     (write_run(tmp_path / "runs" / "4") / "inputs.ndjson").unlink()
     lines = markdown(load(tmp_path).made).splitlines()
     assert len(lines) == 2 + 4
-    assert lines[2].startswith("| 20mbit,20ms-rtt | Stateless, budget | 40 | 40 | 40 | 100.0 | ")
+    assert lines[2].startswith("| 20mbit,20ms-rtt | Stateless, seen | 40 | 40 | 40 | 100.0 | ")
     assert sum("| no result: runs/4/inputs.ndjson cannot be read" in line for line in lines) == 1
     assert len({line.replace("\\|", "").count("|") for line in lines}) == 1
 
 
 def test_a_run_is_called_by_its_mode_controller_and_repeat(tmp_path: Path) -> None:
     runs = listed(tmp_path, {}, {"profile": 2, "repeat": 1}, {"mode": "dash-typical"})
-    assert list(map(label, runs)) == ["Stateless, budget", "Stateless, rung 2 (2)", "DASH, typical"]
+    assert list(map(label, runs)) == ["Stateless, seen", "Stateless, rung 2 (2)", "DASH, typical"]
 
 
 def test_runs_stand_in_the_order_in_which_they_were_made(tmp_path: Path) -> None:
@@ -59,13 +59,13 @@ def test_runs_stand_in_the_order_in_which_they_were_made(tmp_path: Path) -> None
 
 
 def test_runs_of_one_controller_stand_together_and_are_told_apart(tmp_path: Path) -> None:
-    named = ((2, "room"), ("budget", "room"), (2, "garden"), ("budget", "garden"))
+    named = ((2, "room"), ("seen", "room"), (2, "garden"), ("seen", "garden"))
     runs = listed(tmp_path, *({"profile": profile, "scene": scene} for profile, scene in named))
     assert titles(runs) == [
         "Stateless, rung 2, room",
         "Stateless, rung 2, garden",
-        "Stateless, budget, room",
-        "Stateless, budget, garden",
+        "Stateless, seen, room",
+        "Stateless, seen, garden",
     ]
     assert titles(runs[:1]) == ["Stateless, rung 2"]
 
@@ -94,7 +94,7 @@ def test_four_modes_stand_side_by_side_in_80_columns(tmp_path: Path) -> None:
     assert [line.split() for line in lines[:4]] == [
         ["20mbit"],
         ["Stateless,", "DASH,", "DASH,", "DASH,"],
-        ["budget", "typical", "tuned", "edge"],
+        ["seen", "typical", "tuned", "edge"],
         ["Motion-to-photon"],
     ]
     assert any(line.split() == ["p50,", "ms", "40", "40", "40", "40"] for line in lines)

@@ -25,7 +25,7 @@ def written(folder: Path) -> Path:
 
 def test_a_row_of_runs_csv_has_every_field_and_figure(tmp_path: Path) -> None:
     folder = tmp_path / "runs" / "a"
-    write_run(folder, "budget", "bus", 50.0, delay_ms=80, reply_ms=60, rungs=(1, 3), hold=50, kbps=4000, repeat=2)
+    write_run(folder, "seen", "bus", 50.0, delay_ms=80, reply_ms=60, rungs=(1, 3), hold=50, kbps=4000, repeat=2)
     write_run(tmp_path / "runs" / "b", 2, "bus", None, every=2, delay_ms=120)
     one, two = rows(written(tmp_path) / "runs.csv")
     expected = {
@@ -33,12 +33,12 @@ def test_a_row_of_runs_csv_has_every_field_and_figure(tmp_path: Path) -> None:
         "status": "complete",
         "network": "bus",
         "rtt_ms": "50.0",
-        "controller": "budget",
+        "controller": "seen",
         "configuration_scene": "courtyard",
         "configuration_movement": "stroll",
         "configuration_network_trace": "bus",
         "configuration_mode": "stateless",
-        "configuration_profile": "budget",
+        "configuration_profile": "seen",
         "configuration_repeat": "2",
         "configuration_duration_s": "2.0",
         "scene_bytes": str(SCENE_BYTES),
@@ -106,25 +106,25 @@ def test_differences_csv_has_each_figure_against_the_baseline(tmp_path: Path) ->
     for number in range(12):
         offset_s, delay_ms = 10.0 * number, 40.0 + 10 * number
         write_run(tmp_path / "runs" / f"l{number}", "latency", delay_ms=delay_ms + 20, offset_s=offset_s)
-        write_run(tmp_path / "runs" / f"b{number}", "budget", delay_ms=delay_ms, offset_s=offset_s)
+        write_run(tmp_path / "runs" / f"b{number}", "seen", delay_ms=delay_ms, offset_s=offset_s)
     found = {row["figure"]: row for row in rows(written(tmp_path) / "differences.csv")}
     row = found["frame_age_mean_ms"]
     names = ("network", "rtt_ms", "controller", "baseline", "blocks")
-    assert [row[name] for name in names] == ["bus", "20.0", "budget", "latency", "12"]
+    assert [row[name] for name in names] == ["bus", "20.0", "seen", "latency", "12"]
     ends = [float(row[name]) for name in ("difference", "ci95_low", "ci95_high")]
     assert ends == pytest.approx([-20, -20.5, -19.5]), "blocks differ by far more than controllers do in each of them"
     assert found["response_time_mean_ms"]["difference"] == "", "nobody recorded replies"
 
 
 def test_a_row_says_whether_its_run_is_in_tables_and_figures_and_which_thread_was_busy(tmp_path: Path) -> None:
-    for controller, movement in (("latency", "stroll"), ("budget", "stroll"), ("budget", "orbit")):
+    for controller, movement in (("latency", "stroll"), ("seen", "stroll"), ("seen", "orbit")):
         write_run(tmp_path / "runs" / f"{controller}-{movement}", controller, movement=movement)
     change(tmp_path / "runs" / "latency-stroll", load={"pegged": {"chromium renderer": 0.34, "tigas render": 0.2}})
     (write_run(tmp_path / "runs" / "x") / "frames.ndjson").unlink()
     found = rows(written(tmp_path) / "runs.csv")
     assert {row["folder"]: row["compared"] for row in found} == {
-        "budget-orbit": "False",
-        "budget-stroll": "True",
+        "seen-orbit": "False",
+        "seen-stroll": "True",
         "latency-stroll": "True",
         "x": "",
     }
@@ -135,7 +135,7 @@ def test_a_row_says_whether_its_run_is_in_tables_and_figures_and_which_thread_wa
 def test_text_that_would_be_a_formula_is_marked_as_text_and_numbers_are_not(tmp_path: Path, start: str) -> None:
     name = f"{start}cmd|' /C calc'!A0"
     write_run(tmp_path / "runs" / "a", name)
-    write_run(tmp_path / "runs" / "=1+1", "budget")
+    write_run(tmp_path / "runs" / "=1+1", "seen")
     written(tmp_path)
     for file in ("runs.csv", "groups.csv"):
         with (tmp_path / file).open(newline="") as opened:

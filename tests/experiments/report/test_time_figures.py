@@ -34,7 +34,7 @@ def test_a_plot_takes_the_page_s_colours_and_is_well_formed(tmp_path: Path) -> N
 
 
 def test_an_unshaped_network_has_no_link_to_download_over(tmp_path: Path) -> None:
-    path = write_run(tmp_path / "runs" / "a", "budget", "unshaped", None, mode="dash-tuned")
+    path = write_run(tmp_path / "runs" / "a", "seen", "unshaped", None, mode="dash-tuned")
     for name in ("link", "quality"):
         (path / f"{name}.ndjson").write_text("")
     plot = bandwidth(Groups.of(load(tmp_path).runs), "unshaped")
@@ -60,14 +60,14 @@ def test_the_resolution_over_time_is_of_each_controller_s_first_run(tmp_path: Pa
 
 
 def test_a_box_stands_over_its_controller_where_another_has_no_runs(tmp_path: Path) -> None:
-    names = (("latency", 20.0), ("budget", 20.0), ("budget", 300.0))
+    names = (("latency", 20.0), ("seen", 20.0), ("seen", 300.0))
     found = groups(tmp_path, *({"controller": name, "rtt_ms": rtt} for name, rtt in names))
     _, panels = panel_grid(2, share=True)
     for panel, rtt in zip(panels, (20.0, 300.0), strict=True):
         draw_boxes(panel, found.at("bus", rtt), found.looks)
     boxes = [[box.get_path().get_extents() for box in panel.patches] for panel in panels]
     assert [[round((box.x0 + box.x1) / 2, 9) for box in panel] for panel in boxes] == [[0, 1], [1]]
-    assert [label.get_text() for label in panels[1].get_xticklabels()] == ["Latency", "Budget"]
+    assert [label.get_text() for label in panels[1].get_xticklabels()] == ["Latency", "Seen"]
 
 
 def test_distributions_count_what_never_came() -> None:

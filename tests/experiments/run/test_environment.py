@@ -133,7 +133,7 @@ class World:
             raise RunFailed("Frames are not shown as they should be: No graphics acceleration here.")
         asked = [value for name, value in settings.items() if name != "reprojection"]
         self.asked += asked
-        if not {"budget", "latency", "off", "bicubic"}.issuperset(asked):
+        if not {"seen", "latency", "off", "bicubic"}.issuperset(asked):
             raise RunFailed(REFUSED)
 
     def environment(self, directory: Path = Path(), ladder: LadderName = "scene") -> Environment:
@@ -150,9 +150,9 @@ def unshaped(**changes: Any) -> Configuration:
 
 def test_each_controller_is_asked_for_once_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -> None:
     world = World(monkeypatch, dash="http://127.0.0.1:9")
-    wanted = [unshaped(profile=profile, repeat=repeat) for profile in ("budget", "latency", 3) for repeat in (0, 1)]
+    wanted = [unshaped(profile=profile, repeat=repeat) for profile in ("seen", "latency", 3) for repeat in (0, 1)]
     world.check(*wanted, unshaped(mode="dash-tuned", profile="unused"))
-    assert (world.asked, world.pages) == (["budget", "latency"], 1)
+    assert (world.asked, world.pages) == (["latency", "seen"], 1)
 
 
 def test_models_are_asked_for_once_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -107,7 +107,9 @@ def test_the_record_says_which_poses_the_page_was_given(world: World, tmp_path: 
 def test_the_record_says_what_it_was_made_from_and_with(world: World, tmp_path: Path) -> None:
     record = run(world, tmp_path / "run")
     assert record.inputs_sha256 == DIGESTS
-    assert record.server == Server(version="9", commit="abc", device="GPU", ladder=SERVER.ladder)
+    assert record.server == Server(
+        version="9", commit="abc", device="GPU", tcp_congestion_control="cubic", ladder=SERVER.ladder
+    )
     world.scene = world.scene.model_copy(update={"ladder": SERVER.ladder[1:]})
     of_its_own = run(world, tmp_path / "of its own").server
     assert of_its_own is not None

@@ -58,7 +58,7 @@ def test_everything_is_combined_and_repeats_go_outermost(tmp_path: Path) -> None
         ("stateless", "latency"),
         ("stateless", "lol+"),
         ("stateless", 0),
-        ("dash-tuned", "budget"),
+        ("dash-tuned", "seen"),
     ]
     assert [run.network.round_trip_ms for run in made[:16:4]] == [20, 300, 20, 300]
     assert len({run.slug for run in made}) == len(made), "each has a folder of its own"
@@ -66,12 +66,12 @@ def test_everything_is_combined_and_repeats_go_outermost(tmp_path: Path) -> None
 
 
 def test_the_mode_video_has_the_controllers_of_the_mode_stateless_and_no_samples(tmp_path: Path) -> None:
-    made = runs(tmp_path, modes=["video", "stateless"], controllers=["budget", "1"], sample_stride=5, shuffled=False)
+    made = runs(tmp_path, modes=["video", "stateless"], controllers=["seen", "1"], sample_stride=5, shuffled=False)
     assert [(run.mode, run.profile, run.sample_stride) for run in made] == [
-        *(("video", "budget", 0), ("video", 1, 0), ("stateless", "budget", 5), ("stateless", 1, 5))
+        *(("video", "seen", 0), ("video", 1, 0), ("stateless", "seen", 5), ("stateless", 1, 5))
     ]
     assert len({run.slug for run in made}) == len(made)
-    assert {"mode": "video", "controller": "budget"}.items() <= page_settings(made[0]).items()
+    assert {"mode": "video", "controller": "seen"}.items() <= page_settings(made[0]).items()
     assert {"mode": "video", "controller": "fixed", "profile": 1}.items() <= page_settings(made[1]).items()
 
 
@@ -188,7 +188,7 @@ def test_local_runs_download_the_scene_and_change_with_nothing_that_the_server_r
 
 
 def test_a_stream_over_webrtc_needs_the_packager_and_has_one_codec(tmp_path: Path) -> None:
-    (made,) = runs(tmp_path, modes=["webrtc"], controllers=["latency", "budget"])
+    (made,) = runs(tmp_path, modes=["webrtc"], controllers=["latency", "seen"])
     assert made.streamed
     assert {"mode": "webrtc", "webrtcStream": "h264-30"}.items() <= page_settings(made).items()
 
@@ -404,7 +404,7 @@ def test_variants_are_compared_where_it_is_no_product(tmp_path: Path) -> None:
         seed=3,
         depth=False,
         variants=[
-            {"controllers": ["budget", 2]},
+            {"controllers": ["seen", 2]},
             {"controllers": [2], "reprojection": True, "prediction": "linear"},
             {"controllers": [2], "reprojection": True, "prediction": "linear", "surround": False},
             {"controllers": [2]},
@@ -412,7 +412,7 @@ def test_variants_are_compared_where_it_is_no_product(tmp_path: Path) -> None:
         shuffled=False,
     )
     assert [(run.profile, run.reprojection, run.prediction, run.depth, run.surround) for run in made] == [
-        ("budget", False, "off", False, True),
+        ("seen", False, "off", False, True),
         (2, False, "off", False, True),
         (2, True, "linear", False, True),
         (2, True, "linear", False, False),
@@ -426,8 +426,8 @@ def test_variants_may_have_modes_of_their_own(tmp_path: Path) -> None:
     made = runs(tmp_path, modes=["dash-edge"], variants=variants, shuffled=False)
     assert [(run.mode, run.profile) for run in made] == [
         ("stateless", "latency"),
-        ("video", "budget"),
-        ("local-compressed", "budget"),
+        ("video", "seen"),
+        ("local-compressed", "seen"),
     ]
 
 

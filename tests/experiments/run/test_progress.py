@@ -42,7 +42,7 @@ def test_a_log_says_how_long_it_takes_and_has_a_line_a_run(tmp_path: Path) -> No
     seen(Console(file=log, width=80), tmp_path, done=1)
     assert [line for line in log.getvalue().splitlines() if line] == [
         "2 runs, about 50 seconds, into out",
-        "1/2 Stateless budget, 20mbit,20ms-rtt, stroll",
+        "1/2 Stateless seen, 20mbit,20ms-rtt, stroll",
         "1 of 2 runs, about 25 seconds, into out",
         "2/2 DASH tuned, 20mbit,20ms-rtt, stroll",
     ]
@@ -53,6 +53,6 @@ def test_a_terminal_shows_the_whole_name_of_the_run_that_is_made(tmp_path: Path)
         screen = io.StringIO()
         seen(Console(file=screen, width=width, force_terminal=True, color_system=None), tmp_path)
         words = screen.getvalue().split()
-        for word in ("1/2", "Stateless", "budget,", "20mbit,20ms-rtt,", "stroll:", "ground", "truth"):
+        for word in ("1/2", "Stateless", "seen,", "20mbit,20ms-rtt,", "stroll:", "ground", "truth"):
             assert word in words
         assert "…" not in screen.getvalue()

@@ -154,8 +154,8 @@ async def test_a_page_performs_one_run_after_the_other(store: Running) -> None:
     assert (job_of(first), first["planned"], first["missing"], first["wait"]) == (slug(), 2, 2, False)
     assert first["remaining_s"] == 12
     job = first["job"]
-    assert job["title"] == "Stateless budget, 20mbit,20ms-rtt, stroll"
-    assert job["settings"]["controller"] == "budget"
+    assert job["title"] == "Stateless seen, 20mbit,20ms-rtt, stroll"
+    assert job["settings"]["controller"] == "seen"
     assert job["settings"]["seed"] == 1
     assert (job["plan"]["duration_ms"], job["plan"]["download"], len(job["plan"]["points"])) == (1000, False, 61)
     await store.add(experiment)
@@ -172,7 +172,7 @@ async def test_a_page_performs_one_run_after_the_other(store: Running) -> None:
 
 async def test_pages_share_runs_that_need_no_link(timed: Running, clock: Clock) -> None:
     experiment = await timed.create(networks=["unshaped"])
-    assert job_of(await timed.next(experiment, "a", begin=True)) == "courtyard_stroll_unshaped_stateless-budget_0"
+    assert job_of(await timed.next(experiment, "a", begin=True)) == "courtyard_stroll_unshaped_stateless-seen_0"
     assert job_of(await timed.next(experiment, "b", begin=True)) == "courtyard_stroll_unshaped_dash-tuned_0"
     third = await timed.next(experiment, "c")
     assert (job_of(third), third["wait"]) == (None, True)
@@ -181,7 +181,7 @@ async def test_pages_share_runs_that_need_no_link(timed: Running, clock: Clock) 
     clock.now = LEASE_S + 3.5  # a page that was killed gives nothing back
     assert job_of(await timed.next(experiment, "d")) is None
     clock.now += 1
-    assert job_of(await timed.next(experiment, "d")) == "courtyard_stroll_unshaped_stateless-budget_0"
+    assert job_of(await timed.next(experiment, "d")) == "courtyard_stroll_unshaped_stateless-seen_0"
 
 
 async def test_a_shaped_link_is_of_one_page_at_a_time(timed: Running) -> None:

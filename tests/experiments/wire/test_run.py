@@ -80,7 +80,7 @@ def test_a_folder_that_moves_is_no_other_run() -> None:
 
 def test_a_folder_name_is_safe_whatever_the_names() -> None:
     slug = configuration(scene="../../etc/passwd", movement="/a/b c.csv", network=Network(trace="x/../y")).slug
-    assert slug == "etc-passwd_b-c_x-..-y_stateless-budget_0"
+    assert slug == "etc-passwd_b-c_x-..-y_stateless-seen_0"
     assert "/" not in slug
 
 

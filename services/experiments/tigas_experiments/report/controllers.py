@@ -42,7 +42,6 @@ KNOWN_LOOKS = {
     "latency": Look("#cc79a7", "-", "s"),
     "latency-transfer": Look("#cc79a7", "--", "D"),
     "seen": Look("#0072b2", "-", "o"),
-    "budget": Look("#0072b2", "--", "p"),
     "lol+": Look("#e69f00", "-", "^"),
     "l2a": Look("#56b4e9", "-", "v"),
     "dash-typical": Look("#d55e00", "--", "X"),
