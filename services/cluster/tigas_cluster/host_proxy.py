@@ -59,8 +59,11 @@ class HostProxy:
         for host in self._in_order(scope["path"], Request(scope).query_params.get("host")):
             answer = await self._answer(host, scope, body)
             if answer is not None:
-                headers = [each for each in headers_of(answer) if each[0] != b"content-security-policy"]
-                if Headers(raw=headers).get("content-type", "").startswith("text/html"):
+                headers = headers_of(answer)
+                content_type = Headers(raw=headers).get("content-type", "")
+                if not content_type.startswith("text/javascript"):  # scripts' policies are the same on all hosts
+                    headers = [each for each in headers if each[0] != b"content-security-policy"]
+                if content_type.startswith("text/html"):
                     headers.append((b"content-security-policy", page_policy(PAGES_HOSTS).encode()))
                 return await hand_back(answer, headers, receive, send)
         raise NoHost

@@ -181,6 +181,11 @@ def healthy() -> Response:
     return JSONResponse({"status": "ok"}, headers=NO_STORE)
 
 
+WORKER_POLICY = "default-src 'self'; connect-src 'self' https:"
+"""Content-Security-Policy of the page's scripts, which applies to workers. It is the same for every page, since browsers
+cache scripts for good. WebTransport is https."""
+
+
 def page_policy(sources: Iterable[str]) -> str:
     """Content-Security-Policy of the page: its own origin, and connections to `sources`."""
     hosts = sorted(sources)

@@ -68,6 +68,13 @@ async def test_who_has_a_file_in_this_encoding_does_not_get_it_again(client: htt
         assert "immutable" in answer.headers["cache-control"]
 
 
+async def test_workers_may_open_sessions_and_their_policy_does_not_depend_on_the_page(
+    client: httpx.AsyncClient,
+) -> None:
+    policy = (await client.get("/assets/app.js")).headers["content-security-policy"]
+    assert policy.startswith("default-src 'self'; connect-src 'self' https:; frame-ancestors")
+
+
 async def test_the_page_may_reach_the_services_and_nothing_else(client: httpx.AsyncClient) -> None:
     answer = await client.get("/")
     assert (answer.content, answer.headers["cache-control"]) == (b"<!doctype html>", "no-cache")

@@ -14,7 +14,7 @@ from starlette.responses import FileResponse, Response
 from starlette.staticfiles import NotModifiedResponse, StaticFiles
 from starlette.types import Scope
 
-from tigas_common.web import page_policy
+from tigas_common.web import WORKER_POLICY, page_policy
 from tigas_common.wire.render import ServerConfig
 
 ENCODINGS = {"br": ".br", "gzip": ".gz"}
@@ -33,7 +33,8 @@ class Page(StaticFiles):
         response = await super().get_response(path, scope)
         hashed = path.startswith("assets/")
         response.headers["Cache-Control"] = "max-age=31536000, immutable" if hashed else "no-cache"
-        response.headers["Content-Security-Policy"] = _policy(self._config(Request(scope)))
+        policy = WORKER_POLICY if hashed else _policy(self._config(Request(scope)))
+        response.headers["Content-Security-Policy"] = policy
         return response
 
     def file_response(
