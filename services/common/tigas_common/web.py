@@ -182,8 +182,10 @@ def healthy() -> Response:
 
 
 WORKER_POLICY = "default-src 'self'; connect-src 'self' https:"
-"""Content-Security-Policy of the page's scripts, which applies to workers. It is the same for every page, since browsers
-cache scripts for good. WebTransport is https."""
+"""Content-Security-Policy of the page's scripts, which applies to workers, with WebTransport to any host.
+
+It is the same for every page, since browsers cache scripts for good.
+"""
 
 
 def page_policy(sources: Iterable[str]) -> str:
