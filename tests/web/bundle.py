@@ -16,12 +16,13 @@ BUNDLE = """
 import { build } from "vite";
 const [entry, outDir] = process.argv.slice(1);
 const lib = { entry, formats: ["es"], fileName: "module" };
-await build({ configFile: false, logLevel: "error", publicDir: false, build: { lib, outDir } });
+const resolve = { tsconfigPaths: true };
+await build({ configFile: false, logLevel: "error", publicDir: false, resolve, build: { lib, outDir } });
 """
 
 
 def bundled(entry: str, folder: Path) -> str:
-    """The JavaScript of a module, such as `src/enhance/models/scene.ts`, with all that it imports."""
+    """The JavaScript of a module, such as `packages/viewer/enhance/models/scene.ts`, with all that it imports."""
     NODE_MODULES.require()
     command = ["node", "--input-type=module", "--eval", BUNDLE, entry, str(folder)]
     subprocess.run(command, cwd=WEB, check=True, timeout=60)

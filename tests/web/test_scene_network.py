@@ -26,7 +26,7 @@ Frame = NDArray[np.uint8]
 @pytest.fixture(scope="module")
 def module(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The model as the page has it, and nothing else of the page."""
-    return bundled("src/enhance/models/scene.ts", tmp_path_factory.mktemp("module"))
+    return bundled("packages/viewer/enhance/models/scene.ts", tmp_path_factory.mktemp("module"))
 
 
 @pytest.fixture(scope="module")

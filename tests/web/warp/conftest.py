@@ -50,8 +50,8 @@ START = """async () => {
 def page(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     """A page with WebGL and the warp."""
     modules = {
-        name: bundled(f"src/reproject/{entry}.ts", tmp_path_factory.mktemp(name))
-        for name, entry in (("warp", "warp"), ("depth", "decode-depth"))
+        name: bundled(f"packages/{entry}.ts", tmp_path_factory.mktemp(name))
+        for name, entry in (("warp", "viewer/reproject/warp"), ("depth", "client/frames/decode-depth"))
     }
     with browser.browser_type.launch(executable_path=CHROMIUM, args=[*CHROMIUM_ARGS, *WEBGL_ARGS]) as chromium:
         page = chromium.new_page()
