@@ -17,7 +17,8 @@ import { build } from "vite";
 const [entry, outDir] = process.argv.slice(1);
 const lib = { entry, formats: ["es"], fileName: "module" };
 const resolve = { tsconfigPaths: true };
-await build({ configFile: false, logLevel: "error", publicDir: false, resolve, build: { lib, outDir } });
+const rolldownOptions = { output: { codeSplitting: false } }; // one file
+await build({ configFile: false, logLevel: "error", publicDir: false, resolve, build: { lib, outDir, rolldownOptions } });
 """
 
 
