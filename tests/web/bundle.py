@@ -18,7 +18,8 @@ const [entry, outDir] = process.argv.slice(1);
 const lib = { entry, formats: ["es"], fileName: "module" };
 const resolve = { tsconfigPaths: true };
 const rolldownOptions = { output: { codeSplitting: false } }; // one file
-await build({ configFile: false, logLevel: "error", publicDir: false, resolve, build: { lib, outDir, rolldownOptions } });
+const options = { lib, outDir, rolldownOptions };
+await build({ configFile: false, logLevel: "error", publicDir: false, resolve, build: options });
 """
 
 

@@ -76,6 +76,7 @@ def test_somebody_else_at_the_link_and_a_hidden_page_spoil_a_run(open_page: Open
     assert sorted(statuses) == ["complete", "failed", "failed"]
 
 
+@pytest.mark.extended
 def test_the_present_link_is_held_and_must_stay(open_page: OpenPage, lab: PageLab) -> None:
     page = open_page(SCENE, url=lab.url)
     begun(page, name="As it is", network="")

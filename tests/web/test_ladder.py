@@ -30,6 +30,7 @@ def server(tmp_path: Path) -> RenderServer:
     return RenderServer("--scenes", str(tmp_path))
 
 
+@pytest.mark.extended
 def test_the_scenes_rungs_are_chosen_from_and_the_papers_when_the_server_comes_back_with_them(
     open_page: OpenPage, server: RenderServer
 ) -> None:

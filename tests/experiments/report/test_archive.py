@@ -47,6 +47,7 @@ def test_a_report_is_made_again_byte_for_byte_without_telling_how(tmp_path: Path
     assert (tmp_path / "again.tar.xz").read_bytes() == archive.read_bytes()
 
 
+@pytest.mark.extended
 def test_who_asks_for_another_report_of_an_archive_gets_it(tmp_path: Path) -> None:
     folder, archive = experiment(tmp_path / "study"), tmp_path / "it.tar.xz"
     run_report(folder, "--archive", str(archive), "--baseline", "seen")

@@ -191,6 +191,7 @@ def test_what_never_came_and_nothing_at_all_are_reports_too(tmp_path: Path) -> N
     assert "<td>–</td>" in page
 
 
+@pytest.mark.extended
 def test_names_are_text_and_nothing_else(tmp_path: Path) -> None:
     evil = "<script>alert('$x$')</script>"
     names = (evil, "../../etc/passwd", "$\\frac{$", "测试\u0001", "=1+1,\n")
@@ -230,6 +231,7 @@ def test_all_networks_have_a_table_if_there_are_several(tmp_path: Path) -> None:
     assert "Means over the 2 networks" in (tmp_path / "report.html").read_text()
 
 
+@pytest.mark.extended
 def test_a_large_experiment_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(figures, "MOST_NETWORKS", 1)
     monkeypatch.setattr(report, "MOST_NETWORKS", 1)

@@ -70,7 +70,7 @@ TWO = "instant:5000,instant:5000"
 """Devices."""
 
 
-@pytest.fixture(scope="module", params=["instant:5000", TWO])
+@pytest.fixture(scope="module", params=["instant:5000", pytest.param(TWO, marks=pytest.mark.extended)])
 def both(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Fleet, Fleet]]:
     """A single process and a fleet, with one device or with two, that have a small scene and share a cache."""
     scenes = tmp_path_factory.mktemp("scenes")
