@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from pathlib import Path
+
 import pytest
 from playwright.sync_api import Page, Request, Route, expect
 
+from tests.prerequisites import BUILT_PAGE
 from tests.web.conftest import OpenPage
 from tests.web.modes import with_settings
 from tests.web.server import RenderServer
@@ -15,6 +19,14 @@ pytestmark = pytest.mark.alone
 STAGE = (700, 400)
 SHARP = f"{2 * STAGE[0]} × {2 * STAGE[1]}"
 LOWEST = {"controller": "fixed", "profile": 3, "hudDetails": True, "sidebar": False, "transport": "fetch"}
+
+
+@pytest.fixture(scope="module")
+def server(models: Path) -> Iterator[RenderServer]:
+    """One without other viewers: while any is active, it refuses pictures above its best rung."""
+    BUILT_PAGE.require()
+    with RenderServer("--scenes", str(models)) as running:
+        yield running
 
 
 def still(open_page: OpenPage, server: RenderServer) -> Page:
