@@ -6,9 +6,9 @@ import { number } from "./arguments.mjs";
 import { load } from "./page-module.mjs";
 
 const USAGE = `npm run abr-bench -- [options] TRACE.csv...
-  --controller NAME   as abr-sim has them, first-budget, and hindsight, which is each segment's best fixed rung by the PSNR of
+  --controller NAME   as abr-sim has them, and hindsight, which is each segment's best fixed rung by the PSNR of
                       what is seen; may be repeated [all of these, and all fixed rungs]
-  --of NAME           the one that is compared with each other one [budget]
+  --of NAME           the one that is compared with each other one [seen]
   --segments N        how many different parts of the traces, taken from all in turn by chance [48]
   --seconds N         how long each is [30]
   --rtt MS            round trip in place of the traces' own delay; may be repeated [20, 50, 100]
@@ -45,7 +45,7 @@ async function main() {
     allowPositionals: true,
     options: {
       controller: { type: "string", multiple: true },
-      of: { type: "string", default: "budget" },
+      of: { type: "string", default: "seen" },
       segments: { type: "string", default: "48" },
       seconds: { type: "string", default: "30" },
       rtt: { type: "string", multiple: true, default: ["20", "50", "100"] },
@@ -111,7 +111,7 @@ async function main() {
     ),
   );
   const fixed = ladder.map((_, rung) => `fixed:${rung}`);
-  const names = values.controller ?? [...CONTROLLER_NAMES, "first-budget", ...fixed, HINDSIGHT];
+  const names = values.controller ?? [...CONTROLLER_NAMES, ...fixed, HINDSIGHT];
   if (names.includes(HINDSIGHT)) names.push(...fixed.filter((name) => !names.includes(name)));
   const movements = values.movement.map((path) => readMovement(readFileSync(path, "utf8"), basename(path)));
   const traces = positionals.map((path) => ({

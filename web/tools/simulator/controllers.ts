@@ -1,11 +1,10 @@
 /**
- * Controllers for the simulator: the registry's, the first Budget, a fixed rung, or Latency with another target.
+ * Controllers for the simulator: the registry's, a fixed rung, or Latency with another target.
  */
 import type { ControllerFactory } from "#client/abr/controller";
 import { FixedController } from "#client/abr/fixed";
 import { LatencyController, perRequest, perTransfer, type ThroughputReading } from "#client/abr/latency";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "#client/abr/registry";
-import { FirstBudgetController } from "./first-budget";
 
 const READINGS: Readonly<Record<string, () => ThroughputReading>> = {
   latency: perRequest,
@@ -15,7 +14,6 @@ const READINGS: Readonly<Record<string, () => ThroughputReading>> = {
 /** Throws an Error with one sentence if there is no such controller. */
 export function controllerFactory(name: string): ControllerFactory {
   if (isControllerName(name)) return CONTROLLERS[name].create;
-  if (name === "first-budget") return (context) => new FirstBudgetController(context);
   const [kind, text] = name.split(/[:@]/);
   const value = Number(text);
   if (kind === "fixed" && Number.isInteger(value) && value >= 0) {
@@ -23,7 +21,7 @@ export function controllerFactory(name: string): ControllerFactory {
   }
   const reading = READINGS[kind ?? ""];
   if (reading && value > 0) return (context) => new LatencyController(context, reading(), value);
-  const others = "first-budget, fixed:RUNG, latency@MS and latency-transfer@MS";
+  const others = "fixed:RUNG, latency@MS and latency-transfer@MS";
   throw new Error(`"${name}" is no controller; there are ${CONTROLLER_NAMES.join(", ")}, ${others}.`);
 }
 
