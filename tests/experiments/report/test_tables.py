@@ -128,7 +128,7 @@ def test_a_row_says_whether_its_run_is_in_tables_and_figures_and_which_thread_wa
         "latency-stroll": "True",
         "x": "",
     }
-    assert [(row["pegged_thread_of"], row["pegged_thread_pct"]) for row in found][0] == ("chromium renderer", "34.0")
+    assert next((row["pegged_thread_of"], row["pegged_thread_pct"]) for row in found) == ("chromium renderer", "34.0")
 
 
 @pytest.mark.parametrize("start", ["=", "+", "-", "@", "\t", "\r"])
