@@ -92,30 +92,28 @@ test("an outage is a stall, and frames come again afterwards", async () => {
 });
 
 test("Latency that counts transfers alone fills the link; with a lower target, or per request, it is in time more often", async () => {
-  const [transfer, cautious, request, budget] = await Promise.all([
+  const [transfer, cautious, request] = await Promise.all([
     visit("latency-transfer", 24),
     visit("latency-transfer@15", 24),
     visit("latency", 24),
-    visit("budget", 24),
   ]);
   expect(transfer.inTime).toBeLessThan(0.5);
   expect(cautious.inTime).toBeGreaterThan(transfer.inTime);
   expect(request.inTime).toBeGreaterThan(0.9);
-  expect(budget.inTime).toBeGreaterThan(0.9);
 });
 
 test("a renderer that is slow for large pictures is not asked for them", async () => {
   const paper = { render: 6, renderBest: 80 };
-  const [budget, best, lowest] = await Promise.all(
-    ["budget", "fixed:0", "fixed:3"].map((name) => visit(name, 24, { paper, way: "stale" })),
+  const [seen, best, lowest] = await Promise.all(
+    ["seen", "fixed:0", "fixed:3"].map((name) => visit(name, 24, { paper, way: "stale" })),
   );
   expect(best?.inTime).toBeLessThan(0.05);
-  expect(budget?.inTime).toBeGreaterThan(0.95);
-  expect(budget?.inTime).toBeGreaterThan((lowest?.inTime ?? 1) - 0.02);
+  expect(seen?.inTime).toBeGreaterThan(0.95);
+  expect(seen?.inTime).toBeGreaterThan((lowest?.inTime ?? 1) - 0.02);
 });
 
-test("2 kB frames, a round trip of 50 ms and a page that hears of packets every 4 ms do not keep Budget low", async () => {
-  const { rungOverTime, photonP95 } = await visit("budget", 24, {
+test("2 kB frames, a round trip of 50 ms and a page that hears of packets every 4 ms do not keep Seen low", async () => {
+  const { rungOverTime, photonP95 } = await visit("seen", 24, {
     roundTrip: 50,
     paper: { scale: 0.3, batch: 4 },
     way: "stale",
@@ -124,9 +122,9 @@ test("2 kB frames, a round trip of 50 ms and a page that hears of packets every 
   expect(photonP95).toBeLessThan(140);
 });
 
-test("jitter does not keep Budget at the lowest rung of a link that carries better ones", async () => {
+test("jitter does not keep Seen at the lowest rung of a link that carries better ones", async () => {
   const jittery = "t_ms,down_kbps,up_kbps,delay_ms,jitter_ms\n0,24000,10000,40,15\n";
-  const { rungOverTime } = await visit("budget", jittery, { roundTrip: null });
+  const { rungOverTime } = await visit("seen", jittery, { roundTrip: null });
   expect(rungOverTime).toBeLessThan(2.5);
 });
 
@@ -213,5 +211,5 @@ test("an unknown controller is refused with a sentence", () => {
   expect(() => controllerFactory("bola")).toThrow(/no controller/);
   expect(() => controllerFactory("fixed:best")).toThrow(/no controller/);
   expect(() => controllerFactory("latency@0")).toThrow(/no controller/);
-  expect(() => controllerFactory("budget@50")).toThrow(/no controller/);
+  expect(() => controllerFactory("seen@50")).toThrow(/no controller/);
 });

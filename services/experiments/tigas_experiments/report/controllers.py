@@ -16,7 +16,6 @@ CONTROLLER_TITLES = {
     "latency": "Latency",
     "latency-transfer": "Latency (transfer)",
     "seen": "Seen",
-    "budget": "Budget",
     "lol+": "LoL+",
     "l2a": "L2A",
 }

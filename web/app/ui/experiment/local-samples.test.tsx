@@ -20,7 +20,7 @@ vi.mock("#lab/experiment/sample-upload", () => ({
 }));
 
 const STORE = new StoreApi("http://store.test");
-const ABOUT = { experiment: "Bus", title: "Budget", started_unix_ms: 5 };
+const ABOUT = { experiment: "Bus", title: "Seen", started_unix_ms: 5 };
 const run = (key: string, more: object = {}) => ({
   key,
   about: ABOUT,
@@ -51,11 +51,11 @@ test("nothing is said where there are no samples", async () => {
 test("a run is named with how much there is of it, and deleted when a person says so", async () => {
   runs.push(run("a"));
   const [row] = await shown();
-  expect(row?.textContent).toContain("Bus, Budget");
+  expect(row?.textContent).toContain("Bus, Seen");
   expect(row?.textContent).toContain("31.5 MB");
   const ask = async (answer: string) => {
     await userEvent.click(screen.getByRole("button", { name: "Delete" }));
-    const question = within(await screen.findByRole("dialog", { name: "Delete the samples of “Bus, Budget”?" }));
+    const question = within(await screen.findByRole("dialog", { name: "Delete the samples of “Bus, Seen”?" }));
     await userEvent.click(question.getByRole("button", { name: answer }));
   };
   await ask("Cancel");

@@ -4,7 +4,6 @@
  * To add a controller, write a class with `decide()` and `observe()` in a new file in this folder and add a line here.
  * The viewer, `npm run abr-sim` and experiments then offer it.
  */
-import { BudgetController } from "./budget";
 import type { ControllerFactory } from "./controller";
 import { L2aController } from "./l2a";
 import { LatencyController, perRequest, perTransfer } from "./latency";
@@ -24,7 +23,6 @@ export const CONTROLLERS = {
     title: "Latency (transfer)",
     create: (context) => new LatencyController(context, perTransfer()),
   },
-  budget: { title: "Budget", create: (context) => new BudgetController(context) },
   "lol+": { title: "LoL+", create: (context) => new LolpController(context) },
   l2a: { title: "L2A", create: (context) => new L2aController(context) },
 } as const satisfies Record<string, Entry>;

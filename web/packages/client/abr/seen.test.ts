@@ -3,6 +3,7 @@ import courtyard from "../../../../services/render/tigas_render/scenes/demo/ladd
 import type { Rung } from "../wire/render";
 import { type ObservationOptions, observation } from "./fake-observation";
 import { PAPER_LADDER } from "./ladder";
+import { seeded } from "./random";
 import { SeenController } from "./seen";
 
 const LADDER = courtyard.rungs as Rung[];
@@ -21,12 +22,16 @@ interface Link {
   readonly queue?: number;
   /** Milliseconds in the server of a frame of the best rung; others take as much less as they have fewer pixels. */
   readonly server?: number;
+  readonly refresh?: number;
+  /** Throughput that the page measures with a frame of these bytes, on a link of this rate. */
+  readonly measured?: (throughput: number, bytes: number) => number;
 }
 
 /** Frames for this many milliseconds, one per animation frame: round trip, server and transmission. */
 function hear(duration: number, options: ObservationOptions & Link): number {
-  const { trip = 20, queue = 0, throughput = 20e6, server = 10, ...rest } = options;
-  for (const until = now + duration; now < until; now += AT_60_HZ) {
+  const { trip = 20, queue = 0, throughput = 20e6, server = 10, refresh = AT_60_HZ, ...others } = options;
+  const { measured = (rate) => rate, ...rest } = others;
+  for (const until = now + duration; now < until; now += refresh) {
     const profile = subject.decide(now);
     const { expected_kb = 0, width = 0, height = 0 } = LADDER[profile] ?? {};
     const bytes = 1000 * expected_kb;
@@ -42,7 +47,7 @@ function hear(duration: number, options: ObservationOptions & Link): number {
         ...rest,
         bytes,
         profile,
-        throughput,
+        throughput: throughput === null ? null : measured(throughput, bytes),
       }),
     );
   }
@@ -79,9 +84,24 @@ test("a renderer that takes long for large pictures is not asked for them", () =
   expect(hear(20_000, { throughput: 200e6, server: 600 })).toBeGreaterThan(2);
 });
 
+test.each([200, 300])("a renderer that takes long for every frame, %i ms, does not cost the picture", (server) => {
+  expect(LADDER[hear(20_000, { throughput: 100e6, server })]?.height).toBeGreaterThanOrEqual(270);
+});
+
 test("when the link collapses it goes down at once, as far as needed", () => {
   hear(20_000, { throughput: 200e6 });
   expect(hear(60, { throughput: 1e6 })).toBeGreaterThan(5);
+});
+
+test("frames that wait on the link take it down, whatever the throughput seems to be", () => {
+  const before = hear(20_000, { throughput: 20e6, turning: 40 });
+  expect(hear(3000, { throughput: 20e6, turning: 40, queue: 400 })).toBeGreaterThan(before);
+});
+
+test("a way that has become longer is taken for a queue no longer than needed", () => {
+  const before = hear(20_000, { throughput: 27e6 });
+  hear(2500, { throughput: 27e6, trip: 120 });
+  expect(hear(15_000, { throughput: 27e6, trip: 120 })).toBe(before);
 });
 
 test("a short rise of the throughput changes nothing", () => {
@@ -96,6 +116,42 @@ test("it goes up by one rung at a time, and only if the link could carry it even
   for (let i = 0; i < 60; i++) rungs.push(hear(250, { throughput: 60e6 }));
   for (const [i, rung] of rungs.entries()) expect((rungs[i - 1] ?? rung) - rung).toBeLessThanOrEqual(1);
   expect(rungs.at(-1)).toBeLessThan(3);
+});
+
+test("an upgrade that had to be taken back makes the next one wait longer", () => {
+  const good = hear(20_000, { throughput: 40e6 });
+  hear(5000, { throughput: 4e6 });
+  const untilUp = () => {
+    const start = now;
+    const before = subject.decide(now);
+    while (subject.decide(now) >= before && now - start < 20_000) hear(AT_60_HZ, { throughput: 40e6 });
+    return now - start;
+  };
+  const first = untilUp();
+  hear(300, { throughput: 2e6 });
+  expect(untilUp()).toBeGreaterThan(first);
+  expect(hear(40_000, { throughput: 40e6 })).toBe(good);
+});
+
+test("a display of 120 Hz gets newer frames of a lesser rung", () => {
+  const rungs = [AT_60_HZ, AT_60_HZ / 2].map((refresh) => {
+    subject = new SeenController({ ladder: LADDER });
+    return hear(20_000, { throughput: 15e6, turning: 40, refresh });
+  });
+  expect(rungs[1]).toBeGreaterThanOrEqual(rungs[0] ?? 0);
+});
+
+test.each([4, 10, 15])("jitter of %i ms does not keep it at the lowest rungs", (jitter) => {
+  const random = seeded(1);
+  const measured = (throughput: number, bytes: number) => (bytes * 8000) / ((bytes * 8000) / throughput + 0.7 * jitter);
+  for (let i = 0; i < 1200; i++)
+    hear(AT_60_HZ, { throughput: 40e6, trip: 50 + 2 * jitter * (random() + random()), measured });
+  expect(subject.decide(now)).toBeLessThan(6);
+});
+
+test("small frames that make 24 Mbit/s look like 3 do not keep it at the lowest rungs", () => {
+  const measured = (throughput: number, bytes: number) => Math.min(throughput, bytes < 3000 ? 3.1e6 : throughput);
+  expect(hear(20_000, { throughput: 24e6, trip: 50, measured })).toBeLessThan(5);
 });
 
 test("on a link that wavers it changes less than ten times a minute", () => {

@@ -13,7 +13,7 @@ import type { Runner } from "./runner";
 const FIRST = { t_ms: 0, position: [1, 2, 3], quaternion: [0, 0, 0, 1] };
 const JOB = {
   run: "r",
-  title: "Budget",
+  title: "Seen",
   configuration: { network: { trace: "bus" }, warm_up_s: 3 },
   settings: { seed: 7, mode: "stateless" },
   plan: { points: [FIRST], duration_ms: 1000, capture_every_ms: 0, sample_stride: 0, download: false },
@@ -117,7 +117,7 @@ test("the link is held before the first view, and the movement begins with the t
     "Warms up",
     "Plays the movement",
     ...["seek", "resume"],
-    'run {"experiment":"e1","run":"r","stored":false,"title":"Budget","started_unix_ms":5}',
+    'run {"experiment":"e1","run":"r","stored":false,"title":"Seen","started_unix_ms":5}',
     "stop",
   ]);
   expect(upload).toMatchObject({ backend: "netem", sampling_problem: "Of 2 samples, 1 could not be kept." });

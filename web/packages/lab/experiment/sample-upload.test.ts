@@ -64,7 +64,7 @@ function sampled(about: object | null, samples = [{ seq: 1 }, { seq: 2 }] as Sam
   runs.set("k", run as SampledRun);
 }
 
-const ABOUT = { experiment: "e7", run: "r", stored: false, title: "Budget", started_unix_ms: 5 };
+const ABOUT = { experiment: "e7", run: "r", stored: false, title: "Seen", started_unix_ms: 5 };
 
 function uploaded({ signal = new AbortController().signal, stored = false } = {}) {
   return uploadSamples({ key: "k", stored, store, progress: (sent, of) => told.push([sent, of]), signal });

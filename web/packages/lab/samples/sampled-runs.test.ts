@@ -5,7 +5,7 @@ import type { About } from "./layout";
 import { SampleFiles } from "./sample-files";
 import { hold, listSampledRuns, readSampledRun, removeSampledRun, samplesFolder } from "./sampled-runs";
 
-const ABOUT: About = { experiment: "bus", run: "r", stored: false, title: "Budget", started_unix_ms: 5 };
+const ABOUT: About = { experiment: "bus", run: "r", stored: false, title: "Seen", started_unix_ms: 5 };
 let disk: FakeDisk;
 
 beforeEach(() => {
