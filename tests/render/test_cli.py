@@ -109,6 +109,7 @@ def test_the_network_is_served_on_request(tmp_path: Path, monkeypatch: pytest.Mo
         assert "has no scenes yet" in printed
         assert scenes_of(printed) == ["courtyard"], "the demo"
         assert config_of(printed)["webtransport_url"] is not None
+        assert config_of(printed)["dash_h3_url"] is None, "there is no packager behind it"
         assert config_of(printed, "192.0.2.1")["webtransport_url"] is None, "that machine does not reach it"
     with serving("--scenes", str(tmp_path), "--quic", "[::]:0") as (_, printed):
         assert "Open to the network on [::]:0: any machine that reaches this one can use this service." in printed

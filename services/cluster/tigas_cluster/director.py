@@ -137,6 +137,7 @@ class Director:
                 "render_url": host.render_url,
                 "https_url": None,
                 "services": {name: fitted(url, page_host) for name, url in self._services.items()},
+                "dash_h3_url": None,  # a host's packager is another one
                 "max_upload_bytes": None,  # data stored by one host is missing on the others
             }
         )

@@ -156,7 +156,8 @@ async def media_segment(request: Request) -> Response:
                 session.sent_bytes[track.representation.rung] += len(chunk)
                 yield chunk
 
-    return StreamingResponse(counted(), media_type="video/iso.segment", headers=NO_STORE)
+    headers = {**NO_STORE, "Timing-Allow-Origin": "*"}  # so that a page on another port sees the protocol
+    return StreamingResponse(counted(), media_type="video/iso.segment", headers=headers)
 
 
 @described(gives=(TEXT,))

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
 from tigas_render.transport.certificate import Certificate
 
@@ -33,6 +34,8 @@ def test_browsers_accept_it_by_hash() -> None:
     assert certificate.x509.not_valid_before_utc < NOW, "a client's clock may be behind"
     assert certificate.not_after - certificate.x509.not_valid_before_utc <= timedelta(days=13)
     assert base64.b64decode(certificate.sha256) == hashlib.sha256(certificate.der).digest()
+    key = public_key.public_bytes(Encoding.DER, PublicFormat.SubjectPublicKeyInfo)
+    assert base64.b64decode(certificate.public_key_sha256) == hashlib.sha256(key).digest()
 
 
 def test_every_certificate_has_its_own_key() -> None:

@@ -310,12 +310,16 @@ class ServerConfig(WireModel):
     """Ladder of scenes without their own."""
     certificate_sha256: str | None
     """Base64 of the SHA-256 of the certificate's DER, for `serverCertificateHashes`."""
+    public_key_sha256: str | None = None
+    """The same of its public key, for Chromium's `--ignore-certificate-errors-spki-list`."""
     webtransport_url: str | None
     """Where to open the WebTransport session, fitted to the address that the page was opened under."""
     https_url: str | None
     """The same page as a secure context, for other devices on the network."""
     services: dict[str, str]
     """Other services by name, such as `dash`, with their base URLs."""
+    dash_h3_url: str | None = None
+    """Base URL of the service `dash` over HTTP/3, for browsers that trust the certificate; null: it is not offered."""
     retry_after_s: float | None = None
     """The server is full: seconds after which a new viewer may try again. Null if it takes new viewers."""
     host: str | None = None

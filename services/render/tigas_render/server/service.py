@@ -20,7 +20,7 @@ from tigas_common.http_server import tcp_congestion_control
 from tigas_common.installation import this_commit
 from tigas_common.metrics import labelled_gauge
 from tigas_common.origins import OriginPolicy
-from tigas_common.topology import reached
+from tigas_common.topology import SERVICES_PATH, reached
 from tigas_common.wire.render import (
     DEFAULT_LADDER,
     HostLoad,
@@ -149,16 +149,20 @@ class RenderService(FrameSource):
         # QUIC does not fall back from ::1 to 127.0.0.1, so a browser must not choose between them.
         quic_host = "127.0.0.1" if host == "localhost" else host
         quic_port = self.quic_port if self._reaches_quic(host) else None
+        certificate = self.certificate if quic_port else None
+        http3 = f"https://{bracketed(quic_host)}:{quic_port}" if quic_port else None
         return ServerConfig(
             version=version("tigas"),
             commit=self._commit,
             device=self._hardware,
             formats=self._formats,
             ladder=DEFAULT_LADDER,
-            certificate_sha256=self.certificate.sha256 if quic_port and self.certificate else None,
-            webtransport_url=f"https://{bracketed(quic_host)}:{quic_port}/render" if quic_port else None,
+            certificate_sha256=certificate and certificate.sha256,
+            public_key_sha256=certificate and certificate.public_key_sha256,
+            webtransport_url=http3 and f"{http3}/render",
             https_url=f"https://{bracketed(host)}:{self.https_port}/" if self.https_port else None,
             services=reached(page, self.settings.services, self.settings.upstreams),
+            dash_h3_url=f"{http3}{SERVICES_PATH}/dash" if http3 and "dash" in self.settings.upstreams else None,
             congestion_control=self.settings.congestion_control if quic_port else None,
             tcp_congestion_control=tcp_congestion_control(),
             retry_after_s=self.loads.full(),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import hashlib
 import ipaddress
 import ssl
 import tempfile
@@ -91,6 +92,14 @@ class Certificate:
     def sha256(self) -> str:
         """Base64 of the SHA-256 of the DER, as `/config.json` gives it to the page."""
         return base64.b64encode(self.x509.fingerprint(hashes.SHA256())).decode()
+
+    @property
+    def public_key_sha256(self) -> str:
+        """Base64 of the SHA-256 of the public key (SPKI)."""
+        key = self.x509.public_key().public_bytes(
+            serialization.Encoding.DER, serialization.PublicFormat.SubjectPublicKeyInfo
+        )
+        return base64.b64encode(hashlib.sha256(key).digest()).decode()
 
     @property
     def not_after(self) -> datetime:

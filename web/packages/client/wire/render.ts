@@ -165,11 +165,13 @@ export interface ServerConfig {
   device?: string | null;
   ladder: Rung[];
   certificate_sha256: string | null;
+  public_key_sha256?: string | null;
   webtransport_url: string | null;
   https_url: string | null;
   services: {
     [k: string]: string;
   };
+  dash_h3_url?: string | null;
   retry_after_s?: number | null;
   host?: string | null;
   render_url?: string | null;
