@@ -58,6 +58,7 @@ def test_a_controller_looks_the_same_in_every_report() -> None:
         controller(profile=0),
         controller(reprojection=True, prediction="auto"),
         controller("dash-tuned", reprojection=True),
+        controller("dash-tuned", dash_transport="h3"),
         controller("video"),
         controller("video", 3),
     }
@@ -71,10 +72,13 @@ def test_a_controller_looks_the_same_in_every_report() -> None:
             "Video Profile 3",
             "DASH tuned",
             "DASH tuned + reprojection",
+            "DASH tuned HTTP/3",
         ),
     ]
     assert [each.title for each in in_order(some)] == titles
     assert controller("video").name == "video-seen"
+    one = {"dash_representation": {"rung": 2, "bitrate_kbps": 900}}
+    assert controller("dash-edge", dash_transport="h3", **one).name == "dash-edge-h3-r2-900"
     assert controller(upscale="scene").name == "seen+scene"
     assert controller(reprojection=True, prediction="auto").name == "seen+reprojection+prediction-auto"
     found = looks(some)

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from playwright.async_api import Error, TimeoutError
 
-from tests.experiments.made_up import configuration
+from tests.experiments.made_up import SERVER, configuration
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.run import browser
-from tigas_experiments.run.browser import Viewer, graphics_arguments, responds
+from tigas_experiments.run.browser import Viewer, graphics_arguments, http3_arguments, responds
 from tigas_experiments.run.job import run_plan
 
 
@@ -99,6 +99,17 @@ def test_a_browser_that_does_not_respond_is_told_from_one_that_does(
     monkeypatch.setattr(browser, "CLOSE_S", 0.05)
     assert found(None)
     assert not found(answer)
+
+
+def test_the_browser_takes_http3_of_a_server_by_its_key() -> None:
+    server = SERVER.model_copy(
+        update={"public_key_sha256": "a+b/c=", "dash_h3_url": "https://[::1]:4433/services/dash"}
+    )
+    assert http3_arguments(server) == (
+        "--origin-to-force-quic-on=[::1]:4433",
+        "--ignore-certificate-errors-spki-list=a+b/c=",
+    )
+    assert http3_arguments(SERVER) == ()
 
 
 HARDWARE = {"--use-angle=vulkan", "--enable-features=Vulkan", "--ignore-gpu-blocklist"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from stat import S_IMODE
 from typing import Any
@@ -180,6 +181,32 @@ def test_what_the_services_do_not_have_is_said_before_the_first_run(
     with pytest.raises(StartError) as error:
         World(monkeypatch).check(unshaped(), unshaped(**changes))
     assert str(error.value) == sentence
+
+
+def test_dash_over_http3_needs_services_that_offer_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World(monkeypatch, dash="http://127.0.0.1:9")
+    over_h3 = unshaped(mode="dash-edge", dash_transport="h3")
+    with pytest.raises(StartError, match=r"offers no DASH over HTTP/3, so dash-edge cannot be measured over it\.$"):
+        world.check(over_h3)
+    world.target = replace(world.target, config=world.target.config.model_copy(update={"dash_h3_url": "https://a"}))
+    world.check(over_h3)
+
+
+def test_services_that_were_started_again_get_a_browser_that_trusts_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    world, browser = World(monkeypatch), Counted()
+
+    async def lives(target: Target) -> bool:
+        return target is world.target
+
+    async def use() -> None:
+        target = Supervised(lambda: nullcontext(world.target), lives)
+        lab = Environment(target, Supervised(browser.open, browser.lives), MACHINE, Inputs(Path()))  # type: ignore[arg-type]
+        for _ in range(2):
+            assert (await lab.setup(unshaped())).browser == 1  # type: ignore[comparison-overlap]
+        world.target = replace(world.target)
+        assert (await lab.setup(unshaped())).browser == 2  # type: ignore[comparison-overlap]
+
+    asyncio.run(use())
 
 
 def test_what_a_run_downloads_is_made_before_it(monkeypatch: pytest.MonkeyPatch) -> None:

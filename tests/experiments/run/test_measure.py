@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.experiments.made_up import MACHINE, SERVER, configuration, recording
+from tests.experiments.made_up import MACHINE, SERVER, STREAM, configuration, recording
 from tests.scenes import scene
 from tigas_common.errors import StartError
 from tigas_experiments.errors import RunFailed
@@ -159,6 +159,23 @@ def test_models_that_were_given_up_meanwhile_cost_the_run(world: World, tmp_path
     world.enhances = False
     record = run(world, tmp_path / "run")
     assert record.problem == "Frames are not shown as they should be: it took 40 ms a frame."
+
+
+@pytest.mark.parametrize(
+    ("protocols", "problem"),
+    [
+        (["h3"], None),
+        (["h3", "http/1.1"], "Segments came over h3 and http/1.1 instead of HTTP/3."),
+        ([], "Segments came over nothing known instead of HTTP/3."),
+    ],
+)
+def test_a_run_over_http3_had_all_segments_over_it(
+    world: World, tmp_path: Path, protocols: list[str], problem: str | None
+) -> None:
+    world.recording |= {"mode": "dash", "dash": STREAM.model_dump(mode="json") | {"protocols": protocols}}
+    asked = UNSHAPED.model_copy(update={"mode": "dash-edge", "dash_transport": "h3"})
+    assert run(world, tmp_path / "h3", asked).problem == problem
+    assert run(world, tmp_path / "tcp", asked.model_copy(update={"dash_transport": "tcp"})).problem is None
 
 
 @pytest.mark.parametrize(

@@ -177,6 +177,12 @@ def test_dash_plays_single_representations_beside_all_of_them(tmp_path: Path) ->
         assert "representation" in str(error.value)
 
 
+def test_dash_alone_is_played_over_each_transport(tmp_path: Path) -> None:
+    made = runs(tmp_path, modes=["stateless", "dash-edge", "webrtc"], dash_transports=["tcp", "h3"], shuffled=False)
+    assert [page_settings(run).get("dashTransport") for run in made] == [None, "tcp", "h3", None]
+    assert [run.slug.split("_")[3] for run in made[1:]] == ["dash-edge", "dash-edge-h3", "webrtc"]
+
+
 def test_local_runs_download_the_scene_and_change_with_nothing_that_the_server_renders(tmp_path: Path) -> None:
     several = {"controllers": ["latency", "l2a"], "dash_representations": ["r3-500"], "reprojection": [True, False]}
     made = runs(tmp_path, modes=["local-compressed", "stateless"], **several, shuffled=False)

@@ -187,6 +187,10 @@ class RunWriter:
         writer.folder, writer._record = run.folder, run.record
         return writer
 
+    @property
+    def configuration(self) -> Configuration:
+        return self._record.configuration
+
     def recording(self, recording: Recording) -> None:
         """Write the page's records; lists of received and requested frames only if there are any."""
         self._lines("inputs", recording.inputs)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from tigas_common.wire.dash import RepresentationRequest
-from tigas_experiments.wire.run import MODE_NAMES, OFF, PER_VIEW, Configuration, Mode
+from tigas_experiments.wire.run import DASH_TRANSPORTS, MODE_NAMES, OFF, PER_VIEW, Configuration, Mode
 
 LineStyle = Literal["-", "--", ":", "-."]
 CONTROLLER_TITLES = {
@@ -73,6 +73,8 @@ class Controller:
     """None in modes without profiles."""
     representation: RepresentationRequest | None = None
     """The single representation of a DASH stream."""
+    over_h3: bool = False
+    """Whether the segments of a DASH stream came over HTTP/3."""
     enhancement: str | None = None
     """Enhancement models, such as `anime4k-restore-m + scene`."""
     motion: tuple[str, ...] = ()
@@ -82,7 +84,8 @@ class Controller:
     def of(cls, configuration: Configuration) -> Controller:
         mode = configuration.mode
         if mode not in PER_VIEW:
-            return cls(mode, None, configuration.dash_representation, motion=configuration.motion)
+            representation, over_h3 = configuration.dash_representation, configuration.over_h3
+            return cls(mode, None, representation, over_h3, motion=configuration.motion)
         models = [model for model in (configuration.restore, configuration.upscale) if model != OFF]
         return cls(mode, configuration.profile, enhancement=" + ".join(models) or None, motion=configuration.motion)
 
@@ -99,12 +102,12 @@ class Controller:
     def name(self) -> str:
         """Machine-readable name: `latency`, `profile-2`, `dash-tuned`."""
         profile = f"profile-{self.profile}" if isinstance(self.profile, int) else self.profile
-        name = self._joined("-", None if self.mode == "stateless" else self.mode, profile)
+        name = self._joined("-", None if self.mode == "stateless" else self.mode, "h3" if self.over_h3 else profile)
         return "+".join((name, *([self.enhancement.replace(" ", "")] if self.enhancement else []), *self.motion))
 
     @property
     def title(self) -> str:
-        mode = MODE_NAMES[self.mode].replace(",", "")  # without commas, for lists
+        mode = self._mode.replace(",", "")  # without commas, for lists
         profile = f"Profile {self.profile}" if isinstance(self.profile, int) else self.profile
         name = self._joined(
             " ", None if self.mode == "stateless" else mode, CONTROLLER_TITLES.get(str(profile), profile)
@@ -115,7 +118,11 @@ class Controller:
     def title_with_mode(self) -> str:
         """Display name for comparisons of modes."""
         profile = f"rung {self.profile}" if isinstance(self.profile, int) else self.profile
-        return " + ".join((self._joined(", ", MODE_NAMES[self.mode], profile), *self._stages))
+        return " + ".join((self._joined(", ", self._mode, profile), *self._stages))
+
+    @property
+    def _mode(self) -> str:
+        return MODE_NAMES[self.mode] + (f", {DASH_TRANSPORTS['h3']}" if self.over_h3 else "")
 
     @property
     def _stages(self) -> list[str]:
@@ -136,7 +143,7 @@ def in_order(controllers: Iterable[Controller]) -> list[Controller]:
             return 2, profile, enhancement
         if profile is None:
             one = controller.representation
-            return 0, 0, "" if one is None else f"{one.bitrate_kbps or 0:09} {one.rung}"
+            return 0, int(controller.over_h3), "" if one is None else f"{one.bitrate_kbps or 0:09} {one.rung}"
         return (0, known.index(profile), enhancement) if profile in known else (1, 0, f"{profile} {enhancement}")
 
     return sorted(set(controllers), key=lambda one: (modes.index(one.mode), *kind(one), one.motion))
@@ -182,6 +189,9 @@ def looks(controllers: Iterable[Controller]) -> dict[Controller, Look]:
 
 def _usual(controller: Controller, place: int) -> Look | None:
     """Predefined look of a controller, if any; `place` counts the preceding fixed controllers of its mode."""
+    if controller.over_h3:
+        look = _usual(replace(controller, over_h3=False), place)
+        return None if look is None else replace(look, dashes="-.")
     if not controller.fixed:
         return KNOWN_LOOKS.get(controller.plain.name)
     if isinstance(controller.profile, int):

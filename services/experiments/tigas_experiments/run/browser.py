@@ -12,7 +12,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Annotated, Any
-from urllib.parse import quote
+from urllib.parse import quote, urlsplit
 
 from playwright.async_api import Browser, BrowserContext, Error, Page, async_playwright
 from pydantic import Field, ValidationError
@@ -20,6 +20,7 @@ from pydantic import Field, ValidationError
 from tigas_common.errors import StartError
 from tigas_common.parsing import sentence
 from tigas_common.wire.model import Entries, WireModel
+from tigas_common.wire.render import ServerConfig
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.files import parse_recording
 from tigas_experiments.wire.recording import Recording, Sample
@@ -63,14 +64,15 @@ def find_chromium() -> str:
 
 
 @asynccontextmanager
-async def chromium(*, webgpu: bool = False) -> AsyncIterator[Browser]:
+async def chromium(config: ServerConfig | None = None, *, webgpu: bool = False) -> AsyncIterator[Browser]:
     """A headless browser during the context, optionally with WebGPU. Raises StartError.
 
-    It uses the graphics processor if one is available with a Vulkan driver.
+    It uses the graphics processor if one is available with a Vulkan driver, and HTTP/3 of a server.
     """
     path = find_chromium()
     # As root it has no sandbox to go into.
     arguments = [*ARGUMENTS, *(["--no-sandbox"] if os.geteuid() == 0 else []), *graphics_arguments(webgpu=webgpu)]
+    arguments += http3_arguments(config)
     async with async_playwright() as playwright:
         try:
             browser = await playwright.chromium.launch(
@@ -90,6 +92,16 @@ def graphics_arguments(*, webgpu: bool, devices: Path = Path("/dev")) -> tuple[s
     if hardware:
         return (*HARDWARE_ARGUMENTS, WEBGPU_ARGUMENT) if webgpu else HARDWARE_ARGUMENTS
     return (WEBGPU_ARGUMENT, *SOFTWARE_WEBGPU_ARGUMENTS) if webgpu else ()
+
+
+def http3_arguments(config: ServerConfig | None) -> tuple[str, ...]:
+    """Chromium's arguments to fetch DASH over HTTP/3 from a server with its own certificate."""
+    if config is None or config.dash_h3_url is None:
+        return ()
+    return (
+        f"--origin-to-force-quic-on={urlsplit(config.dash_h3_url).netloc}",
+        f"--ignore-certificate-errors-spki-list={config.public_key_sha256}",
+    )
 
 
 async def responds(browser: Browser) -> bool:

@@ -34,6 +34,8 @@ def check_services(
         scene = scenes[run.scene]
         if run.streamed and target.dash is None:
             raise StartError(f"There is no packager behind {target.url}, so {run.mode} cannot be measured.")
+        if run.over_h3 and target.config.dash_h3_url is None:
+            raise StartError(f"{target.url} offers no DASH over HTTP/3, so {run.mode} cannot be measured over it.")
         if run.local and not scene.downloads:
             raise StartError(f"{run.scene} is not offered for download, so {run.mode} cannot be measured.")
         if ladder == "paper" and scene.ladder is not None:

@@ -82,6 +82,7 @@ class Environment:
         self._ladder = ladder
         self._target = target
         self._browser = browser
+        self._opened_for: Target | None = None
         self._inputs = inputs
         self._points: dict[tuple[object, ...], Sequence[TimedPose]] = {}
         self.machine = machine
@@ -91,8 +92,7 @@ class Environment:
 
         Checks services, browser, scenes, movements, networks, packager, rungs, controllers and models.
         """
-        await self._browser.get()
-        target = await self._target.get()
+        target, _ = await self._services()
         scenes = {}
         for configuration in {_inputs(run): run for run in runs}.values():
             scenes[configuration.scene] = (await self.setup(configuration)).made_from.scene
@@ -112,13 +112,13 @@ class Environment:
 
     async def made_with(self, scenes: Iterable[str]) -> MadeWith:
         """Versions and inputs of new runs in these scenes. Raises StartError."""
-        target, browser = await self._target.get(), await self._browser.get()
+        target, browser = await self._services()
         found = {scene: await load_scene(target.url, scene) for scene in scenes}
         return MadeWith(self.machine.commit, browser.version, Server.of(target.config), found)
 
     async def setup(self, configuration: Configuration) -> Setup:
         """Resources of a run, with its scene loaded and its download prepared. Raises StartError."""
-        target = await self._target.get()
+        target, browser = await self._services()
         scene = await load_scene(target.url, configuration.scene)
         if configuration.local and scene.downloads:
             await make_download(target.url, scene.id)
@@ -129,7 +129,15 @@ class Environment:
         network = self._inputs.network(configuration.network)
         points = self._points[key]
         made_from = MadeFrom(digests, points_sha256(points), target.config, scene)
-        return Setup(target, await self._browser.get(), points, network, made_from)
+        return Setup(target, browser, points, network, made_from)
+
+    async def _services(self) -> tuple[Target, Browser]:
+        """Live services, and a browser that was started for them: it trusts their certificate."""
+        target = await self._target.get()
+        if target is not self._opened_for:
+            await self._browser.close()
+            self._opened_for = target
+        return target, await self._browser.get()
 
     async def _ask_the_page(self, run: Configuration, asked: Mapping[str, dict[str, str]]) -> None:
         """Check these settings, by display name, on the page, which alone knows its controllers and models. Raises
@@ -166,7 +174,7 @@ async def open_environment(
 
     with exclusive(services_lock(where), f"Another experiment uses the services at {where}; wait until it has ended."):
         target = Supervised(lambda: lab_target(ladder) if url is None else url_target(url), alive)
-        browser = Supervised(lambda: chromium(webgpu=webgpu), responds)
+        browser = Supervised(lambda: _browser_for(target, webgpu=webgpu), responds)
         try:
             yield Environment(target, browser, this_machine(), inputs, ladder)
         finally:
@@ -174,6 +182,13 @@ async def open_environment(
                 await browser.close()
             finally:
                 await target.close()
+
+
+@asynccontextmanager
+async def _browser_for(target: Supervised[Target], *, webgpu: bool) -> AsyncIterator[Browser]:
+    config = (await target.get()).config
+    async with chromium(config, webgpu=webgpu) as browser:
+        yield browser
 
 
 def _inputs(configuration: Configuration) -> tuple[object, ...]:

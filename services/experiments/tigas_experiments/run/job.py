@@ -24,6 +24,7 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
             "mode": "dash",
             "dashPreset": preset,
             "dashFrameRate": configuration.dash_frame_rate,
+            "dashTransport": configuration.dash_transport,
             "dashRepresentation": None if representation is None else representation.model_dump(),
         }
     elif isinstance(profile, int):

@@ -19,7 +19,7 @@ from tigas_experiments.records.load import Load, LoadSample, WatchedServices
 from tigas_experiments.records.machine import Server
 from tigas_experiments.records.samples import read_sample_file
 from tigas_experiments.wire.recording import Recording
-from tigas_experiments.wire.run import OFF
+from tigas_experiments.wire.run import OFF, Configuration
 from tigas_experiments.wire.store import RunUpload
 
 NOT_PLAYED = "The movement was not played to its end."
@@ -65,7 +65,7 @@ def write_records(
     writer.recording(recording)
     writer.link_and_load(upload.link, during)
     writer.quality(())
-    problem = upload.problem or _problem(recording)
+    problem = upload.problem or _problem(recording, writer.configuration)
     return writer.close(
         status="running" if problem is None else "failed",
         problem=problem,
@@ -106,8 +106,10 @@ async def complete(folder: Path, render: str) -> RunRecord:
     return writer.close(status="complete")
 
 
-def _problem(recording: Recording) -> str | None:
+def _problem(recording: Recording, configuration: Configuration) -> str | None:
     if not recording.complete:
         return HIDDEN if recording.hidden else NOT_PLAYED
+    if configuration.over_h3 and (stream := recording.dash) is not None and set(stream.protocols) != {"h3"}:
+        return f"Segments came over {' and '.join(stream.protocols) or 'nothing known'} instead of HTTP/3."
     # A scene that did not arrive in time is a result.
     return NO_FRAME if not recording.frames and recording.mode != "local" else None

@@ -24,6 +24,7 @@ from tigas_experiments.run.parsing import capture_interval_ms, parse_network, pa
 from tigas_experiments.run.segments import movement_offsets, trace_offsets
 from tigas_experiments.wire.run import (
     AUTO,
+    DASH,
     LOCAL,
     MAX_OFFSET_S,
     MAX_RTT_MS,
@@ -31,6 +32,7 @@ from tigas_experiments.wire.run import (
     OFF,
     PER_VIEW,
     Configuration,
+    DashTransport,
     FrameRate,
     Mode,
     ModelName,
@@ -148,6 +150,8 @@ class ExperimentPlan(WireModel):
     """DASH modes: frames per second; the preset's by default."""
     dash_representations: Several[Representation] = (ADAPTIVE,)
     """DASH modes: `adaptive`, or single representations by rung and kbit/s, such as `r2-1414`."""
+    dash_transports: Several[DashTransport] = ("tcp",)
+    """DASH modes: `tcp`, or `h3`, by the sender of frames."""
     segments: int = Field(default=1, ge=1, le=1000)
     """Number of different parts of the traces and movements, chosen by the seed; 1 uses their beginnings."""
     repeats: int = Field(default=1, ge=1, le=1000)
@@ -271,10 +275,12 @@ class ExperimentPlan(WireModel):
             | self.model_dump(include={"overscan", "depth", "surround"})
             for reprojection, prediction in product(self.reprojection, self.prediction)
         ]
+        transports = [{"dash_transport": transport} for transport in self.dash_transports]
         for mode in self.modes:
-            for chosen in controllers if mode in PER_VIEW else [{}] if mode in LOCAL else representations:
-                for motion in [{}] if mode in LOCAL else motions:
-                    yield mode, chosen | motion
+            chosen = controllers if mode in PER_VIEW else [{}] if mode in LOCAL else representations
+            fetched = transports if mode in DASH else [{}]
+            for parts in product(chosen, fetched, [{}] if mode in LOCAL else motions):
+                yield mode, {name: value for part in parts for name, value in part.items()}
 
     def _ordered(
         self, networks: Sequence[tuple[int, Network]], profiles: Sequence[Chosen]

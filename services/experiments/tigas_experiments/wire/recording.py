@@ -202,6 +202,8 @@ class PlayedStream(StreamInfo):
     """Its name and version."""
     targets_ms: Entries[float] = ()
     """The live latency that it was to hold during the run; each target that was in force, in their order."""
+    protocols: Entries[str] = ()
+    """Protocols of its segments (ALPN, as `nextHopProtocol` of Resource Timing); none in early recordings."""
 
     @property
     def summary(self) -> str:
@@ -209,9 +211,10 @@ class PlayedStream(StreamInfo):
         representations = ", ".join(
             f"{one.width}×{one.height} at {one.bitrate_kbps} kbit/s ({one.codecs})" for one in self.representations
         )
+        over = f" over {' and '.join(self.protocols)}" if self.protocols else ""
         targets = ", then ".join(f"{target:g}" for target in self.targets_ms or (self.target_latency_ms,))
         return (
-            f"{self.player}; {self.frame_rate} frames/s, segments of {self.segment_s:g} s, chunks of "
+            f"{self.player}{over}; {self.frame_rate} frames/s, segments of {self.segment_s:g} s, chunks of "
             f"{self.frames_per_chunk}, target {targets} ms; {representations}"
         )
 

@@ -37,6 +37,9 @@ MODE_NAMES: dict[Mode, str] = {
 }
 MODES: tuple[Mode, ...] = tuple(mode for mode in MODE_NAMES if mode != "local-ply")
 """The modes that new runs can have."""
+DashTransport = Literal["tcp", "h3"]
+DASH_TRANSPORTS: dict[DashTransport, str] = {"tcp": "TCP", "h3": "HTTP/3"}
+"""How the segments of DASH are fetched: over HTTP/1.1, or from the sender of frames; with display names."""
 SOURCES = ("stateless", "video", "dash", "webrtc", "local")
 """How the page can show a scene; one file each in web/app/sources."""
 SIDE_MODES = (*PER_VIEW, *DASH, "dash-custom", "webrtc", "local")
@@ -167,6 +170,7 @@ class Configuration(WireModel):
     """Of the modes with DASH, in frames a second; None: the preset's own."""
     dash_representation: RepresentationRequest | None = None
     """For the modes with DASH: the stream's only representation; None: all offered by the packager."""
+    dash_transport: DashTransport = "tcp"
     restore: ModelName = OFF
     """Of the modes `stateless` and `video`: the model that restores frames in the page, or `off`."""
     upscale: ModelName = OFF
@@ -207,6 +211,11 @@ class Configuration(WireModel):
         return self.mode == "webrtc" or self.mode.startswith("dash")
 
     @property
+    def over_h3(self) -> bool:
+        """Whether its segments are fetched over HTTP/3."""
+        return self.mode in DASH and self.dash_transport == "h3"
+
+    @property
     def local(self) -> bool:
         """Whether the page downloads the scene, and draws it itself."""
         return self.mode in LOCAL
@@ -241,7 +250,8 @@ class Configuration(WireModel):
     def slug(self) -> str:
         """A name for its folder."""
         chosen = self.profile if self.mode in PER_VIEW else self.dash_representation
-        mode = self.mode if chosen is None else f"{self.mode}-{chosen}"
+        transport = self.dash_transport if self.over_h3 else None
+        mode = "-".join(str(part) for part in (self.mode, transport, chosen) if part is not None)
         name, label = self.network.name, self.network.label
         network = name[:30] + label.removeprefix(name)  # a long name leaves room for the round trip
         models = (("restore", self.restore), ("upscale", self.upscale))

@@ -44,7 +44,7 @@ def constants() -> dict[str, dict[str, Any]]:
     terms = [term._asdict() for term in run.LINK_TERMS]
     return {
         "run": {
-            **_constants(run, "PER_VIEW", "DASH", "LOCAL", "MODE_NAMES", "MODES", "UNSHAPED"),
+            **_constants(run, "PER_VIEW", "DASH", "LOCAL", "MODE_NAMES", "MODES", "DASH_TRANSPORTS", "UNSHAPED"),
             **_constants(run, "SOURCES", "SIDE_MODES", "USUAL_SIDES"),
             "LINK_TERMS": terms,
         },

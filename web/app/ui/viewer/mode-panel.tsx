@@ -70,6 +70,7 @@ function Streams() {
           ))}
         </SegmentList>
       )}
+      <Segments name="dashTransport" />
       {!compared && !custom && plan && <p class="muted small">{sentence(plan)}</p>}
     </>
   );

@@ -168,6 +168,8 @@ test("with a packager its stream is set up by preset, or number by number", asyn
   expect(screen.getByText(/Segments of 2 s in chunks of 500 ms, played by dash.js; aims at 1000 ms\./)).toBeTruthy();
   await user.click(screen.getByRole("radio", { name: "60 frames/s" }));
   expect(settings.value.dashFrameRate).toBe(60);
+  await user.click(screen.getByRole("radio", { name: "HTTP/3" }));
+  expect(settings.value.dashTransport).toBe("h3");
   expect(screen.getByText(/in chunks of 500 ms/)).toBeTruthy(); // as long as ever, of more frames
   await user.click(screen.getByRole("radio", { name: "Edge" }));
   expect(screen.getByText(/chunks of one frame, played by a bare player of our own; aims at 60 ms/)).toBeTruthy();

@@ -22,6 +22,7 @@ export const MODES = [
   "webrtc",
   "local-compressed",
 ] as const;
+export const DASH_TRANSPORTS = { tcp: "TCP", h3: "HTTP/3" } as const;
 export const UNSHAPED = "unshaped";
 export const SOURCES = ["stateless", "video", "dash", "webrtc", "local"] as const;
 export const SIDE_MODES = [

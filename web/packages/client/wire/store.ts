@@ -68,6 +68,7 @@ export interface PlayedStream {
   target_latency_ms: number;
   player: string;
   targets_ms?: number[];
+  protocols?: string[];
 }
 /**
  * One representation of a session.
@@ -327,6 +328,7 @@ export interface Configuration {
   profile?: number | string;
   dash_frame_rate?: (30 | 60) | null;
   dash_representation?: RepresentationRequest | null;
+  dash_transport?: "tcp" | "h3";
   restore?: string;
   upscale?: string;
   reprojection?: boolean;

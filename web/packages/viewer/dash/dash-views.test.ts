@@ -39,9 +39,9 @@ beforeEach(() => {
   vi.mocked(playStream).mockReturnValue(player);
 });
 
-function open(representation: DashPlan["representation"] = null) {
-  const plan: DashPlan = { setup: tuned(30), player: "dash.js", adaptive: true, representation };
-  const source = { base: "http://packager", scene: "courtyard", plan };
+function open(representation: DashPlan["representation"] = null, transport: DashPlan["transport"] = "tcp") {
+  const plan: DashPlan = { setup: tuned(30), player: "dash.js", adaptive: true, representation, transport };
+  const source = { base: "http://packager", h3: "https://render/services/dash", scene: "courtyard", plan };
   return overDash(source)(VIDEO, {} as Camera, events, new AbortController().signal);
 }
 
@@ -59,7 +59,8 @@ test("frames are told by their media time, rungs by their size, and records name
   expect(stream.frame(4 / 30 + 0.001, {} as VideoFrameCallbackMetadata)).toBe(4);
   expect([stream.rung(320, 180), stream.rung(1280, 720)]).toEqual([3, null]);
   const { frame_rate, target_latency_ms, representations } = SESSION;
-  expect(stream.played).toEqual({ dash: { frame_rate, target_latency_ms, representations, player: "dash.js 5" } });
+  const played = { frame_rate, target_latency_ms, representations, player: "dash.js 5", protocols: [] };
+  expect(stream.played).toEqual({ dash: played });
   announce({ frame: 4, media_time_s: 4 / 30, pose: 7 });
   expect(events.told).toHaveBeenCalledWith(4, 7);
 });
@@ -79,4 +80,21 @@ test("a stream that this browser cannot play is ended", async () => {
   });
   await expect(open()).rejects.toThrow("no player");
   expect(endSession).toHaveBeenCalledWith("http://packager", SESSION);
+});
+
+test("over HTTP/3 only the manifest, and so the segments, are elsewhere", async () => {
+  const fetching = vi.spyOn(globalThis, "fetch").mockResolvedValue(new Response(""));
+  await open(null, "h3");
+  expect(fetching).toHaveBeenCalledWith("https://render/services/dash/time", expect.anything());
+  expect(vi.mocked(playStream).mock.calls[0]?.[1]).toBe("https://render/services/dash/a.mpd");
+  for (const api of [openSession, openPoseSocket]) expect(vi.mocked(api).mock.calls[0]?.[0]).toBe("http://packager");
+});
+
+test("a browser that does not reach HTTP/3 opens no stream, and one sentence says why", async () => {
+  vi.spyOn(globalThis, "fetch").mockRejectedValue(new TypeError("Failed to fetch"));
+  await expect(open(null, "h3")).rejects.toMatchObject({
+    unreachable: false,
+    message: "This browser does not reach DASH over HTTP/3, or does not trust the server’s certificate.",
+  });
+  expect(openSession).not.toHaveBeenCalled();
 });

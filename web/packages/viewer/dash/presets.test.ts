@@ -5,6 +5,7 @@ const DEFAULT: DashSettings = {
   dashPreset: "tuned",
   dashFrameRate: null,
   dashRepresentation: null,
+  dashTransport: "tcp",
   dashCustom: tuned(30),
 };
 
@@ -33,6 +34,7 @@ test("a person's own setup is taken as it is", () => {
     player: "dash.js",
     adaptive: false,
     representation: null,
+    transport: "tcp",
   });
 });
 

@@ -1,5 +1,6 @@
 /** Presets of the DASH stream and its player. */
 import type { RepresentationRequest, SessionRequest } from "#client/wire/dash";
+import type { DASH_TRANSPORTS } from "#client/wire/run";
 
 /** Parameters that determine a stream's latency. */
 export type DashSetup = Required<
@@ -14,7 +15,11 @@ export interface DashPlan {
   readonly representation: RepresentationRequest | null;
   /** Whether stalls raise the target (`latency-target.ts`); otherwise it is constant. */
   readonly adaptive: boolean;
+  readonly transport: DashTransport;
 }
+
+/** How segments are fetched. */
+export type DashTransport = keyof typeof DASH_TRANSPORTS;
 
 export const PRESETS = ["typical", "tuned", "edge", "custom"] as const;
 export type Preset = (typeof PRESETS)[number];
@@ -30,15 +35,21 @@ export interface DashSettings {
   readonly dashFrameRate: FrameRate | null;
   /** A single representation, with the packager's bit rate by default; null: all. */
   readonly dashRepresentation: RepresentationRequest | null;
+  readonly dashTransport: DashTransport;
   /** Parameters of the preset "custom". */
   readonly dashCustom: DashSetup;
 }
 
 export function planFor(settings: DashSettings): DashPlan {
-  return { ...chosen(settings), representation: settings.dashRepresentation };
+  const { dashRepresentation: representation, dashTransport: transport } = settings;
+  return { ...chosen(settings), representation, transport };
 }
 
-function chosen({ dashPreset, dashFrameRate, dashCustom }: DashSettings): Omit<DashPlan, "representation"> {
+function chosen({
+  dashPreset,
+  dashFrameRate,
+  dashCustom,
+}: DashSettings): Omit<DashPlan, "representation" | "transport"> {
   const frame_rate = dashFrameRate ?? DEFAULT_FRAME_RATE;
   switch (dashPreset) {
     case "typical":

@@ -9,6 +9,6 @@ export const DASH = streamed({
     title: `DASH, ${preset}`,
     settings: { dashPreset: preset },
   })),
-  settings: ["dashPreset", "dashFrameRate", "dashRepresentation", "dashCustom"],
+  settings: ["dashPreset", "dashFrameRate", "dashRepresentation", "dashTransport", "dashCustom"],
   load: async () => (await import("./dash-source")).openDash,
 });

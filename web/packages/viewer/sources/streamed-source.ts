@@ -19,7 +19,12 @@ interface Delivery<Plan> {
   readonly planOf: (settings: SideSettings) => Plan;
   /** Whether stalls raise the target latency. */
   readonly adaptive: (plan: Plan) => boolean;
-  readonly open: (source: { readonly base: string; readonly scene: string; readonly plan: Plan }) => OpenViews;
+  readonly open: (source: {
+    readonly base: string;
+    readonly h3: string | null;
+    readonly scene: string;
+    readonly plan: Plan;
+  }) => OpenViews;
 }
 
 export function openStreamed<Plan>(delivery: Delivery<Plan>): OpenSource {
@@ -54,7 +59,7 @@ class Streamed<Plan> implements Source {
       const turned = reprojector.status.value === "on";
       // As text, so that only a change of its content is one; the configuration is read again and again.
       return JSON.stringify({
-        source: { base, scene: scene.value.id, plan: planOf(settings.value) },
+        source: { base, h3: config.value?.dash_h3_url ?? null, scene: scene.value.id, plan: planOf(settings.value) },
         viewport: viewport.value,
         overscan: turned ? (overscan === "auto" ? AUTO_OVERSCAN : overscan) : null,
       });

@@ -1,7 +1,7 @@
 /** The user's settings, stored in the browser. Invalid stored values are replaced by their defaults. */
 
 import { CONTROLLER_NAMES, CONTROLLERS } from "#client/abr/registry";
-import { SIDE_MODES, SOURCES, USUAL_SIDES } from "#client/wire/run";
+import { DASH_TRANSPORTS, SIDE_MODES, SOURCES, USUAL_SIDES } from "#client/wire/run";
 import { type DashSettings, FRAME_RATES, tuned } from "../dash/presets";
 import { type Kind, OFF } from "../enhance/model/enhancer";
 import { enhancersOf } from "../enhance/registry";
@@ -115,6 +115,7 @@ export const SETTINGS = {
   }),
   /** Frames a second; null: the preset's own. */
   dashFrameRate: setting(nullable(oneOf(FRAME_RATES)), null, { label: "Frame rate", recorded: true }),
+  dashTransport: choice(DASH_TRANSPORTS, "tcp", { label: "Segments over", recorded: true }),
   /** A single representation of a stream, for measurements; null: all that the packager offers. */
   dashRepresentation: setting(nullable(record({ rung: wholeWithin(0, LAST_RUNG), bitrate_kbps: KBPS })), null, {
     recorded: true,
