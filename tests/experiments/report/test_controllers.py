@@ -77,8 +77,8 @@ def test_a_controller_looks_the_same_in_every_report() -> None:
     ]
     assert [each.title for each in in_order(some)] == titles
     assert controller("video").name == "video-seen"
-    one = {"dash_representation": {"rung": 2, "bitrate_kbps": 900}}
-    assert controller("dash-edge", dash_transport="h3", **one).name == "dash-edge-h3-r2-900"
+    one = {"rung": 2, "bitrate_kbps": 900}
+    assert controller("dash-edge", dash_transport="h3", dash_representation=one).name == "dash-edge-h3-r2-900"
     assert controller(upscale="scene").name == "seen+scene"
     assert controller(reprojection=True, prediction="auto").name == "seen+reprojection+prediction-auto"
     found = looks(some)

@@ -119,4 +119,4 @@ def test_metrics_come_from_the_engine_and_tell_of_every_edge(both: tuple[Fleet, 
 def _plain(text: str) -> str:
     """Without ports, hashes and ages, which differ between any two services."""
     text = re.sub(r"(localhost|127\.0\.0\.1):[0-9]+", r"\1:PORT", text)
-    return re.sub(r'("certificate_sha256":|"idle_s":)[^,}]*', r"\1X", text)
+    return re.sub(r'("certificate_sha256":|"public_key_sha256":|"idle_s":)[^,}]*', r"\1X", text)

@@ -87,6 +87,8 @@ def _rung(controller: int | str) -> int | str:
 
 
 ADAPTIVE = "adaptive"
+Fields = list[dict[str, Any]]
+"""Alternatives of some fields of a run."""
 Chosen = tuple[Mode, dict[str, Any]]
 """A mode, with the fields of a run that select its quality."""
 Inputs = tuple[str, str, tuple[int, Network]]
@@ -268,19 +270,20 @@ class ExperimentPlan(WireModel):
     def _own_profiles(self) -> Iterator[Chosen]:
         """Each mode, with each of its controllers or representations, and each way to meet movement."""
         models = {"restore": self.restore, "upscale": self.upscale}
-        controllers = [{"profile": controller, **models} for controller in self.controllers]
-        representations = [{"dash_representation": _representation(name)} for name in self.dash_representations]
-        motions = [
+        controllers: Fields = [{"profile": controller, **models} for controller in self.controllers]
+        representations: Fields = [{"dash_representation": _representation(name)} for name in self.dash_representations]
+        motions: Fields = [
             {"reprojection": reprojection, "prediction": prediction}
             | self.model_dump(include={"overscan", "depth", "surround"})
             for reprojection, prediction in product(self.reprojection, self.prediction)
         ]
-        transports = [{"dash_transport": transport} for transport in self.dash_transports]
+        transports: Fields = [{"dash_transport": transport} for transport in self.dash_transports]
+        nothing: Fields = [{}]
         for mode in self.modes:
-            chosen = controllers if mode in PER_VIEW else [{}] if mode in LOCAL else representations
-            fetched = transports if mode in DASH else [{}]
-            for parts in product(chosen, fetched, [{}] if mode in LOCAL else motions):
-                yield mode, {name: value for part in parts for name, value in part.items()}
+            choices = controllers if mode in PER_VIEW else nothing if mode in LOCAL else representations
+            ways = transports if mode in DASH else nothing
+            for choice, way, motion in product(choices, ways, nothing if mode in LOCAL else motions):
+                yield mode, choice | way | motion
 
     def _ordered(
         self, networks: Sequence[tuple[int, Network]], profiles: Sequence[Chosen]

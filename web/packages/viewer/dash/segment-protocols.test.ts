@@ -19,6 +19,7 @@ test("protocols of the stream's own segments are kept, each once", () => {
   const entries = [
     fetched("services/dash/sessions/a/r3-500/1.m4s", "h3"),
     fetched("services/dash/sessions/a/r3-500/2.m4s", "h3"),
+    fetched("services/dash/sessions/a/r3-500/3.m4s", ""),
     fetched("services/dash/sessions/a/r3-500/init.mp4", "h2"),
     fetched("services/dash/sessions/b/r3-500/1.m4s", "http/1.1"),
     fetched("config.json", "http/1.1"),

@@ -6,8 +6,9 @@ export class SegmentProtocols {
   /** `directory`: the URL that begins those of the segments. */
   constructor(directory: string) {
     this.#observer = new PerformanceObserver((list) => {
-      for (const entry of list.getEntries() as PerformanceResourceTiming[]) {
-        if (entry.name.startsWith(directory) && entry.name.endsWith(".m4s")) this.#seen.add(entry.nextHopProtocol);
+      for (const { name, nextHopProtocol } of list.getEntries() as PerformanceResourceTiming[]) {
+        const ours = name.startsWith(directory) && name.endsWith(".m4s");
+        if (ours && nextHopProtocol !== "") this.#seen.add(nextHopProtocol); // abandoned requests have none
       }
     });
     this.#observer.observe({ type: "resource" });
