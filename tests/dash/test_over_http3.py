@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import pytest
 from starlette.responses import Response
 
+from tests.dash import fakes
 from tests.dash.conftest import Packager, eventually
 from tests.render.transport.client import Client, connect
 from tests.render.transport.serving import served
@@ -53,29 +55,33 @@ async def test_a_growing_segment_arrives_chunk_by_chunk_and_a_page_on_another_po
 
 
 async def test_a_reader_that_stops_holds_up_nobody(packager: Packager, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fakes, "grey", lambda width, height, _: os.urandom(width * height * 3 // 2))
     session = await packager.open(segment_s=0.5, representations=[{"rung": 3, "bitrate_kbps": 5000}])
     async with front(packager) as port, connect(port) as stuck, connect(port) as client:
         for number in (1, 2, 3):
             ask(stuck, session, number)
         await begun(stuck, 0)
         monkeypatch.setattr(stuck, "datagram_received", lambda *_: None)
-        assert (await client.response(ask(client, session, 3))).status == 200
+        segment = await client.response(ask(client, session, 3))
+        assert (segment.status, segment.body.count(b"moof")) == (200, 15)
         before = (await packager.status(session))["frames"]
         await packager.until(session, lambda status: status["frames"] > before + 30)
 
 
 async def test_a_reader_that_leaves_takes_its_request_with_it(packager: Packager) -> None:
     session = await packager.open(segment_s=10)
-    sent = packager.sessions.get(session["id"]).sent_bytes
+    stream = packager.sessions.get(session["id"])
     async with front(packager) as port:
         async with connect(port) as client:
             await begun(client, ask(client, session, 1))
-        before: list[int] = []
+        sent = frames = 0
 
-        def quiet() -> bool:
-            """Nothing is read from the packager for half a second, in which it makes frames."""
-            before.append(sent.total())
-            return len(before) > 50 and before[-50] == before[-1]
+        def unread() -> bool:
+            """Whether nothing was read during the last ten frames."""
+            nonlocal sent, frames
+            if stream.sent_bytes.total() != sent:
+                sent, frames = stream.sent_bytes.total(), stream.progress.frames
+            return stream.progress.frames > frames + 10
 
-        await eventually(quiet)
-    assert (await packager.status(session))["frames"] > 0
+        await eventually(unread)
+        assert stream.progress.frames < 300, "the request lasted until the segment's end"
