@@ -26,9 +26,9 @@ import { freeName, MAX_NAME, taken } from "./saved-views";
 import { edit, mayEdit, reason } from "./scene-edits";
 
 const EASINGS: Readonly<Record<PathDraft["easing"], string>> = {
-  "ease-in-out": "Gentle start and end",
-  "ease-in": "Gentle start",
-  "ease-out": "Gentle end",
+  "ease-in-out": "Smooth",
+  "ease-in": "Slow start",
+  "ease-out": "Slow end",
   linear: "Even",
 };
 /** In place of a saved path's name. */
@@ -130,7 +130,7 @@ function Keyframes({ session, draft, onChange }: Props & DraftProps) {
   return (
     <>
       {stops.length > 0 && (
-        <ol class="saved-places keyframes">
+        <ol class="saved-places">
           {stops.map((stop, index) => (
             // biome-ignore lint/suspicious/noArrayIndexKey: keyframes have no identity but their place
             <li key={index}>
@@ -202,7 +202,7 @@ function Timing({ draft, onChange }: DraftProps) {
           disabled={!draft.loop && draft.keyframes.length >= MAX_KEYFRAMES}
           onChange={() => onChange(withLoop(draft, !draft.loop))}
         />
-        Return to the first view and go on
+        Loop back to the start
       </label>
     </>
   );

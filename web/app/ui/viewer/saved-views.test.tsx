@@ -157,7 +157,7 @@ test("a path is built from views, timed, played and saved", async () => {
 test("a saved path is renamed with its changes, which wait while another is looked at or the lab is closed", async () => {
   const { unmount } = render(<CameraPaths session={asSession(session)} />);
   await userEvent.click(screen.getByLabelText(/Tour/));
-  await userEvent.click(screen.getByLabelText("Return to the first view and go on"));
+  await userEvent.click(screen.getByLabelText("Loop back to the start"));
   await userEvent.clear(screen.getByLabelText("Name of the path"));
   await userEvent.type(screen.getByLabelText("Name of the path"), "Round trip");
   await userEvent.click(screen.getByLabelText(/New path/));
