@@ -216,7 +216,7 @@ function PlayButton({ session, draft }: Props & { readonly draft: PathDraft }) {
       class="quiet-button with-icon"
       onClick={() => (plays ? session.rig.takeOver() : void play(session, draft))}
     >
-      <Icon of={plays ? Square : Play} size={14} /> {plays ? "Stop" : "Play"}
+      <Icon of={plays ? Square : Play} size={14} /> {plays ? "Stop path" : "Play path"}
     </button>
   );
 }

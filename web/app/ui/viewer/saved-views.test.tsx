@@ -137,13 +137,13 @@ test("a path is built from views, timed, played and saved", async () => {
   await userEvent.clear(duration);
   await userEvent.type(duration, "12{Enter}");
   await userEvent.selectOptions(screen.getByLabelText("Speed"), "Even");
-  await press("Play");
+  await press("Play path");
   await act(() => void session.rig.sample(100));
   await act(() => void session.rig.sample(4100));
   expect(where()).toBe(2); // a third of the way from 1 to 4
-  await press("Stop");
+  await press("Stop path");
   expect(session.rig.source.value).toBeNull();
-  await waitFor(() => button("Play"));
+  await waitFor(() => button("Play path"));
   await press("Save path");
   const path = lastEdit()?.paths?.["Path 1"];
   expect(path?.keyframes.map(({ t_ms, position }) => [t_ms, position[0]])).toEqual([
@@ -204,7 +204,7 @@ test.each([
   for (const name of [/Save this view/, /Rename/, /Delete/, /Save path/]) {
     expect(screen.queryByRole("button", { name })).toBeNull();
   }
-  for (const name of ["Gate", "Play", "Save as video", "Add this view as a keyframe"]) button(name);
+  for (const name of ["Gate", "Play path", "Save as video", "Add this view as a keyframe"]) button(name);
 });
 
 test("visitors find views and paths in the menu, if there are any", async () => {
