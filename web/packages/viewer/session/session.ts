@@ -97,8 +97,6 @@ export class ViewerSession {
   readonly onReplied = this.#replied.add;
   readonly #frames = new FrameWorker();
   #loading: Promise<SceneInfo> | undefined;
-  /** The answer that was used last. */
-  #loaded: SceneInfo | undefined;
   /** Where it is loaded, in a cluster. */
   #host: string | null = null;
   #animation = 0;
@@ -453,7 +451,7 @@ export class ViewerSession {
     }
     if (signal.aborted) return;
     if (this.scene.value === null) this.rig.enter(scene);
-    if (scene !== this.#loaded) this.scene.value = this.#loaded = scene; // unless it has been edited since then
+    this.scene.value = scene;
     this.state.sceneLadder.value = scene.ladder ?? null;
     if (this.connected.value?.transport !== connected.transport) return; // it was lost meanwhile
     this.left.attach(connected);
