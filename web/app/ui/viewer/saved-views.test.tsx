@@ -185,6 +185,7 @@ test("a path becomes a video, whose progress is shown and which can be cancelled
   await press("Cancel");
   await waitFor(() => button("Save as video"));
   expect(save).not.toHaveBeenCalled();
+  expect(screen.queryByRole("alert")).toBeNull();
   made.mockResolvedValue(new Blob(["mp4"], { type: "video/mp4" }));
   await press("Save as video");
   await waitFor(() => expect(save).toHaveBeenCalledWith("Tour.mp4", expect.any(Blob)));
