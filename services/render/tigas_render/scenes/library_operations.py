@@ -229,7 +229,7 @@ def edit_scene(directory: Path, id: str, edit: SceneEdit) -> None:
 
 
 def _merged(metadata: dict[str, Any], edit: dict[str, Any]) -> dict[str, Any]:
-    saved = {
+    saved: dict[str, Any] = {
         kind: {name: value for name, value in {**metadata.get(kind, {}), **edit[kind]}.items() if value is not None}
         for kind in ("views", "paths")
         if kind in edit
