@@ -76,7 +76,7 @@ function Paths({ session, scene }: Props & { readonly scene: SceneInfo }) {
       <Keyframes session={session} draft={draft} onChange={change} />
       {ready && <Timing draft={draft} onChange={change} />}
       {ready && <PlayButton session={session} draft={draft} />}
-      {ready && <SaveVideo session={session} name={draft.name} path={() => pathOf(draft)} />}
+      {ready && <SaveVideo session={session} of="path" name={draft.name} path={() => pathOf(draft)} />}
       {mayEdit(scene) && (ready || saved) && (
         <SavePath
           session={session}

@@ -68,7 +68,7 @@ export function Panels({ session, onReset }: Props) {
       <Section title="Movement trace">
         <MovementTrace deck={session.movement} scene={session.scene.value} />
         {movement && session.scene.value && (
-          <SaveVideo session={session} name={movement.name} path={() => session.movement.path} />
+          <SaveVideo session={session} of="movement" name={movement.name} path={() => session.movement.path} />
         )}
       </Section>
       <Lens session={session} />

@@ -9,28 +9,31 @@ import { fileName, save } from "../save";
 import { reason } from "./scene-edits";
 
 /** The video that is being made, which continues while the settings are closed. */
-const job = signal<{ readonly name: string; readonly progress: number; readonly cancel: () => void } | null>(null);
-/** Which one failed last, and why; null otherwise. */
-const problem = signal<{ readonly name: string; readonly why: string } | null>(null);
+const job = signal<{ readonly of: Kind; readonly progress: number; readonly cancel: () => void } | null>(null);
+/** Why the last one failed; null otherwise. */
+const problem = signal<{ readonly of: Kind; readonly why: string } | null>(null);
+
+type Kind = "movement" | "path";
 
 interface Props {
   readonly session: ViewerSession;
+  readonly of: Kind;
   /** Of the file. */
   readonly name: string;
   readonly path: () => CameraPath | null;
 }
 
-export function SaveVideo({ session, name, path }: Props) {
+export function SaveVideo({ session, of, name, path }: Props) {
   const making = job.value;
   return (
     <div class="movement-video">
-      {making?.name !== name ? (
+      {making?.of !== of ? (
         <button
           type="button"
           class="quiet-button with-icon"
           title="Every frame at full quality, rendered one after the other; this takes longer than the movement"
           disabled={making !== null}
-          onClick={() => void make(session, name, path())}
+          onClick={() => void make({ session, of, name, path })}
         >
           <Icon of={Film} size={14} /> Save as video
         </button>
@@ -42,7 +45,7 @@ export function SaveVideo({ session, name, path }: Props) {
           </button>
         </div>
       )}
-      {problem.value?.name === name && (
+      {problem.value?.of === of && (
         <p class="notice" role="alert">
           The video was not saved. {problem.value.why}
         </p>
@@ -51,19 +54,20 @@ export function SaveVideo({ session, name, path }: Props) {
   );
 }
 
-async function make(session: ViewerSession, name: string, path: CameraPath | null): Promise<void> {
-  if (path === null) return;
+async function make({ session, of, name, path }: Props): Promise<void> {
+  const way = path();
+  if (way === null) return;
   const stop = new AbortController();
   const onProgress = (progress: number) => {
-    job.value = { name, progress, cancel: () => stop.abort() };
+    job.value = { of, progress, cancel: () => stop.abort() };
   };
   onProgress(0);
   problem.value = null;
   try {
-    const video = await exportVideo(session, path, { signal: stop.signal, onProgress });
+    const video = await exportVideo(session, way, { signal: stop.signal, onProgress });
     save(fileName(name.replace(/\.csv$/i, ""), video.type.includes("mp4") ? "mp4" : "webm"), video);
   } catch (error) {
-    if (!stop.signal.aborted) problem.value = { name, why: reason(error) };
+    if (!stop.signal.aborted) problem.value = { of, why: reason(error) };
   }
   job.value = null;
 }
