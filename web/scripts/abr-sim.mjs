@@ -6,9 +6,9 @@ import { number } from "./arguments.mjs";
 import { load, run } from "./page-module.mjs";
 
 const USAGE = `npm run abr-sim -- [options] TRACE.csv...
-  --controller NAME   seen, latency, latency-transfer, budget, lol+, l2a, fixed:RUNG, latency@MS and latency-transfer@MS
-                      (another target), or a file of your own whose default export makes a controller; may be
-                      repeated [all of the first six]
+  --controller NAME   seen, latency, latency-transfer, lol+, l2a, fixed:RUNG, one with other parameters (as in
+                      l2a@horizon=8,react=4), or a file of your own whose default export makes a controller; may be
+                      repeated [all of the first five]
   --rtt MS            round trip in place of the traces' own delay; may be repeated
   --seconds N         how long each visit lasts [each trace once]
   --render MS         the server's time for a frame [11, the paper's RTX 2060 Super]

@@ -335,7 +335,7 @@ def experiments(tmp_path: Path) -> Path:
 def test_the_experiments_that_come_along_can_be_made(experiments: Path, name: str) -> None:
     made = ExperimentPlan.read(experiments / name).runs(experiments)
     networks = [Inputs(experiments).network(run.network) for run in made]
-    ladder = "scene" if name.startswith(("motivation", "reprojection", "rivals")) else "paper"
+    ladder = "scene" if name.startswith(("motivation", "reprojection", "rivals", "loss")) else "paper"
     assert ExperimentPlan.read(experiments / name).ladder == ladder, (
         "what the others say of the paper's rungs is to stay true"
     )
@@ -351,7 +351,7 @@ def test_the_experiments_that_come_along_can_be_made(experiments: Path, name: st
     assert min(per_network) >= 6, "as many as an interval needs, per network"
     if name == "rivals.toml":
         assert {run.mode for run in made} == set(MODES), "nobody is left out"
-    if name in ("abr-rtt.toml", "comparison.toml", "rivals.toml", "rivals-webrtc.toml"):
+    if name in ("abr-rtt.toml", "comparison.toml", "loss.toml", "rivals.toml", "rivals-webrtc.toml"):
         return
     generated = {"quick-turns"} if name == "reprojection.toml" else set()
     assert {run.movement for run in made if not run.movement.startswith("recorded/")} == generated

@@ -54,10 +54,12 @@ export class NewReno {
     }
   }
 
-  lost({ bytes, sentAt }: Packet, now: number): void {
+  /** `shrinks`: whether the window does. */
+  lost({ bytes, sentAt }: Packet, now: number, shrinks = true): void {
     this.#inFlight -= bytes;
     if (sentAt <= this.#recoverySince) return;
     this.#recoverySince = now;
+    if (!shrinks) return;
     this.#window = Math.max(MIN_WINDOW, Math.floor(this.#window / 2));
     this.#threshold = this.#window;
   }
@@ -81,6 +83,8 @@ const LEAST_INTERVAL_MS = 2;
 const MOST_LOSS = 0.06;
 const MEMORY = 500;
 const LEAST_PACKETS = 50;
+const LOSSY_MS = 2000;
+const QUEUE = 1.25;
 
 interface Sample {
   readonly delivered: number;
@@ -88,7 +92,10 @@ interface Sample {
   readonly firstSentAt: number;
 }
 
-/** NewReno that tolerates random loss (westwood.py): its window falls to bandwidth · least round trip, or to half. */
+/**
+ * NewReno that tolerates random loss (westwood.py): its window falls to bandwidth · least round trip or to half, and not at
+ * all without a queue.
+ */
 export class Westwood {
   readonly #reno = new NewReno();
   readonly #bandwidth = new Greatest(BANDWIDTH_MS);
@@ -100,6 +107,8 @@ export class Westwood {
   #firstSentAt = 0;
   #acknowledged = 0;
   #lost = 0;
+  #lostAt = Number.NEGATIVE_INFINITY;
+  #roundTrip = Number.POSITIVE_INFINITY;
 
   get window(): number {
     return this.#reno.window;
@@ -137,17 +146,32 @@ export class Westwood {
   lost(packet: Packet, now: number): void {
     this.#samples.delete(packet.number);
     this.#lost++;
-    const before = this.#reno.window;
-    this.#reno.lost(packet, now);
-    const congested = this.#acknowledged > LEAST_PACKETS && this.#lost > MOST_LOSS * this.#acknowledged;
-    if (this.#reno.window >= before || congested) return;
+    this.#lostAt = now;
     const [bandwidth, shortest] = [this.#bandwidth.value, this.#shortest.value];
-    if (bandwidth === undefined || shortest === undefined) return;
+    const known = bandwidth !== undefined && shortest !== undefined;
+    const before = this.#reno.window;
+    this.#reno.lost(packet, now, !known || this.#queue || this.#congested);
+    if (this.#reno.window >= before || this.#congested || !known) return;
     this.#reno.keep(Math.min(before, Math.floor(HEADROOM * bandwidth * -shortest)));
   }
 
-  /** A round trip was measured. */
-  measured(roundTrip: number, now: number): void {
+  /** Whether data is worth sending twice: packets were lost lately, though the path has no queue. */
+  wantsCopies(now: number): boolean {
+    return now - this.#lostAt < LOSSY_MS && !this.#queue && !this.#congested;
+  }
+
+  get #queue(): boolean {
+    const shortest = this.#shortest.value;
+    return shortest === undefined || this.#roundTrip > QUEUE * -shortest;
+  }
+
+  get #congested(): boolean {
+    return this.#acknowledged > LEAST_PACKETS && this.#lost > MOST_LOSS * this.#acknowledged;
+  }
+
+  /** A round trip was measured; `delay`: how much of it the page held the acknowledgement. */
+  measured(roundTrip: number, now: number, delay = 0): void {
+    this.#roundTrip = roundTrip - delay;
     this.#shortest.add(-roundTrip, now);
     this.#reno.measured(roundTrip, now);
   }

@@ -1,4 +1,5 @@
 import { expect, test } from "vitest";
+import { seeded } from "#client/abr/random";
 import { Bottleneck } from "./bottleneck";
 import { EventLoop } from "./events";
 import { Sender } from "./sender";
@@ -9,14 +10,14 @@ import { parseTrace } from "./trace";
  */
 async function sent(
   frames: readonly { number: number; bytes: number; at: number; cancelAt?: number }[],
-  { kbps = 20_000, delay = 10 } = {},
+  { kbps = 20_000, delay = 10, loses = (): boolean => false } = {},
 ) {
   const events = new EventLoop();
   const sender = new Sender(events, {
     link: new Bottleneck(parseTrace(`t_ms,down_kbps\n0,${kbps}\n`), "down_kbps"),
     down: () => delay,
     back: (_, arrived) => events.at(events.now() + delay, arrived),
-    loses: () => false,
+    loses,
   });
   const complete: { number: number; at: number }[] = [];
   for (const { number, bytes, at, cancelAt } of frames) {
@@ -65,4 +66,13 @@ test("what is cancelled is not sent, not even again", async () => {
   );
   expect(complete.map(({ number }) => number)).toEqual([1]);
   expect(complete[0]?.at).toBeLessThan(1000);
+});
+
+test("on a link that loses packets at random, few frames wait for a retransmission", async () => {
+  const random = seeded(3);
+  const frames = Array.from({ length: 200 }, (_, number) => ({ number, bytes: 20_000, at: number * 50 }));
+  const complete = await sent(frames, { kbps: 50_000, delay: 50, loses: () => random() < 0.02 });
+  const late = complete.filter(({ number, at }) => at - number * 50 > 120);
+  expect(complete).toHaveLength(frames.length);
+  expect(late.length).toBeLessThan(10); // a packet in four frames is lost
 });

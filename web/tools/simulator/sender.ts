@@ -1,8 +1,9 @@
 /**
  * One QUIC connection from the server to the page, as in the render service: the oldest request's frame goes first, in
  * packets released by congestion control and pacing. A packet that finds the queue full is lost; the sender learns of
- * it when the acknowledgement would have arrived, and sends the bytes again. The page acknowledges like Chromium: every
- * second of the first hundred packets, then every tenth, and none later than a quarter of a round trip.
+ * it when the acknowledgement would have arrived, and sends the bytes again. On a lossy path without a queue, packets are
+ * sent a second time when nothing else waits. The page acknowledges like Chromium: every second of the first hundred
+ * packets, then every tenth, and none later than a quarter of a round trip.
  */
 import type { Bottleneck } from "./bottleneck";
 import { PACKET, Pacer, type Packet, Westwood } from "./congestion";
@@ -34,11 +35,22 @@ export interface Stream {
   readonly received: (bytes: number) => void;
 }
 
+/** A packet with bytes of a stream. */
+interface Sent {
+  readonly stream: Stream;
+  readonly bytes: number;
+  readonly packet: Packet;
+  received: boolean;
+}
+
 export class Sender {
   readonly #events: EventLoop;
   readonly #path: Path;
   readonly #congestion = new Westwood();
   readonly #pacer = new Pacer();
+  readonly #copyPacer = new Pacer();
+  /** Packets worth a second copy. */
+  #uncopied: Sent[] = [];
   /** Those with something to send, the oldest first. */
   #streams: Stream[] = [];
   readonly #cancelled = new WeakSet<Stream>();
@@ -47,9 +59,11 @@ export class Sender {
   #smoothed: number | undefined;
   #least = Number.POSITIVE_INFINITY;
   #lastArrival = 0;
-  #received = 0;
+  #packets = 0;
   /** Received packets not acknowledged yet. */
   #arrived: Packet[] = [];
+  /** When the last of them came. */
+  #arrivedAt = 0;
 
   constructor(events: EventLoop, path: Path) {
     this.#events = events;
@@ -87,6 +101,33 @@ export class Sender {
       this.#packet(stream, bytes);
       this.#pacer.sent();
     }
+    if (this.#streams.length === 0) this.#copy(now);
+  }
+
+  #copy(now: number): void {
+    if (!this.#congestion.wantsCopies(now)) this.#uncopied = [];
+    for (let sent = this.#uncopied.shift(); sent !== undefined; sent = this.#uncopied.shift()) {
+      if (now - sent.packet.sentAt > (this.#smoothed ?? 0)) continue;
+      const at = this.#copyPacer.next(now);
+      if (at > now) {
+        this.#uncopied.unshift(sent);
+        this.#wait(at);
+        return;
+      }
+      this.#copyPacer.sent();
+      const departure = this.#path.link.offer(sent.packet.bytes + OVERHEAD, now);
+      if (departure === null || this.#path.loses()) continue;
+      this.#lastArrival = Math.max(this.#lastArrival, departure + this.#path.down());
+      const copied = sent;
+      this.#events.at(this.#lastArrival, () => this.#received(copied));
+    }
+  }
+
+  /** Bytes of a packet, or of its copy, are in the page. */
+  #received(sent: Sent): void {
+    if (sent.received) return;
+    sent.received = true;
+    sent.stream.received(sent.bytes);
   }
 
   #wait(until: number): void {
@@ -102,25 +143,28 @@ export class Sender {
     const { link, down, back, loses } = this.#path;
     const now = this.#events.now();
     const packet = { number: this.#number++, bytes: bytes + QUIC, sentAt: now };
+    const sent = { stream, bytes, packet, received: false };
     this.#congestion.sent(packet);
+    if (this.#congestion.wantsCopies(now)) this.#uncopied.push(sent);
     const departure = link.offer(packet.bytes + OVERHEAD, now);
     // Delay may vary, but packets never overtake each other: the shaper's netem and relay keep their order.
     this.#lastArrival = Math.max(this.#lastArrival, (departure ?? link.drained) + down());
     if (departure === null || loses()) {
-      this.#events.at(this.#lastArrival, () => back(ACKNOWLEDGEMENT, () => this.#lost(stream, bytes, packet)));
+      this.#events.at(this.#lastArrival, () => back(ACKNOWLEDGEMENT, () => this.#lost(sent)));
       return;
     }
     this.#events.at(this.#lastArrival, () => {
-      stream.received(bytes);
+      this.#received(sent);
       this.#arrives(packet);
     });
   }
 
   /** In the page. */
   #arrives(packet: Packet): void {
-    this.#received++;
+    this.#packets++;
     this.#arrived.push(packet);
-    const decimated = this.#received > DECIMATED.after;
+    this.#arrivedAt = this.#events.now();
+    const decimated = this.#packets > DECIMATED.after;
     if (this.#arrived.length >= (decimated ? DECIMATED.packets : FIRST.packets)) {
       this.#acknowledge();
     } else if (this.#arrived.length === 1) {
@@ -133,28 +177,39 @@ export class Sender {
 
   #acknowledge(): void {
     const packets = this.#arrived;
+    const delay = this.#events.now() - this.#arrivedAt;
     this.#arrived = [];
-    this.#path.back(ACKNOWLEDGEMENT, () => this.#acknowledged(packets));
+    this.#path.back(ACKNOWLEDGEMENT, () => this.#acknowledged(packets, delay));
   }
 
-  #acknowledged(packets: readonly Packet[]): void {
+  /** `delay`: how long the page has held the acknowledgement of the last one. */
+  #acknowledged(packets: readonly Packet[], delay: number): void {
     const now = this.#events.now();
     for (const packet of packets) this.#congestion.acknowledged(packet, now);
     const last = packets.at(-1);
-    if (last !== undefined) this.#measured(now - last.sentAt);
+    if (last !== undefined) this.#measured(now - last.sentAt, delay);
     this.#pump();
   }
 
-  #measured(roundTrip: number): void {
+  #measured(roundTrip: number, delay: number): void {
     this.#smoothed = this.#smoothed === undefined ? roundTrip : this.#smoothed + (roundTrip - this.#smoothed) / 8;
     this.#least = Math.min(this.#least, roundTrip);
-    this.#congestion.measured(roundTrip, this.#events.now());
-    this.#pacer.update(this.#congestion.window, this.#smoothed);
+    this.#congestion.measured(roundTrip, this.#events.now(), delay);
+    this.#pace(this.#smoothed);
   }
 
-  #lost(stream: Stream, bytes: number, packet: Packet): void {
+  #pace(roundTrip: number): void {
+    for (const pacer of [this.#pacer, this.#copyPacer]) pacer.update(this.#congestion.window, roundTrip);
+  }
+
+  #lost(sent: Sent): void {
+    const { stream, bytes, packet } = sent;
     this.#congestion.lost(packet, this.#events.now());
-    if (this.#smoothed !== undefined) this.#pacer.update(this.#congestion.window, this.#smoothed);
+    if (this.#smoothed !== undefined) this.#pace(this.#smoothed);
+    if (sent.received) {
+      this.#pump();
+      return;
+    }
     stream.remaining += bytes;
     this.#queue(stream);
     this.#pump();

@@ -94,7 +94,7 @@ test("an outage is a stall, and frames come again afterwards", async () => {
 test("Latency that counts transfers alone fills the link; with a lower target, or per request, it is in time more often", async () => {
   const [transfer, cautious, request] = await Promise.all([
     visit("latency-transfer", 24),
-    visit("latency-transfer@15", 24),
+    visit("latency-transfer@target=15", 24),
     visit("latency", 24),
   ]);
   expect(transfer.inTime).toBeLessThan(0.5);
@@ -207,9 +207,17 @@ test("a table of runs, and of their mean over traces", async () => {
   expect(table(runs).split("\n")).toHaveLength(4);
 });
 
+test("LoL+ and L2A take other parameters than their authors'", async () => {
+  const names = ["l2a", "l2a@target=400,horizon=16", "lol+", "lol+@safety=0.5"];
+  const [l2a, patient, lolp, cautious] = await Promise.all(names.map((name) => visit(name, 24)));
+  expect(patient?.bandwidth).not.toBe(l2a?.bandwidth);
+  expect(cautious?.bandwidth).toBeLessThan(lolp?.bandwidth ?? 0);
+});
+
 test("an unknown controller is refused with a sentence", () => {
   expect(() => controllerFactory("bola")).toThrow(/no controller/);
   expect(() => controllerFactory("fixed:best")).toThrow(/no controller/);
-  expect(() => controllerFactory("latency@0")).toThrow(/no controller/);
-  expect(() => controllerFactory("seen@50")).toThrow(/no controller/);
+  expect(() => controllerFactory("latency@target=0")).toThrow(/no controller/);
+  expect(() => controllerFactory("l2a@target=50,speed=2")).toThrow(/no controller/);
+  expect(() => controllerFactory("seen@target=50")).toThrow(/no controller/);
 });

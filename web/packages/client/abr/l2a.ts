@@ -8,18 +8,23 @@
  * segments.
  */
 import type { Controller, ControllerContext, Observation } from "./controller";
-import { bitrates, FrameBuffer, SAFETY, SEGMENT } from "./segments";
+import { bitrates, FrameBuffer, SAFETY, SEGMENT, TARGET_MS } from "./segments";
 import { projectToSimplex } from "./simplex";
 import { FrameSizes } from "./sizes";
 
-/** Segments that it takes to converge. */
-const HORIZON = 4;
-/** Cautiousness. */
-const VL = HORIZON ** 0.99;
-/** Step size. */
-const ALPHA = Math.max(HORIZON, VL * Math.sqrt(HORIZON));
-/** How strongly Q reacts to an overestimate. */
-const REACT = 2;
+/** Free parameters. */
+export interface L2aParameters {
+  /** Segments that it takes to converge. */
+  readonly horizon: number;
+  /** How strongly Q reacts to an overestimate. */
+  readonly react: number;
+  /** Target latency, in milliseconds. */
+  readonly target: number;
+}
+
+/** The authors' values. */
+export const L2A: L2aParameters = { horizon: 4, react: 2, target: TARGET_MS };
+
 /** Q stops here. Doubled without end it overflows after a thousand frames that were too large for the link, for good. */
 const MAX_Q = 1e6;
 /** A shorter reception says more about the clock than about the link, in milliseconds. */
@@ -33,32 +38,48 @@ export interface LearnerState {
   readonly choice: number;
 }
 
+/** Cautiousness, VL in the paper. */
+function cautiousness({ horizon }: L2aParameters): number {
+  return horizon ** 0.99;
+}
+
 /** The state at the end of start-up. */
-export function initialState(count: number, choice: number): LearnerState {
-  return { w: Array.from({ length: count }, (_, i) => (i === choice ? 1 : 0)), q: VL, choice };
+export function initialState(count: number, choice: number, parameters = L2A): LearnerState {
+  return { w: Array.from({ length: count }, (_, i) => (i === choice ? 1 : 0)), q: cautiousness(parameters), choice };
 }
 
 /** One segment: the learned state, all bitrates (ascending) and the last segment's throughput, in the same unit. */
-export function step(before: LearnerState, rates: readonly number[], throughput: number): LearnerState {
+export function step(
+  before: LearnerState,
+  rates: readonly number[],
+  throughput: number,
+  parameters = L2A,
+): LearnerState {
+  const vl = cautiousness(parameters);
+  const { horizon, react } = parameters;
+  const stepSize = Math.max(horizon, vl * Math.sqrt(horizon));
   const load = rates.map((rate) => rate / throughput);
-  const gain = (SEGMENT / (2 * ALPHA)) * (before.q + VL);
+  const gain = (SEGMENT / (2 * stepSize)) * (before.q + vl);
   const w = projectToSimplex(before.w.map((p, i) => p + (at(load, i) > 1 ? -1 : 1) * gain * at(load, i)));
   const change = w.map((p, i) => p - at(before.w, i));
   const q = Math.max(0, before.q - SEGMENT + SEGMENT * (dot(load, w) + dot(load, change)));
   const expected = dot(rates, w);
   let choice = nearest(rates, expected);
   if (choice > before.choice && at(load, before.choice + 1) <= 1) choice = before.choice + 1;
-  return { w, q: Math.min(MAX_Q, at(load, choice) >= 1 ? REACT * Math.max(VL, q) : q), choice };
+  return { w, q: Math.min(MAX_Q, at(load, choice) >= 1 ? react * Math.max(vl, q) : q), choice };
 }
 
 export class L2aController implements Controller {
   readonly #sizes: FrameSizes;
   readonly #count: number;
-  readonly #buffer = new FrameBuffer();
+  readonly #parameters: L2aParameters;
+  readonly #buffer: FrameBuffer;
   #state: LearnerState | undefined;
   #choice = 0;
 
-  constructor({ ladder }: Pick<ControllerContext, "ladder">) {
+  constructor({ ladder }: Pick<ControllerContext, "ladder">, parameters = L2A) {
+    this.#parameters = parameters;
+    this.#buffer = new FrameBuffer(parameters.target);
     this.#sizes = new FrameSizes(ladder);
     this.#count = ladder.length;
   }
@@ -83,10 +104,10 @@ export class L2aController implements Controller {
         0,
         rates.findLastIndex((rate) => rate <= SAFETY * throughput),
       );
-      if (buffer > 0) this.#state = initialState(this.#count, this.#choice);
+      if (buffer > 0) this.#state = initialState(this.#count, this.#choice, this.#parameters);
       return;
     }
-    this.#state = step(this.#state, rates, lastThroughput(observation) ?? throughput);
+    this.#state = step(this.#state, rates, lastThroughput(observation) ?? throughput, this.#parameters);
     this.#choice = this.#state.choice;
   }
 }

@@ -7,6 +7,7 @@ const QUESTION = {
   latencies: [0.01, 0.02],
   throughput: 8e6,
   buffer: 1,
+  minBuffer: 0.3,
 };
 
 // Worked by hand from the published weights: segment 0.5 s, rebuffering costs the highest bitrate in kbit/s a second,

@@ -4,8 +4,6 @@
  */
 import { SEGMENT } from "./segments";
 
-/** A buffer below this is low. */
-export const MIN_BUFFER = 0.3;
 /** Latencies up to this are penalised mildly. */
 const COMFORTABLE_LATENCY = 1.1;
 /** Allowed values of a weight. */
@@ -41,6 +39,8 @@ export interface WeightSearch {
   readonly latencies: readonly number[];
   readonly throughput: number;
   readonly buffer: number;
+  /** A buffer below this is low. */
+  readonly minBuffer: number;
 }
 
 /**
@@ -50,13 +50,13 @@ export interface WeightSearch {
  * the other two are always the first option.
  */
 export function bestWeights(question: WeightSearch): Weights | null {
-  const { rates, latencies, throughput, buffer } = question;
+  const { rates, latencies, throughput, buffer, minBuffer } = question;
   let best: Weights | null = null;
   let highest = Number.NEGATIVE_INFINITY;
   for (const [i, rate] of rates.entries()) {
     const download = downloadTime(rate, throughput);
     const next = nextBuffer(buffer, download);
-    if (next < MIN_BUFFER) continue;
+    if (next < minBuffer) continue;
     const rebuffering = Math.max(LEAST_REBUFFERING, download - next);
     for (const forLatency of OPTIONS) {
       for (const forBuffer of OPTIONS) {

@@ -9,7 +9,7 @@ test("a weighted distance", () => {
 
 // Worked by hand: learning rate 0.01; the other neuron is 0.2 away, so it learns exp(-0.2² / (2 · 0.1²)) = exp(-2) as much.
 test("a neuron is drawn to what happened, its neighbours less", () => {
-  const map = new SelfOrganisingMap([0.8, 0.6]);
+  const map = new SelfOrganisingMap([0.8, 0.6], 0.01);
   map.learn(1, [1, 1, 0, 0]);
   const [neighbour, drawn] = map.neurons;
   expect(drawn).toEqual([0.6 + 0.01 * 0.4, 0.01, 0, 0]);
@@ -19,7 +19,7 @@ test("a neuron is drawn to what happened, its neighbours less", () => {
 
 // The drawn neuron has come to (0.604, 0.01) by then.
 test("neighbours behind it see where it has come to", () => {
-  const map = new SelfOrganisingMap([0.6, 0.8]);
+  const map = new SelfOrganisingMap([0.6, 0.8], 0.01);
   map.learn(0, [1, 1, 0, 0]);
   const near = Math.exp(-(0.196 ** 2 + 0.01 ** 2) / (2 * 0.1 ** 2));
   expect(map.neurons[1]?.[0]).toBeCloseTo(0.8 + 0.01 * near * 0.2, 12);

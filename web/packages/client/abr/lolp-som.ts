@@ -1,11 +1,10 @@
 /**
  * LoL+'s self-organising map: one neuron per bitrate, with four features (throughput, latency, rebuffering, switch). A
- * neuron and its neighbours are drawn towards each sample with the learning rate 0.01 and a Gaussian neighbourhood of
- * width 0.1.
+ * neuron and its neighbours are drawn towards each sample with a learning rate and a Gaussian neighbourhood of width
+ * 0.1.
  */
 export type Features = readonly [number, number, number, number];
 
-const LEARNING_RATE = 0.01;
 const NEIGHBOURHOOD = 0.1;
 const EQUAL: Features = [1, 1, 1, 1];
 
@@ -16,9 +15,11 @@ export function distance(a: Features, b: Features, weights: Features = EQUAL): n
 
 export class SelfOrganisingMap {
   readonly #neurons: Features[];
+  readonly #learningRate: number;
 
   /** `throughputs`: the neurons' bitrates, normalised. */
-  constructor(throughputs: readonly number[]) {
+  constructor(throughputs: readonly number[], learningRate: number) {
+    this.#learningRate = learningRate;
     this.#neurons = throughputs.map((throughput): Features => [throughput, 0, 0, 0]);
   }
 
@@ -33,7 +34,7 @@ export class SelfOrganisingMap {
   learn(neuron: number, point: Features): void {
     for (const [i, features] of this.#neurons.entries()) {
       const centre = this.#neurons[neuron] ?? features;
-      const rate = LEARNING_RATE * Math.exp(-(distance(features, centre) ** 2) / (2 * NEIGHBOURHOOD ** 2));
+      const rate = this.#learningRate * Math.exp(-(distance(features, centre) ** 2) / (2 * NEIGHBOURHOOD ** 2));
       const [t, l, r, s] = features;
       this.#neurons[i] = [
         t + rate * (point[0] - t),

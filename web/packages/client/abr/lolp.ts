@@ -7,10 +7,25 @@
  * control.
  */
 import type { Controller, ControllerContext, Observation } from "./controller";
-import { bestWeights, downloadTime, MIN_BUFFER, nextBuffer } from "./lolp-qoe";
+import { bestWeights, downloadTime, nextBuffer } from "./lolp-qoe";
 import { distance, type Features, firstWeights, SelfOrganisingMap } from "./lolp-som";
-import { bitrates, FrameBuffer, latencyOf, SAFETY } from "./segments";
+import { bitrates, FrameBuffer, latencyOf, SAFETY, TARGET_MS } from "./segments";
 import { FrameSizes } from "./sizes";
+
+/** Free parameters. */
+export interface LolpParameters {
+  /** Target latency, in milliseconds. */
+  readonly target: number;
+  /** Share of the throughput that is trusted. */
+  readonly safety: number;
+  /** A buffer below this many seconds is low. */
+  readonly minBuffer: number;
+  /** How far the map moves towards a sample. */
+  readonly learningRate: number;
+}
+
+/** The authors' values. */
+export const LOLP: LolpParameters = { target: TARGET_MS, safety: SAFETY, minBuffer: 0.3, learningRate: 0.01 };
 
 /** Latency is divided by this to be a feature. */
 const LATENCY_NORM = 100;
@@ -23,17 +38,20 @@ export class LolpController implements Controller {
   readonly #sizes: FrameSizes;
   readonly #count: number;
   readonly #map: SelfOrganisingMap;
-  readonly #buffer = new FrameBuffer();
+  readonly #parameters: LolpParameters;
+  readonly #buffer: FrameBuffer;
   #weights: Features;
   /** Index of the bitrate in use, 0 the lowest. */
   #current = 0;
 
-  constructor({ ladder, random }: ControllerContext) {
+  constructor({ ladder, random }: ControllerContext, parameters = LOLP) {
+    this.#parameters = parameters;
+    this.#buffer = new FrameBuffer(parameters.target);
     this.#sizes = new FrameSizes(ladder);
     this.#count = ladder.length;
     const rates = bitrates(this.#sizes, this.#count);
     const features = rates.map((rate) => rate / norm(rates));
-    this.#map = new SelfOrganisingMap(features);
+    this.#map = new SelfOrganisingMap(features, parameters.learningRate);
     this.#weights = firstWeights(this.#count, Math.max(...features), random);
   }
 
@@ -50,11 +68,12 @@ export class LolpController implements Controller {
     this.#sizes.observe(observation.profile, observation.arrival.bytes);
     const buffer = this.#buffer.level(observation);
     if (observation.throughput === null) return;
-    const throughput = SAFETY * observation.throughput;
-    const latency = latencyOf(observation);
+    const { safety, minBuffer, target: targetMs } = this.#parameters;
+    const throughput = safety * observation.throughput;
+    const latency = latencyOf(observation, targetMs);
     const rates = bitrates(this.#sizes, this.#count);
     const download = downloadTime(rates[this.#current] ?? 0, throughput);
-    if (buffer - download < MIN_BUFFER) {
+    if (buffer - download < minBuffer) {
       this.#shiftDown(rates, throughput);
       return;
     }
@@ -76,7 +95,8 @@ export class LolpController implements Controller {
 
   #chooseWeights(rates: readonly number[], throughput: number, buffer: number): Features | null {
     const latencies = this.#map.neurons.map(([, learned]) => learned);
-    return bestWeights({ rates, latencies, throughput, buffer });
+    const { minBuffer } = this.#parameters;
+    return bestWeights({ rates, latencies, throughput, buffer, minBuffer });
   }
 
   /** The throughput as a feature: more than all bitrates together is as much as the highest neuron has. */
@@ -88,7 +108,7 @@ export class LolpController implements Controller {
   #winner(rates: readonly number[], throughput: number, buffer: number, target: number): number {
     const distances = this.#map.neurons.map((neuron, i) => {
       const rate = rates[i] ?? 0;
-      const low = nextBuffer(buffer, downloadTime(rate, throughput)) < MIN_BUFFER;
+      const low = nextBuffer(buffer, downloadTime(rate, throughput)) < this.#parameters.minBuffer;
       const tooMuch = i > 0 && (low || rate > throughput - THROUGHPUT_DELTA);
       const [, ...others] = this.#weights;
       const weights: Features = tooMuch ? [DISCOURAGED, ...others] : this.#weights;

@@ -4,7 +4,7 @@
  * A segment is a frame: the bitrate of a rung is a frame's bytes times the requests per second. The published constants
  * assume a target latency of 1.5 s and segments of half a second; here the target is 100 ms, which is the same on a
  * clock that runs 15 times as fast. All times are therefore multiplied by 15, and every published constant stays
- * unchanged, the length of a segment included.
+ * unchanged, the length of a segment included. Sweeps try other targets (docs/results/2026-11-learning-sweep.md).
  *
  * The remaining share of the target, after a frame's response beyond the recent minimum, stands in for the buffer. A
  * player's buffer does not know the distance to the server either: it fills and drains by the delay of a segment
@@ -14,10 +14,10 @@ import { type Observation, responseTime } from "./controller";
 import { RecentMinimum } from "./recent-minimum";
 import type { FrameSizes } from "./sizes";
 
-/** Seconds of the published clock in a millisecond of ours: 1.5 s are 100 ms. */
-const SECONDS_PER_MS = 0.015;
-/** The published target latency, in seconds: 100 ms here. */
+/** The published target latency, in seconds. */
 export const TARGET_LATENCY = 1.5;
+/** Its counterpart here, in milliseconds. */
+export const TARGET_MS = 100;
 /** The published length of a segment, in seconds. */
 export const SEGMENT = 0.5;
 /** dash.js trusts this much of the measured throughput. */
@@ -33,17 +33,23 @@ export function bitrates(sizes: FrameSizes, rungs: number): number[] {
   return Array.from({ length: rungs }, (_, i) => sizes.expected(rungs - 1 - i) * 8 * REQUEST_RATE);
 }
 
-/** A frame's response time, in seconds of the published clock. */
-export function latencyOf(observation: Pick<Observation, "arrival">): number {
-  return responseTime(observation) * SECONDS_PER_MS;
+/** A frame's response time, in seconds of the published clock; `target`: the target latency, in milliseconds. */
+export function latencyOf(observation: Pick<Observation, "arrival">, target: number): number {
+  return (responseTime(observation) * TARGET_LATENCY) / target;
 }
 
 export class FrameBuffer {
   readonly #least = new RecentMinimum(LEAST_SPAN);
+  readonly #target: number;
+
+  /** `target`: the target latency, in milliseconds. */
+  constructor(target: number) {
+    this.#target = target;
+  }
 
   /** Remaining target latency after a frame, in seconds of the published clock; at least 0. */
   level(observation: Pick<Observation, "arrival" | "at">): number {
-    const least = this.#least.add(latencyOf(observation), observation.at);
-    return Math.max(0, TARGET_LATENCY - (latencyOf(observation) - least));
+    const latency = latencyOf(observation, this.#target);
+    return Math.max(0, TARGET_LATENCY - (latency - this.#least.add(latency, observation.at)));
   }
 }

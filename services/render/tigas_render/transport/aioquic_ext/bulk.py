@@ -17,9 +17,10 @@ from aioquic.quic.stream import QuicStream, QuicStreamSender
 from aioquic.tls import Epoch
 
 from tigas_render.transport.aioquic_ext.congestion import TickPacer
+from tigas_render.transport.aioquic_ext.copies import Copies
 from tigas_render.transport.aioquic_ext.protection import seal
 from tigas_render.transport.aioquic_ext.receiving import ReceivingQuicConnection
-from tigas_render.transport.aioquic_ext.recovery import BatchRecovery, StreamPacket
+from tigas_render.transport.aioquic_ext.recovery import BatchRecovery, CopyPacket, StreamPacket
 from tigas_render.transport.udp import Datagram
 
 SHORT_HEADER = 1 + PACKET_NUMBER_SEND_SIZE + 16
@@ -83,6 +84,7 @@ class BulkQuicConnection(ReceivingQuicConnection):
             logger=self._logger,
         )
         self._pacer = self._loss._pacer = TickPacer(max_datagram_size=self._max_datagram_size)
+        self._copies = Copies(self._loss, self._pacer)
 
     def datagrams_to_send(self, now: float) -> list[Datagram]:
         self._renew_keys(now)
@@ -94,6 +96,7 @@ class BulkQuicConnection(ReceivingQuicConnection):
             self._pacing_at = None
         if self._can_write_in_bulk():
             datagrams += self._write_in_bulk(now)
+            datagrams += self._write_copies(now)
         return datagrams
 
     def _can_write_in_bulk(self) -> bool:
@@ -188,6 +191,31 @@ class BulkQuicConnection(ReceivingQuicConnection):
             payloads.append(ahead)
         return self._seal_and_register(payloads, pieces, preamble, now) if payloads else []
 
+    def _write_copies(self, now: float) -> list[Datagram]:
+        """Second copies of packets that have left, once no other data may leave."""
+        if not self._copies or any(not stream.sender.buffer_is_empty for stream in self._streams_queue):
+            return []
+        taken = self._copies.take(now)
+        self._pacing_at = self._copies.due(now)
+        payloads = []
+        for packet in taken:
+            sender = packet.sender
+            assert sender._stream_id is not None
+            start, stop = (at - sender._buffer_start for at in (packet.start, packet.stop))
+            head = (_STREAM_FIN if packet.fin else _STREAM, _varint(sender._stream_id), _varint(packet.start))
+            payloads.append(b"".join((*head, sender._buffer[start:stop])))
+        if not payloads:
+            return []
+        number, datagrams = self._seal(payloads)
+        copies = [
+            CopyPacket(at, now, len(datagram), packet.sender, packet.start, packet.stop, packet.fin)
+            for at, (datagram, packet) in enumerate(zip(datagrams, taken, strict=True), number)
+        ]
+        self._loss.on_copies_sent(copies, self._spaces[Epoch.ONE_RTT])
+        path = self._network_paths[0]
+        path.bytes_sent += sum(map(len, datagrams))
+        return [(datagram, path.addr) for datagram in datagrams]
+
     def _has_limits(self) -> bool:
         """Whether aioquic would announce a limit of the connection."""
         data = self._local_max_data
@@ -248,6 +276,7 @@ class BulkQuicConnection(ReceivingQuicConnection):
             ]
             packets[0].others = handlers
             self._loss.on_stream_packets_sent(packets, space)
+            self._copies.add(packets, now)
         else:
             assert preamble is not None
             self._loss.on_other_packet_sent(

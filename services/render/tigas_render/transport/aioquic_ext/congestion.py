@@ -39,10 +39,16 @@ class LimitedReno(RenoCongestionControl):
     def __init__(self, *, max_datagram_size: int) -> None:
         super().__init__(max_datagram_size=max_datagram_size)
         self._full_at = -1  # number of the last packet that left no room for another
+        self.round_trip = math.inf
+        """The latest one, in seconds, without the client's delay of the acknowledgement."""
 
     def set_datagram_size(self, size: int) -> None:
         """Grow and shrink the window in steps of another size."""
         self._max_datagram_size = size
+
+    def wants_copies(self, now: float) -> bool:
+        """Whether data is worth sending twice."""
+        return False
 
     def started_over(self, now: float) -> Self:
         """A controller in the initial state, on which packets now in flight have no effect."""

@@ -43,7 +43,46 @@ class StreamPacket:
 
     @property
     def delivery_handlers(self) -> Handlers:
-        return (*self.others, (self.sender.on_data_delivery, (self.start, self.stop, self.fin)))
+        return (*self.others, (deliver, (self.sender, self.start, self.stop, self.fin)))
+
+    @property
+    def is_outstanding(self) -> bool:
+        """Whether its data has neither arrived, as far as known, nor been declared lost or withdrawn."""
+        sender = self.sender
+        return (
+            sender._reset_error_code is None
+            and self.start >= sender._buffer_start
+            and not any(each.start <= self.start < each.stop for each in (*sender._acked, *sender._pending))
+        )
+
+
+class CopyPacket(StreamPacket):
+    """A second copy of a part of a stream."""
+
+    __slots__ = ()
+    in_flight: ClassVar = False
+
+
+def deliver(delivery: QuicDeliveryState, sender: QuicStreamSender, start: int, stop: int, fin: bool) -> None:
+    """Tell a stream that a part of it has arrived or is lost; parts may have been sent twice.
+
+    aioquic's sender takes each byte's arrival once, and sends what is lost without a look at what has arrived.
+    """
+    fin = fin and not sender._acked_fin
+    start = max(start, sender._buffer_start)
+    if delivery == QuicDeliveryState.ACKED:
+        if start < stop and len(sender._pending):
+            sender._pending.subtract(start, stop)
+        sender._pending_eof &= not fin
+        sender.on_data_delivery(delivery, start, max(start, stop), fin)
+        return
+    missing = RangeSet([range(start, stop)] if stop > start else [])
+    for each in sender._acked:
+        missing.subtract(each.start, each.stop)
+    for each in missing:
+        sender.on_data_delivery(delivery, each.start, each.stop, False)
+    if fin:
+        sender.on_data_delivery(delivery, stop, stop, fin)
 
 
 Sent = QuicSentPacket | StreamPacket
@@ -61,6 +100,15 @@ class BatchRecovery(QuicPacketRecovery):
         self._pacer._max_datagram_size = size
         if self._pacer.packet_time is not None:
             self._pacer.update_rate(self._cc.congestion_window, self._rtt_smoothed)
+
+    def wants_copies(self, now: float) -> bool:
+        """Whether data is worth sending twice."""
+        return self._cc.wants_copies(now)
+
+    def on_copies_sent(self, packets: Sequence[CopyPacket], space: QuicPacketSpace) -> None:
+        """Note second copies: they elicit acknowledgements, but say nothing about congestion."""
+        space.sent_packets.update((packet.packet_number, packet) for packet in packets)  # type: ignore[misc]
+        space.ack_eliciting_in_flight += len(packets)
 
     def start_over(self, now: float) -> None:
         """Forget the congestion window and the round trip, as on a new path."""
@@ -106,6 +154,8 @@ class BatchRecovery(QuicPacketRecovery):
             self._cc.on_packets_acked(in_flight, now)  # type: ignore[arg-type]
             _tell(acked)
         super().on_ack_received(ack_rangeset=ack_rangeset, ack_delay=ack_delay, now=now, space=space)
+        if self._rtt_initialized:
+            self._cc.round_trip = self._rtt_latest
 
 
 def _acked(space: QuicPacketSpace, ranges: RangeSet) -> list[Sent]:
@@ -129,13 +179,13 @@ def _tell(packets: Sequence[Sent]) -> None:
         if packet.others:
             _call(packet.others)
         if run is not None and (packet.sender is not run.sender or packet.start != run.stop or run.fin):
-            run.sender.on_data_delivery(QuicDeliveryState.ACKED, start, run.stop, run.fin)
+            deliver(QuicDeliveryState.ACKED, run.sender, start, run.stop, run.fin)
             run = None
         if run is None:
             start = packet.start
         run = packet
     if run is not None:
-        run.sender.on_data_delivery(QuicDeliveryState.ACKED, start, run.stop, run.fin)
+        deliver(QuicDeliveryState.ACKED, run.sender, start, run.stop, run.fin)
 
 
 def _call(handlers: Handlers) -> None:

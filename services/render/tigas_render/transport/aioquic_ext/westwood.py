@@ -12,6 +12,7 @@ capacity of the link, so the queue drains. Growth, and therefore the share besid
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -36,6 +37,10 @@ MEMORY = 500
 """Packets over which that share is averaged, about."""
 LEAST_PACKETS = 50
 """Acknowledged packets after which the share is known."""
+LOSSY_S = 2.0
+"""Seconds after a loss for which data is sent twice."""
+QUEUE = 1.25
+"""Round trips this many times as long as the least one mean a queue."""
 
 
 class _Burst(NamedTuple):
@@ -109,6 +114,7 @@ class Westwood(LimitedReno):
         self._bandwidth = _Recent(BANDWIDTH_S)
         self._shortest = _Recent(ROUND_TRIP_S)  # negative round trips: the greatest is the least
         self._acked = self._lost = 0.0
+        self._lost_at = -math.inf
 
     def on_packets_sent(self, packets: Sequence[QuicSentPacket]) -> None:
         """As NewReno; also starts a sample of the delivery rate."""
@@ -135,16 +141,32 @@ class Westwood(LimitedReno):
         super().on_rtt_measurement(now=now, rtt=rtt)
 
     def on_packets_lost(self, *, now: float, packets: Iterable[QuicSentPacket]) -> None:
-        """Shrink the window to the path's capacity, or to half of it if more is lost than a radio loses."""
+        """Shrink the window to the path's capacity, or to half of it if more is lost than a radio loses.
+
+        Without a queue the window stays: the estimate of the capacity is too low while frames do not fill the link.
+        """
         packets = list(packets)
         self._lost += len(packets)
-        before = self.congestion_window
+        self._lost_at = now
+        before = self.congestion_window, self.ssthresh
         super().on_packets_lost(now=now, packets=packets)
         bandwidth, shortest = self._bandwidth.greatest, self._shortest.greatest
-        if self.congestion_window >= before or bandwidth is None or shortest is None or self._is_congested:
+        if bandwidth is None or shortest is None or self._is_congested:
             return
-        capacity = int(HEADROOM * bandwidth * -shortest)
-        self.congestion_window = self.ssthresh = max(self.congestion_window, min(before, capacity))
+        if not self._has_queue:
+            self.congestion_window, self.ssthresh = before
+        elif self.congestion_window < before[0]:
+            capacity = int(HEADROOM * bandwidth * -shortest)
+            self.congestion_window = self.ssthresh = max(self.congestion_window, min(before[0], capacity))
+
+    def wants_copies(self, now: float) -> bool:
+        """Whether data is worth sending twice: packets were lost lately, though the path has no queue."""
+        return now - self._lost_at < LOSSY_S and not self._has_queue and not self._is_congested
+
+    @property
+    def _has_queue(self) -> bool:
+        shortest = self._shortest.greatest
+        return shortest is None or self.round_trip > QUEUE * -shortest
 
     @property
     def _is_congested(self) -> bool:

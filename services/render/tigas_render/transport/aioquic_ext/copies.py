@@ -1,0 +1,55 @@
+"""Second copies of a frame's packets on a path that loses packets at random.
+
+A lost packet makes its frame a round trip late. While the path has no queue, every packet is therefore sent once more,
+behind all other data. The copies leave as fast as their originals, and stop with the first sign of a queue.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+
+from tigas_render.transport.aioquic_ext.congestion import TickPacer
+from tigas_render.transport.aioquic_ext.recovery import BatchRecovery, StreamPacket
+
+MOST = 256
+"""Packets that may wait; older ones are forgotten."""
+
+
+class Copies:
+    """Packets on their way that are worth a second copy."""
+
+    def __init__(self, loss: BatchRecovery, pacer: TickPacer) -> None:
+        """pacer: of the originals."""
+        self._loss = loss
+        self._originals = pacer
+        self._pacer = TickPacer(max_datagram_size=pacer._max_datagram_size)
+        self._waiting: deque[StreamPacket] = deque(maxlen=MOST)
+
+    def __bool__(self) -> bool:
+        return bool(self._waiting)
+
+    def add(self, packets: Iterable[StreamPacket], now: float) -> None:
+        """Note packets that leave now."""
+        if self._loss.wants_copies(now):
+            self._waiting.extend(packets)
+
+    def take(self, now: float) -> list[StreamPacket]:
+        """Packets to send a second time now."""
+        if not self._loss.wants_copies(now):
+            self._waiting.clear()
+        waiting, pacer, pace = self._waiting, self._pacer, self._originals
+        pacer.packet_time, pacer.bucket_max = pace.packet_time, pace.bucket_max
+        allowed = pacer.allowance(now, len(waiting))
+        taken: list[StreamPacket] = []
+        while waiting and len(taken) < allowed:
+            packet = waiting.popleft()
+            fits = packet.sent_bytes <= pace._max_datagram_size
+            if fits and now - packet.sent_time < self._loss._rtt_smoothed and packet.is_outstanding:
+                taken.append(packet)
+        pacer.update_after_sends(len(taken))
+        return taken
+
+    def due(self, now: float) -> float | None:
+        """Time to go on, if any wait."""
+        return self._pacer.next_burst(now, len(self._waiting)) if self._waiting else None
