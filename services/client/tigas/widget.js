@@ -9,6 +9,7 @@ export default {
     const view = el.appendChild(document.createElement("div"));
     const message = el.appendChild(document.createElement("p"));
     message.setAttribute("role", "status");
+    message.style.margin = "0";
     const said = { invalid: "", problem: "" };
     const say = (what) => {
       Object.assign(said, what);
