@@ -10,7 +10,7 @@ from tests.experiments.made_up import STREAM, configuration, frame, inputs, reco
 from tests.experiments.store.conftest import plan, upload
 from tests.render.fakes import render_request
 from tigas_common.wire.dash import PoseUpdate, SessionRequest
-from tigas_common.wire.render import RenderRequest
+from tigas_common.wire.render import RenderRequest, SceneEdit
 from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest
 from tigas_experiments.wire.recording import Recording, Sample
 from tigas_experiments.wire.run import Configuration
@@ -27,6 +27,8 @@ QUATERNION = {name: EULER[name] for name in ("scene", "fx", "fy", "cx", "cy", "w
     "deadline_ms": 50,
     "format": "png",
 }
+POSE = {"position": [0, 0, 0], "quaternion": [0, 0, 0, 1]}
+KEYFRAMES = [POSE | {"t_ms": 0}, POSE | {"t_ms": 1000}]
 SHORT = {
     "inputs": [entry.model_dump(mode="json") for entry in inputs(2)],
     "frames": [frame(10.0, 1).model_dump(mode="json")],
@@ -65,5 +67,10 @@ EXAMPLES: dict[Any, list[Any]] = {
         {},
         {"name": "A wall", "camera": {"position": [0, 0, 0], "look_at": [0, 0, 3]}, "background": [0, 0, 1]},
         {"up": [0, 1e-9, 1], "background": [1, 1, 0.5]},
+        {"views": {"Door": POSE}, "paths": {"Tour": {"keyframes": KEYFRAMES, "easing": "ease-in", "loop": True}}},
+    ],
+    SceneEdit: [
+        {"camera": {"position": [0, 0, 0], "look_at": [0, 0, 3]}, "up": [0, 1, 0]},
+        {"views": {"Door": POSE, "Window": None}, "paths": {"Tour": {"keyframes": KEYFRAMES}, "Old tour": None}},
     ],
 }

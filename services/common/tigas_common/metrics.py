@@ -31,7 +31,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from tigas_common.installation import this_commit
 from tigas_common.web import NO_STORE, TEXT, described
 
-METHODS = frozenset({"DELETE", "GET", "HEAD", "OPTIONS", "POST", "PUT"})
+METHODS = frozenset({"DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT"})
 OTHER = "other"
 """The label of a path that no route has, of an unusual method, and of scenes beyond the first MOST_SCENES."""
 MOST_SCENES = 200

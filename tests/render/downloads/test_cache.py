@@ -13,7 +13,7 @@ import pytest
 
 from tests.render.scenes import plys
 from tigas_common.errors import BrokenScene
-from tigas_common.wire.render import SceneDownload
+from tigas_common.wire.render import SavedView, SceneDownload
 from tigas_render.downloads.cache import DownloadCache, NoSpace, NoSuchDownload
 from tigas_render.scenes.source import SceneMetadata, SceneSource
 
@@ -76,9 +76,12 @@ async def test_concurrent_first_requests_make_it_once_and_may_give_up(tmp_path: 
     assert maker.made == ["garden"]
 
 
-async def test_another_version_or_camera_is_another_file(tmp_path: Path) -> None:
+async def test_another_version_or_camera_is_another_file_but_a_saved_view_is_not(tmp_path: Path) -> None:
     cache = DownloadCache(tmp_path, 10 * SIZE, Maker())
-    sources = (SOURCE, replace(SOURCE, version="2"), replace(SOURCE, metadata=SceneMetadata(up=(0, 1, 0))))
+    turned = SceneMetadata(up=(0, 1, 0))
+    saved = SceneMetadata(views={"Door": SavedView(position=(0, 0, 0), quaternion=(0, 0, 0, 1))})
+    described = [replace(SOURCE, metadata=metadata) for metadata in (turned, saved)]
+    sources = (SOURCE, replace(SOURCE, version="2"), *described)
     assert len({(await cache.get(source)).path for source in sources}) == 3
 
 

@@ -15,7 +15,7 @@ from PIL import Image
 from tests.eventually import eventually
 from tests.render.scenes import plys
 from tigas_common.errors import BrokenScene
-from tigas_common.wire.render import StartCamera
+from tigas_common.wire.render import SavedView, StartCamera
 from tigas_render.scenes.source import SceneMetadata, SceneSource
 from tigas_render.server.preview import MAX_BYTES, Preview, PreviewCache, preview_camera, read_preview
 
@@ -68,9 +68,12 @@ async def test_a_preview_is_rendered_once_and_kept(tmp_path: Path, renderer: Ren
     assert len(list((tmp_path / "deep" / "cache").iterdir())) == 1  # and temporary files are removed
 
 
-async def test_another_scene_version_or_camera_gets_another_picture(renderer: Renderer, cache: PreviewCache) -> None:
+async def test_another_scene_version_or_camera_gets_another_picture_but_a_saved_view_does_not(
+    renderer: Renderer, cache: PreviewCache
+) -> None:
     turned = SceneMetadata(background=(1, 0, 0))
-    for changes in ({}, {"id": "forest"}, {"version": "2"}, {"metadata": turned}):
+    saved = SceneMetadata(views={"Door": SavedView(position=(0, 0, 0), quaternion=(0, 0, 0, 1))})
+    for changes in ({}, {"id": "forest"}, {"version": "2"}, {"metadata": turned}, {"metadata": saved}):
         await cache.get(replace(SOURCE, **changes))
     assert len(renderer.calls) == 4
 

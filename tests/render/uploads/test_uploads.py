@@ -333,7 +333,7 @@ async def test_only_loopback_lets_pages_change_scenes_unless_it_is_told_to(
             await client.post("/uploads", headers=begin("a.ply", 5)),
             await client.patch(f"/uploads/{'0' * 32}", headers=part(0), content=b"x"),
             await client.post("/scenes/attic/rename", json={"name": "loft"}),
-            await client.put("/scenes/attic/view" if editable is False else "/scenes/loft/view", json=VIEW),
+            await client.patch("/scenes/attic" if editable is False else "/scenes/loft", json=VIEW),
             await client.delete("/scenes/attic" if editable is False else "/scenes/loft"),
         ]
     refusals = [answer for answer in answers if answer.status_code == 403]
@@ -457,7 +457,7 @@ async def test_the_start_view_of_a_file_and_of_a_folder_is_set_and_moves_with_it
             before = (await client.get(f"/scenes/{id}")).json()
             assert before["state"] == when
             view = {**VIEW, "camera": {"position": [len(when), 0, 0], "look_at": [0, 0, 0]}}
-            answer = (await client.put(f"/scenes/{id}/view", json=view)).json()
+            answer = (await client.patch(f"/scenes/{id}", json=view)).json()
             assert {name: answer[name] for name in view} == view
             assert (answer["state"], answer["background"]) == (when, before["background"]), "nothing else changes"
             await client.post(f"/scenes/{id}/load")
@@ -480,10 +480,100 @@ async def test_the_start_view_of_a_file_and_of_a_folder_is_set_and_moves_with_it
 async def test_a_view_that_shows_nothing_is_refused(
     client: httpx.AsyncClient, models: Path, change: dict[str, Any], status: int, sentence: str
 ) -> None:
-    answer = await client.put("/scenes/attic/view", json=VIEW | change)
+    answer = await client.patch("/scenes/attic", json=VIEW | change)
     assert answer.status_code == status
     assert sentence in answer.json()["detail"]
     assert names(models) == ["attic.ply"]
+
+
+POSE = {"position": [1.0, 2.0, 3.0], "quaternion": [0.0, 0.0, 0.0, 1.0]}
+AWAY = {"position": [9.0, 2.0, 3.0], "quaternion": [0.0, 0.0, 0.0, 1.0]}
+TOUR = {
+    "keyframes": [POSE | {"t_ms": 0.0}, AWAY | {"t_ms": 900.0}, POSE | {"t_ms": 1900.0}],
+    "easing": "ease-in-out",
+    "loop": True,
+}
+
+
+@pytest.mark.parametrize("id", ["attic", "hall"])
+async def test_views_and_paths_of_a_file_and_of_a_folder_survive_a_restart_and_move_with_it(
+    models: Path, id: str
+) -> None:
+    plys.write(models / "hall" / "scene.ply", plys.binary_ply())
+    (models / "hall" / "scene.json").write_text(json.dumps({"background": [0, 0, 1]}))
+    saved = ("Entrance", "../../up", "__proto__", "日の出")
+    async with serving(settings_for(models)) as client:
+        before = (await client.get(f"/scenes/{id}")).json()
+        for name in saved:
+            await client.patch(f"/scenes/{id}", json={"views": {name: POSE | {"quaternion": [0, 0, 0, 9]}}})
+        after = (await client.patch(f"/scenes/{id}", json={"paths": {"Tour": TOUR, "Short": TOUR}})).json()
+        assert after == before | {"views": dict.fromkeys(saved, POSE), "paths": {"Tour": TOUR, "Short": TOUR}}
+        await client.patch(f"/scenes/{id}", json=VIEW)
+    async with serving(settings_for(models)) as client:
+        edit = {"views": {"__proto__": None, "Entrance": None, "Door": POSE}, "paths": {"Short": None}}
+        await client.patch(f"/scenes/{id}", json=edit)
+        renamed = (await client.post(f"/scenes/{id}/rename", json={"name": f"{id}2"})).json()
+        assert list(renamed["views"]) == ["../../up", "日の出", "Door"]
+        assert renamed["paths"] == {"Tour": TOUR}
+        assert renamed["up"] == VIEW["up"]
+        assert renamed["background"] == before["background"]
+        listed = next(scene for scene in (await client.get("/scenes")).json() if scene["id"] == f"{id}2")
+        assert listed == renamed | {"views": {}, "paths": {}}
+
+
+async def test_edits_at_the_same_time_are_all_kept(client: httpx.AsyncClient) -> None:
+    saved = [f"View {number}" for number in range(24)]
+    await asyncio.gather(*(client.patch("/scenes/attic", json={"views": {name: POSE}}) for name in saved))
+    assert sorted((await client.get("/scenes/attic")).json()["views"]) == sorted(saved)
+
+
+def saving(kind: str, **changes: Any) -> str:
+    """An edit that saves a view or path which is as it should be but for some fields."""
+    return json.dumps({kind: {"a": (POSE if kind == "views" else TOUR) | changes}})
+
+
+@pytest.mark.parametrize(
+    ("edit", "sentence"),
+    [
+        (saving("views", position=[0, 0, float("nan")]), "views.a.position.2"),
+        (saving("views", position=[0, float("inf"), 0]), "views.a.position.1"),
+        (saving("views", position=[1e10, 0, 0]), "views.a.position.0"),
+        (saving("views", position=[0, 0]), "views.a.position.2"),
+        (saving("views", quaternion=[0, 0, 0, 0]), "a quaternion of length zero is no rotation"),
+        (saving("views", else_=1), "views.a.else_"),
+        (json.dumps({"views": {"": POSE}}), "at least 1 character"),
+        (json.dumps({"views": {"x" * 101: POSE}}), "at most 100 characters"),
+        (json.dumps({"views": {" a": POSE}}), "no blanks around them"),
+        (json.dumps({"views": {"a\x1b[2J": POSE}}), "printable characters alone"),
+        (json.dumps({"views": {str(number): POSE for number in range(100)}}), "at most 100 saved views and 20 paths"),
+        (json.dumps({"paths": {str(number): TOUR for number in range(21)}}), "at most 100 saved views and 20 paths"),
+        (json.dumps({"views": [POSE]}), "views"),
+        (json.dumps({"views": None}), "views"),
+        (saving("paths", keyframes=[POSE | {"t_ms": 0}]), "a path has 2 to 64 keyframes"),
+        (saving("paths", keyframes=[POSE | {"t_ms": ms} for ms in range(65)]), "a path has 2 to 64 keyframes"),
+        (saving("paths", keyframes=[POSE | {"t_ms": 0}, AWAY | {"t_ms": 9}]), "a loop has the pose of the first"),
+        (saving("paths", keyframes=[POSE | {"t_ms": 5}, POSE | {"t_ms": 5}]), "greater t_ms than the one before"),
+        (saving("paths", keyframes=[POSE | {"t_ms": 0}, POSE | {"t_ms": 1e12}]), "t_ms"),
+        (saving("paths", easing="bounce"), "easing"),
+        ('{"views": {"a": ' * 400, "JSON"),
+    ],
+)
+async def test_a_hostile_edit_is_refused_in_a_sentence_and_loses_nothing(
+    client: httpx.AsyncClient, models: Path, edit: str, sentence: str
+) -> None:
+    await client.patch("/scenes/attic", json={"views": {"Door": POSE}})
+    before = (models / "attic.scene.json").read_bytes()
+    answer = await client.patch("/scenes/attic", content=edit)
+    assert problem(answer) == (400, "invalid-request")
+    assert sentence in answer.json()["detail"]
+    assert (models / "attic.scene.json").read_bytes() == before
+
+
+async def test_a_description_that_cannot_be_read_is_left_as_it_is(client: httpx.AsyncClient, models: Path) -> None:
+    (models / "attic.scene.json").write_text('{"name": "The attic",')
+    answer = await client.patch("/scenes/attic", json={"views": {"Door": POSE}})
+    assert problem(answer) == (422, "broken-scene")
+    assert (models / "attic.scene.json").read_text() == '{"name": "The attic",'
 
 
 @pytest.mark.parametrize("name", ["../up", "", "a/b", "hall", "courtyard", ".x", "x" * 300, "hall.compressed"])
@@ -498,7 +588,7 @@ async def test_the_built_in_scene_stays(client: httpx.AsyncClient) -> None:
     for answer in (
         await client.delete("/scenes/courtyard"),
         await client.post("/scenes/courtyard/rename", json={"name": "yard"}),
-        await client.put("/scenes/courtyard/view", json=VIEW),
+        await client.patch("/scenes/courtyard", json=VIEW),
     ):
         assert problem(answer) == (409, "built-in-scene")
         assert "is part of TIGAS" in answer.json()["detail"]

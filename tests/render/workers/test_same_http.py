@@ -46,7 +46,7 @@ REQUESTS: list[tuple[str, str, dict[str, str], bytes]] = [
     ("GET", "/scenes/courtyard/enhance", {}, b""),
     ("DELETE", "/scenes/courtyard", {}, b""),
     ("DELETE", "/scenes/nowhere", EVIL, b""),
-    ("PUT", "/scenes/nowhere/view", {}, b"{}"),
+    ("PATCH", "/scenes/nowhere", {}, b"{}"),
     ("POST", "/scenes/nowhere/rename", {}, b'{"name": "a"}'),
     ("POST", "/scenes/courtyard/rename", {}, b"{}"),
     ("OPTIONS", "/uploads", {}, b""),

@@ -40,7 +40,7 @@ async def test_any_process_takes_any_part_and_all_know_the_scene(
             assert [scene["id"] for scene in (await last.get("/scenes")).json()] == ["courtyard", "hall"]
             assert (await last.post("/scenes/hall/rename", json={"name": "foyer"})).json()["id"] == "foyer"
             view = {"camera": {"position": [0, 0, -9], "look_at": [0, 0, 0]}, "up": [0, 0, 1]}
-            assert (await last.put("/scenes/foyer/view", json=view)).json()["up"] == [0, 0, 1]
+            assert (await last.patch("/scenes/foyer", json=view)).json()["up"] == [0, 0, 1]
             assert (await last.post("/scenes/foyer/load")).json()["state"] == "loaded"
             assert (await last.delete("/scenes/foyer")).status_code == 204
             assert [scene["id"] for scene in (await last.get("/scenes")).json()] == ["courtyard"]

@@ -105,6 +105,7 @@ export function fakeSession() {
     connected: signal<Connected | null>(null),
     silent: signal(false),
     rig,
+    stage: { element: new EventTarget() },
     movement: new MovementDeck(rig),
     left,
     right,

@@ -1,5 +1,6 @@
 /** Links to a view: the camera pose, and the settings that affect the view. Pure. */
 
+import type { SceneInfo } from "#client/wire/render";
 import { COMPARED, DEFAULT_SETTINGS, LINKED, type LinkedName, type Settings, settingOf } from "#viewer/state/settings";
 import type { ScenePose } from "#viewer/view/camera";
 import { poseOf, poseText } from "#viewer/view/pose-text";
@@ -20,9 +21,9 @@ export function linkedSettings(asked: Asked): Partial<Settings> {
   return { ...(compared && { mode: COMPARED }), ...settings };
 }
 
-/** The pose of a link, from `at=x,y,z,qx,qy,qz,qw`; null without one. */
-export function linkedPose({ at }: Asked): ScenePose | null {
-  return poseOf(at ?? "");
+/** The pose of a link, from `at=x,y,z,qx,qy,qz,qw` or the name of a saved view; null without one. */
+export function linkedPose({ at, view = "" }: Asked, views: SceneInfo["views"] = {}): ScenePose | null {
+  return poseOf(at ?? "") ?? (Object.hasOwn(views, view) ? (views[view] ?? null) : null);
 }
 
 function inText(value: Settings[LinkedName]): string {

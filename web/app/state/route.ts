@@ -18,13 +18,13 @@ export type Route =
 /** Contents of a link as text: settings, and a pose (`link.ts`). Omitted settings keep their previous values. */
 export type Asked = Readonly<Partial<Record<(typeof ASKABLE)[number], string>>>;
 
-export const ASKABLE = ["at", ...LINKED] as const;
+export const ASKABLE = ["at", "view", ...LINKED] as const;
 
 /** The list of experiments. */
 export const EXPERIMENTS = "#/experiments";
 /** In a link: hides all controls of the page. */
 const BARE = "noui";
-/** `?at=x,y,z,qx,qy,qz,qw` is the camera pose; `?mode=NAME`, `?reprojection=on|off` and so on are settings. */
+/** `?at=x,y,z,qx,qy,qz,qw` is the camera pose; `?view=NAME` a saved view; `?mode=NAME`, `?reprojection=on|off` and so on are settings. */
 const VIEWER = /^#\/scene\/([^/?]+)(?:\?(.*))?$/;
 
 const EXPERIMENT = /^#\/experiments\/([^/?]+)\/(samples|run)$/;

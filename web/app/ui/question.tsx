@@ -1,4 +1,4 @@
-/** A confirmation dialog; if the action fails, it stays open with the reason. */
+/** Dialogs that confirm an action or ask for a name; if the action fails, they stay open with the reason. */
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { ApiError } from "#client/http/problem";
@@ -55,5 +55,36 @@ export function Question({ title, verb, action, onDone, onClose, children }: Pro
         </footer>
       </form>
     </Dialog>
+  );
+}
+
+interface NameProps extends Omit<Props, "action" | "children"> {
+  /** The present name. */
+  readonly name: string;
+  readonly maxLength: number;
+  /** Rejects with an ApiError. */
+  readonly action: (name: string) => Promise<unknown>;
+  readonly children?: ComponentChildren;
+}
+
+export function NameQuestion({ name, maxLength, action, children, ...question }: NameProps) {
+  const typed = useSignal(name);
+  return (
+    <Question {...question} action={() => action(typed.value.trim())}>
+      <label class="number-field">
+        <span>New name</span>
+        <input
+          autofocus
+          required
+          maxLength={maxLength}
+          value={typed.value}
+          onFocus={(event) => event.currentTarget.select()}
+          onInput={(event) => {
+            typed.value = event.currentTarget.value;
+          }}
+        />
+      </label>
+      {children}
+    </Question>
   );
 }

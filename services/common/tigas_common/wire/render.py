@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
-from typing import Any, Literal, Self
+from itertools import pairwise
+from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Angle, Entries, Point, Quaternion, Unit, WireModel
+
+Value = TypeVar("Value")
 
 FrameFormat = Literal["jpeg", "png", "yuv420p"]
 """Formats of every rasteriser."""
@@ -216,6 +219,65 @@ class StartCamera(WireModel):
     look_at: Point
 
 
+MAX_VIEWS = 100
+MAX_PATHS = 20
+"""The most views and paths that are saved with a scene."""
+MAX_KEYFRAMES = 64
+"""The most keyframes of a path: as many as a request has room for."""
+
+
+def _is_name(name: str) -> str:
+    if name != name.strip() or not name.isprintable():
+        raise ValueError("a name has printable characters alone, and no blanks around them")
+    return name
+
+
+SavedName = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_is_name)]
+
+
+class SavedView(WireModel):
+    """A camera pose in the scene's own coordinates."""
+
+    position: Point
+    quaternion: Quaternion
+    """The rotation from camera to world, [x, y, z, w]; kept with length one."""
+
+    @field_validator("quaternion")
+    @classmethod
+    def _normalise(cls, quaternion: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+        length = math.hypot(*quaternion)
+        x, y, z, w = quaternion
+        return x / length, y / length, z / length, w / length
+
+
+class Keyframe(SavedView):
+    """A pose of a camera path and its time."""
+
+    t_ms: float = Field(ge=0, le=3_600_000)
+
+
+class SavedPath(WireModel):
+    """A smooth camera path through keyframes."""
+
+    keyframes: Entries[Keyframe]
+    """In the order of time."""
+    easing: Literal["linear", "ease-in", "ease-out", "ease-in-out"] = "linear"
+    """How it begins and ends."""
+    loop: bool = False
+    """Whether it plays again and again; its last keyframe has the pose of the first then."""
+
+    @model_validator(mode="after")
+    def _check_keyframes(self) -> Self:
+        if not 2 <= len(self.keyframes) <= MAX_KEYFRAMES:
+            raise ValueError(f"a path has 2 to {MAX_KEYFRAMES} keyframes")
+        if any(later.t_ms <= earlier.t_ms for earlier, later in pairwise(self.keyframes)):
+            raise ValueError("every keyframe needs a greater t_ms than the one before")
+        first, last = self.keyframes[0], self.keyframes[-1]
+        if self.loop and (first.position, first.quaternion) != (last.position, last.quaternion):
+            raise ValueError("the last keyframe of a loop has the pose of the first")
+        return self
+
+
 class SceneDownload(WireModel):
     """A file of the scene's Gaussians, at `/scenes/{id}/download/compressed`; made on the first request.
 
@@ -261,6 +323,10 @@ class SceneInfo(WireModel):
     """Networks that can enhance its frames: its own, trained on this very file, or those for any scene."""
     ladder: Entries[Rung] | None = None
     """The ladder that profiles index if the scene has its own; null: the server's."""
+    views: dict[SavedName, SavedView] = Field(default_factory=dict)
+    """Saved views by name; left out in the list of all scenes, as are paths."""
+    paths: dict[SavedName, SavedPath] = Field(default_factory=dict)
+    """Saved camera paths by name."""
     builtin: bool = False
     """Whether it is part of the service, which can neither rename nor delete it."""
     downloads: Entries[SceneDownload] = ()
@@ -273,12 +339,24 @@ class SceneName(WireModel):
     name: str = Field(max_length=200)
 
 
-class SceneView(WireModel):
-    """New start view of a scene, in its own coordinates."""
+class SceneEdit(WireModel):
+    """Changes of a scene's description; whatever is left out stays."""
 
-    camera: StartCamera
-    up: Point
+    camera: StartCamera | None = None
+    """New start view, in the scene's own coordinates."""
+    up: Point | None = None
     """Direction that points up; it need not have length one."""
+    views: dict[SavedName, SavedView | None] = Field(default_factory=dict)
+    """Views to save by name; null removes one."""
+    paths: dict[SavedName, SavedPath | None] = Field(default_factory=dict)
+    """Camera paths to save by name; null removes one."""
+
+    @field_validator("camera", "up")
+    @classmethod
+    def _is_given(cls, value: Value) -> Value:
+        if value is None:
+            raise ValueError("it can be changed, but not removed")
+        return value
 
 
 class AddedScene(WireModel):

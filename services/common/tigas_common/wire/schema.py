@@ -41,7 +41,7 @@ def schemas() -> dict[str, dict[str, Any]]:
     """The schema of each service's messages, by the name of its module here."""
     return {
         "render": messages_schema(
-            requests=[render.RenderRequest, render.SceneView],
+            requests=[render.RenderRequest, render.SceneEdit],
             answers=[
                 render.FrameHeader,
                 render.Problem,

@@ -113,7 +113,7 @@ class DownloadCache:
 
     def _path(self, source: SceneSource) -> Path:
         """The file's name depends on everything that its content depends on."""
-        key = f"{VERSION}|{source.id}|{source.version}|{source.metadata.model_dump_json()}"
+        key = f"{VERSION}|{source.id}|{source.version}|{source.metadata.look}"
         return self._directory / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.compressed"
 
     async def _kept_or_made(self, source: SceneSource, path: Path) -> MadeFile:

@@ -85,5 +85,7 @@ class Entry:
             camera=self.view.camera if self.view else None,
             background=source.metadata.background,
             ladder=source.ladder,
+            views=source.metadata.views,
+            paths=source.metadata.paths,
             builtin=builtin,
         )

@@ -1,4 +1,4 @@
-"""Operations on a models directory: add, rename and remove scenes, and set their start views.
+"""Operations on a models directory: add, rename, edit and remove scenes.
 
 A scene is added from a file or a URL, whole and readable or not at all. Names are looked up in the directory, so that
 none leads elsewhere.
@@ -21,14 +21,14 @@ import httpx
 from tigas_common.errors import TigasError, UnknownScene
 from tigas_common.files import check_room, move_new, open_regular, read_regular, replace_file, to_disk
 from tigas_common.limits import IdleTimeout
-from tigas_common.parsing import MAX_BODY, parse
-from tigas_common.wire.render import SceneView
-from tigas_render.local_files import locked_directory
+from tigas_common.parsing import parse
+from tigas_common.wire.render import SceneEdit
+from tigas_render.local_files import locked, locked_directory
 from tigas_render.scenes.directory import SAFE_NAME, read_scene_file, scene_paths
 from tigas_render.scenes.registry import BUILTIN
 from tigas_render.scenes.scene_file import Listener, SceneFile
 from tigas_render.scenes.sog_files import META
-from tigas_render.scenes.source import SceneMetadata, metadata_path, scene_id
+from tigas_render.scenes.source import MAX_METADATA, SceneMetadata, metadata_path, read_metadata, scene_id
 from tigas_render.scenes.streamed_sog import FORMAT as STREAMED
 from tigas_render.scenes.streamed_sog import LOD_META
 
@@ -214,15 +214,27 @@ def rename_scene(directory: Path, id: str, name: str) -> None:
         metadata_path(path).unlink(missing_ok=True)
 
 
-def set_view(directory: Path, id: str, view: SceneView) -> None:
-    """Set a scene's start view and up axis in its metadata.
+def edit_scene(directory: Path, id: str, edit: SceneEdit) -> None:
+    """Change a scene's metadata.
 
-    Raises UnknownScene, InvalidRequest if nothing can be seen from it, and OSError.
+    Raises UnknownScene, InvalidRequest if the result is not valid, BrokenScene if the metadata was not before, and
+    OSError; then nothing is changed.
     """
     path = _path(directory, id)
-    metadata = {**_metadata(path), **view.model_dump(mode="json")}
-    parse(SceneMetadata, json.dumps(metadata).encode())
-    _write_metadata(path, metadata)
+    with locked(directory.resolve()):  # an edit at the same time must not be lost
+        metadata = read_metadata(path).model_dump(mode="json", exclude_unset=True)
+        merged = _merged(metadata, edit.model_dump(mode="json", exclude_unset=True))
+        parse(SceneMetadata, json.dumps(merged).encode(), MAX_METADATA)
+        _write_metadata(path, merged)
+
+
+def _merged(metadata: dict[str, Any], edit: dict[str, Any]) -> dict[str, Any]:
+    saved: dict[str, Any] = {
+        kind: {name: value for name, value in {**metadata.get(kind, {}), **edit[kind]}.items() if value is not None}
+        for kind in ("views", "paths")
+        if kind in edit
+    }
+    return {**metadata, **edit, **saved}
 
 
 def _path(directory: Path, id: str) -> Path:
@@ -235,7 +247,7 @@ def _path(directory: Path, id: str) -> Path:
 def _metadata(scene: Path) -> dict[str, Any]:
     """The contents of a scene's metadata; empty if it is missing or invalid. Raises OSError."""
     try:
-        metadata = json.loads(read_regular(metadata_path(scene), MAX_BODY))
+        metadata = json.loads(read_regular(metadata_path(scene), MAX_METADATA))
     except (FileNotFoundError, ValueError, RecursionError):
         return {}
     return metadata if isinstance(metadata, dict) else {}

@@ -116,8 +116,9 @@ class SceneRegistry:
         return {id: replace(source, ladder=None) for id, source in sources.items()}
 
     def infos(self) -> list[SceneInfo]:
-        """Every scene, by id."""
-        return [self._info(entry) for entry in self._entries.values()]
+        """Every scene, by id, without its saved views and paths, of which there may be many."""
+        left_out: Mapping[str, object] = {"views": {}, "paths": {}}
+        return [self._info(entry).model_copy(update=left_out) for entry in self._entries.values()]
 
     def memory(self) -> dict[str, int]:
         """Bytes of loaded and loading scenes by id, including removed scenes that are in use."""

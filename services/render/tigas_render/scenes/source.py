@@ -15,9 +15,9 @@ from pydantic import Field, field_validator, model_validator
 
 from tigas_common.errors import BrokenScene, InvalidRequest
 from tigas_common.files import open_regular
-from tigas_common.parsing import MAX_BODY, parse
+from tigas_common.parsing import parse
 from tigas_common.wire.model import Entries, Point, Unit, WireModel
-from tigas_common.wire.render import Rung, StartCamera
+from tigas_common.wire.render import MAX_PATHS, MAX_VIEWS, Rung, SavedName, SavedPath, SavedView, StartCamera
 from tigas_render.gaussians import Batches, Gaussians
 from tigas_render.scenes.scene_file import Listener, explained
 
@@ -28,6 +28,8 @@ DEFAULT_UP: Point = (0.0, -1.0, 0.0)
 SHORTEST_UP = 1e-6
 """Smallest longest component: the square of a much shorter vector underflows to 0."""
 MAX_RUNGS = 16
+MAX_METADATA = 1 << 20
+"""The largest scene.json or ladder.json, in bytes: with room for all views and paths that a scene may have."""
 
 Content = TypeVar("Content", bound=WireModel)
 
@@ -40,6 +42,13 @@ class SceneMetadata(WireModel):
     camera: StartCamera | None = None
     background: tuple[Unit, Unit, Unit] = (0.0, 0.0, 0.0)
     """RGB, 0 to 1."""
+    views: dict[SavedName, SavedView] = Field(default_factory=dict)
+    paths: dict[SavedName, SavedPath] = Field(default_factory=dict)
+
+    @property
+    def look(self) -> str:
+        """All that its pictures and downloads depend on, as a part of their keys in caches."""
+        return self.model_dump_json(exclude={"views", "paths"})
 
     @field_validator("up")
     @classmethod
@@ -52,6 +61,12 @@ class SceneMetadata(WireModel):
     def _check_camera(self) -> Self:
         if self.camera is not None and self.camera.position == self.camera.look_at:
             raise ValueError("a camera cannot look at its own position")
+        return self
+
+    @model_validator(mode="after")
+    def _check_saved(self) -> Self:
+        if len(self.views) > MAX_VIEWS or len(self.paths) > MAX_PATHS:
+            raise ValueError(f"a scene has at most {MAX_VIEWS} saved views and {MAX_PATHS} paths")
         return self
 
 
@@ -105,13 +120,13 @@ def _read_json(path: Path, kind: type[Content]) -> Content | None:
     with explained(path):
         try:
             with open_regular(path) as file:
-                content = file.read(MAX_BODY + 1)
+                content = file.read(MAX_METADATA + 1)
         except (FileNotFoundError, NotADirectoryError):
             return None
-    if len(content) > MAX_BODY:
-        raise BrokenScene(f"{path.name} is larger than {MAX_BODY // 1024} KiB.")
+    if len(content) > MAX_METADATA:
+        raise BrokenScene(f"{path.name} is larger than {MAX_METADATA // 1024} KiB.")
     try:
-        return parse(kind, content)
+        return parse(kind, content, MAX_METADATA)
     except InvalidRequest as error:
         raise BrokenScene(f"{path.name} is not valid: {error.detail}") from None
 

@@ -33,7 +33,7 @@ from tigas_common.web import (
     problem_response,
     takes,
 )
-from tigas_common.wire.render import AddedScene, HostLoad, SceneInfo, SceneName, SceneView, ServerConfig, Training
+from tigas_common.wire.render import AddedScene, HostLoad, SceneEdit, SceneInfo, SceneName, ServerConfig, Training
 from tigas_render.server.frame_route import FRAMES, PATH, HttpFrames
 from tigas_render.server.page import Page
 from tigas_render.server.service import RenderService
@@ -52,9 +52,9 @@ def create_app(service: RenderService) -> ASGIApp:
             FRAMES,
             Route("/scenes", scenes),
             Route("/scenes/{id}", scene),
+            Route("/scenes/{id}", edit, methods=["PATCH"]),
             Route("/scenes/{id}", remove, methods=["DELETE"]),
             Route("/scenes/{id}/rename", rename, methods=["POST"]),
-            Route("/scenes/{id}/view", set_view, methods=["PUT"]),
             Route("/scenes/{id}/load", load, methods=["POST"]),
             Route("/scenes/{id}/unload", unload, methods=["POST"]),
             Route("/scenes/{id}/preview", preview),
@@ -111,11 +111,11 @@ async def rename(request: Request, body: Body[SceneName]) -> ModelResponse[Scene
     return json_response(await service.info(name))
 
 
-@takes(SceneView)
-async def set_view(request: Request, body: Body[SceneView]) -> ModelResponse[SceneInfo]:
-    """Set the start view of a scene, for everyone."""
+@takes(SceneEdit)
+async def edit(request: Request, body: Body[SceneEdit]) -> ModelResponse[SceneInfo]:
+    """Change the start view, saved views and camera paths of a scene, for everyone."""
     service, id = _service(request), request.path_params["id"]
-    await service.library.set_view(id, await body.read())
+    await service.library.edit(id, await body.read())
     return json_response(await service.info(id))
 
 

@@ -12,9 +12,9 @@ from pathlib import Path
 from tigas_common.errors import BrokenScene, Overloaded, TigasError
 from tigas_common.files import storage_explained
 from tigas_common.offload import Limit, Offload, offload_to_process
-from tigas_common.wire.render import SceneView
+from tigas_common.wire.render import SceneEdit
 from tigas_render.scenes.directory import read_scene_file
-from tigas_render.scenes.library_operations import NotAdded, keep, remove_scene, rename_scene, set_view
+from tigas_render.scenes.library_operations import NotAdded, edit_scene, keep, remove_scene, rename_scene
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.settings import RenderSettings
 from tigas_render.single_flight import SingleFlight
@@ -73,9 +73,9 @@ class Library:
         """Give a scene another id. Raises as `remove`, and NotAdded if there cannot be such a scene."""
         await self._change(scene_id, partial(rename_scene, name=name))
 
-    async def set_view(self, scene_id: str, view: SceneView) -> None:
-        """Set a scene's start view. Raises as `remove`, and InvalidRequest if nothing can be seen from it."""
-        await self._change(scene_id, partial(set_view, view=view))
+    async def edit(self, scene_id: str, edit: SceneEdit) -> None:
+        """Change a scene's description. Raises as `remove`, and InvalidRequest if the result is not valid."""
+        await self._change(scene_id, partial(edit_scene, edit=edit))
 
     def tidy(self) -> None:
         with suppress(ScenesFixed):

@@ -68,7 +68,7 @@ class PreviewCache:
 
     def _path(self, source: SceneSource) -> Path:
         """The file's name depends on everything that the picture depends on."""
-        key = f"{VERSION}|{source.id}|{source.version}|{source.metadata.model_dump_json()}|{WIDTH}x{HEIGHT}"
+        key = f"{VERSION}|{source.id}|{source.version}|{source.metadata.look}|{WIDTH}x{HEIGHT}"
         return self._directory / f"preview-{hashlib.sha256(key.encode()).hexdigest()[:32]}.jpg"
 
     async def _cached_or_rendered(self, scene_id: str, path: Path) -> Preview:

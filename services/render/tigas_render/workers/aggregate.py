@@ -109,9 +109,7 @@ class Aggregate(_EnginesApp):
                 return await self._merged(scope, body, merge_training, by_all=True)
             case "POST", ["scenes", _, "unload"]:
                 return await self._merged(scope, body, merge_scene, by_all=True)
-            case ("DELETE", ["scenes", _]) | ("POST", ["scenes", _, "rename"] | ["uploads", _, "scene"]):
-                return await self._change(scope, body)
-            case "PUT", ["scenes", _, "view"]:
+            case ("DELETE" | "PATCH", ["scenes", _]) | ("POST", ["scenes", _, "rename"] | ["uploads", _, "scene"]):
                 return await self._change(scope, body)
             case "POST", ["scenes", scene, "enhance"]:
                 return await self._first(await self._trainers(scope, scene), scope, body)

@@ -1,9 +1,8 @@
 /** Confirmations before a scene is renamed or deleted. */
-import { useSignal } from "@preact/signals";
 import type { SceneInfo } from "#client/wire/render";
 import { deleteScene, renameScene } from "#viewer/state/api";
 import { refreshScenes } from "../../state/app";
-import { Question } from "../question";
+import { NameQuestion, Question } from "../question";
 
 interface Props {
   readonly scene: SceneInfo;
@@ -11,30 +10,18 @@ interface Props {
 }
 
 export function RenameQuestion({ scene, onClose }: Props) {
-  const name = useSignal(scene.name);
   return (
-    <Question
+    <NameQuestion
       title={`Rename “${scene.name}”`}
       verb="Rename"
-      action={() => renameScene(scene.id, name.value.trim())}
+      name={scene.name}
+      maxLength={128}
+      action={(name) => renameScene(scene.id, name)}
       onDone={() => void refreshScenes()}
       onClose={onClose}
     >
-      <label class="number-field">
-        <span>New name</span>
-        <input
-          autofocus
-          required
-          maxLength={128}
-          value={name.value}
-          onFocus={(event) => event.currentTarget.select()}
-          onInput={(event) => {
-            name.value = event.currentTarget.value;
-          }}
-        />
-      </label>
       <p class="muted small">Links with the old name stop working, and anyone viewing it has to open it again.</p>
-    </Question>
+    </NameQuestion>
   );
 }
 

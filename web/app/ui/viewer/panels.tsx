@@ -10,12 +10,14 @@ import { changeSettings, config, ladder, settings } from "../../state/app";
 import { bytes } from "../format";
 import { InsecureHint } from "../insecure-hint";
 import { NetworkPanel } from "../network/network-panel";
+import { CameraPaths } from "./camera-paths";
 import { EnhancementPanel } from "./enhancement-panel";
 import { ModePanel } from "./mode-panel";
 import { MovementTrace } from "./movement-trace";
 import { NumberField } from "./number-field";
 import { ReprojectionPanel } from "./reprojection-panel";
 import { SaveVideo } from "./save-video";
+import { SavedViews } from "./saved-views";
 import { Choice, NumberSetting, Toggle } from "./setting";
 import { StartView } from "./start-view";
 
@@ -26,6 +28,7 @@ interface Props {
 
 export function Panels({ session, onReset }: Props) {
   const shaper = config.value?.services.shaper;
+  const movement = session.movement.movement.value;
   const affects = (name: keyof Settings) => applies(name, settings.value);
   return (
     <>
@@ -55,9 +58,18 @@ export function Panels({ session, onReset }: Props) {
         </Section>
       )}
       <Movement session={session} onReset={onReset} />
+      <Section title="Views">
+        <SavedViews session={session} />
+        <StartView session={session} />
+      </Section>
+      <Section title="Camera paths">
+        <CameraPaths session={session} />
+      </Section>
       <Section title="Movement trace">
         <MovementTrace deck={session.movement} scene={session.scene.value} />
-        <SaveVideo session={session} />
+        {movement && session.scene.value && (
+          <SaveVideo session={session} of="movement" name={movement.name} path={() => session.movement.path} />
+        )}
       </Section>
       <Lens session={session} />
     </>
@@ -155,7 +167,6 @@ function Movement({ session, onReset }: Props) {
           }}
         />
       </div>
-      <StartView session={session} />
     </Section>
   );
 }

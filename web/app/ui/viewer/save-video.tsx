@@ -1,27 +1,39 @@
-/** Saves the chosen movement as a video at full quality. */
+/** Saves a movement or a camera path as a video at full quality. */
 import { signal } from "@preact/signals";
 import { Film, X } from "lucide";
 import { exportVideo } from "#viewer/control/video-export";
+import type { CameraPath } from "#viewer/movement/camera-path";
 import type { ViewerSession } from "#viewer/session/session";
 import { Icon } from "../icon";
 import { fileName, save } from "../save";
+import { reason } from "./scene-edits";
 
 /** The video that is being made, which continues while the settings are closed. */
-const job = signal<{ readonly progress: number; readonly cancel: () => void } | null>(null);
+const job = signal<{ readonly of: Kind; readonly progress: number; readonly cancel: () => void } | null>(null);
 /** Why the last one failed; null otherwise. */
-const problem = signal<string | null>(null);
+const problem = signal<{ readonly of: Kind; readonly why: string } | null>(null);
 
-export function SaveVideo({ session }: { session: ViewerSession }) {
+type Kind = "movement" | "path";
+
+interface Props {
+  readonly session: ViewerSession;
+  readonly of: Kind;
+  /** Of the file. */
+  readonly name: string;
+  readonly path: () => CameraPath | null;
+}
+
+export function SaveVideo({ session, of, name, path }: Props) {
   const making = job.value;
-  if (session.movement.movement.value === null || session.scene.value === null) return null;
   return (
     <div class="movement-video">
-      {making === null ? (
+      {making?.of !== of ? (
         <button
           type="button"
           class="quiet-button with-icon"
           title="Every frame at full quality, rendered one after the other; this takes longer than the movement"
-          onClick={() => void make(session)}
+          disabled={making !== null}
+          onClick={() => void make({ session, of, name, path })}
         >
           <Icon of={Film} size={14} /> Save as video
         </button>
@@ -33,30 +45,29 @@ export function SaveVideo({ session }: { session: ViewerSession }) {
           </button>
         </div>
       )}
-      {problem.value && (
+      {problem.value?.of === of && (
         <p class="notice" role="alert">
-          The video was not saved. {problem.value}
+          The video was not saved. {problem.value.why}
         </p>
       )}
     </div>
   );
 }
 
-async function make(session: ViewerSession): Promise<void> {
-  const { path, movement } = session.movement;
-  const name = movement.peek()?.name.replace(/\.csv$/i, "") ?? "video";
-  if (path === null) return;
+async function make({ session, of, name, path }: Props): Promise<void> {
+  const way = path();
+  if (way === null) return;
   const stop = new AbortController();
   const onProgress = (progress: number) => {
-    job.value = { progress, cancel: () => stop.abort() };
+    job.value = { of, progress, cancel: () => stop.abort() };
   };
   onProgress(0);
   problem.value = null;
   try {
-    const video = await exportVideo(session, path, { signal: stop.signal, onProgress });
-    save(fileName(name, video.type.includes("mp4") ? "mp4" : "webm"), video);
+    const video = await exportVideo(session, way, { signal: stop.signal, onProgress });
+    save(fileName(name.replace(/\.csv$/i, ""), video.type.includes("mp4") ? "mp4" : "webm"), video);
   } catch (error) {
-    if (!stop.signal.aborted) problem.value = error instanceof Error ? error.message : String(error);
+    if (!stop.signal.aborted) problem.value = { of, why: reason(error) };
   }
   job.value = null;
 }

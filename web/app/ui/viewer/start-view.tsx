@@ -1,26 +1,22 @@
 /** Buttons that store the present view as the scene's start view, for everyone. */
 import { useSignal } from "@preact/signals";
-import type { SceneInfo, SceneView } from "#client/wire/render";
+import type { SceneEdit, SceneInfo } from "#client/wire/render";
 import type { ViewerSession } from "#viewer/session/session";
-import { setStartView } from "#viewer/state/api";
 import { type ScenePose, viewDistance } from "#viewer/view/camera";
 import { add, rotate, type Vector3 } from "#viewer/view/vector";
-import { config } from "../../state/app";
+import { edit, mayEdit, reason } from "./scene-edits";
 
-/** Nothing where the server lets pages change no scenes, and for built-in ones. */
+/** Nothing where the scene cannot be changed. */
 export function StartView({ session }: { readonly session: ViewerSession }) {
   const problem = useSignal<string | null>(null);
   const scene = session.scene.value;
-  const editable = (config.value?.max_upload_bytes ?? null) !== null && scene?.builtin === false;
-  if (scene === null || !editable) return null;
-  const store = async (view: SceneView) => {
+  if (scene === null || !mayEdit(scene)) return null;
+  const store = async (view: SceneEdit) => {
     try {
-      const changed = await setStartView(scene.id, view);
+      session.rig.enter(await edit(session, scene.id, view));
       problem.value = null;
-      session.rig.enter(changed);
-      session.scene.value = changed;
     } catch (error) {
-      problem.value = error instanceof Error ? error.message : String(error);
+      problem.value = reason(error);
     }
   };
   return (
@@ -45,13 +41,13 @@ export function StartView({ session }: { readonly session: ViewerSession }) {
   );
 }
 
-function presentView({ rig }: ViewerSession, scene: SceneInfo): SceneView {
+function presentView({ rig }: ViewerSession, scene: SceneInfo): SceneEdit {
   const [position, look_at] = segment(rig.pose, [0, 0, viewDistance(scene)]);
   return { camera: { position, look_at }, up: scene.up };
 }
 
 /** The viewing direction becomes up, and the bottom of the picture the direction of the new start view. */
-function uprightView({ rig }: ViewerSession, scene: SceneInfo): SceneView {
+function uprightView({ rig }: ViewerSession, scene: SceneInfo): SceneEdit {
   const [position, look_at] = segment(rig.pose, [0, viewDistance(scene), 0]);
   const [x, y, z] = rotate(rig.pose.quaternion, [0, 0, 1]);
   return { camera: { position, look_at }, up: [x, y, z] };

@@ -7,6 +7,7 @@ import { applies } from "#viewer/sources/sides";
 import { DEFAULT_SETTINGS, type Settings } from "#viewer/state/settings";
 import { changeSettings, config, ladder, settings } from "../../state/app";
 import { Icon } from "../icon";
+import { goTo, play, SavedPlaces } from "./saved-places";
 import { Segment, SegmentList } from "./setting";
 import { wayOf, waysOffered } from "./ways";
 
@@ -32,6 +33,7 @@ export function ViewMenu({ session, onReset, onClose }: Props) {
   }, [onClose]);
   return (
     <fieldset class="floating view-menu" id="view-menu" aria-label="View" ref={menu}>
+      <Saved session={session} onClose={onClose} />
       <Picture session={session} />
       {applies("controller", settings.value) && <Quality />}
       <Options name="drag" label="Drag to" options={DRAGS} />
@@ -40,6 +42,25 @@ export function ViewMenu({ session, onReset, onClose }: Props) {
         <Icon of={RotateCcw} size={14} /> Back to the start
       </button>
     </fieldset>
+  );
+}
+
+/** The scene's saved views and camera paths, if it has any. */
+function Saved({ session, onClose }: Pick<Props, "session" | "onClose">) {
+  const { views = {}, paths = {} } = session.scene.value ?? {};
+  const go = (name: string) => {
+    onClose();
+    if (views[name]) goTo(session, views[name]);
+  };
+  const start = (name: string) => {
+    onClose();
+    if (paths[name]) void play(session, paths[name]);
+  };
+  return (
+    <>
+      <SavedPlaces places={views} heading="Saved views" title="Go to this view" onChoose={go} />
+      <SavedPlaces places={paths} heading="Camera paths" title="Play this path" onChoose={start} />
+    </>
   );
 }
 

@@ -1,9 +1,9 @@
 // @vitest-environment happy-dom
-import { act, cleanup, render, screen } from "@testing-library/preact";
+import { act, cleanup, render, screen, waitFor } from "@testing-library/preact";
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { turning } from "#viewer/reproject/acceleration";
-import { serverConfig } from "#viewer/state/fake-server";
+import { COURTYARD, serverConfig } from "#viewer/state/fake-server";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
 import { config, settings } from "../../state/app";
 import { type FakeSession, fakeSession } from "../../state/fake-session";
@@ -46,6 +46,19 @@ test("a URL may say where the camera is, and what is shown how", async () => {
   await act(() => void session.rig.sample(20));
   expect(session.rig.pose.position).toEqual([1, 2, 3]);
   expect(settings.value).toMatchObject({ mode: "local", drag: "orbit" });
+});
+
+test.each([
+  ["Gate", 5, null],
+  ["Pond", 0, "This scene has no saved view “Pond”."],
+  ["constructor", 0, "This scene has no saved view “constructor”."],
+])("a URL may name the saved view %s", async (view, x, note) => {
+  session.scene.value = { ...COURTYARD, views: { Gate: { position: [5, 0, 0], quaternion: [0, 0, 0, 1] } } };
+  settings.value = { ...settings.value, hud: true };
+  show({ view });
+  await act(() => void session.rig.sample(20));
+  expect(session.rig.pose.position[0]).toBeCloseTo(x);
+  await waitFor(() => expect(document.querySelector("[data-stat=link-note]")?.textContent ?? null).toBe(note));
 });
 
 test("a link to the view is copied, and is the page's address", async () => {
@@ -112,7 +125,7 @@ test.each([
   [{ upscale: "magic" }, undefined, /^The link sets upscale to “magic”, which it cannot be; choose one of off, /],
   [{ at: "here" }, undefined, /^The link's place cannot be read/],
   [{ profile: "-2" }, undefined, "The link sets profile to “-2”, which it cannot be."],
-  [{}, ["predicton"], /^The link names “predicton”, which means nothing here; it may name at, mode, /],
+  [{}, ["predicton"], /^The link names “predicton”, which means nothing here; it may name at, view, mode, /],
 ])("a URL with %o and %o says what makes no sense in it", (asked, unknown, sentence) => {
   render(<Viewer sceneId="courtyard" asked={asked} unknown={unknown} />);
   expect(screen.getByText(sentence)).toBeTruthy();

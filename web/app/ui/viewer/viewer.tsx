@@ -86,7 +86,7 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
     if (entered) added.value = new Set([...added.peek()].filter((id) => id !== sceneId));
   }, [entered, sceneId]);
   useEffect(() => {
-    const pose = linkedPose(asked);
+    const pose = linkedPose(asked, live?.scene.peek()?.views);
     if (live && entered && pose) live.rig.place(pose);
   }, [asked, live, entered]);
 
@@ -114,7 +114,7 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
     fullscreen: fullscreen.toggle,
   };
   const stats = live?.source.value?.stats.value;
-  const note = linkNote(asked, unknown);
+  const note = linkNote(asked, unknown, live?.scene.value);
   const phase = live?.phase.value.kind ?? "connecting";
   const usable = phase !== "failed" && !bare;
   const compared = (live?.comparison.value?.sides.length ?? 0) > 1;

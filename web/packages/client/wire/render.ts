@@ -35,15 +35,17 @@ export interface VideoRequest {
   key?: boolean;
 }
 /**
- * New start view of a scene, in its own coordinates.
+ * Changes of a scene's description; whatever is left out stays.
  */
-export interface SceneView {
-  camera: StartCamera;
-  /**
-   * @minItems 3
-   * @maxItems 3
-   */
-  up: [number, number, number];
+export interface SceneEdit {
+  camera?: StartCamera | null;
+  up?: [number, number, number] | null;
+  views?: {
+    [k: string]: SavedView | null;
+  };
+  paths?: {
+    [k: string]: SavedPath | null;
+  };
 }
 /**
  * Where a visitor enters the scene.
@@ -59,6 +61,45 @@ export interface StartCamera {
    * @maxItems 3
    */
   look_at: [number, number, number];
+}
+/**
+ * A camera pose in the scene's own coordinates.
+ */
+export interface SavedView {
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  position: [number, number, number];
+  /**
+   * @minItems 4
+   * @maxItems 4
+   */
+  quaternion: [number, number, number, number];
+}
+/**
+ * A smooth camera path through keyframes.
+ */
+export interface SavedPath {
+  keyframes: Keyframe[];
+  easing?: "linear" | "ease-in" | "ease-out" | "ease-in-out";
+  loop?: boolean;
+}
+/**
+ * A pose of a camera path and its time.
+ */
+export interface Keyframe {
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  position: [number, number, number];
+  /**
+   * @minItems 4
+   * @maxItems 4
+   */
+  quaternion: [number, number, number, number];
+  t_ms: number;
 }
 /**
  * Precedes the body on WebTransport. From status 400 on, the body is a Problem and the other fields are null.
@@ -131,6 +172,12 @@ export interface SceneInfo {
   background: [number, number, number];
   enhance?: ("scene" | "general") | null;
   ladder?: Rung[] | null;
+  views?: {
+    [k: string]: SavedView;
+  };
+  paths?: {
+    [k: string]: SavedPath;
+  };
   builtin?: boolean;
   downloads?: SceneDownload[];
 }

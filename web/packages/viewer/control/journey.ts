@@ -1,41 +1,56 @@
-/** One journey of the camera along a path, until its end or until something else moves the camera. */
+/** Journeys of the camera along a path, until its end or until something else moves the camera. */
 import { effect, untracked } from "@preact/signals";
 import { deferred } from "#client/async/deferred";
-import type { CameraPath } from "../movement/camera-path";
-import type { Rig } from "../view/rig";
+import { type CameraPath, cameraPath, type Easing } from "../movement/camera-path";
+import type { ViewerSession } from "../session/session";
+import type { ScenePose } from "../view/camera";
 
 /** Input by which the user takes the camera over. */
 const INPUT = ["pointerdown", "wheel", "keydown"] as const;
+/** Duration of the way to a pose, in milliseconds. */
+const USUAL_DURATION = 1000;
 
-export class Journey {
-  /** Whether the camera has reached the end of the path; settles when the journey is over. */
-  readonly arrived: Promise<boolean>;
+type Traveller = Pick<ViewerSession, "rig" | "stage">;
 
-  constructor(rig: Rig, stage: HTMLElement, path: CameraPath, loop: boolean) {
-    const { promise, resolve } = deferred<boolean>();
-    this.arrived = promise;
-    let startedAt: number | null = null;
-    const source = (now: number) => {
-      startedAt ??= now;
-      const time = now - startedAt;
-      if (loop) return path.at(time % path.duration);
-      if (time < path.duration) return path.at(time);
-      rig.place(path.at(path.duration)); // the user continues from here
-      resolve(true);
-      return null;
-    };
-    rig.drive(source);
-    const listening = new AbortController();
-    for (const name of INPUT) {
-      stage.addEventListener(name, () => rig.takeOver(), { signal: listening.signal, passive: true });
-    }
-    const stop = effect(() => {
-      if (rig.source.value === source) return;
-      untracked(() => {
-        listening.abort();
-        resolve(false);
-      });
-    });
-    void promise.then(stop);
+/** Whether the camera has reached the end of the path; settles when the journey is over. */
+export function travel({ rig, stage }: Traveller, path: CameraPath, loop = false): Promise<boolean> {
+  const { promise, resolve } = deferred<boolean>();
+  let startedAt: number | null = null;
+  const source = (now: number) => {
+    startedAt ??= now;
+    const time = now - startedAt;
+    if (loop) return path.at(time % path.duration);
+    if (time < path.duration) return path.at(time);
+    rig.place(path.at(path.duration)); // the user continues from here
+    resolve(true);
+    return null;
+  };
+  rig.drive(source);
+  const listening = new AbortController();
+  for (const name of INPUT) {
+    stage.element.addEventListener(name, () => rig.takeOver(), { signal: listening.signal, passive: true });
   }
+  const stop = effect(() => {
+    if (rig.source.value === source) return;
+    untracked(() => {
+      listening.abort();
+      resolve(false);
+    });
+  });
+  void promise.then(stop);
+  return promise;
+}
+
+/** Travels to a pose, in `duration` milliseconds. */
+export function travelTo(
+  traveller: Traveller,
+  to: ScenePose,
+  { duration = USUAL_DURATION, easing = "ease-in-out" }: { readonly duration?: number; readonly easing?: Easing } = {},
+): Promise<boolean> {
+  const { position, quaternion } = traveller.rig.pose;
+  const keyframes = [
+    { t_ms: 0, position, quaternion },
+    { t_ms: Math.max(1, duration), ...to },
+  ];
+  return travel(traveller, cameraPath(keyframes, { easing }));
 }

@@ -1,7 +1,7 @@
 /** Control of a visit by code: its camera, settings, pictures and events. */
 import { effect, untracked } from "@preact/signals";
 import type { SceneInfo } from "#client/wire/render";
-import { type CameraPath, cameraPath, type Easing } from "../movement/camera-path";
+import { cameraPath, type Easing } from "../movement/camera-path";
 import type { TimedPose } from "../movement/playback";
 import type { ViewerSession } from "../session/session";
 import { validSettings } from "../state/settings";
@@ -9,7 +9,7 @@ import type { ScenePose } from "../view/camera";
 import type { Viewport } from "../view/intrinsics";
 import type { Figures } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
-import { Journey } from "./journey";
+import { travel, travelTo } from "./journey";
 import { screenshot } from "./screenshot";
 import { exportVideo, type VideoOptions } from "./video-export";
 import type { ViewerSettings } from "./viewer-settings";
@@ -31,8 +31,6 @@ export interface ViewerEvents {
 }
 
 const FULL = "The server is full. The scene opens automatically as soon as there is room.";
-/** Duration of an animation in milliseconds. */
-const USUAL_DURATION = 1000;
 
 export class ViewerControl {
   readonly #session: ViewerSession;
@@ -83,18 +81,8 @@ export class ViewerControl {
    * Moves the camera to a pose in `duration` milliseconds. Resolves to true when it is there, or to false when the user or
    * another call took the camera over.
    */
-  animate(
-    to: ScenePose,
-    {
-      duration = USUAL_DURATION,
-      easing = "ease-in-out",
-    }: { readonly duration?: number; readonly easing?: Easing } = {},
-  ): Promise<boolean> {
-    const keyframes = [
-      { t_ms: 0, ...this.camera },
-      { t_ms: Math.max(1, duration), ...to },
-    ];
-    return this.#travel(cameraPath(keyframes, { easing }), false);
+  animate(to: ScenePose, options: { readonly duration?: number; readonly easing?: Easing } = {}): Promise<boolean> {
+    return travelTo(this.#session, to, options);
   }
 
   /** Moves the camera along keyframes; with `loop`, again and again. Resolves as `animate`. */
@@ -102,7 +90,7 @@ export class ViewerControl {
     keyframes: readonly TimedPose[],
     { loop = false, easing = "linear" }: { readonly loop?: boolean; readonly easing?: Easing } = {},
   ): Promise<boolean> {
-    return this.#travel(cameraPath(keyframes, { easing, closed: loop }), loop);
+    return travel(this.#session, cameraPath(keyframes, { easing, closed: loop }), loop);
   }
 
   /** A copy of the screen; null before the first picture. */
@@ -118,9 +106,13 @@ export class ViewerControl {
   /** A camera path as a video at full quality, which takes longer than the path. Rejects with the reason in one sentence. */
   video(
     keyframes: readonly TimedPose[],
-    { easing = "linear", ...options }: VideoOptions & { readonly easing?: Easing } = {},
+    {
+      easing = "linear",
+      loop = false,
+      ...options
+    }: VideoOptions & { readonly easing?: Easing; readonly loop?: boolean } = {},
   ): Promise<Blob> {
-    return exportVideo(this.#session, cameraPath(keyframes, { easing }), options);
+    return exportVideo(this.#session, cameraPath(keyframes, { easing, closed: loop }), options);
   }
 
   /** Subscribes; returns a function that unsubscribes. A scene or an error that is already known is reported at once. */
@@ -138,11 +130,6 @@ export class ViewerControl {
   destroy(): void {
     this.#session.rig.drive(null);
     for (const stop of this.#stops) stop();
-  }
-
-  #travel(path: CameraPath, loop: boolean): Promise<boolean> {
-    const { rig, stage } = this.#session;
-    return new Journey(rig, stage.element, path, loop).arrived;
   }
 
   #listen(name: keyof ViewerEvents, tell: (event: never) => void): () => void {

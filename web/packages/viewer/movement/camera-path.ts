@@ -11,8 +11,9 @@ const EASINGS = {
   "ease-in-out": (share: number) => share * share * (3 - 2 * share),
 };
 
+export type NamedEasing = keyof typeof EASINGS;
 /** How a path begins and ends: by name, or as a function from the share of time to the share of the way, both 0 to 1. */
-export type Easing = keyof typeof EASINGS | ((share: number) => number);
+export type Easing = NamedEasing | ((share: number) => number);
 
 export interface CameraPath {
   /** In milliseconds. */

@@ -1,6 +1,6 @@
 /** The service's JSON endpoints. Every failure is an ApiError with one sentence to show. */
 import { ApiError, readProblem } from "#client/http/problem";
-import type { AddedScene, SceneInfo, SceneView, ServerConfig, Training } from "#client/wire/render";
+import type { AddedScene, SceneEdit, SceneInfo, ServerConfig, Training } from "#client/wire/render";
 
 const TIMEOUT = 5000;
 
@@ -51,13 +51,10 @@ export function renameScene(id: string, name: string): Promise<SceneInfo> {
   return call<SceneInfo>(`scenes/${encodeURIComponent(id)}/rename`, init, withTimeout());
 }
 
-/** Sets a scene's start view and up axis; the changed scene. */
-export function setStartView(id: string, view: SceneView): Promise<SceneInfo> {
-  return call<SceneInfo>(
-    `scenes/${encodeURIComponent(id)}/view`,
-    { method: "PUT", body: JSON.stringify(view) },
-    withTimeout(),
-  );
+/** Changes a scene's start view, saved views and camera paths; the changed scene. */
+export function editScene(id: string, edit: SceneEdit): Promise<SceneInfo> {
+  const init = { method: "PATCH", body: JSON.stringify(edit) };
+  return call<SceneInfo>(`scenes/${encodeURIComponent(id)}`, init, withTimeout());
 }
 
 /** Makes the upload at this URL a scene, however long it takes to check it. */

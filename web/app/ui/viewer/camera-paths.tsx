@@ -1,0 +1,305 @@
+/** Camera paths that are saved with the scene: add keyframes, play a path, save it, and make a video of it. */
+import { signal, useSignal } from "@preact/signals";
+import { ChevronDown, Play, Plus, Square, X } from "lucide";
+import type { SavedPath, SceneInfo } from "#client/wire/render";
+import type { ViewerSession } from "#viewer/session/session";
+import { clock } from "../format";
+import { Icon } from "../icon";
+import { IconButton } from "../icon-button";
+import { Question } from "../question";
+import { NumberField } from "./number-field";
+import {
+  draftOf,
+  durationOf,
+  emptyPath,
+  MAX_KEYFRAMES,
+  type PathDraft,
+  stopsOf,
+  withDuration,
+  withLoop,
+  withoutStop,
+  withStop,
+} from "./path-draft";
+import { SaveVideo } from "./save-video";
+import { goTo, pathOf, play, playing, presentPose } from "./saved-places";
+import { freeName, MAX_NAME, taken } from "./saved-views";
+import { edit, mayEdit, reason } from "./scene-edits";
+
+const EASINGS: Readonly<Record<PathDraft["easing"], string>> = {
+  "ease-in-out": "Smooth",
+  "ease-in": "Slow start",
+  "ease-out": "Slow end",
+  linear: "Even",
+};
+/** In place of a saved path's name. */
+const NEW = "";
+
+/** Changes that are not saved yet, by the saved path's name; kept while the lab is closed. */
+interface Work {
+  readonly scene: string;
+  readonly chosen: string;
+  readonly drafts: ReadonlyMap<string, PathDraft>;
+}
+
+const work = signal<Work>({ scene: "", chosen: NEW, drafts: new Map() });
+
+interface Props {
+  readonly session: ViewerSession;
+}
+
+export function CameraPaths({ session }: Props) {
+  const scene = session.scene.value;
+  return scene === null ? null : <Paths session={session} scene={scene} />;
+}
+
+function Paths({ session, scene }: Props & { readonly scene: SceneInfo }) {
+  const { paths = {} } = scene;
+  const { chosen, drafts } = work.value.scene === scene.id ? work.value : { chosen: NEW, drafts: new Map() };
+  const saved = Object.hasOwn(paths, chosen) ? paths[chosen] : undefined;
+  const draft: PathDraft = drafts.get(chosen) ?? (saved ? draftOf(chosen, saved) : emptyPath(freeName("Path", paths)));
+  const change = (next: PathDraft) => {
+    work.value = { scene: scene.id, chosen, drafts: new Map(drafts).set(chosen, next) };
+  };
+  /** Drops the changes of the path, and shows another. */
+  const leave = (next: string) => {
+    work.value = { scene: scene.id, chosen: next, drafts: new Map([...drafts].filter(([name]) => name !== chosen)) };
+  };
+  const choose = (next: string) => {
+    work.value = { scene: scene.id, chosen: next, drafts };
+  };
+  const ready = stopsOf(draft).length > 1;
+  return (
+    <div class="camera-paths">
+      {Object.keys(paths).length > 0 && (
+        <PathList paths={paths} chosen={saved ? chosen : NEW} drafts={drafts} onChoose={choose} />
+      )}
+      <Keyframes session={session} draft={draft} onChange={change} />
+      {ready && <Timing draft={draft} onChange={change} />}
+      {ready && <PlayButton session={session} draft={draft} />}
+      {ready && <SaveVideo session={session} of="path" name={draft.name} path={() => pathOf(draft)} />}
+      {mayEdit(scene) && (ready || saved) && (
+        <SavePath
+          session={session}
+          scene={scene}
+          saved={saved && chosen}
+          draft={draft}
+          onChange={change}
+          onLeave={leave}
+        />
+      )}
+      {drafts.has(chosen) && (
+        <button type="button" class="quiet-button" onClick={() => leave(saved ? chosen : NEW)}>
+          Discard changes
+        </button>
+      )}
+    </div>
+  );
+}
+
+interface PathListProps {
+  readonly paths: Readonly<Record<string, SavedPath>>;
+  readonly chosen: string;
+  readonly drafts: ReadonlyMap<string, PathDraft>;
+  readonly onChoose: (name: string) => void;
+}
+
+function PathList({ paths, chosen, drafts, onChoose }: PathListProps) {
+  return (
+    <fieldset class="rungs traces">
+      <legend class="visually-hidden">Camera path</legend>
+      {[...Object.keys(paths), NEW].map((name) => (
+        <label key={name}>
+          <input type="radio" name="path" checked={name === chosen} onChange={() => onChoose(name)} />
+          <span class="trace-name">{name === NEW ? "New path" : name}</span>
+          <span class="muted">
+            {drafts.has(name) ? "not saved" : paths[name] && clock(paths[name].keyframes.at(-1)?.t_ms ?? 0)}
+          </span>
+        </label>
+      ))}
+    </fieldset>
+  );
+}
+
+interface DraftProps {
+  readonly draft: PathDraft;
+  readonly onChange: (draft: PathDraft) => void;
+}
+
+function Keyframes({ session, draft, onChange }: Props & DraftProps) {
+  const stops = stopsOf(draft);
+  return (
+    <>
+      {stops.length > 0 && (
+        <ol class="saved-places">
+          {stops.map((stop, index) => (
+            // biome-ignore lint/suspicious/noArrayIndexKey: keyframes have no identity but their place
+            <li key={index}>
+              <button type="button" class="quiet-button" title="Go to this view" onClick={() => goTo(session, stop)}>
+                Keyframe {index + 1} <span class="muted">{clock(stop.t_ms)}</span>
+              </button>
+              <IconButton
+                icon={X}
+                label={`Remove keyframe ${index + 1}`}
+                onClick={() => onChange(withoutStop(draft, index))}
+              />
+            </li>
+          ))}
+        </ol>
+      )}
+      <button
+        type="button"
+        class="quiet-button with-icon"
+        disabled={draft.keyframes.length >= MAX_KEYFRAMES}
+        onClick={() => onChange(withStop(draft, presentPose(session)))}
+      >
+        <Icon of={Plus} size={14} /> Add this view as a keyframe
+      </button>
+      {stops.length < 2 && (
+        <p class="muted small">The camera flies through the views that you add, two or more, in their order.</p>
+      )}
+      {draft.keyframes.length >= MAX_KEYFRAMES && (
+        <p class="muted small">A path has at most {MAX_KEYFRAMES} keyframes.</p>
+      )}
+    </>
+  );
+}
+
+function Timing({ draft, onChange }: DraftProps) {
+  return (
+    <>
+      <div class="fields">
+        <NumberField
+          label="Duration"
+          unit="s"
+          min={0.1}
+          max={3600}
+          value={Math.round(durationOf(draft) / 10) / 100}
+          onValue={(seconds) => onChange(withDuration(draft, 1000 * seconds))}
+        />
+        <label class="number-field">
+          <span>Speed</span>
+          <div class="select">
+            <select
+              value={draft.easing}
+              onChange={({ currentTarget }) =>
+                onChange({ ...draft, easing: currentTarget.value as PathDraft["easing"] })
+              }
+            >
+              {Object.entries(EASINGS).map(([name, title]) => (
+                <option key={name} value={name}>
+                  {title}
+                </option>
+              ))}
+            </select>
+            <Icon of={ChevronDown} size={16} />
+          </div>
+        </label>
+      </div>
+      <label class="check">
+        <input
+          type="checkbox"
+          checked={draft.loop}
+          disabled={!draft.loop && draft.keyframes.length >= MAX_KEYFRAMES}
+          onChange={() => onChange(withLoop(draft, !draft.loop))}
+        />
+        Loop back to the start
+      </label>
+    </>
+  );
+}
+
+function PlayButton({ session, draft }: Props & { readonly draft: PathDraft }) {
+  const plays = playing.value === session;
+  return (
+    <button
+      type="button"
+      class="quiet-button with-icon"
+      onClick={() => (plays ? session.rig.takeOver() : void play(session, draft))}
+    >
+      <Icon of={plays ? Square : Play} size={14} /> {plays ? "Stop path" : "Play path"}
+    </button>
+  );
+}
+
+interface SavePathProps extends Props, DraftProps {
+  readonly scene: SceneInfo;
+  /** The name under which the path is saved. */
+  readonly saved: string | undefined;
+  /** The path is saved or deleted; shows another. */
+  readonly onLeave: (next: string) => void;
+}
+
+function SavePath({ session, scene, saved, draft, onChange, onLeave }: SavePathProps) {
+  const problem = useSignal<string | null>(null);
+  const busy = useSignal(false);
+  const deleting = useSignal(false);
+  const save = async () => {
+    const name = draft.name.trim();
+    problem.value = name !== saved && Object.hasOwn(scene.paths ?? {}, name) ? taken("path", name) : null;
+    if (problem.value !== null) return;
+    const { easing, loop } = draft;
+    const path = { keyframes: [...draft.keyframes], easing, loop };
+    busy.value = true;
+    try {
+      const former = saved !== undefined && saved !== name ? { [saved]: null } : {};
+      await edit(session, scene.id, { paths: { ...former, [name]: path } });
+      onLeave(name);
+    } catch (error) {
+      problem.value = reason(error);
+    }
+    busy.value = false;
+  };
+  return (
+    <>
+      <form
+        class="save-view"
+        onSubmit={(event) => {
+          event.preventDefault();
+          void save();
+        }}
+      >
+        <label class="number-field">
+          <span>Name of the path</span>
+          <input
+            required
+            maxLength={MAX_NAME}
+            value={draft.name}
+            onInput={({ currentTarget }) => onChange({ ...draft, name: currentTarget.value })}
+          />
+        </label>
+        <button type="submit" class="quiet-button" disabled={busy.value || stopsOf(draft).length < 2}>
+          Save path
+        </button>
+        {saved !== undefined && (
+          <button
+            type="button"
+            class="quiet-button"
+            onClick={() => {
+              deleting.value = true;
+            }}
+          >
+            Delete path
+          </button>
+        )}
+        {problem.value !== null && (
+          <p class="notice" role="alert">
+            {problem.value}
+          </p>
+        )}
+      </form>
+      {saved !== undefined && deleting.value && (
+        <Question
+          title={`Delete “${saved}”?`}
+          verb="Delete"
+          action={() => edit(session, scene.id, { paths: { [saved]: null } })}
+          onDone={() => onLeave(NEW)}
+          onClose={() => {
+            deleting.value = false;
+          }}
+        >
+          <p>The path is deleted for everyone. This cannot be undone.</p>
+        </Question>
+      )}
+    </>
+  );
+}
