@@ -186,7 +186,7 @@ web/node_modules/.ready: web/node_modules/.build
 	@cd web && npm ci --no-audit --no-fund --loglevel=error
 	@touch web/node_modules/.build $@
 
-$(STATIC): web/node_modules/.build $(shell find web/app web/packages web/public web/index.html web/vite.config.ts -type f 2>/dev/null)
+$(STATIC): web/node_modules/.build $(shell find web/app web/packages web/public web/scripts web/index.html web/vite.config.ts -type f 2>/dev/null)
 	@echo "== web client: build"
 	@cd web && npm run --silent build
 	@touch $@

@@ -61,7 +61,7 @@ def uv(*arguments: str) -> str:
 def test_wheel_and_source_archive_have_the_page_and_the_demo_scene(built: Path) -> None:
     with ZipFile(next(built.glob("*.whl"))) as wheel:
         names = wheel.namelist()
-    assert {PAGE, *DEMO} <= set(names)
+    assert {PAGE, *DEMO, "tigas_render/static/viewer/index.js", "tigas/widget.js"} <= set(names)
     assert any(re.fullmatch(r"tigas_render/static/assets/.+\.js", name) for name in names)
     assert {"tigas/py.typed", "tigas_common/py.typed"} <= set(names)
     assert not [name for name in names if name.startswith(("tests/", "web/"))]

@@ -15,7 +15,7 @@ from tigas_cluster.settings import ClusterSettings
 from tigas_common.command import load, parse
 from tigas_common.errors import UsageError
 from tigas_common.limits import HttpLimits
-from tigas_common.settings import ServiceSettings
+from tigas_common.settings import Origins, ServiceSettings
 from tigas_dash.settings import DashSettings
 from tigas_experiments.store.settings import StoreSettings
 from tigas_render.settings import RenderSettings
@@ -115,3 +115,22 @@ def test_constants_are_no_settings(table: str, tmp_path: Path, monkeypatch: pyte
     (tmp_path / "tigas.toml").write_text(f"[render]\n{table} = 3\n")
     with pytest.raises(UsageError, match=f"^{re.escape(table)}: Extra inputs are not permitted"):
         load(RenderSettings, {})
+
+
+@pytest.mark.parametrize(
+    ("page", "origin"),
+    [
+        ("https://Page.example:8443/", "https://page.example:8443"),
+        ("vscode-webview://1a2b-3c", "vscode-webview://1a2b-3c"),
+        ("vscode-webview://1a2b/index.html", None),
+        ("chrome-extension://abcdef", None),
+        ("*", None),
+    ],
+)
+def test_web_pages_and_notebooks_of_visual_studio_code_can_be_allowed(page: str, origin: str | None) -> None:
+    allowed: tuple[str | None, ...]
+    try:
+        allowed = TypeAdapter(Origins).validate_python([page])
+    except ValidationError:
+        allowed = (None,)
+    assert allowed == (origin,)

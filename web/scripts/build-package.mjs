@@ -1,27 +1,33 @@
 // Builds the npm package @tigas/viewer: node scripts/build-package.mjs [FOLDER]
+// With --served only its modules, for the render service to send to pages of other origins, such as notebooks.
 import { execFileSync } from "node:child_process";
 import { copyFileSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { dirname, join, relative, resolve } from "node:path";
 import { fileURLToPath } from "node:url";
+import { parseArgs } from "node:util";
 import { build } from "vite";
+import { compress } from "./compress.mjs";
 
 const WEB = fileURLToPath(new URL("..", import.meta.url));
 const VIEWER = join(WEB, "packages/viewer");
 /** Modules of the package, by the names under which they are imported. */
 const ENTRIES = { index: "create-viewer", element: "element" };
 
-const folder = resolve(process.argv[2] ?? join(WEB, "dist-package"));
+const { values, positionals } = parseArgs({ allowPositionals: true, options: { served: { type: "boolean" } } });
+const folder = resolve(positionals[0] ?? join(WEB, "dist-package"));
 await bundle();
-declareTypes();
-describe();
+if (!values.served) {
+  declareTypes();
+  describe();
+}
 
 async function bundle() {
   await build({
     root: WEB,
     configFile: false,
     logLevel: "warn",
-    plugins: [inlineWorkers()],
+    plugins: [inlineWorkers(), ...(values.served ? [compress()] : [])],
     // Only the page draws with Preact, of which @preact/signals would be a part.
     resolve: { tsconfigPaths: true, alias: { "@preact/signals": "@preact/signals-core" } },
     worker: { format: "es" },

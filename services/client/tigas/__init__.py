@@ -10,6 +10,18 @@ from tigas.async_client import AsyncClient
 from tigas.client import Client
 from tigas.errors import ClientError, Refused, Unreachable
 from tigas.frame import Frame, View
+from tigas.notebook import show
 from tigas_common.pose import Intrinsics, Pose
 
-__all__ = ["AsyncClient", "Client", "ClientError", "Frame", "Intrinsics", "Pose", "Refused", "Unreachable", "View"]
+__all__ = [
+    "AsyncClient",
+    "Client",
+    "ClientError",
+    "Frame",
+    "Intrinsics",
+    "Pose",
+    "Refused",
+    "Unreachable",
+    "View",
+    "show",
+]

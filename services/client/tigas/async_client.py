@@ -67,9 +67,10 @@ class AsyncClient:
         """Return the service's configuration, including its quality ladder."""
         return self._read(TypeAdapter(ServerConfig), await self._ask(lambda: self._http.get("/config.json")))
 
-    async def scenes(self) -> list[SceneInfo]:
-        """List all scenes of the service."""
-        return self._read(TypeAdapter(list[SceneInfo]), await self._ask(lambda: self._http.get("/scenes")))
+    async def scenes(self, *, scan: bool = False) -> list[SceneInfo]:
+        """List all scenes of the service; with `scan`, it looks for new ones first."""
+        path = "/scenes?scan=1" if scan else "/scenes"
+        return self._read(TypeAdapter(list[SceneInfo]), await self._ask(lambda: self._http.get(path)))
 
     async def scene(self, scene: str | None = None) -> SceneInfo:
         """Load a scene and return it; None means the only scene."""

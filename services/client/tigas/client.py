@@ -48,9 +48,9 @@ class Client:
         """Return the service's configuration, including its quality ladder."""
         return self._run(self._client.config())
 
-    def scenes(self) -> list[SceneInfo]:
-        """List all scenes of the service."""
-        return self._run(self._client.scenes())
+    def scenes(self, *, scan: bool = False) -> list[SceneInfo]:
+        """List all scenes of the service; with `scan`, it looks for new ones first."""
+        return self._run(self._client.scenes(scan=scan))
 
     def scene(self, scene: str | None = None) -> SceneInfo:
         """Load a scene and return it; None means the only scene."""

@@ -23,6 +23,8 @@ from tigas_common.limits import ServiceHttpLimits
 
 FILE_VARIABLE = "TIGAS_CONFIG"
 """Names the settings file; without it, `tigas.toml` in the working directory is read if it is there."""
+WEBVIEW = re.compile("vscode-webview://[0-9a-z-]+")
+"""Origin of notebooks in Visual Studio Code."""
 MODELS = Path("models")
 """The models directory, unless another is named: in the working directory, where it is made if it is missing."""
 
@@ -43,7 +45,7 @@ def _host(value: str) -> str:
 
 def _page(value: str) -> str:
     page = value.lower().removesuffix("/")
-    if host_of_origin(page) is None:
+    if host_of_origin(page) is None and not WEBVIEW.fullmatch(page):
         raise ValueError(f"{value!r} is not a page's origin, such as https://tigas.example.org")
     return page
 

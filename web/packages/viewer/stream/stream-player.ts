@@ -246,7 +246,7 @@ export class StreamPlayer {
       playing.resolve(undefined);
       const { mediaTime, expectedDisplayTime, width, height } = metadata;
       if (target?.presented(expectedDisplayTime, mediaTime)) stream.aim(target.value);
-      const captured = this.#turned?.capture((time) => stream.frame(time, metadata));
+      const captured = this.#turned?.capture(mediaTime, (time) => stream.frame(time, metadata));
       const frame = captured ?? stream.frame(mediaTime, metadata);
       if (frame !== null) frames.presented(frame, { frame, at: expectedDisplayTime, width, height });
     };

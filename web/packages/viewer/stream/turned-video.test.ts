@@ -8,6 +8,7 @@ let mediaTime: number | null;
 let pictures: FakePicture[];
 let taken: [picture: unknown, content: Content<StreamedFrame>][];
 let subject: TurnedVideo;
+let video: { currentTime: number };
 const at30 = (time: number) => Math.round(time * 30);
 
 class FakePicture {
@@ -26,6 +27,7 @@ class FakePicture {
 
 beforeEach(() => {
   pictures = [];
+  video = { currentTime: 1.5 };
   taken = [];
   vi.stubGlobal("VideoFrame", FakePicture);
   const reprojector = {
@@ -34,7 +36,7 @@ beforeEach(() => {
       taken.push([picture, content]);
     },
   };
-  subject = new TurnedVideo({} as HTMLVideoElement, reprojector as unknown as Reprojector<StreamedFrame>);
+  subject = new TurnedVideo(video as HTMLVideoElement, reprojector as unknown as Reprojector<StreamedFrame>);
 });
 
 afterEach(() => void vi.unstubAllGlobals());
@@ -49,7 +51,7 @@ function told(pose: number): Told {
 
 test("a picture goes to the canvas with the view that it shows, in its own pixels, and is given back", () => {
   mediaTime = 2.033333;
-  expect(subject.capture(at30)).toBe(61);
+  expect(subject.capture(0, at30)).toBe(61);
   subject.show(61, told(7), ABOUT);
   expect(taken).toEqual([
     [
@@ -69,7 +71,7 @@ test("a picture goes to the canvas with the view that it shows, in its own pixel
 test("a picture that waits for its view is not shown with another's, nor after a newer one", () => {
   for (const frame of [60, 61]) {
     mediaTime = frame / 30;
-    subject.capture(at30);
+    subject.capture(0, at30);
   }
   expect(taken).toEqual([]);
   subject.show(61, told(8), ABOUT);
@@ -80,15 +82,23 @@ test("a picture that waits for its view is not shown with another's, nor after a
 
 test("a video that seeks has no picture, and a stream that ends leaves none behind", () => {
   mediaTime = null;
-  expect(subject.capture(at30)).toBeNull();
+  expect(subject.capture(0, at30)).toBeNull();
   mediaTime = 1;
-  subject.capture(at30);
+  subject.capture(0, at30);
   subject.clear();
   expect(pictures.map(({ open }) => open)).toEqual([false]);
 });
 
 test("a picture of which nobody can say what it shows is given back at once", () => {
   mediaTime = 1;
-  expect(subject.capture(() => null)).toBeNull();
+  expect(subject.capture(0, () => null)).toBeNull();
   expect(pictures.map(({ open }) => open)).toEqual([false]);
+});
+
+test("a picture without a time of its own, as Firefox gives it, is the frame that was reported", () => {
+  video.currentTime = 2.05;
+  mediaTime = 2e-6;
+  expect(subject.capture(2.033333, at30)).toBe(61);
+  mediaTime = 2.066666;
+  expect(subject.capture(2.033333, at30)).toBe(62);
 });

@@ -34,17 +34,19 @@ export class TurnedVideo {
 
   /**
    * Copies the video's present picture and returns the number of its frame, which `numberAt` knows by media time in
-   * seconds; null without a picture. The picture may be newer than the frame just reported by the browser, and must not
-   * be confused with it.
+   * seconds; null without a picture. The picture may be newer than the frame that the browser has just reported at
+   * `reported`, and must not be confused with it. Firefox does not say whether it is: as a timestamp, it gives seconds of
+   * playback, not microseconds of the picture.
    */
-  capture(numberAt: (mediaTime: number) => number | null): number | null {
+  capture(reported: number, numberAt: (mediaTime: number) => number | null): number | null {
     let picture: VideoFrame;
     try {
       picture = new VideoFrame(this.#video);
     } catch {
       return null; // a video that is on its way to another place has none
     }
-    const frame = numberAt(picture.timestamp / 1e6);
+    const untimed = picture.timestamp === Math.trunc(this.#video.currentTime);
+    const frame = numberAt(untimed ? reported : picture.timestamp / 1e6);
     if (frame === null) picture.close();
     else this.#waiting.add(frame, picture);
     return frame;

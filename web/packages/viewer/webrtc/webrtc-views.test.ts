@@ -162,6 +162,17 @@ test("bytes are those that came since they were last read", async () => {
   expect(received).toHaveLength(2);
 });
 
+test.each(["127.0.0.1", "::1"])(
+  "a browser that does not connect to its own machine, %s, is told how it may",
+  async (host) => {
+    const sdp = `v=0\r\na=candidate:1 1 udp 2130706431 ${host} 8081 typ host\r\n`;
+    vi.mocked(openWebRtc).mockResolvedValueOnce({ ...SESSION, sdp });
+    await open();
+    FakeConnection.last.become("failed");
+    expect(failures).toEqual([expect.stringMatching(/^The packager cannot be reached.* network address\.$/)]);
+  },
+);
+
 test("a session is ended with its connection, and by that alone", async () => {
   (await open()).dispose();
   expect(FakeConnection.last.closed).toBe(false);

@@ -24,6 +24,8 @@ const CONNECTED_WITHIN = 10_000;
 const STATS_EVERY = 250;
 /** Time until an unanswered pose is sent again, in milliseconds. */
 const REPEATED_AFTER = 300;
+/** A candidate of the browser's own machine, to which Firefox does not connect. */
+const LOOPBACK = /^a=candidate:.* (127\.[\d.]+|::1) \d+ typ host/m;
 const INTERRUPTED = "The WebRTC stream was interrupted.";
 
 export function overWebRtc(source: WebRtcSource): OpenViews {
@@ -207,7 +209,11 @@ class WebRtcViews implements ViewStream {
   };
 
   #unreachable(): void {
-    this.#opened.events.failed("The packager cannot be reached over WebRTC: is its UDP port open?");
+    const here = LOOPBACK.test(this.#opened.session.sdp);
+    const why = here
+      ? "some browsers, such as Firefox, do not connect to their own machine; open the page by its network address."
+      : "is its UDP port open?";
+    this.#opened.events.failed(`The packager cannot be reached over WebRTC: ${why}`);
   }
 
   async #read(): Promise<void> {
