@@ -4,7 +4,7 @@
  * A segment is a frame: the bitrate of a rung is a frame's bytes times the requests per second. The published constants
  * assume a target latency of 1.5 s and segments of half a second; here the target is 100 ms, which is the same on a
  * clock that runs 15 times as fast. All times are therefore multiplied by 15, and every published constant stays
- * unchanged, the length of a segment included. Sweeps try other targets (docs/results/2026-11-learning-sweep.md).
+ * unchanged, the length of a segment included. Sweeps try other targets (docs/results/2026-11-seen.md).
  *
  * The remaining share of the target, after a frame's response beyond the recent minimum, stands in for the buffer. A
  * player's buffer does not know the distance to the server either: it fills and drains by the delay of a segment
