@@ -19,7 +19,7 @@ from tests.web.stage import wait_for_frames, wait_until_settled
 
 @pytest.fixture
 def visit(server: RenderServer, models: Path, open_page: OpenPage) -> Iterator[tuple[Page, Poses]]:
-    """A viewer with open settings, whose changes of the scene are undone afterwards."""
+    """A viewer with open settings; changes of the scene are undone afterwards."""
     description = models / SMALL / "scene.json"
     before = description.read_text()
     yield opened(open_page, server.url)

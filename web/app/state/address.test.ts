@@ -83,7 +83,7 @@ test("what a script or an experiment does is none of it, and what the person doe
   expect(position()).toEqual([1, 2, 3]);
 });
 
-test("who has gone elsewhere is not called back", () => {
+test("a page that has moved on is not called back", () => {
   session.rig.place(ELSEWHERE);
   animate(100);
   history.replaceState(null, "", "#/");

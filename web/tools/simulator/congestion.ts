@@ -1,7 +1,7 @@
 /**
  * Congestion control and pacing of one QUIC connection, as in the render service
  * (services/render/tigas_render/transport): NewReno (RFC 9002, appendix B) that leaves slow start when round trips
- * grow, whose window grows only for packets sent while it was full, and falls no lower than the path's capacity; and a
+ * grow, with a window that grows only for packets sent while it was full, and falls no lower than the path's capacity; and a
  * pacer of 1.25 windows per round trip in ticks of a millisecond.
  */
 

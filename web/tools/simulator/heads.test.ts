@@ -67,7 +67,7 @@ test("in an outage a turn shows what nobody rendered, unless there is a surround
   expect((await visitOf(trace, true, { warmUp: 2000 })).never).toBeLessThan(0.002);
 });
 
-test("on a link that takes a second for a picture, who stood still for a moment sees no dark in the outage that follows", async () => {
+test("on a link that takes a second for a picture, a moment of rest leaves nothing dark in the outage that follows", async () => {
   const { never } = await visitOf("t_ms,down_kbps\n0,100\n3000,0\n8000,100\n9000,", true, { warmUp: 3000 });
   expect(never).toBeLessThan(0.002);
 });

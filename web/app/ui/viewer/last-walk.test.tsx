@@ -106,7 +106,7 @@ test.each([
   [[false, false], "One renderer draws both sides"],
   [[false, true], "This browser draws DASH, tuned; the server"],
   [[true, true], "This browser draws both sides"],
-])("it is said who draws: %j", (local, said) => {
+])("the summary names the renderer: %j", (local, said) => {
   render(<LastWalk names={NAMES} walk={null} quality={UNSCORED} local={local} />);
   expect(screen.getByText(new RegExp(said))).toBeTruthy();
 });

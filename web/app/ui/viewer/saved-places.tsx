@@ -46,7 +46,7 @@ export function goTo(session: ViewerSession, pose: ScenePose): void {
   session.rig.place(pose);
 }
 
-/** The visit whose camera is moved by a path. */
+/** The visit with the camera that a path moves. */
 export const playing = signal<ViewerSession | null>(null);
 let journeys = 0;
 

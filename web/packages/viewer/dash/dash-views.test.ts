@@ -65,7 +65,7 @@ test("frames are told by their media time, rungs by their size, and records name
   expect(events.told).toHaveBeenCalledWith(4, 7);
 });
 
-test("a socket that closes interrupts the stream, and who leaves ends it", async () => {
+test("a socket that closes interrupts the stream, and leaving ends it", async () => {
   const stream = await open();
   hangUp();
   expect(events.failed).toHaveBeenCalledWith("The DASH stream was interrupted.");

@@ -92,7 +92,7 @@ test("however fast it turns, there is a limit", () => {
   expect(turn(300, 2000, 150)).toBe(MAX_OVERSCAN);
 });
 
-test("at rest it is 0; who then turns again gets a margin from what was needed before", () => {
+test("at rest it is 0; another turn gets a margin from earlier needs", () => {
   turn(40, 2000, 100);
   expect(turn(0, 300, 0)).toBe(0);
   expect(turn(40, 60, 0)).toBeGreaterThan(0.02);

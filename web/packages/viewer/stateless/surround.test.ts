@@ -166,7 +166,7 @@ test("without a ladder nothing is asked for", () => {
   expect(next({ ladder: [] })).toBeNull();
 });
 
-test("a person who looks up is shown the sky first", () => {
+test("looking up shows the sky first", () => {
   const quaternion = [...orientation(0, 70)] as [number, number, number, number];
   const position: [number, number, number] = [0, 0, 0];
   expect(next({ pose: { position, quaternion } })?.side).toBe(ABOVE);

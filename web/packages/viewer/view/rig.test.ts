@@ -43,7 +43,7 @@ test("a source drives it until the source ends, and then the person's camera is 
   expect(rig.pose).toEqual({ ...before, seq: before.seq + 3 });
 });
 
-test("a person who takes over goes on from where a source has brought the camera", () => {
+test("taking over continues from where a source has brought the camera", () => {
   rig.drive(() => ({ position: [1, 0, 0], quaternion: [0, Math.SQRT1_2, 0, Math.SQRT1_2] }));
   axes = { ...STILL, forward: 1 };
   rig.sample(16);

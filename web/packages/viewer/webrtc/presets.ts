@@ -1,4 +1,4 @@
-/** Encoding of a WebRTC stream by the packager's aiortc, whose H.264 is limited to 30 frames per second. */
+/** Encoding of a WebRTC stream by the packager's aiortc, with H.264 limited to 30 frames per second. */
 
 export const WEBRTC_STREAMS = ["h264-30", "vp8-30", "vp8-60"] as const;
 export type WebRtcStream = (typeof WEBRTC_STREAMS)[number];
