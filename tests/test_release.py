@@ -58,6 +58,7 @@ def uv(*arguments: str) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_wheel_and_source_archive_have_the_page_and_the_demo_scene(built: Path) -> None:
     with ZipFile(next(built.glob("*.whl"))) as wheel:
         names = wheel.namelist()
@@ -70,6 +71,7 @@ def test_wheel_and_source_archive_have_the_page_and_the_demo_scene(built: Path) 
     assert {PAGE, *DEMO} <= archived
 
 
+@pytest.mark.slow
 def test_the_command_runs_from_the_wheel_alone(run: Run) -> None:
     assert run("tigas", "--version").stdout == f"tigas {version('tigas')}\n"
     said = run("tigas", "--help")
@@ -81,6 +83,7 @@ def test_the_command_runs_from_the_wheel_alone(run: Run) -> None:
         assert re.fullmatch(r".* (is|are) not installed: pip install 'tigas\[.+\] @ file:.+\.whl'\n", refused.stderr)
 
 
+@pytest.mark.slow
 def test_the_client_runs_from_the_wheel_alone(run: Run) -> None:
     program = "import tigas\ntry: tigas.Client('http://127.0.0.1:9').scenes()\nexcept tigas.Unreachable as e: print(e)"
     said = run("python", "-W", "error", "-c", program)

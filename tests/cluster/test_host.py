@@ -47,6 +47,7 @@ def url_of(host: Host) -> str:
     return url
 
 
+@pytest.mark.slow
 def test_says_where_it_is_and_starts_its_service_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # where there are no models
     monkeypatch.setenv("TIGAS_CLUSTER_VIEWER_ADDRESS", "host.example.org")
@@ -66,6 +67,7 @@ def test_says_where_it_is_and_starts_its_service_again(tmp_path: Path, monkeypat
     assert not again.is_running()
 
 
+@pytest.mark.slow
 def test_says_why_it_cannot_serve_and_tries_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "RETRY_S", 0.05)
     with running("--scenes", "/nowhere") as host:
@@ -75,6 +77,7 @@ def test_says_why_it_cannot_serve_and_tries_again(monkeypatch: pytest.MonkeyPatc
         wait_until(lambda: psutil.Process().children() != [], 30)
 
 
+@pytest.mark.slow
 def test_its_service_ends_with_it_if_it_is_killed() -> None:
     with subprocess.Popen([sys.executable, "-c", PROGRAM], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout

@@ -36,6 +36,7 @@ async def test_representations_are_rungs_of_the_scenes_own_ladder(packager: Pack
     assert "no rung 2, only 0 to 1" in answer.json()["detail"]
 
 
+@pytest.mark.slow
 async def test_a_stream_that_nobody_watches_ends_and_one_that_is_watched_does_not() -> None:
     async with running_packager(idle_s=0.5) as packager:
         watched, left = await packager.open(), await packager.open()

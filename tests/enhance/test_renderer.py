@@ -21,6 +21,7 @@ with render_service("cpu") as url:
 """
 
 
+@pytest.mark.slow
 @SETPRIV.mark
 def test_it_ends_with_a_training_that_is_killed() -> None:
     with subprocess.Popen([sys.executable, "-c", TRAINING], stdout=subprocess.PIPE) as training:
@@ -39,6 +40,7 @@ def test_it_ends_with_a_training_that_is_killed() -> None:
                 service.kill()
 
 
+@pytest.mark.slow
 def test_one_that_does_not_start_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TIGAS_RENDER_SCENES", str(tmp_path / "nowhere"))
     with (

@@ -27,6 +27,7 @@ def _one_thread() -> Iterator[None]:
     torch.set_num_threads(threads)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("varied", [False, True])
 @pytest.mark.parametrize(("rung", "scale"), [(2, 2), (1, 1)])
 def test_a_few_steps_beat_bicubic_enlargement(rung: int, scale: int, varied: bool) -> None:
@@ -46,6 +47,7 @@ def test_a_few_steps_beat_bicubic_enlargement(rung: int, scale: int, varied: boo
     assert gains([pair(seed) for seed in range(100, 104)], rung, network, CPU).min() > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rung", "scale"), [(2, 2), (1, 2), (1, 1)])
 def test_crops_lie_where_the_whole_picture_has_them(rung: int, scale: int) -> None:
     torch.manual_seed(0)

@@ -332,6 +332,7 @@ async def attack(port: int, sent: Sent, failed: list[str]) -> int | None:
         return client.terminated.error_code if client.terminated else None
 
 
+@pytest.mark.slow
 @effort(60)
 @given(sent=sendings)
 @found("http3-request", sent=lambda content: [("request", content, True)])

@@ -78,6 +78,7 @@ def absurd_gaussians(draw: st.DrawFn) -> bytes:
     return plys.header(plys.names(0), len(rows)) + rows.tobytes()
 
 
+@pytest.mark.slow
 @effort(150)
 @given(content=files | absurd_gaussians())
 @found("ply", content=bytes)
@@ -140,6 +141,7 @@ def test_a_broken_scene_takes_no_other_with_it(description: bytes, content: byte
             assert_sentence(odd.error)
 
 
+@pytest.mark.slow
 @effort(100)
 @given(description=bodies(SceneMetadata, EXAMPLES[SceneMetadata]))
 @found("scene-json", description=bytes)

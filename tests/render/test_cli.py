@@ -73,6 +73,7 @@ def scenes_of(printed: str) -> list[str]:
     return [scene["id"] for scene in httpx.get(url_in(printed) + "scenes").json()]
 
 
+@pytest.mark.slow
 def test_the_server_says_what_it_serves_and_stops_at_once_when_told(tmp_path: Path) -> None:
     (tmp_path / "torn").mkdir()
     (tmp_path / "torn" / "torn.ply").write_bytes(b"ply\nformat binary_little_endian 1.0\n")
@@ -97,6 +98,7 @@ def test_the_server_says_what_it_serves_and_stops_at_once_when_told(tmp_path: Pa
         assert time.monotonic() - stopping < 2
 
 
+@pytest.mark.slow
 def test_the_network_is_served_on_request(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("TIGAS_CONFIG", raising=False)
     local, lan = RenderSettings(), RenderSettings(lan=True)
@@ -115,6 +117,7 @@ def test_the_network_is_served_on_request(tmp_path: Path, monkeypatch: pytest.Mo
         assert "Open to the network on [::]:0: any machine that reaches this one can use this service." in printed
 
 
+@pytest.mark.slow
 def test_pages_and_names_that_are_allowed_may_use_http_and_webtransport(tmp_path: Path) -> None:
     allowed = ("--allow-origin", "https://page.example", "--allow-host", "tigas.example")
 
@@ -137,6 +140,7 @@ def test_pages_and_names_that_are_allowed_may_use_http_and_webtransport(tmp_path
             assert asyncio.run(session(port, host, origin)) == str(status)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["lost", "stuck"])
 def test_a_server_whose_gpu_fails_ends_so_that_another_can_be_started(how: str) -> None:
     """Even if a thread never returns from the GPU."""
@@ -154,6 +158,7 @@ def test_a_server_whose_gpu_fails_ends_so_that_another_can_be_started(how: str) 
     assert "Traceback" not in rest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "folder"),
     [((), "models"), (("--scenes", "models"), "models"), (("--scenes", "mine", "--edit-scenes"), "mine")],
@@ -168,6 +173,7 @@ def test_the_first_start_makes_the_directory_that_pages_add_scenes_to(
     assert [path.name for path in tmp_path.iterdir()] == [folder]
 
 
+@pytest.mark.slow
 def test_where_no_directory_can_be_made_the_demo_is_served() -> None:
     with serving(*INSTANT, cwd=Path("/proc")) as (_, printed):
         assert "has no scenes yet" not in printed

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from PIL import Image
 
 from reference.ply import write_ply
@@ -24,6 +25,7 @@ main()
 """
 
 
+@pytest.mark.slow
 def test_whatever_a_cpu_needs_can_be_imported_and_a_scene_is_rendered(tmp_path: Path) -> None:
     ply, picture = tmp_path / "scene.ply", tmp_path / "view.png"
     write_ply(ply, shell())

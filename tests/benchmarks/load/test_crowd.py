@@ -17,6 +17,7 @@ from tests.render.transport.serving import served
 pytestmark = pytest.mark.anyio
 
 
+@pytest.mark.slow
 async def test_viewers_of_several_processes_are_counted_together() -> None:
     source = FakeFrames(bytes(20_000))
     times: list[float] = []

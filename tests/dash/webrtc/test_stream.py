@@ -74,6 +74,7 @@ async def test_all_kinds_of_streams_share_the_limit(packager: Packager) -> None:
         assert (await packager.http.get(f"/sessions/{session['id']}/manifest.mpd")).status_code == 404
 
 
+@pytest.mark.slow
 async def test_a_viewer_who_never_comes_or_falls_silent_is_given_up() -> None:
     async with running_packager(idle_s=1) as packager:
         answer = await packager.http.post("/webrtc", json=webrtc_request(await offer_of_nobody()))

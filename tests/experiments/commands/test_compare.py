@@ -157,6 +157,7 @@ def test_a_run_that_somebody_else_spoils_is_named(services: Services, out: Path)
     assert (run["figures"], run["problem"]) == (None, "The link was changed from outside during the run.")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("wrong", "sentence"),
     [

@@ -189,6 +189,7 @@ def test_rendered_frames_are_better_the_higher_their_rung(rendered: str, tmp_pat
             assert value > two.values[name] > three.values[name], name
 
 
+@pytest.mark.slow
 def test_the_ladder_is_shown_as_one_view_with_its_sizes(rendered: str, experiment: Path) -> None:
     for run in (experiment / "runs").iterdir():
         record = run / "run.json"

@@ -31,6 +31,7 @@ def server(models: Path) -> Iterator[RenderServer]:
         yield running
 
 
+@pytest.mark.slow
 def test_the_same_service_sends_every_frame_again_and_another_is_flagged(server: RenderServer, tmp_path: Path) -> None:
     run = sample_run(server, tmp_path / "runs" / "one")
     write_run(tmp_path / "runs" / "old")
@@ -50,6 +51,7 @@ def test_the_same_service_sends_every_frame_again_and_another_is_flagged(server:
     assert sample_path(run, 3, REPLAYED).is_file()
 
 
+@pytest.mark.slow
 def test_a_kill_in_the_middle_loses_nothing_that_is_there(server: RenderServer, tmp_path: Path) -> None:
     run = sample_run(server, tmp_path / "one", range(60))
     command = ("experiment", "rerender", str(run), "--render", server.url)
@@ -66,6 +68,7 @@ def test_a_kill_in_the_middle_loses_nothing_that_is_there(server: RenderServer, 
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
 
 
+@pytest.mark.slow
 def test_what_cannot_be_done_gets_a_sentence(server: RenderServer, models: Path, tmp_path: Path) -> None:
     run = sample_run(server, tmp_path / "runs" / "one")
     record = StoredRun(run).record
@@ -81,6 +84,7 @@ def test_what_cannot_be_done_gets_a_sentence(server: RenderServer, models: Path,
     assert not list((run / "samples").glob("*.png"))
 
 
+@pytest.mark.slow
 def test_scoring_renders_what_is_missing_first(server: RenderServer, tmp_path: Path) -> None:
     run = sample_run(server, tmp_path / "runs" / "one")
     command = ("quality", str(run), "--metrics", "psnr")

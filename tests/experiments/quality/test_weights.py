@@ -121,6 +121,7 @@ def publish(monkeypatch: pytest.MonkeyPatch, name: str, source: Source, data: by
     source.cached.write_bytes(data)
 
 
+@pytest.mark.slow
 def test_published_weights_are_those_of_the_models(monkeypatch: pytest.MonkeyPatch) -> None:
     torch.manual_seed(5)
     lpips, dists = Lpips(), Dists()

@@ -32,6 +32,7 @@ def written(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file() and path.name != ".lock"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [(), ("--baseline", "seen")], ids=["as it was made", "baseline"])
 def test_a_report_is_made_again_byte_for_byte_without_telling_how(tmp_path: Path, options: tuple[str, ...]) -> None:
     folder, archive = experiment(tmp_path / "study"), tmp_path / "elsewhere" / "runs.tar.xz"

@@ -117,6 +117,7 @@ def test_without_scores_or_enhancement_there_is_less(experiment: Path) -> None:
     assert heat_maps(experiment) == (None, None)
 
 
+@pytest.mark.slow
 def test_the_report_has_them_with_their_values(experiment: Path) -> None:
     page = write_report(experiment, experiment).page
     assert (experiment / "quality-heatmap.svg").exists()

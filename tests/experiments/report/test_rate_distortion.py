@@ -99,6 +99,7 @@ def test_all_networks_need_a_controller_everywhere(tmp_path: Path) -> None:
     assert over_all(groups(tmp_path / "one", *bus)) is None
 
 
+@pytest.mark.slow
 def test_the_values_are_in_csv_files_and_the_page(tmp_path: Path) -> None:
     groups(tmp_path, *LADDER, stream(2000, 0.55), {**LADDER[0], "network": "tram"})
     page = write_report(tmp_path, tmp_path).page.read_text()

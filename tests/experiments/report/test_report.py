@@ -68,6 +68,7 @@ def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(report, "_write_figures", lambda *_: {None: [], "bus": [], "20mbit": [], "4g-<bus>": []})
 
 
+@pytest.mark.slow
 def test_the_page_says_what_was_measured_and_stands_alone(comparison: Path) -> None:
     page = write_report(comparison, comparison).page.read_text()
     text = text_of(page)
@@ -99,6 +100,7 @@ def test_the_page_says_what_was_measured_and_stands_alone(comparison: Path) -> N
     assert (comparison / "headline.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_equal_runs_give_equal_reports(experiment: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     out = tmp_path_factory.mktemp("out")
     write_report(experiment, out)
@@ -179,6 +181,7 @@ def test_nothing_but_failures_is_a_report_too(experiment: Path) -> None:
     assert rows(experiment / "groups.csv") == []
 
 
+@pytest.mark.slow
 def test_what_never_came_and_nothing_at_all_are_reports_too(tmp_path: Path) -> None:
     path = write_run(tmp_path / "runs" / "a", delay_ms=40)
     frames = (path / "frames.ndjson").read_text().splitlines(keepends=True)

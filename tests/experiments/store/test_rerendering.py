@@ -88,6 +88,7 @@ async def test_samples_are_listed_by_time_with_their_pictures(
     assert shown.content == sample_path(run, 3, TRUTH).read_bytes()
 
 
+@pytest.mark.slow
 async def test_another_renderer_is_flagged_in_the_table(
     store: Running, run: Path, renderer: FakeRenderer, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -177,6 +177,7 @@ async def test_a_megabyte_of_mistakes_is_told_as_cheaply_as_one() -> None:
         assert len(refused.value.detail) < 200, where
 
 
+@pytest.mark.slow
 async def test_a_body_that_takes_too_much_is_refused_and_the_store_goes_on(tmp_path: Path) -> None:
     async with running_store(tmp_path, offload=offload_to_process) as store:
         experiment = await store.create()

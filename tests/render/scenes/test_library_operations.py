@@ -145,6 +145,7 @@ def test_no_sentence_has_a_password(tmp_path: Path, site: str, address: str) -> 
     assert "secret" not in str(raised.value) + shown(source)
 
 
+@pytest.mark.slow
 def test_a_command_that_is_terminated_leaves_nothing(tmp_path: Path, site: str) -> None:
     models = tmp_path / "models"
     environment = os.environ | {"TIGAS_RENDER_SCENES": str(models)}

@@ -101,6 +101,7 @@ async def test_hundreds_behind_one_address_are_handled_in_few_turns_and_hold_nob
         assert max(map(len, turns)) <= 400 / 8 + 2
 
 
+@pytest.mark.slow
 async def test_connections_of_one_address_that_come_at_once_all_come_in() -> None:
     async with served() as server, AsyncExitStack() as stack:
         clients = [stack.enter_async_context(connect(server.port)) for _ in range(12)]
@@ -191,6 +192,7 @@ async def test_one_address_has_so_many_requests_and_no_more() -> None:
         assert (await two.fetch("GET", "/")).status == 200
 
 
+@pytest.mark.slow
 async def test_two_hundred_connections_that_are_dropped_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connections_module, "HANDSHAKES_PER_S", 1e6)  # else they would be begun one after the other
     async with served(Limits(idle_timeout=1.0, connections_per_address=512)) as server:

@@ -170,6 +170,7 @@ def take_memory(*_: object) -> None:
     bytearray(1_000_000_000)
 
 
+@pytest.mark.slow
 async def test_a_file_that_takes_too_much_to_check_ends_nothing_but_its_own_process(
     models: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

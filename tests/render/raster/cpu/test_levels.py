@@ -52,6 +52,7 @@ def colours_of(packed: CpuScene, first: int, end: int) -> NDArray[np.float16]:
     return packed.sh[first * groups : end * groups].transpose(0, 2, 1).reshape(-1, packed.sh.shape[1])[:, :3]
 
 
+@pytest.mark.slow
 def test_near_by_all_of_a_scene_is_drawn(rasterizer: CpuRasterizer) -> None:
     packed = rasterizer.pack(cloud(COUNT, 1, size=0.02).batches())
     view = from_afar(2.0)

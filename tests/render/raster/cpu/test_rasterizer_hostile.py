@@ -45,6 +45,7 @@ def hostile_gaussians(draw: st.DrawFn) -> Gaussians:
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(hostile_gaussians(), coordinate, focal, focal, centre, centre, st.integers(1, 90), st.integers(1, 90))
 def test_any_numbers_give_a_picture(
