@@ -26,6 +26,7 @@ export default defineConfig({
   test: {
     environment: "node",
     include: ["{app,packages,tools}/**/*.test.{ts,tsx}", "*.test.ts"],
+    maxWorkers: "100%", // vitest leaves a core idle
     pool: "threads", // they start sooner than processes; each file has modules of its own all the same
     testTimeout: 30_000, // ms: simulations take seconds on a busy machine
   },

@@ -96,6 +96,7 @@ def test_a_file_of_this_visit_and_what_makes_no_sense(open_page: OpenPage, lab: 
     assert list(lab.results.glob("Pebbles-*")) == []
 
 
+@pytest.mark.extended
 def test_cancelling_keeps_what_was_finished_and_gives_the_link_back(open_page: OpenPage, lab: PageLab) -> None:
     page = open_page(SCENE, url=lab.url)
     wait_for_frames(page)

@@ -91,6 +91,7 @@ def test_the_present_link_is_held_and_must_stay(open_page: OpenPage, lab: PageLa
     assert labels == [parse_network("100mbit,50mbit-up")] * 3
 
 
+@pytest.mark.extended
 def test_two_pages_share_an_experiment_and_a_link(open_page: OpenPage, lab: PageLab) -> None:
     page = open_page(SCENE, url=lab.url)
     begun(page, name="Shared", network="stairs")

@@ -145,6 +145,7 @@ def test_in_an_outage_a_turn_shows_the_surround(slow: Callable[..., Page]) -> No
     assert error < 0.5 * np.abs(truth - truth.mean(axis=(0, 1)))[..., :3].mean()
 
 
+@pytest.mark.extended
 def test_without_a_surround_an_outage_leaves_a_turn_without_a_picture(slow: Callable[..., Page]) -> None:
     shown = turned_in_an_outage(slow(overscan=0, surround=False))
     assert (shown[..., 3] == 0).mean() > 0.7

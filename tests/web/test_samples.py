@@ -122,6 +122,7 @@ def test_an_upload_that_is_cut_off_survives_a_reload_and_sends_only_the_rest(ope
     assert not set(sent) & set(again)
 
 
+@pytest.mark.extended
 def test_a_tab_that_was_closed_leaves_samples_that_another_may_upload_or_delete(
     open_page: OpenPage, lab: PageLab
 ) -> None:

@@ -114,7 +114,14 @@ def random_frame(width: int, height: int) -> Frame:
 
 
 @pytest.mark.parametrize(
-    ("scale", "layers", "channels"), [(2, 5, 16), (1, 5, 16), (2, 3, 24), (2, 2, 4)], ids=lambda value: str(value)
+    ("scale", "layers", "channels"),
+    [
+        (2, 5, 16),
+        pytest.param(1, 5, 16, marks=pytest.mark.extended),
+        pytest.param(2, 3, 24, marks=pytest.mark.extended),
+        (2, 2, 4),
+    ],
+    ids=lambda value: str(value),
 )
 def test_the_page_gives_pytorchs_pictures(page: Page, scale: int, layers: int, channels: int) -> None:
     networks = random_networks({2: scale}, layers, channels)

@@ -116,7 +116,7 @@ def test_a_stream_may_have_a_single_representation(services: Services, out: Path
 @pytest.mark.parametrize(
     "end_it",
     [
-        pytest.param(lambda process: os.killpg(process.pid, signal.SIGINT), id="Ctrl+C"),
+        pytest.param(lambda process: os.killpg(process.pid, signal.SIGINT), id="Ctrl+C", marks=pytest.mark.extended),
         pytest.param(subprocess.Popen.terminate, id="SIGTERM"),
     ],
 )

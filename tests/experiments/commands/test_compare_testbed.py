@@ -53,6 +53,7 @@ def test_a_trace_s_file_is_played_and_frames_cross_the_link(tmp_path: Path) -> N
     assert {sample.target_kbps for sample in stored.link()} == {6000, 3000}
 
 
+@pytest.mark.extended
 def test_even_after_a_kill_nothing_is_left(tmp_path: Path) -> None:
     out = tmp_path / "out"
     process = compare("--network", "20mbit,20ms-rtt", "--out", str(out), *SHORT, "--duration", "60")

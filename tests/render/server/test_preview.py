@@ -24,9 +24,9 @@ pytestmark = pytest.mark.anyio
 SOURCE = SceneSource("garden", SceneMetadata(), "1", None)
 
 
-def image(format: str = "JPEG", colour: str = "red", size: tuple[int, int] = (64, 36)) -> bytes:
+def image(format: str = "JPEG", colour: str = "red", size: tuple[int, int] = (64, 36), mode: str = "RGB") -> bytes:
     file = io.BytesIO()
-    Image.new("RGB", size, colour).save(file, format)
+    Image.new(mode, size, colour).save(file, format)
     return file.getvalue()
 
 
@@ -140,7 +140,7 @@ async def test_a_scene_may_bring_its_own(
 
 @pytest.mark.parametrize(
     "content",
-    [b"<svg onload=alert(1)>", image("GIF"), image() + bytes(MAX_BYTES), image("PNG", size=(20_000, 20_000))],
+    [b"<svg onload=alert(1)>", image("GIF"), image() + bytes(MAX_BYTES), image("PNG", "white", (20_000, 20_000), "1")],
     ids=["another type", "GIF", "too large", "too many pixels"],
 )
 async def test_a_bad_one_is_replaced(

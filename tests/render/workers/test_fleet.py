@@ -66,6 +66,7 @@ async def test_a_connection_outlives_new_addresses_and_ids_and_another_edges_end
         await fleet.started_again(other, killed.pid)
 
 
+@pytest.mark.alone  # a busy engine refuses frames of anybody
 async def test_an_edge_that_is_killed_costs_its_own_viewers_two_seconds_and_others_nothing(fleet: Fleet) -> None:
     viewers = [Viewer(fleet) for _ in range(6)]
     async with watching(viewers):

@@ -14,6 +14,7 @@ from tests.render.workers.fleet import serving
 pytestmark = [pytest.mark.anyio, pytest.mark.slow]
 
 
+@pytest.mark.extended
 async def test_any_process_takes_any_part_and_all_know_the_scene(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
