@@ -7,6 +7,7 @@ import { clock } from "../format";
 import { Icon } from "../icon";
 import { IconButton } from "../icon-button";
 import { Question } from "../question";
+import { freeName, NameForm, taken } from "./name-form";
 import { NumberField } from "./number-field";
 import {
   draftOf,
@@ -22,8 +23,7 @@ import {
 } from "./path-draft";
 import { SaveVideo } from "./save-video";
 import { goTo, pathOf, play, playing, presentPose } from "./saved-places";
-import { freeName, MAX_NAME, taken } from "./saved-views";
-import { edit, mayEdit, reason } from "./scene-edits";
+import { edit, mayEdit } from "./scene-edits";
 
 const EASINGS: Readonly<Record<PathDraft["easing"], string>> = {
   "ease-in-out": "Smooth",
@@ -230,46 +230,25 @@ interface SavePathProps extends Props, DraftProps {
 }
 
 function SavePath({ session, scene, saved, draft, onChange, onLeave }: SavePathProps) {
-  const problem = useSignal<string | null>(null);
-  const busy = useSignal(false);
   const deleting = useSignal(false);
-  const save = async () => {
-    const name = draft.name.trim();
-    problem.value = name !== saved && Object.hasOwn(scene.paths ?? {}, name) ? taken("path", name) : null;
-    if (problem.value !== null) return;
+  const save = async (name: string) => {
     const { easing, loop } = draft;
     const path = { keyframes: [...draft.keyframes], easing, loop };
-    busy.value = true;
-    try {
-      const former = saved !== undefined && saved !== name ? { [saved]: null } : {};
-      await edit(session, scene.id, { paths: { ...former, [name]: path } });
-      onLeave(name);
-    } catch (error) {
-      problem.value = reason(error);
-    }
-    busy.value = false;
+    const former = saved !== undefined && saved !== name ? { [saved]: null } : {};
+    await edit(session, scene.id, { paths: { ...former, [name]: path } });
+    onLeave(name);
   };
   return (
     <>
-      <form
-        class="save-view"
-        onSubmit={(event) => {
-          event.preventDefault();
-          void save();
-        }}
+      <NameForm
+        label="Name of the path"
+        verb="Save path"
+        name={draft.name}
+        onName={(name) => onChange({ ...draft, name })}
+        disabled={stopsOf(draft).length < 2}
+        refuse={(name) => (name !== saved && Object.hasOwn(scene.paths ?? {}, name) ? taken("path", name) : null)}
+        save={save}
       >
-        <label class="number-field">
-          <span>Name of the path</span>
-          <input
-            required
-            maxLength={MAX_NAME}
-            value={draft.name}
-            onInput={({ currentTarget }) => onChange({ ...draft, name: currentTarget.value })}
-          />
-        </label>
-        <button type="submit" class="quiet-button" disabled={busy.value || stopsOf(draft).length < 2}>
-          Save path
-        </button>
         {saved !== undefined && (
           <button
             type="button"
@@ -281,12 +260,7 @@ function SavePath({ session, scene, saved, draft, onChange, onLeave }: SavePathP
             Delete path
           </button>
         )}
-        {problem.value !== null && (
-          <p class="notice" role="alert">
-            {problem.value}
-          </p>
-        )}
-      </form>
+      </NameForm>
       {saved !== undefined && deleting.value && (
         <Question
           title={`Delete “${saved}”?`}

@@ -173,7 +173,7 @@ test("a saved path is renamed with its changes, which wait while another is look
   await waitFor(() => expect(lastEdit()).toEqual({ paths: { "Round trip": null } }));
 });
 
-test("a path becomes a video, whose progress is shown and which can be cancelled", async () => {
+test("a path becomes a video, with progress and a way to cancel", async () => {
   const made = vi.mocked(exportVideo).mockImplementation((_, __, { onProgress, signal } = {}) => {
     onProgress?.(0.25);
     return new Promise((_, reject) => signal?.addEventListener("abort", reject));

@@ -6,11 +6,9 @@ import type { SceneInfo } from "#client/wire/render";
 import type { ViewerSession } from "#viewer/session/session";
 import { IconButton } from "../icon-button";
 import { NameQuestion, Question } from "../question";
+import { freeName, MAX_NAME, NameForm, taken } from "./name-form";
 import { goTo, presentPose, SavedPlaces } from "./saved-places";
-import { edit, mayEdit, reason } from "./scene-edits";
-
-/** The most characters of a name. */
-export const MAX_NAME = 100;
+import { edit, mayEdit } from "./scene-edits";
 
 export function SavedViews({ session }: { readonly session: ViewerSession }) {
   const asked = useSignal<{ readonly what: "rename" | "delete"; readonly name: string } | null>(null);
@@ -86,61 +84,20 @@ export function SavedViews({ session }: { readonly session: ViewerSession }) {
 
 function SaveView({ session, scene }: { readonly session: ViewerSession; readonly scene: SceneInfo }) {
   const typed = useSignal<string | null>(null);
-  const problem = useSignal<string | null>(null);
-  const busy = useSignal(false);
   const { views = {} } = scene;
-  const name = typed.value ?? freeName("View", views);
-  const save = async () => {
-    const wanted = name.trim();
-    problem.value = Object.hasOwn(views, wanted) ? taken("view", wanted) : null;
-    if (problem.value !== null) return;
-    busy.value = true;
-    try {
-      await edit(session, scene.id, { views: { [wanted]: presentPose(session) } });
-      typed.value = null;
-    } catch (error) {
-      problem.value = reason(error);
-    }
-    busy.value = false;
-  };
   return (
-    <form
-      class="save-view"
-      onSubmit={(event) => {
-        event.preventDefault();
-        void save();
+    <NameForm
+      label="Name"
+      verb="Save this view"
+      name={typed.value ?? freeName("View", views)}
+      onName={(name) => {
+        typed.value = name;
       }}
-    >
-      <label class="number-field">
-        <span>Name</span>
-        <input
-          required
-          maxLength={MAX_NAME}
-          value={name}
-          onInput={(event) => {
-            typed.value = event.currentTarget.value;
-          }}
-        />
-      </label>
-      <button type="submit" class="quiet-button" disabled={busy.value}>
-        Save this view
-      </button>
-      {problem.value !== null && (
-        <p class="notice" role="alert">
-          {problem.value}
-        </p>
-      )}
-    </form>
+      refuse={(name) => (Object.hasOwn(views, name) ? taken("view", name) : null)}
+      save={async (name) => {
+        await edit(session, scene.id, { views: { [name]: presentPose(session) } });
+        typed.value = null;
+      }}
+    />
   );
-}
-
-/** “View 1”, or the first number that is free. */
-export function freeName(kind: string, names: object): string {
-  let number = 1;
-  while (Object.hasOwn(names, `${kind} ${number}`)) number++;
-  return `${kind} ${number}`;
-}
-
-export function taken(kind: string, name: string): string {
-  return `There is a ${kind} “${name}” already; choose another name.`;
 }
