@@ -7,7 +7,7 @@ import { load, run } from "./page-module.mjs";
 
 const USAGE = `npm run abr-sim -- [options] TRACE.csv...
   --controller NAME   seen, latency, latency-transfer, lol+, l2a, fixed:RUNG, one with other parameters (as in
-                      l2a@horizon=8,react=4), or a file of your own whose default export makes a controller; may be
+                      l2a@horizon=8,react=4), or a file with a default export that makes a controller; may be
                       repeated [all of the first five]
   --rtt MS            round trip in place of the traces' own delay; may be repeated
   --seconds N         how long each visit lasts [each trace once]

@@ -38,7 +38,7 @@ def show(
         settings: `mode` and other settings of the viewer, such as `controller="fixed", profile=2`.
 
     Returns:
-        A widget whose `camera`, `scene` and `mode` can be read and set; `close()` ends it.
+        A widget with `camera`, `scene` and `mode` to read and set; `close()` ends it.
 
     Raises ImportError without the extra `notebook`, StartError, FileNotFoundError and ClientError.
     """

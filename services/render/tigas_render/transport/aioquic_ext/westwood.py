@@ -6,8 +6,9 @@ NewReno halves its window at each loss, so 1 % of random loss on a path of 100 m
     max(window / 2, min(window, 1.1 · bandwidth · least round trip))
 
 as TCP Westwood does (Mascolo et al., MobiCom 2001), with the delivery rate of BBR (draft-ietf-ccwg-bbr, 4.5.2) as the
-bandwidth. With an empty queue that is about the window, so a random loss costs nothing. With a full queue it is the
-capacity of the link, so the queue drains. Growth, and therefore the share beside other flows, is NewReno's.
+bandwidth. With a full queue that is the capacity of the link, so the queue drains. Without a queue a loss is
+random: the window stays, and data is worth sending twice (copies.py). Growth, and therefore the share of other flows,
+is NewReno's.
 """
 
 from __future__ import annotations
