@@ -87,17 +87,21 @@ class HttpViewers:
         self._named: Counter[str] = Counter()
         """The number of viewers of each address."""
 
-    def check(self, address: str, name: str = "") -> None:
-        """Admit a viewer, or note its request. Raises ServerFull for a new one while there is no room."""
+    def admit(self, address: str, name: str = "") -> str:
+        """Admit a viewer, or note its request, and return its name: empty for one name too many of its address.
+
+        Raises ServerFull for a new one while there is no room.
+        """
         self.forget_absent()
+        if (address, name) not in self._asked and self._named.get(address, 0) >= MOST_NAMED:
+            name = ""
         viewer = (address, name)
-        if viewer not in self._asked and self._named.get(address, 0) >= MOST_NAMED:
-            viewer = (address, "")
         if self._asked.pop(viewer, None) is None:
             self._load.check()
             self._load.entered()
             self._named[address] += 1
         self._asked[viewer] = self._clock()
+        return name
 
     def forget_absent(self) -> None:
         """Forget viewers without a request for STAY_S. Call it regularly, as there may be no other request."""

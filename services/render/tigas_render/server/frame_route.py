@@ -89,8 +89,7 @@ async def render(request: Request, body: Body[RenderRequest]) -> Response:
     """One frame."""
     began = time.monotonic()
     frames: HttpFrames = request.app.state.frames
-    client = _client(request)
-    frames.viewers.check(client.address, _viewer(request))
+    client = _client(request, frames.viewers)
     frames.rate.check(client)
     render_request = await body.read()
     if render_request.video is not None:
@@ -135,12 +134,13 @@ def _viewer(request: Request) -> str:
     return name
 
 
-def _client(request: Request) -> Client:
+def _client(request: Request, viewers: HttpViewers) -> Client:
+    """Admit the viewer. Its connections are one client: a browser has several over HTTP/1.1. Raises ServerFull."""
     peer = request.client
     transport: Transport = "http3" if request.scope["http_version"] == "3" else "http1"
-    if peer is None:
-        return Client("unknown", "unknown", transport)
-    return Client(client_network(peer.host), f"{peer.host}:{peer.port}", transport)
+    address, connection = (client_network(peer.host), f"{peer.host}:{peer.port}") if peer else ("unknown", "unknown")
+    name = viewers.admit(address, _viewer(request))
+    return Client(address, f"viewer {name}" if name else connection, transport)
 
 
 FRAMES = Route(PATH, render, methods=["POST"])
