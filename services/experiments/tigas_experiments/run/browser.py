@@ -133,8 +133,13 @@ class Viewer:
         self._page = page
 
     async def prepare(self, settings: dict[str, Any], pose: object) -> None:
-        """Change settings, stand at a pose, and wait until a frame of it is on the screen and models are loaded."""
+        """Change settings, connect again, stand at a pose, and wait until a frame of it is on the screen and models are
+        loaded.
+
+        What the connection learned of the network while the page was loaded would influence the run otherwise.
+        """
         await self._call("settings", settings)
+        await self._call("reconnect", None)
         await self._call("stand", pose)
         try:
             await self._page.wait_for_function("() => window.tigas?.state().ready === true", timeout=READY_MS)

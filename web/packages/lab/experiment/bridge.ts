@@ -39,6 +39,11 @@ export class Bridge {
     this.#runner.settings(part);
   }
 
+  /** Connects again, over the network as it is now. */
+  reconnect(): void {
+    this.#runner.reconnect();
+  }
+
   /** Stand at a pose of the scene's own frame until a run begins. */
   stand(pose: unknown): void {
     this.#runner.stand(v.parse(Pose, pose) as unknown as ScenePose);

@@ -70,6 +70,7 @@ async function performed() {
     stand: () => events.push("stand"),
     seed: (seed: number) => events.push(`seed ${seed}`),
     settings: (part: object) => events.push(`settings ${JSON.stringify(part)}`),
+    reconnect: () => events.push("reconnect"),
     state: () => ({ ready, problem }),
     sampled: { key: "k", kept: 1, missed: 1, problem: null },
     takePicture: async (index: number) => new Blob([String(index)]),
@@ -104,7 +105,7 @@ async function performed() {
   return work;
 }
 
-test("the link is held before the first view, and the movement begins with the trace", async () => {
+test("the link is held before the connection of the run, and the movement begins with the trace", async () => {
   vi.spyOn(Date, "now").mockReturnValue(5);
   const { upload, captures, samples } = await performed();
   expect(events).toEqual([
@@ -114,6 +115,7 @@ test("the link is held before the first view, and the movement begins with the t
     ...["start", "pause", "seek"],
     "seed 7",
     'settings {"mode":"stateless"}',
+    "reconnect",
     "Warms up",
     "Plays the movement",
     ...["seek", "resume"],

@@ -59,6 +59,7 @@ export async function perform(job: RunJob, performance_: Performance): Promise<P
     const { seed, ...chosen } = settings as { readonly seed: number } & Partial<Settings>;
     runner.seed(seed);
     runner.settings(chosen);
+    runner.reconnect();
     await waitUntil(
       () => runner.state().ready,
       () => whyNoFrame(session),

@@ -29,10 +29,11 @@ let phase: Signal<{ kind: string; message?: string }>;
 /** Of the visit. */
 let visit: Signal<{ kind: string; message?: string }>;
 let runner: Runner;
+let connections: number;
 let present: (frame: PresentedFrame) => void;
 
 beforeEach(() => {
-  now = 0;
+  now = connections = 0;
   enhancement = signal({ kind: "off" });
   unturned = signal(null);
   phase = signal({ kind: "playing" });
@@ -56,6 +57,9 @@ beforeEach(() => {
     left: { picture: () => null },
     unturned,
     phase: visit,
+    retry: () => {
+      connections++;
+    },
     onPresented: (listener: typeof present) => {
       present = listener;
       return nothing;
@@ -211,6 +215,14 @@ test("a stream that is opened anew is waited for, and a view that is there in th
     expect(runner.state().ready).toBe(!waits);
   }
   changeSettings(before);
+});
+
+test("after connecting again, only a new frame makes the viewer ready", () => {
+  present({ pose: rig.pose.seq } as PresentedFrame);
+  runner.reconnect();
+  expect([connections, runner.state().ready]).toEqual([1, false]);
+  present({ pose: rig.pose.seq } as PresentedFrame);
+  expect(runner.state().ready).toBe(true);
 });
 
 test("reprojection that a run asks for is not left out for lack of graphics acceleration", () => {

@@ -107,6 +107,12 @@ export class Runner {
     if (forced || reopens(before, now)) this.#shown = 0; // wait for other frames
   }
 
+  /** Connects again: what a connection has learned of the network before a run must not influence the run. */
+  reconnect(): void {
+    this.#session.retry();
+    this.#shown = 0;
+  }
+
   /** Stand at a pose of the scene's own frame until a run begins, or the camera is released. */
   stand({ position, quaternion }: ScenePose): void {
     this.#stood = [];
