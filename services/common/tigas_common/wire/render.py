@@ -115,6 +115,9 @@ class RenderRequest(WireModel):
     height (top, bottom), at the same pixels per angle."""
     depth: bool = False
     """Whether a JPEG or WebP carries a coarse depth of the view; ignored for other formats."""
+    coarse: bool = False
+    """Whether a frame of the coarse scene will do while the scene is loading; otherwise, and for a PNG, the request
+    waits."""
     format: AnswerFormat = "jpeg"
     """The format of the answer's body."""
     video: VideoRequest | None = None
@@ -195,6 +198,8 @@ class FrameHeader(WireModel):
     margin_y: int | None = None
     """The same of its rows, at the top and at the bottom."""
     profile: int | None = None
+    coarse: bool | None = None
+    """Whether it shows the coarse scene, because the scene is loading; null otherwise."""
     video: VideoInfo | None = None
     """Of a frame of a video; its body is one access unit in Annex B's byte stream format (ITU-T H.264)."""
     timing: ServerTiming | None = None

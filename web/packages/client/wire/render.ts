@@ -22,6 +22,7 @@ export interface RenderRequest {
   display_scale?: number;
   overscan?: number;
   depth?: boolean;
+  coarse?: boolean;
   format?: "jpeg" | "png" | "yuv420p" | "h264" | "webp";
   video?: VideoRequest | null;
   deadline_ms?: number | null;
@@ -113,6 +114,7 @@ export interface FrameHeader {
   margin_x?: number | null;
   margin_y?: number | null;
   profile?: number | null;
+  coarse?: boolean | null;
   video?: VideoInfo | null;
   timing?: ServerTiming | null;
   requests_per_s?: number | null;
