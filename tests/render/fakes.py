@@ -212,7 +212,7 @@ class FakeUse:
 
     scenes: FakeScenes
     scene_id: str
-    coarse: bool
+    coarse: bool = False
 
     def enter_if_loaded(self) -> FakeLoaded | None:
         if self.scene_id != "scene":
