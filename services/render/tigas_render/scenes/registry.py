@@ -7,10 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import os
-import sys
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -34,10 +31,6 @@ BUILTIN: Mapping[str, SceneSource] = {DEMO_SOURCE.id: DEMO_SOURCE}
 """Scenes that are part of the package; a folder of the same name takes their place."""
 COARSE_SAMPLE = 12_500
 """Gaussians from which the start view of a coarse scene is derived in half a second."""
-AT_ONCE = 8
-"""Large scenes that are read at a time; others wait."""
-NICENESS = 10
-"""Of the threads that read large scenes."""
 IN_USE_S = 30.0
 """Seconds for which a scene counts as in use after its last frame: its viewer may only be standing still."""
 
@@ -79,7 +72,6 @@ class SceneRegistry:
         self._scanning = asyncio.Lock()
         self._scans_asked = self._scans_done = 0
         self._closed = False
-        self._threads = ThreadPoolExecutor(AT_ONCE, "load", _let_frames_go_first)
 
     async def scan(self) -> None:
         """Rescan the models directory: adds and removes scenes, and retries changed and broken ones.
@@ -285,16 +277,12 @@ class SceneRegistry:
 
     async def _read_with_room(self, entry: Entry) -> LoadedScene:
         """Read a scene; if the device's memory is full, once more after unloading another."""
-        # with pictures of it meanwhile, there is time to let the frames of other scenes go first
-        threads = self._threads if entry.coarse is not None else None
-        loop = asyncio.get_running_loop()
         try:
-            return await loop.run_in_executor(threads, self._read, entry)
+            return await asyncio.to_thread(self._read, entry)
         except OutOfDeviceMemory:
             if not self.evict():
                 raise
-        # after the error, which references the allocations
-        return await loop.run_in_executor(threads, self._read, entry)
+        return await asyncio.to_thread(self._read, entry)  # after the error, which references the allocations
 
     def _read_coarse(self, entry: Entry) -> LoadedScene | None:
         """In a worker thread: the coarse scene of a large one, if there is any."""
@@ -422,11 +410,6 @@ class SceneUse:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.leave()
-
-
-def _let_frames_go_first() -> None:
-    if sys.platform == "linux":  # elsewhere, it would be that of the whole process
-        os.nice(NICENESS)
 
 
 def _turned(view: StartView | None, source: SceneSource) -> StartView | None:
