@@ -3,6 +3,7 @@ import type { SceneInfo } from "#client/wire/render";
 import type { ScenePose } from "./camera";
 import { NO_NUDGE } from "./motion";
 import { Rig } from "./rig";
+import { rotate } from "./vector";
 
 const SCENE = { up: [0, -1, 0], camera: { position: [0, -2, -8], look_at: [0, -2, 0] } } as SceneInfo;
 const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
@@ -25,6 +26,17 @@ test("a pose gets a new number with each change, and only then", () => {
   expect(rig.sample(32)).toBe(true);
   expect(rig.pose.seq).toBe(seq + 1);
   expect(rig.changedAt).toBe(32);
+});
+
+test("stays where it is when the scene is known better, also with another axis up", () => {
+  const { position, quaternion } = rig.pose;
+  rig.update({ ...SCENE, up: [1, 0, 0], camera: { position: [5, 5, 5], look_at: [0, 0, 0] } });
+  rig.sample(16);
+  expect(rig.pose.position).toEqual(position.map((value) => expect.closeTo(value)));
+  const forward = rotate(rig.pose.quaternion, [0, 0, 1]);
+  expect(forward).toEqual(rotate(quaternion, [0, 0, 1]).map((value) => expect.closeTo(value)));
+  rig.resetCamera();
+  expect(rig.pose.position).toEqual([5, 5, 5].map((value) => expect.closeTo(value)));
 });
 
 test("a source drives it until the source ends, and then the person's camera is back where it was", () => {
