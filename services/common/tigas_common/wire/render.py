@@ -115,6 +115,8 @@ class RenderRequest(WireModel):
     height (top, bottom), at the same pixels per angle."""
     depth: bool = False
     """Whether a JPEG or WebP carries a coarse depth of the view; ignored for other formats."""
+    detail: Literal["auto", "full"] = "auto"
+    """How much of a large scene is drawn: what the frame's pixels can show, or everything; PNGs show everything."""
     format: AnswerFormat = "jpeg"
     """The format of the answer's body."""
     video: VideoRequest | None = None
