@@ -9,6 +9,7 @@ beside them, the height of a flower above the ground, and one is from high above
 from __future__ import annotations
 
 import argparse
+import gc
 import math
 import statistics
 import sys
@@ -63,6 +64,7 @@ def main() -> None:
     for grid in arguments.grids:
         across, away = map(int, grid.split("x"))
         report(CudaRasterizer(index, cache_directory()), flowers, across, away)
+        gc.collect()  # the rasteriser's buffers
 
 
 def report(rasterizer: CudaRasterizer, one: Gaussians, across: int, away: int) -> None:
