@@ -15,6 +15,9 @@ NETWORKS ?= 20mbit,20ms-rtt traces/network/4g-bus.csv
 # Inputs that `make fuzz` tries in each fuzzer.
 EXAMPLES ?= 1000
 
+# Tests start hundreds of Python processes, which would compile all modules again.
+unexport PYTHONDONTWRITEBYTECODE
+
 VENV := .venv/bin
 PIP := $(VENV)/pip install --disable-pip-version-check
 UV_SYNC := $(VENV)/uv sync --frozen --inexact --no-default-groups

@@ -140,6 +140,13 @@ def test_how_much_waits_and_whether_others_wait() -> None:
     assert (schedule.waiting("a"), schedule.waiting("b")) == (3, 0)
 
 
+def test_a_viewers_other_connection_is_not_another_viewer() -> None:
+    schedule: FairSchedule[str] = FairSchedule(2)
+    schedule.push(Client("a", "viewer/1"), "a1", 1.0)
+    assert not schedule.others_wait(Client("a", "viewer/2"))
+    assert schedule.others_wait(Client("a", "neighbour/2"))
+
+
 def test_clients_that_have_gone_are_forgotten() -> None:
     schedule: FairSchedule[int] = FairSchedule(depth=4)
     for number in range(10 * LEAST_KEPT):

@@ -110,8 +110,11 @@ class FairSchedule(Generic[Work]):
         return (waiting[-1][0] for sessions in self._waiting.values() for waiting in sessions.values())
 
     def others_wait(self, client: Client) -> bool:
-        own = len(self._waiting.get(client.address, {}).get(client.session, []))
-        return self._length > own
+        """Whether work of another viewer waits."""
+        viewer = client.viewer
+        sessions = self._waiting.get(client.address, {}).items()
+        own = (len(works) for session, works in sessions if Client(client.address, session).viewer == viewer)
+        return self._length > sum(own)
 
     def push(self, client: Client, work: Work, cost: float) -> Work | None:
         """Add a client's newest work, with an expected `cost` in seconds; returns the displaced work, if any."""

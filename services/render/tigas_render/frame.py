@@ -31,8 +31,13 @@ class Client(NamedTuple):
     address: str
     """Its IPv4 address, or the /64 of its IPv6 address."""
     session: str
-    """A name that no other session of the address has."""
+    """A name that no other session of the address has. Parallel connections of one viewer are `VIEWER/CONNECTION`."""
     transport: Transport = "none"
+
+    @property
+    def viewer(self) -> tuple[str, str]:
+        """Its address, and what all its connections have in common."""
+        return self.address, self.session.rpartition("/")[0] or self.session
 
 
 @dataclass(slots=True)

@@ -13,6 +13,7 @@ from types import SimpleNamespace
 import psutil
 import pytest
 
+from tests.eventually import eventually
 from tigas_common.resources import Quota
 from tigas_experiments.records import load
 from tigas_experiments.records.load import Load, LoadSample, Reading, Thread, watching_load
@@ -115,6 +116,28 @@ def test_the_busiest_thread_of_each_process() -> None:
     }
     sample = passed(Reading(10.0, 0, 0, 8, threads=before), Reading(10.5, 0, 0, 8, threads=after))
     assert sample.threads == {"chromium": 0.96, "tigas render": 1.0, "tigas dash": 0.0}
+
+
+@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="Linux tells how long threads wait")
+def test_a_thread_that_waits_for_a_processor_is_as_busy_as_one_that_runs() -> None:
+    spin = "import os\nos.sched_setaffinity(0, {min(os.sched_getaffinity(0))})\nwhile True: pass"
+    spinning = [subprocess.Popen([sys.executable, "-c", spin]) for _ in range(3)]
+    try:
+        one = psutil.Process(spinning[0].pid)
+
+        def used_s() -> float:
+            return one.cpu_times().user + one.cpu_times().system
+
+        asyncio.run(eventually(lambda: used_s() > 0.5))
+        first, began_s = Reading.now({one: "spin"}), used_s()
+        asyncio.run(eventually(lambda: used_s() > began_s + 0.3))
+        second = Reading.now({one: "spin"})
+        assert used_s() - began_s < 0.7 * (second.at_s - first.at_s), "three share a processor"
+        assert (passed(first, second).threads or {})["spin"] == pytest.approx(1.0, abs=0.1)
+    finally:
+        for process in spinning:
+            process.kill()
+            process.wait()
 
 
 def test_nothing_passed_is_no_load() -> None:

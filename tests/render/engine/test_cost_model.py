@@ -15,7 +15,7 @@ from tigas_render.engine.frame_size import FrameSize
 from tigas_render.frame import Client
 
 MEDIUM, LARGE, HUGE = 640 * 360, 1280 * 720, 4096 * 4096
-HOSTILE, POLITE = Client("h", "1"), Client("p", "1")
+HOSTILE, POLITE = Client("h", "1/5001"), Client("p", "1")
 
 Measured = tuple[str, AnswerFormat, int, float]
 
@@ -65,6 +65,8 @@ OTHER_AT_100 = [(POLITE, 100.0)]
         ({}, [(HOSTILE, 100.0), (POLITE, 101.0)], 102.9, True),
         ({}, [(HOSTILE, 100.0), (POLITE, 101.0)], 103.1, False),
         ({}, [(Client(HOSTILE.address, "2"), 100.0)], 100.0, True),
+        ({}, [(Client(HOSTILE.address, "1/5002"), 100.0)], 100.0, False),
+        ({}, [(Client(HOSTILE.address, "2/5002"), 100.0)], 100.0, True),
         ({"profile": 0}, OTHER_AT_100, 100.0, False),
         ({"profile": 0, "overscan": USUAL_OVERSCAN}, OTHER_AT_100, 100.0, False),
         ({"profile": 0, "overscan": 0.5}, OTHER_AT_100, 100.0, True),

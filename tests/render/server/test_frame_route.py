@@ -60,16 +60,17 @@ async def test_metrics_are_to_know_how_a_viewer_is_reached(version: str, transpo
     assert source.requests[0][0].transport == transport
 
 
-async def test_the_connections_of_one_browser_are_one_client() -> None:
+async def test_the_connections_of_one_browser_are_one_viewer_with_a_queue_each() -> None:
     source = FakeFrames()
     app = serving(source, ChosenLoad())
     for port, viewer in ((5001, "a"), (5002, "a"), (5003, "b"), (5004, ""), (5005, "")):
         transport = httpx.ASGITransport(app, client=("192.0.2.1", port))
         async with httpx.AsyncClient(base_url="http://localhost", transport=transport) as client:
             assert (await client.post("/render", content=BODY, headers={"Tigas-Viewer": viewer})).status_code == 200
-    sessions = [client.session for client, *_ in source.requests]
-    assert sessions[0] == sessions[1]
-    assert len(set(sessions)) == 4
+    clients = [client for client, *_ in source.requests]
+    assert len(set(clients)) == 5
+    assert clients[0].viewer == clients[1].viewer
+    assert len({client.viewer for client in clients}) == 4
 
 
 class Lent:

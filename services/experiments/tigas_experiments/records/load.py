@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, NamedTuple
 
 import psutil
@@ -42,7 +43,9 @@ class LoadSample(WireModel):
     throttled: bool = False
     """Whether a control group had to wait, as its time was used up."""
     threads: dict[str, float] | None = None
-    """Busy share of each process's busiest thread, 0 to 1, by process name; None if not monitored."""
+    """Share of time that each process's busiest thread ran or was ready to run, 0 to 1, by process name; None if not
+    monitored.
+    """
     load_average: float
     """Average number of running or runnable processes over the last minute."""
 
@@ -94,10 +97,10 @@ class Load(WireModel):
 
 
 class Thread(NamedTuple):
-    """One thread of a process, and its processor time so far."""
+    """One thread of a process, and for how long it has run or waited in the run queue of a processor so far."""
 
     process: str
-    used_s: float
+    demand_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +130,8 @@ class Reading:
         for process, name in (processes or {}).items():
             with suppress(psutil.Error):  # it has ended, or is another user's
                 for thread in process.threads():
-                    threads[process.pid, thread.id] = Thread(name, thread.user_time + thread.system_time)
+                    used_s = thread.user_time + thread.system_time
+                    threads[process.pid, thread.id] = Thread(name, _demand(process.pid, thread.id) or used_s)
         return cls(
             at_s=at_s,
             busy_s=sum(map(sum, ours)) - guests_s - idle_s,
@@ -151,7 +155,7 @@ class Reading:
         busiest: dict[str, float] = {}
         for key, thread in (self.threads or {}).items():
             known = (before.threads or {}).get(key, thread)  # a new thread has not been busy for long
-            share = round(_share(thread.used_s - known.used_s, elapsed_s), 3)
+            share = round(_share(thread.demand_s - known.demand_s, elapsed_s), 3)
             busiest[thread.process] = max(share, busiest.get(thread.process, 0.0))
         return LoadSample(
             unix_ms=unix_ms,
@@ -187,3 +191,12 @@ async def watching_load(
 
 def _share(part: float, whole: float) -> float:
     return min(1.0, max(0.0, part / whole)) if whole > 0 else 0.0
+
+
+def _demand(process: int, thread: int) -> float | None:
+    """Seconds for which a thread ran or was ready to run, by Linux's `schedstat`; None where it is unavailable."""
+    try:
+        ran, waited, _ = Path(f"/proc/{process}/task/{thread}/schedstat").read_text(encoding="ascii").split()
+    except (OSError, ValueError):
+        return None
+    return (int(ran) + int(waited)) / 1e9

@@ -62,13 +62,13 @@ class LargeFrames:
     def __init__(self, ladder: tuple[Rung, ...], costs: CostModel) -> None:
         self._costs = costs
         self._best = max(rung.width * rung.height for rung in ladder)
-        self._active: OrderedDict[Client, float] = OrderedDict()
-        """Last activity of each client, oldest first."""
+        self._active: OrderedDict[tuple[str, str], float] = OrderedDict()
+        """Last activity of each viewer, oldest first."""
 
     def heard_of(self, client: Client, now: float) -> None:
         """Record a client's request, or the start of its frame."""
-        self._active[client] = now
-        self._active.move_to_end(client)
+        self._active[client.viewer] = now
+        self._active.move_to_end(client.viewer)
         self._forget(now)
 
     def check(self, client: Client, request: RenderRequest, size: FrameSize, now: float, *, others_wait: bool) -> None:
@@ -86,7 +86,7 @@ class LargeFrames:
 
     def _others(self, client: Client, now: float) -> bool:
         self._forget(now)
-        return len(self._active) > (client in self._active)
+        return len(self._active) > (client.viewer in self._active)
 
     def _forget(self, now: float) -> None:
         while self._active and next(iter(self._active.values())) + ACTIVE_S < now:

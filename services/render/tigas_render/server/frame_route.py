@@ -135,12 +135,12 @@ def _viewer(request: Request) -> str:
 
 
 def _client(request: Request, viewers: HttpViewers) -> Client:
-    """Admit the viewer. Its connections are one client: a browser has several over HTTP/1.1. Raises ServerFull."""
+    """Admit the viewer. Each of its connections has its own queue. Raises ServerFull."""
     peer = request.client
     transport: Transport = "http3" if request.scope["http_version"] == "3" else "http1"
     address, connection = (client_network(peer.host), f"{peer.host}:{peer.port}") if peer else ("unknown", "unknown")
     name = viewers.admit(address, _viewer(request))
-    return Client(address, f"viewer {name}" if name else connection, transport)
+    return Client(address, f"{name}/{connection}" if name else connection, transport)
 
 
 FRAMES = Route(PATH, render, methods=["POST"])
