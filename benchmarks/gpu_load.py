@@ -26,8 +26,9 @@ class OneScene:
     prepared: PreparedScene
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     ladder: None = None
+    is_coarse: bool = False
 
-    def use(self, scene_id: str) -> OneScene:
+    def use(self, scene_id: str, *, coarse: bool = False) -> OneScene:
         return self
 
     def enter_if_loaded(self) -> OneScene:

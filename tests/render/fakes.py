@@ -181,6 +181,7 @@ class FakeLoaded:
     prepared: PreparedScene = field(default_factory=FakeScene)
     background: tuple[float, float, float] = (0.0, 0.5, 1.0)
     ladder: tuple[Rung, ...] | None = None
+    is_coarse: bool = False
 
 
 @dataclass
@@ -197,8 +198,8 @@ class FakeScenes:
     loading: asyncio.Future[None] | None = None
     """Set: the scene has to be loaded, which takes until this is done."""
 
-    def use(self, scene_id: str) -> FakeUse:
-        return FakeUse(self, scene_id)
+    def use(self, scene_id: str, *, coarse: bool = False) -> FakeUse:
+        return FakeUse(self, scene_id, coarse)
 
     def evict(self) -> bool:
         self.evicted += 1
@@ -211,11 +212,13 @@ class FakeUse:
 
     scenes: FakeScenes
     scene_id: str
+    coarse: bool = False
 
     def enter_if_loaded(self) -> FakeLoaded | None:
         if self.scene_id != "scene":
             raise UnknownScene(f"There is no scene {self.scene_id!r}.")
-        return None if self.scenes.loading is not None else self._enter()
+        is_loading = self.scenes.loading is not None
+        return None if is_loading and not self.coarse else self._enter(is_coarse=is_loading)
 
     async def enter(self) -> FakeLoaded:
         assert self.scenes.loading is not None
@@ -225,8 +228,8 @@ class FakeUse:
     def leave(self) -> None:
         self.scenes.users -= 1
 
-    def _enter(self) -> FakeLoaded:
+    def _enter(self, *, is_coarse: bool = False) -> FakeLoaded:
         self.scenes.users += 1
-        loaded = FakeLoaded(ladder=self.scenes.ladder)
+        loaded = FakeLoaded(ladder=self.scenes.ladder, is_coarse=is_coarse)
         self.scenes.last = weakref.ref(loaded)
         return loaded

@@ -9,6 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from pydantic import Field
+
 from tigas_common.cli import in_a_sentence, log_to_stdout
 from tigas_common.command import POSITIONAL, Command, Group, Metavar, load
 from tigas_common.errors import StartError, TigasError
@@ -138,6 +140,32 @@ class Preview(_SceneCommand):
         print(self.image)
 
 
+class Grid(_SceneCommand):
+    """Write copies of a scene side by side on its ground plane, as a large scene to test with."""
+
+    size: Annotated[str, POSITIONAL, Metavar("COLUMNSxROWS"), Field(pattern=r"^[1-9][0-9]?x[1-9][0-9]?$")]
+    """Number of copies, such as 4x4."""
+    out: Annotated[Path, POSITIONAL]
+    """Output file, a compressed PLY: .ply."""
+
+    def run(self) -> None:
+        from tigas_render.scenes.copies import write_grid
+        from tigas_render.scenes.directory import read_scene_file
+        from tigas_render.scenes.source import read_metadata
+        from tigas_render.scenes.start_view.statistics import SceneStatistics
+
+        columns, rows = map(int, self.size.split("x"))
+        with in_a_sentence(StartError, TigasError, OSError):
+            if self.out.suffix.lower() != ".ply":
+                raise StartError(f"{self.out} is to be a compressed PLY; name it .ply.")
+            metadata, file = read_metadata(self.scene), read_scene_file(self.scene)
+            with _bar(f"reading {self.scene}") as listener:
+                gaussians = file.open(listener).gathered()
+            up = metadata.up or SceneStatistics.of(gaussians).view(metadata).up
+            count = write_grid(self.out, gaussians, up, columns, rows)
+        print(f"{self.out}: {count:,} Gaussians, {self.out.stat().st_size / 1e6:.1f} MB")
+
+
 class Ladder(Command):
     """Measure the scene's own views at many sizes and qualities, and keep the best rungs as its ladder.json."""
 
@@ -168,7 +196,8 @@ class Ladder(Command):
 
 
 scene = Group(
-    "Inspect, add, preview and measure scenes.", {"info": Info, "add": Add, "preview": Preview, "ladder": Ladder}
+    "Inspect, add, preview, measure and repeat scenes.",
+    {"info": Info, "add": Add, "preview": Preview, "grid": Grid, "ladder": Ladder},
 )
 
 

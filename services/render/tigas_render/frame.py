@@ -60,6 +60,8 @@ class Frame:
     """The same at the top and at the bottom."""
     video: VideoInfo | None = None
     """Its place in the session's video, if it is of one."""
+    coarse: bool = False
+    """Whether it shows a coarse scene, because the scene is loading."""
     on_release: Callable[[], None] | None = None
     """Releases the memory of the body."""
 

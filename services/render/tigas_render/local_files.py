@@ -7,7 +7,7 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from fcntl import LOCK_EX, LOCK_NB, flock
 from pathlib import Path
@@ -43,12 +43,18 @@ def kept_key(path: Path) -> bytes:
     return key
 
 
-def write_to_cache(path: Path, content: bytes) -> None:
-    """Write a file atomically, so that no reader sees a partial one. Failing to write is not an error."""
+def write_to_cache(path: Path, content: bytes | Callable[[Path], object]) -> None:
+    """Write a file atomically, so that no reader sees a partial one. Failing to write is not an error.
+
+    content: or a function that writes it to a path, which raises OSError.
+    """
     temporary = path.with_suffix(f".{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(content)
+        if isinstance(content, bytes):
+            temporary.write_bytes(content)
+        else:
+            content(temporary)
         temporary.replace(path)
     except OSError as error:
         logger.warning("The cache %s cannot be written: %s", path.parent, error.strerror or error)

@@ -326,6 +326,22 @@ async def test_a_scene_that_is_loaded_first_holds_up_no_other_request(bench: Ben
     assert bench.scenes.users == 0
 
 
+async def test_a_coarse_frame_does_not_wait_for_the_scene_and_a_png_always_does(bench: Bench) -> None:
+    bench.rasterizer.gate.set()
+    bench.scenes.loading = asyncio.get_running_loop().create_future()
+    frame = await bench.submit("a", coarse=True)
+    assert (frame.body, frame.coarse) == (b"320x180 jpeg 10", True)
+    waiting = [bench.submit("b"), bench.submit("c", coarse=True, format="png")]
+    waiting.append(bench.submit("d", coarse=True, detail="full"))
+    await bench.idle()
+    assert not any(task.done() for task in waiting)
+    bench.scenes.loading.set_result(None)
+    assert [(await task).coarse for task in waiting] == [False] * 3
+    bench.scenes.loading = None
+    assert not (await bench.submit("a", coarse=True)).coarse
+    assert bench.scenes.users == 0
+
+
 async def test_the_answer_comes_once_never_at_once_and_not_after_a_withdrawal(bench: Bench) -> None:
     client, answers = Client("somewhere", "a"), list[Frame | Exception]()
     withdraw = bench.engine.request(client, render_request(scene="nowhere"), bench.now, answers.append)

@@ -62,8 +62,10 @@ class Host:
     edge: Engines
     heard: list[tuple[float, float]]
 
-    async def ask(self, scene: str = "courtyard", viewer: Client = VIEWERS[0], *, video: bool = False) -> None:
-        request = render_request(scene=scene)
+    async def ask(
+        self, scene: str = "courtyard", viewer: Client = VIEWERS[0], *, video: bool = False, coarse: bool = False
+    ) -> None:
+        request = render_request(scene=scene, coarse=coarse)
         if video:
             request = render_request(scene=scene, format="h264", video=VideoRequest(bitrate_kbps=1000))
         (await asyncio.wait_for(self.edge.submit(viewer, request, time.monotonic()), 5)).release()
@@ -110,6 +112,21 @@ async def test_a_video_that_moves_leaves_no_encoder_behind(host: Host) -> None:
     host.edge.forget(VIEWERS[0])
     await eventually(lambda: other.frames.forgotten)
     assert len(one.frames.forgotten) == len(other.frames.forgotten) == 1
+
+
+async def test_an_engine_has_a_scene_once_it_answers_with_all_of_it(host: Host) -> None:
+    def warm() -> list[str]:
+        return [engine.name for engine in host.edge.all if engine.is_warm("courtyard")]
+
+    await host.ask(coarse=True)
+    assert not warm()
+    one, other = await host.first()
+    assert warm() == [one.path.name]
+    one.frames.error = NoRoom("It is full.")
+    await host.ask(coarse=True)  # passed on to the other one
+    host.edge.all[host.devices.index(other)].warm_up(render_request(scene="courtyard", coarse=True))
+    await eventually(lambda: warm() == [other.path.name])
+    assert [request.coarse for _, request in other.frames.requests] == [True, False]
 
 
 async def test_scenes_are_shared_out_and_each_stays_where_it_is(host: Host) -> None:

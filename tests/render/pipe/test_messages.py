@@ -48,6 +48,7 @@ requests = st.builds(
             "overscan": st.floats(0, 0.5),
             "depth": st.booleans(),
             "detail": st.sampled_from(("auto", "full")),
+            "coarse": st.booleans(),
             "deadline_ms": st.none() | st.floats(0, 60_000, exclude_min=True),
             "format": formats,
         }
@@ -65,7 +66,8 @@ def of_format(format: AnswerFormat) -> st.SearchStrategy[Frame]:
     video = videos if format == "h264" else st.none()
     profile = st.none() | st.integers(0, 255)
     body = st.binary(max_size=50)
-    return st.builds(Frame, body, st.just(format), sides, sides, numbers, profile, timing, sides, sides, video)
+    view = (numbers, profile, timing, sides, sides, video, st.booleans())
+    return st.builds(Frame, body, st.just(format), sides, sides, *view)
 
 
 UNPACK: list[Callable[[bytes], object]] = [

@@ -26,6 +26,7 @@ from tigas_common.errors import BrokenScene
 from tigas_common.pose import Intrinsics, Pose
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera
+from tigas_render.scenes import scene_file
 from tigas_render.scenes.compressed_ply import write_compressed_ply
 from tigas_render.scenes.directory import read_scene_file
 
@@ -94,6 +95,27 @@ def test_every_format_shows_the_scene(
     loaded = file.load()
     assert psnr(picture(loaded), shell_picture(sh_degree)) > 40
     assert_same_shapes(loaded, made_up.shell())
+
+
+@pytest.mark.parametrize("format", ["PLY", "compressed PLY", ".splat"])
+def test_every_fourth_gaussian_is_the_coarse_part_of_a_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, format: str
+) -> None:
+    monkeypatch.setattr(scene_file, "SAMPLE", made_up.COUNT // 4)
+    FORMATS[format][0](tmp_path / "scene")
+    file = read_scene_file(tmp_path / "scene")
+    coarse = file.coarse()
+    assert coarse is not None
+    assert (coarse.count, coarse.sh_degree) == (made_up.COUNT // 4, 0)
+    means, scales, quaternions, opacities, sh = (array[::4] for array in file.load().arrays)
+    expected = (means, scales * scene_file.growth(4), quaternions, opacities, sh[:, :1])
+    assert all(map(np.allclose, coarse.load().arrays, expected))
+
+
+@pytest.mark.parametrize("format", ["SPZ 2", "SOG"])
+def test_a_packed_file_has_no_coarse_part(tmp_path: Path, format: str) -> None:
+    FORMATS[format][0](tmp_path / "scene")
+    assert read_scene_file(tmp_path / "scene").coarse() is None
 
 
 def test_a_sog_scene_in_a_folder_is_the_same_as_in_one_file(tmp_path: Path) -> None:

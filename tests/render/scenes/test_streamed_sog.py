@@ -84,6 +84,16 @@ def test_of_each_place_the_finest_level_is_read_file_by_file(tmp_path: Path) -> 
         assert np.array_equal(got, expected[places])
 
 
+def test_the_coarse_part_is_the_coarsest_level_of_each_place(tmp_path: Path) -> None:
+    tree = node(leaf(l0=(1, 0, 300), l1=(2, 0, 100)), leaf(l0=(0, 0, 300), l1=(2, 0, 100), l2=(2, 100, 51)))
+    assert read_scene_file(write(tmp_path, changed(tree=tree))).coarse() is None, "it saves less than three quarters"
+    tree = node(leaf(l0=(1, 0, 300), l2=(2, 0, 3)), leaf(l0=(0, 0, 300), l1=(2, 200, 50), l2=(2, 3, 4)))
+    coarse = read_scene_file(write(tmp_path, changed(tree=tree))).coarse()
+    assert coarse is not None
+    assert (coarse.count, coarse.sh_degree) == (7, 1)
+    assert np.array_equal(coarse.load().means, read_scene_file(SHELL).load().means[:7])
+
+
 def test_progress_is_that_of_all_files(tmp_path: Path) -> None:
     heard: list[float] = []
     assert sum(map(len, read_scene_file(write(tmp_path)).open(heard.append).parts)) == 620

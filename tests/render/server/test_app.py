@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import io
 import json
 import sys
+import threading
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
@@ -19,11 +21,15 @@ from tests.common.test_weights import NETWORK, made
 from tests.prometheus import figures
 from tests.render.arrays import gaussians_of
 from tests.render.fakes import FakeRasterizer, render_request
+from tests.render.scenes import plys
 from tigas_common.errors import DeviceLost
 from tigas_common.installation import install_command
 from tigas_common.weights import FILE, write_weights
-from tigas_render.gaussians import Gaussians
+from tigas_render.gaussians import Batches, Gaussians
+from tigas_render.raster.base import PreparedScene
+from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.raster.devices import create_rasterizer
+from tigas_render.scenes import coarse, scene_file
 from tigas_render.server.app import create_app
 from tigas_render.server.service import RenderService
 from tigas_render.settings import RenderSettings
@@ -185,6 +191,38 @@ async def test_scenes_are_listed_loaded_viewed_and_unloaded(client: httpx.AsyncC
     refused = await client.post("/scenes/wall/unload")
     assert (refused.status_code, refused.json()["type"]) == (409, "tigas:scene-in-use")
     assert (await client.get("/scenes/wall")).json()["state"] == "loaded"
+
+
+async def test_a_large_scene_has_coarse_frames_while_it_loads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(coarse, "LARGE", 400)
+    monkeypatch.setattr(scene_file, "SAMPLE", 100)
+    write_ply(plys.write(tmp_path / "models" / "large.ply", b""), plys.gaussians(400))
+    rasterizer, gate = CpuRasterizer(), threading.Event()
+
+    def pack(scene: Batches) -> PreparedScene:
+        assert scene.most < 400 or gate.wait(10)
+        return CpuRasterizer.pack(rasterizer, scene)
+
+    monkeypatch.setattr(rasterizer, "pack", pack)
+    settings = RenderSettings(scenes=tmp_path / "models", cache=tmp_path / "cache")
+    async with RenderService.open(settings, rasterizer) as service, asking(service) as client:
+
+        async def ask(**changes: Any) -> str:
+            request = render_request(scene="large", **changes).model_dump(mode="json", exclude_none=True)
+            answer = await client.post("/render", json=request, headers={"Tigas-Viewer": str(changes)})
+            about: str = answer.headers["tigas-frame"]
+            return about
+
+        assert (await client.post("/scenes/large/load?coarse=1")).json()["state"] == "loading"
+        assert "coarse=1" in await ask(coarse=True)
+        waiting = [asyncio.create_task(ask(**each)) for each in ({}, {"coarse": True, "format": "png"})]
+        loading = asyncio.create_task(client.post("/scenes/large/load"))
+        assert "coarse=1" in await ask(coarse=True)
+        assert not any(task.done() for task in (*waiting, loading))
+        gate.set()
+        assert not any("coarse" in about for about in await asyncio.gather(*waiting))
+        assert (await loading).json()["state"] == "loaded"
+        assert "coarse" not in await ask(coarse=True)
 
 
 async def test_a_scene_added_later_is_found_on_request(client: httpx.AsyncClient, models: Path) -> None:

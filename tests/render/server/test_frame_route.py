@@ -60,6 +60,14 @@ async def test_metrics_are_to_know_how_a_viewer_is_reached(version: str, transpo
     assert source.requests[0][0].transport == transport
 
 
+async def test_a_frame_says_that_it_is_coarse() -> None:
+    transport = httpx.ASGITransport(serving(FakeFrames(), ChosenLoad()))
+    async with httpx.AsyncClient(base_url="http://localhost", transport=transport) as client:
+        for coarse, about in ((True, "profile=3, coarse=1"), (False, "profile=3")):
+            body = render_request(coarse=coarse).model_dump_json()
+            assert (await client.post("/render", content=body)).headers["tigas-frame"].endswith(about)
+
+
 async def test_the_connections_of_one_browser_are_one_viewer_with_a_queue_each() -> None:
     source = FakeFrames()
     app = serving(source, ChosenLoad())

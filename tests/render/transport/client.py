@@ -164,7 +164,8 @@ class FakeFrames(FrameSource):
         size = (320 + 2 * x, 180 + 2 * y)
         format: AnswerFormat = "h264" if request.format == "h264" else "jpeg"
         video = self.video if request.format == "h264" else None
-        answered(self.error or Frame(self.body, format, *size, request.seq, request.profile, TIMING, x, y, video))
+        frame = Frame(self.body, format, *size, request.seq, request.profile, TIMING, x, y, video, request.coarse)
+        answered(self.error or frame)
 
     def _cancel(self, number: int) -> None:
         if number in self._waiting:

@@ -30,6 +30,7 @@ async def test_a_frame_on_a_stream() -> None:
         assert response.headers[b"sec-webtransport-http3-draft"] == b"draft02"
         header, body = await client.frame(session, request_body(seq=7, profile=2))
         margins, _ = await client.frame(session, request_body(overscan=0.1))
+        coarse, _ = await client.frame(session, request_body(coarse=True))
         assert not client.terminated
     assert header == {
         "status": 200,
@@ -40,11 +41,13 @@ async def test_a_frame_on_a_stream() -> None:
         "margin_x": None,
         "margin_y": None,
         "profile": 2,
+        "coarse": None,
         "video": None,
         "timing": {"queue": 1.0, "render": 2.0, "encode": 3.0},
         "requests_per_s": None,
     }
     assert [margins[name] for name in ("width", "height", "margin_x", "margin_y")] == [384, 216, 32, 18]
+    assert coarse["coarse"] is True
     assert body == source.body
     assert source.requests[0][0].transport == "webtransport"
 

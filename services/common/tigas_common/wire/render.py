@@ -117,6 +117,9 @@ class RenderRequest(WireModel):
     """Whether a JPEG or WebP carries a coarse depth of the view; ignored for other formats."""
     detail: Literal["auto", "full"] = "auto"
     """How much of a large scene is drawn: what the frame's pixels can show, or everything; PNGs show everything."""
+    coarse: bool = False
+    """Whether a frame of the coarse scene will do while the scene is loading; otherwise, and for a PNG or the full
+    detail, the request waits."""
     format: AnswerFormat = "jpeg"
     """The format of the answer's body."""
     video: VideoRequest | None = None
@@ -197,6 +200,8 @@ class FrameHeader(WireModel):
     margin_y: int | None = None
     """The same of its rows, at the top and at the bottom."""
     profile: int | None = None
+    coarse: bool | None = None
+    """Whether it shows the coarse scene, because the scene is loading; null otherwise."""
     video: VideoInfo | None = None
     """Of a frame of a video; its body is one access unit in Annex B's byte stream format (ITU-T H.264)."""
     timing: ServerTiming | None = None

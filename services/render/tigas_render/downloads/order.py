@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from tigas_common.wire.model import Point
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.morton import morton_codes
+from tigas_render.scenes.scene_file import growth
 
 SHARES = (0.02, 0.05, 0.1, 0.25, 0.5)
 """Shares of a scene after which a picture of the received part is worthwhile."""
 MULTIPLE = 256
 """The number of Gaussians before such a point is a multiple of this, the chunk size of packed forms."""
-GROWTH = 3 / 8
-"""1/2 would compensate for the whole missing area, and gaps are only part of the error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +53,7 @@ def download_order(gaussians: Gaussians, viewpoint: Point) -> Order:
     indices = np.argsort(arrivals / np.sqrt(importance), kind="stable")
     covered = np.cumsum(importance[indices])
     counts = sorted({round(share * len(indices) / MULTIPLE) * MULTIPLE for share in SHARES} - {0})
-    parts = [Part(count, float((covered[-1] / covered[count - 1]) ** GROWTH)) for count in counts]
+    parts = [Part(count, float(growth(covered[-1] / covered[count - 1]))) for count in counts]
     parts = [part for part in parts if part.count < len(indices)]
     codes = morton_codes(gaussians.means)
     runs = np.split(indices, [part.count for part in parts])

@@ -34,8 +34,8 @@ STUCK_S: Final = 120.0
 class Scenes(Protocol):
     """Where scenes come from: the registry, or a test's stand-in."""
 
-    def use(self, scene_id: str) -> SceneUse:
-        """A context manager that holds the scene in memory."""
+    def use(self, scene_id: str, *, coarse: bool = False) -> SceneUse:
+        """A context manager that holds the scene in memory. coarse: while it loads, a coarse one will do."""
 
     def evict(self) -> bool:
         """Unload the least recently used of the unused scenes; False without any."""
@@ -88,7 +88,9 @@ class Engine(FrameSource):
         Answers InvalidRequest for a rung beyond the scene's ladder, UnknownScene, BrokenScene, Superseded,
         DeadlineExceeded and Overloaded; OutOfDeviceMemory, if unloading an unused scene does not help; and DeviceLost.
         """
-        work = Work(client, request, arrived, self._scenes.use(request.scene), answered)
+        may_be_coarse = request.coarse and request.detail == "auto" and request.format != "png"
+        use = self._scenes.use(request.scene, coarse=may_be_coarse)
+        work = Work(client, request, arrived, use, answered)
         try:
             scene = work.use.enter_if_loaded()
             if scene is None:

@@ -75,14 +75,14 @@ class FrameMaker(ABC):
             self._failed("Encoding", work, error)
             return
         encoding = self.clock() - begun + encoded
-        self.queue.done(work, rendering + encoding, is_whole=body is not None)
+        self.queue.done(work, rendering + encoding, is_whole=body is not None and not work.scene.is_coarse)
         if body is None:
             return
         waiting = begun - work.arrived - rendering - encoded
         timing = ServerTiming.trusted({"queue": _ms(waiting), "render": _ms(rendering), "encode": _ms(encoding)})
         frame = Frame(
             body, request.format, size.width, size.height, request.seq, request.profile, timing,
-            size.margin_x, size.margin_y, video,
+            size.margin_x, size.margin_y, video, work.scene.is_coarse,
         )  # fmt: skip
         self.answer(work, frame)
 

@@ -35,6 +35,10 @@ class LoadedScene(Protocol):
     def ladder(self) -> tuple[Rung, ...] | None:
         """The scene's own quality levels, the best first, if it has them."""
 
+    @property
+    def is_coarse(self) -> bool:
+        """Whether it stands in for the scene, which is loading."""
+
 
 class SceneUse(Protocol):
     """Holds a scene in memory, from one of the ways to enter until `leave`."""

@@ -65,9 +65,9 @@ def unpack_request(content: bytes) -> Asked:
     return Asked(id, session, arrived, sent, _RENDER_REQUEST.unpack(content, _REQUEST.size))
 
 
-_FRAME: Final = struct.Struct("<IQI IHHHHhB ddd IB16s")
+_FRAME: Final = struct.Struct("<IQI IHHHHhB ddd IB16s?")
 """id, offset, length; seq, width, height, margins, profile, format; timing; the frame that a video's refers to, flags,
-and the codec's name. The body follows if it is inline."""
+and the codec's name; whether it is coarse. The body follows if it is inline."""
 _NO_PROFILE: Final = -1
 _IS_KEY, _HAS_AFTER = 1, 2
 
@@ -79,7 +79,7 @@ class FrameMessage(NamedTuple):
     offset: int
     length: int
     inline: bytes
-    fields: tuple[AnswerFormat, int, int, int, int | None, ServerTiming, int, int, VideoInfo | None]
+    fields: tuple[AnswerFormat, int, int, int, int | None, ServerTiming, int, int, VideoInfo | None, bool]
     """The fields of a Frame after its body."""
 
 
@@ -89,7 +89,7 @@ def pack_frame(id: int, frame: Frame, offset: int | None) -> bytes:
     content = _FRAME.pack(
         id, offset or 0, len(frame.body), frame.seq, frame.width, frame.height, frame.margin_x, frame.margin_y,
         _NO_PROFILE if frame.profile is None else frame.profile, _NUMBER_OF[frame.format],
-        timing.queue, timing.render, timing.encode, *_of_video(frame.video),
+        timing.queue, timing.render, timing.encode, *_of_video(frame.video), frame.coarse,
     )  # fmt: skip
     if offset is None:
         return framed(Kind.INLINE, b"".join((content, frame.body)))
@@ -99,7 +99,7 @@ def pack_frame(id: int, frame: Frame, offset: int | None) -> bytes:
 def unpack_frame(content: bytes, *, is_inline: bool) -> FrameMessage:
     (
         id, offset, length, seq, width, height, margin_x, margin_y, profile, format, queue, render, encode,
-        after, flags, codec,
+        after, flags, codec, coarse,
     ) = _unpacked(_FRAME, content, at_least=is_inline)  # fmt: skip
     inline = content[_FRAME.size :]
     if format >= len(_FORMATS) or profile < _NO_PROFILE or (is_inline and (len(inline) != length or offset)):
@@ -113,9 +113,8 @@ def unpack_frame(content: bytes, *, is_inline: bool) -> FrameMessage:
             "key": flags & _IS_KEY != 0, "after": after if flags & _HAS_AFTER else None,
             "codec": _text(codec.rstrip(b"\0")),
         })  # fmt: skip
-    return FrameMessage(
-        id, offset, length, inline, (_FORMATS[format], width, height, seq, chosen, timing, margin_x, margin_y, video)
-    )
+    fields = (_FORMATS[format], width, height, seq, chosen, timing, margin_x, margin_y, video, coarse)
+    return FrameMessage(id, offset, length, inline, fields)
 
 
 def _of_video(video: VideoInfo | None) -> tuple[int, int, bytes]:

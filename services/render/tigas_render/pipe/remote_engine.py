@@ -108,12 +108,14 @@ class RemoteEngine:
             if isinstance(answer, Frame):
                 answer.release()
 
-        patient = request.model_copy(update={"deadline_ms": None, "format": "jpeg", "video": None})
+        patient = request.model_copy(update={"deadline_ms": None, "format": "jpeg", "video": None, "coarse": False})
         self.pipe.request(WARMING, patient, self._clock(), answered)
 
     def note(self, scene: str, answer: Frame | Exception) -> None:
         """Record an answer's information on the engine and the scene."""
         if isinstance(answer, Frame):
+            if answer.coarse:
+                return
             if self._connection != self.pipe.connections:
                 self._warm.clear()
                 self._connection = self.pipe.connections

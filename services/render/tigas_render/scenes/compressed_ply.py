@@ -43,6 +43,7 @@ PACKED = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
 WRITTEN = 64 * CHUNK
 """Gaussians that are packed at a time."""
 LOG_SCALE_LIMIT = 20.0
+ORIGIN = np.zeros((1, 3), np.float32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +53,12 @@ class _Tables:
     coefficients: Table | None
     sh_degree: int
     file_bytes: int
+    per_chunk: int = CHUNK
+    """Vertices."""
+
+    def every(self, step: int) -> _Tables:
+        """Every nth vertex, without coefficients; `step` divides CHUNK."""
+        return _Tables(self.chunks, self.vertices.every(step), None, 0, self.file_bytes, CHUNK // step)
 
 
 def is_compressed(start: bytes) -> bool:
@@ -84,8 +91,10 @@ def read_compressed_ply(path: Path) -> SceneFile:
     file_bytes, needed = layout.file_bytes, max(table.end for table in tables.values())
     if file_bytes != needed:
         raise size_problem(path.name, vertices.count, needed, file_bytes)
-    decode = partial(_decode, path, _Tables(chunks, vertices, coefficients, sh_degree, file_bytes))
-    return SceneFile("compressed PLY", (path,), vertices.count, sh_degree, file_bytes, decode, layout.antialiased)
+    all = _Tables(chunks, vertices, coefficients, sh_degree, file_bytes)
+    decode, antialiased = partial(_decode, path, all), layout.antialiased
+    file = SceneFile("compressed PLY", (path,), vertices.count, sh_degree, file_bytes, decode, antialiased)
+    return file.with_sample(lambda step, listener: _decode(path, all.every(step), listener))
 
 
 def _tables(name: str, layout: Layout) -> Iterator[tuple[str, Table]]:
@@ -113,17 +122,18 @@ def _decode(path: Path, tables: _Tables, listener: Listener) -> Iterator[Columns
     assert BLOCK % CHUNK == 0  # so that a block begins with a chunk
     rest = rest_names(tables.sh_degree)
     for file, block in blocks_of_file(path, tables.file_bytes, tables.vertices.count, listener):
-        chunks = tables.chunks.rows(file, block.start // CHUNK, math.ceil(block.stop / CHUNK))
-        columns = _columns(tables.vertices.rows(file, block.start, block.stop), chunks, tables.sh_degree)
+        size = tables.per_chunk
+        chunks = tables.chunks.rows(file, block.start // size, math.ceil(block.stop / size))
+        columns = _columns(tables.vertices.rows(file, block.start, block.stop), chunks, size, tables.sh_degree)
         if tables.coefficients is not None:
             rows = tables.coefficients.rows(file, block.start, block.stop)
             columns.sh[:, 1:] = _coefficients(rows, rest)
         yield columns
 
 
-def _columns(vertices: Rows, chunks: Rows, sh_degree: int) -> Columns:
+def _columns(vertices: Rows, chunks: Rows, per_chunk: int, sh_degree: int) -> Columns:
     columns = Columns(len(vertices), sh_degree)
-    chunk = np.arange(len(vertices)) // CHUNK
+    chunk = np.arange(len(vertices)) // per_chunk
     colour = _shares(vertices["packed_color"], (8, 8, 8, 8))
     rotation = vertices["packed_rotation"]
     with np.errstate(all="ignore"):  # overflowing values are dropped later
@@ -166,37 +176,42 @@ def _coefficients(rows: Rows, names: Sequence[str]) -> Floats:
 
 
 def write_compressed_ply(
-    path: Path, gaussians: Gaussians, order: NDArray[np.int64], comments: Iterable[str] = ()
+    path: Path,
+    gaussians: Gaussians,
+    order: NDArray[np.int64],
+    comments: Iterable[str] = (),
+    shifts: Floats = ORIGIN,
 ) -> None:
-    """Write the Gaussians with these indices [M] in this order; a chunk should hold neighbours.
+    """Write the Gaussians with these indices [M] in this order, once for each shift [C, 3] in scene units.
 
-    comments: for the header.
+    A chunk should hold neighbours; for several shifts, M is a multiple of its size. comments: for the header.
 
-    Memory beyond the arrays themselves is a few megabytes and 16 bytes per Gaussian. Raises OSError.
+    Memory beyond the arrays themselves is a few megabytes. Raises OSError.
     """
-    rest = rest_names(gaussians.sh_degree)
+    rest, count = rest_names(gaussians.sh_degree), len(shifts) * len(order)
+    chunks = math.ceil(count / CHUNK)
     elements = [
-        ("chunk", math.ceil(len(order) / CHUNK), "float", RANGES),
-        ("vertex", len(order), "uint", PACKED),
-        *([("sh", len(order), "uchar", rest)] if rest else []),
+        ("chunk", chunks, "float", RANGES),
+        ("vertex", count, "uint", PACKED),
+        *([("sh", count, "uchar", rest)] if rest else []),
     ]
+    header = ply_header(elements, comments)
+    ends = [len(header), len(header) + 4 * len(RANGES) * chunks]
+    ends.append(ends[1] + 4 * len(PACKED) * count)
     blocks = [order[start : start + WRITTEN] for start in range(0, len(order), WRITTEN)]
-    packed: list[NDArray[np.uint32]] = []
     with path.open("wb") as file:
-        file.write(ply_header(elements, comments))
-        for ranges, words in (_pack(gaussians, block) for block in blocks):
-            file.write(ranges.astype("<f4").tobytes())
-            packed.append(words)
-        for words in packed:
-            file.write(words.astype("<u4").tobytes())
-        for block in blocks if rest else ():
-            file.write(_packed_coefficients(gaussians, block).tobytes())
+        file.write(header)
+        for shift in shifts:
+            for block in blocks:
+                for element, content in enumerate(_pack(gaussians, block, shift)):
+                    file.seek(ends[element])
+                    ends[element] += file.write(content)
 
 
-def _pack(gaussians: Gaussians, block: NDArray[np.int64]) -> tuple[Floats, NDArray[np.uint32]]:
-    """A block's ranges [chunks, 18] and words [len(block), 4]."""
+def _pack(gaussians: Gaussians, block: NDArray[np.int64], shift: Floats) -> tuple[bytes, bytes, bytes]:
+    """A block's rows of each element: ranges [chunks, 18], words [len(block), 4], and coefficients."""
     scales = gaussians.scales[block].clip(np.finfo(np.float32).tiny)
-    positions, position_ranges = _in_chunk(gaussians.means[block])
+    positions, position_ranges = _in_chunk(gaussians.means[block] + shift)
     sizes, size_ranges = _in_chunk(np.log(scales).clip(-LOG_SCALE_LIMIT, LOG_SCALE_LIMIT))
     hues, hue_ranges = _in_chunk(gaussians.sh[:, 0][block] * C0 + 0.5)
     opacities = gaussians.opacities[block, None]
@@ -207,7 +222,9 @@ def _pack(gaussians: Gaussians, block: NDArray[np.int64]) -> tuple[Floats, NDArr
         _packed(sizes, (11, 10, 11)),
         _packed(np.concatenate((hues, opacities), axis=1), (8, 8, 8, 8)),
     )
-    return np.concatenate((position_ranges, size_ranges, hue_ranges), axis=1), np.stack(words, axis=1)
+    ranges = np.concatenate((position_ranges, size_ranges, hue_ranges), axis=1)
+    coefficients = _packed_coefficients(gaussians, block) if gaussians.sh_degree else np.empty(0, np.uint8)
+    return ranges.astype("<f4").tobytes(), np.stack(words, axis=1).astype("<u4").tobytes(), coefficients.tobytes()
 
 
 def _in_chunk(values: Floats) -> tuple[Floats, Floats]:

@@ -111,11 +111,20 @@ def read_source(path: Path) -> SceneSource:
         format=file.format,
         antialiased=file.antialiased,
         digest=lambda: _sha256(file.files),
+        is_unchanged=lambda: _is_of(version, file.files),
+        coarse=file.coarse,
         memory_bytes=file.packed_bytes,
         folder=path if is_folder else None,
         preview=preview,
         ladder=_ladder(path),
     )
+
+
+def _is_of(version: str, files: tuple[Path, ...]) -> bool:
+    try:
+        return ",".join(map(_version, files)) == version
+    except OSError:
+        return False
 
 
 def _version(path: Path) -> str:

@@ -23,6 +23,8 @@ class LoadedScene:
     gaussians: int
     view: StartView
     """From the scene's metadata, or derived from its Gaussians."""
+    is_coarse: bool = False
+    """Whether it stands in for the scene, which is loading."""
 
     @property
     def camera(self) -> StartCamera:
@@ -50,6 +52,10 @@ class Entry:
         self.error = source.error
         self.loaded: LoadedScene | None = None
         self.loading: asyncio.Task[TigasError | None] | None = None
+        self.begun = asyncio.Event()
+        """Set once the coarse scene is there, or is known to be missing, or loading has ended."""
+        self.coarse: LoadedScene | None = None
+        """A coarse scene, while this one is loading."""
         self.reserved = 0
         """Bytes that it takes, or is going to take once it is loaded."""
         self.sha256: str | None = None
@@ -63,6 +69,10 @@ class Entry:
         """To be unloaded once unused."""
         self.progress = 0.0
         """How much of it has been read, from 0 to 1, while it is loading."""
+
+    def usable(self, *, coarse: bool) -> LoadedScene | None:
+        """The scene, or, with `coarse`, at least its coarse one; None if it must be loaded first."""
+        return self.loaded or (self.coarse if coarse else None)
 
     def info(self, *, builtin: bool) -> SceneInfo:
         """The scene, for clients."""

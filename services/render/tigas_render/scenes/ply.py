@@ -106,9 +106,15 @@ def read_ply(path: Path) -> SceneFile:
         decoded = partial(_binary_rows, path, file_bytes, table)
     if file_bytes < needed or (is_exact and file_bytes != needed):
         raise size_problem(path.name, count, needed, file_bytes, is_exact=is_exact)
-    return SceneFile(
-        "PLY", (path,), count, sh_degree, file_bytes, partial(_decode, decoded, sh_degree), layout.antialiased
-    )
+    decode, antialiased = partial(_decode, decoded, sh_degree), layout.antialiased
+    file = SceneFile("PLY", (path,), count, sh_degree, file_bytes, decode, antialiased)
+    if ply.text:
+        return file
+
+    def every(step: int, listener: Listener) -> Iterator[Columns]:
+        return _decode(partial(_binary_rows, path, file_bytes, table.every(step)), 0, listener)
+
+    return file.with_sample(every)
 
 
 def read_layout(path: Path) -> Layout:

@@ -16,6 +16,7 @@ from tigas_common.errors import BrokenScene, NoRoom, OutOfDeviceMemory, SceneInU
 from tigas_common.wire.render import SceneInfo
 from tigas_render.gaussians import Batches
 from tigas_render.raster.base import PreparedScene
+from tigas_render.scenes.coarse import CoarseScenes
 from tigas_render.scenes.demo import DEMO_SOURCE
 from tigas_render.scenes.directory import scan_directory
 from tigas_render.scenes.entry import Entry, LoadedScene, LoadingEnded
@@ -28,6 +29,8 @@ _log = logging.getLogger(__name__)
 
 BUILTIN: Mapping[str, SceneSource] = {DEMO_SOURCE.id: DEMO_SOURCE}
 """Scenes that are part of the package; a folder of the same name takes their place."""
+COARSE_SAMPLE = 12_500
+"""Gaussians from which the start view of a coarse scene is derived in half a second."""
 IN_USE_S = 30.0
 """Seconds for which a scene counts as in use after its last frame: its viewer may only be standing still."""
 
@@ -36,9 +39,9 @@ class SceneRegistry:
     """Loads scenes on first use and keeps them while there is memory and interest.
 
     `pack` packs a scene for the rasteriser while it is read, in a worker thread; without `own_ladders`, scenes are
-    offered without their own ladders; `views` keeps derived start views; `memory_budget` (bytes) is the limit of all
-    prepared scenes together; a scene unused for `idle_s` seconds is evicted by the next `evict_idle`; `clock` returns
-    seconds.
+    offered without their own ladders; `views` keeps derived start views, and `coarse` coarse scenes; `memory_budget`
+    (bytes) is the limit of all prepared scenes together; a scene unused for `idle_s` seconds is evicted by the next
+    `evict_idle`; `clock` returns seconds.
     """
 
     def __init__(
@@ -49,6 +52,7 @@ class SceneRegistry:
         builtin: Mapping[str, SceneSource] = BUILTIN,
         own_ladders: bool = True,
         views: KeptViews | None = None,
+        coarse: CoarseScenes | None = None,
         memory_budget: int,
         idle_s: float,
         clock: Callable[[], float],
@@ -58,6 +62,7 @@ class SceneRegistry:
         self._builtin = builtin
         self._own_ladders = own_ladders
         self._views = views
+        self._coarse = coarse
         self.budget = memory_budget
         """Bytes that scenes may take together."""
         self._idle_s = idle_s
@@ -139,19 +144,22 @@ class SceneRegistry:
         """Where a scene comes from. Raises UnknownScene."""
         return self._entry(scene_id).source
 
-    def use(self, scene_id: str) -> SceneUse:
+    def use(self, scene_id: str, *, coarse: bool = False) -> SceneUse:
         """A context manager that holds the scene in memory: `async with registry.use(id) as loaded`.
 
-        Entering loads the scene if necessary, and is cheap otherwise. It raises UnknownScene, BrokenScene, and NoRoom
-        if scenes in use leave no room for it.
+        coarse: while the scene loads, its coarse one will do. Entering loads the scene if necessary, and is cheap
+        otherwise. It raises UnknownScene, BrokenScene, and NoRoom if scenes in use leave no room for it.
         """
-        return SceneUse(self, scene_id)
+        return SceneUse(self, scene_id, coarse=coarse)
 
-    async def load(self, scene_id: str) -> None:
-        """Load a scene, even if it was broken before. Raises like `use`."""
+    async def load(self, scene_id: str, *, coarse: bool = False) -> None:
+        """Load a scene, even if it was broken before. Raises like `use`.
+
+        coarse: wait only until there is its coarse one.
+        """
         if self._entry(scene_id).error is not None:
             await self.scan()
-        async with SceneUse(self, scene_id):
+        async with SceneUse(self, scene_id, coarse=coarse):
             self._entry(scene_id).leaving = False
 
     def viewed(self, scene_id: str) -> None:
@@ -194,24 +202,30 @@ class SceneRegistry:
         """Cancel all loading, including awaited scenes: the service is stopping."""
         self._closed = True
 
-    async def _acquire(self, scene_id: str) -> tuple[Entry, LoadedScene]:
+    async def _acquire(self, scene_id: str, *, coarse: bool) -> tuple[Entry, LoadedScene]:
         entry = self._entry(scene_id)
         entry.users += 1
         try:
-            while entry.loaded is None:
-                await self._wait_until_loaded(entry)
+            while (scene := entry.usable(coarse=coarse)) is None:
+                await self._wait_until_loaded(entry, coarse=coarse)
         except BaseException:
             self._release(entry)
             raise
-        return entry, entry.loaded
+        return entry, scene
 
-    async def _wait_until_loaded(self, entry: Entry) -> None:
+    async def _wait_until_loaded(self, entry: Entry, *, coarse: bool) -> None:
         if entry.error is not None:
             raise BrokenScene(entry.error)
         if entry.loading is None:
+            entry.begun.clear()
             entry.loading = asyncio.create_task(self._load(entry), name=f"load {entry.source.id}")
+        loading = entry.loading
+        if coarse:
+            await entry.begun.wait()
+            if entry.coarse is not None:
+                return
         # shielded: a cancelled waiter must not cancel the others' scene
-        error = await asyncio.shield(entry.loading)
+        error = await asyncio.shield(loading)
         if isinstance(error, LoadingEnded) and not self._closed:
             return  # it was unloaded in the meantime
         if error is not None:
@@ -227,6 +241,10 @@ class SceneRegistry:
         source, entry.progress = entry.source, 0.0
         try:
             self._make_room(entry, source.memory_bytes)
+            entry.coarse = await asyncio.to_thread(self._read_coarse, entry)
+            if entry.coarse is not None:
+                entry.view = entry.view or entry.coarse.view
+            entry.begun.set()
             loaded = await self._read_with_room(entry)
             self._make_room(entry, loaded.prepared.nbytes)
             self._check_wanted(entry)
@@ -239,7 +257,8 @@ class SceneRegistry:
             _log.info("Loaded %s: %d Gaussians, %.1f MB", source.id, loaded.gaussians, loaded.prepared.nbytes / 1e6)
             return None
         finally:
-            entry.loading = None
+            entry.loading = entry.coarse = None
+            entry.begun.set()
             self._drop_if_leaving(entry)
 
     def _failed(self, entry: Entry, error: Exception) -> TigasError:
@@ -265,6 +284,21 @@ class SceneRegistry:
                 raise
         return await asyncio.to_thread(self._read, entry)  # after the error, which references the allocations
 
+    def _read_coarse(self, entry: Entry) -> LoadedScene | None:
+        """In a worker thread: the coarse scene of a large one, if there is any."""
+        source, statistics = entry.source, SceneStatistics(COARSE_SAMPLE)
+        try:
+            file = self._coarse.read(source) if self._coarse else None
+            if file is None:
+                return None
+            scene = statistics.collect(file.open(lambda _: self._check_wanted(entry)))
+            prepared = self._pack(scene)
+        except (BrokenScene, OSError, OutOfDeviceMemory) as error:
+            _log.warning("%s has no picture while it loads: %s", source.id, error)
+            return None
+        view = entry.view or self._known_view(source) or statistics.view(source.metadata)
+        return LoadedScene(source, prepared, statistics.count, view, is_coarse=True)
+
     def _read(self, entry: Entry) -> LoadedScene:
         """In a worker thread: from the file to the rasteriser's form."""
         source, statistics = entry.source, SceneStatistics()
@@ -283,6 +317,8 @@ class SceneRegistry:
             view = statistics.view(source.metadata)
             if self._views is not None:
                 self._views.write(source, view)
+        if self._coarse is not None and entry.coarse is None:
+            self._coarse.write(source, statistics)
         return LoadedScene(source, prepared, statistics.count, view)
 
     def _check_wanted(self, entry: Entry) -> None:
@@ -342,23 +378,25 @@ class SceneRegistry:
 class SceneUse:
     """Holds a scene in memory while its context lasts, or from one of the ways to enter until `leave`."""
 
-    __slots__ = ("_entry", "_registry", "_scene_id")
+    __slots__ = ("_coarse", "_entry", "_registry", "_scene_id")
 
-    def __init__(self, registry: SceneRegistry, scene_id: str) -> None:
+    def __init__(self, registry: SceneRegistry, scene_id: str, *, coarse: bool) -> None:
         self._registry = registry
         self._scene_id = scene_id
+        self._coarse = coarse
 
     def enter_if_loaded(self) -> LoadedScene | None:
         """The scene; None if it must be loaded first. Raises UnknownScene."""
         entry = self._registry._entry(self._scene_id)
-        if entry.loaded is not None:
+        scene = entry.usable(coarse=self._coarse)
+        if scene is not None:
             entry.users += 1
             self._entry = entry
-        return entry.loaded
+        return scene
 
     async def enter(self) -> LoadedScene:
         """The scene, loaded if necessary. Raises like `SceneRegistry.use`."""
-        self._entry, loaded = await self._registry._acquire(self._scene_id)
+        self._entry, loaded = await self._registry._acquire(self._scene_id, coarse=self._coarse)
         return loaded
 
     def leave(self) -> None:

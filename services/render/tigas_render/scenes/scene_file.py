@@ -7,7 +7,7 @@ import logging
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,10 @@ BLOCK = 4096
 """Gaussians that are read at a time, so that memory for them does not grow with the scene."""
 FARTHEST = 1e9
 """Scene units: no camera goes farther, and squares of larger standard deviations overflow."""
+SAMPLE = 1 << 17
+"""Gaussians of a large scene's sample, about: they are read and packed in a quarter of a second."""
+MOST_STEP = 256
+"""Of a sample from a file: the chunks of a compressed PLY have so many Gaussians."""
 C0 = 0.28209479177387814
 """The spherical harmonic of degree 0: 1 / (2 √π)."""
 
@@ -87,6 +91,19 @@ class SceneFile:
     otherwise."""
     antialiased: bool = False
     """Whether it was trained with Mip-Splatting's 2D filter, if the file says so."""
+    coarse: Callable[[], SceneFile | None] = lambda: None
+    """Describes a small part of it that shows all of the scene; None without one. Raises BrokenScene and OSError."""
+
+    def with_sample(self, decode: Callable[[int, Listener], Iterator[Columns]]) -> SceneFile:
+        """The same, with a sample as its coarse part. decode: reads every nth Gaussian without SH coefficients."""
+        step = min(MOST_STEP, 1 << max(0, (self.count // SAMPLE).bit_length() - 1))
+        sample = replace(
+            self,
+            count=self.count // step,
+            sh_degree=0,
+            decode=lambda listener: _enlarged(decode(step, listener), growth(step)),
+        )
+        return replace(self, coarse=lambda: sample)
 
     def open(self, listener: Listener) -> Batches:
         """Its drawable Gaussians, to be read with a progress callback. Reading raises BrokenScene."""
@@ -120,6 +137,21 @@ class SceneFile:
             _log.warning("%s: dropped %d of %d Gaussians that are not finite, or beyond 10⁹", path, count - kept, count)
 
 
+def growth(times: float) -> np.float32:
+    """How many times larger Gaussians are best drawn if there are so many times fewer, or they cover as much less.
+
+    The exponent of 1/2 would compensate for the whole missing area, and gaps are only part of the error.
+    """
+    return np.float32(times ** (3 / 8))
+
+
+def _enlarged(blocks: Iterator[Columns], times: np.float32) -> Iterator[Columns]:
+    """The same with larger Gaussians, to close the gaps between them."""
+    for columns in blocks:
+        columns.scales *= times
+        yield columns
+
+
 @dataclass(frozen=True, slots=True)
 class Table:
     """Rows of a binary file."""
@@ -132,6 +164,19 @@ class Table:
     @property
     def end(self) -> int:
         return self.offset + self.count * self.dtype.itemsize
+
+    def every(self, step: int) -> Table:
+        """Every nth row, as a table."""
+        fields = {name: field[:2] for name, field in (self.dtype.fields or {}).items()}
+        spread = np.dtype(
+            {
+                "names": list(fields),
+                "formats": [kind for kind, _ in fields.values()],
+                "offsets": [offset for _, offset in fields.values()],
+                "itemsize": step * self.dtype.itemsize,
+            }
+        )
+        return Table(self.offset, self.count // step, spread)
 
     def rows(self, file: io.BufferedReader, start: int, stop: int) -> Rows:
         # a mapping each time: pages of earlier ones do not stay resident, as they would with one mapping of the file

@@ -19,7 +19,7 @@ from tigas_common.parsing import parse
 from tigas_common.wire.model import Entries, Point, Unit, WireModel
 from tigas_common.wire.render import MAX_PATHS, MAX_VIEWS, Rung, SavedName, SavedPath, SavedView, StartCamera
 from tigas_render.gaussians import Batches, Gaussians
-from tigas_render.scenes.scene_file import Listener, explained
+from tigas_render.scenes.scene_file import Listener, SceneFile, explained
 
 METADATA, LADDER = "scene.json", "ladder.json"
 """Names in a scene's folder."""
@@ -154,6 +154,10 @@ class SceneSource:
     """Whether it was trained with Mip-Splatting's 2D filter, if the file says so."""
     digest: Callable[[], str] | None = None
     """The SHA-256 of the file, or one for all of several, in hexadecimal digits; None if broken. Raises OSError."""
+    is_unchanged: Callable[[], bool] = lambda: True
+    """Whether the file is still of this version."""
+    coarse: Callable[[], SceneFile | None] = lambda: None
+    """As SceneFile has it."""
     memory_bytes: int = 0
     """Estimated memory when loaded."""
     folder: Path | None = None

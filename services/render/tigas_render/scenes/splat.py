@@ -47,11 +47,12 @@ def read_splat(path: Path) -> SceneFile:
     """Description of the file. Raises OSError."""
     _, file_bytes = read_start(path, 0)
     table = Table(0, file_bytes // RECORD.itemsize, RECORD)
-    return SceneFile(".splat", (path,), table.count, 0, file_bytes, partial(_decode, path, table))
+    file = SceneFile(".splat", (path,), table.count, 0, file_bytes, partial(_decode, path, file_bytes, table))
+    return file.with_sample(lambda step, listener: _decode(path, file_bytes, table.every(step), listener))
 
 
-def _decode(path: Path, table: Table, listener: Listener) -> Iterator[Columns]:
-    for file, block in blocks_of_file(path, table.end, table.count, listener):
+def _decode(path: Path, file_bytes: int, table: Table, listener: Listener) -> Iterator[Columns]:
+    for file, block in blocks_of_file(path, file_bytes, table.count, listener):
         records = table.rows(file, block.start, block.stop)
         columns = Columns(len(records), 0)
         columns.means[:] = records["position"]

@@ -1,15 +1,16 @@
 """Reads streamed SOG scenes of PlayCanvas: a lod-meta.json, and folders of SOG that each hold a part at one level.
 
 The format, version 1: https://developer.playcanvas.com/user-manual/gaussian-splatting/formats/streamed-sog/. The finest
-level of each part is read, and the environment around them all, which some published captures have without naming it.
-The parts are read in sequence, so that only one part's images are in memory (see `sog`).
+level of each part is read, and the environment around them all, which some published captures have without naming it;
+before, there are pictures of the coarsest level. The parts are read in sequence, so that only one part's images are in
+memory (see `sog`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -31,6 +32,8 @@ MAX_LOD_META = 16 << 20
 """Bytes; a leaf of the tree takes some 500."""
 MOST_FILES = 4096
 """Of all levels; splat-transform puts half a million Gaussians into each."""
+LEAST_SAVED = 4
+"""The coarsest level is of use if it has so many times fewer Gaussians than the finest."""
 ENVIRONMENTS = ("environment.sog", f"environment/{META}")
 """The environment of a scene without one in its lod-meta.json."""
 
@@ -116,8 +119,21 @@ def read_streamed_sog(path: Path) -> SceneFile:
         meta = parse(LodMeta, content, MAX_LOD_META)
     except InvalidRequest as error:
         raise BrokenScene(f"{path.name} is not one of streamed SOG, version 1: {error.detail}") from None
+    finest = _at_level(min, path, meta, len(content))
+    return replace(finest, coarse=partial(_coarsest, finest, path, meta))
+
+
+def _coarsest(finest: SceneFile, path: Path, meta: LodMeta) -> SceneFile | None:
+    """The scene at the coarsest level of each leaf; None if that saves little."""
+    file = _at_level(max, path, meta, 0)
+    return file if file.count * LEAST_SAVED <= finest.count else None
+
+
+def _at_level(level: Callable[[list[int]], int], path: Path, meta: LodMeta, meta_bytes: int) -> SceneFile:
+    """The scene at one level of each leaf; `level` chooses it. meta_bytes: of the lod-meta.json. Raises BrokenScene."""
     environment = _environment(path.parent, meta.environment)
-    parts = [_part(path, name, runs) for name, runs in _finest(path.name, meta).items() if name != environment]
+    runs_of = _chosen(level, path.name, meta)
+    parts = [_part(path, name, runs) for name, runs in runs_of.items() if name != environment]
     if environment is not None:
         parts.append(_part(path, environment, None))
     if not parts:
@@ -128,14 +144,14 @@ def read_streamed_sog(path: Path) -> SceneFile:
         (path, *(file for part in parts for file in part.file.files)),
         sum(part.count for part in parts),
         sh_degree,
-        len(content) + sum(part.file.file_bytes for part in parts),
+        meta_bytes + sum(part.file.file_bytes for part in parts),
         partial(_decode, parts, sh_degree),
         all(part.file.antialiased for part in parts),
     )
 
 
-def _finest(name: str, meta: LodMeta) -> dict[str, list[range]]:
-    """Of each file, the Gaussians that are the finest level of a leaf, in their order there."""
+def _chosen(level: Callable[[list[int]], int], name: str, meta: LodMeta) -> dict[str, list[range]]:
+    """Of each file, the Gaussians that are the chosen level of a leaf, in their order there."""
     chosen: dict[str, list[range]] = {}
     waiting = [meta.tree]
     while waiting:
@@ -143,10 +159,10 @@ def _finest(name: str, meta: LodMeta) -> dict[str, list[range]]:
         if node.lods is None:
             waiting.extend(reversed(node.children))
             continue
-        levels = [level for level, run in node.lods.items() if run.count]
+        levels = [number for number, run in node.lods.items() if run.count]
         if not levels:
             continue
-        run = node.lods[min(levels)]
+        run = node.lods[level(levels)]
         if not 0 <= run.file < len(meta.filenames):
             raise BrokenScene(f"{name} takes Gaussians from file {run.file}, and names {len(meta.filenames)} files.")
         chosen.setdefault(meta.filenames[run.file], []).append(range(run.offset, run.offset + run.count))

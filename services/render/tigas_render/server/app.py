@@ -125,10 +125,11 @@ async def add(request: Request) -> ModelResponse[AddedScene]:
     return created_response(AddedScene(id=id), f"/scenes/{quote(id)}")
 
 
+@described(query={"coarse": "`1`: wait no longer than until there are coarse frames of it."})
 async def load(request: Request) -> ModelResponse[SceneInfo]:
     """Load a scene and wait until it is loaded."""
     service, id = _service(request), request.path_params["id"]
-    await service.load(id)
+    await service.load(id, coarse=request.query_params.get("coarse") == "1")
     return json_response(await service.info(id))
 
 

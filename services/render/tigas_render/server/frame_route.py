@@ -121,6 +121,7 @@ def _about(frame: Frame, requests_per_s: float | None) -> str:
         "margin_x": frame.margin_x or None,
         "margin_y": frame.margin_y or None,
         "profile": frame.profile,
+        "coarse": 1 if frame.coarse else None,
         "requests_per_s": requests_per_s,
     }
     return ", ".join(f"{name}={number}" for name, number in numbers.items() if number is not None)

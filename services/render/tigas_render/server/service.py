@@ -40,6 +40,7 @@ from tigas_render.enhance.shelf import Shelf
 from tigas_render.enhance.trainer import NoTraining, Trainer, why_no_training
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.raster.base import Rasterizer
+from tigas_render.scenes.coarse import CoarseScenes
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.scenes.source import SceneSource
 from tigas_render.scenes.start_view.kept import KeptViews
@@ -90,6 +91,7 @@ class RenderService(FrameSource):
             rasterizer.pack,
             own_ladders=settings.ladder == "scene",
             views=KeptViews(settings.cache),
+            coarse=CoarseScenes(settings.cache),
             memory_budget=int(settings.memory_gb * 1e9),
             idle_s=60 * settings.idle_minutes,
             clock=time.monotonic,
@@ -195,10 +197,10 @@ class RenderService(FrameSource):
     def forget(self, client: Client) -> None:
         self.engine.forget(client)
 
-    async def load(self, scene_id: str) -> None:
-        """Load a scene and wait until it is loaded. Raises as `SceneRegistry.load` does."""
+    async def load(self, scene_id: str, *, coarse: bool = False) -> None:
+        """Load a scene and wait until it is loaded, as `SceneRegistry.load` does; also raises as that."""
         with self._noticing_loss():
-            await self.registry.load(scene_id)
+            await self.registry.load(scene_id, coarse=coarse)
 
     async def infos(self) -> list[SceneInfo]:
         """Every scene, with the networks and downloads that there are for it."""

@@ -117,6 +117,7 @@ class RenderSession:
                 margin_x=frame.margin_x or None,
                 margin_y=frame.margin_y or None,
                 profile=frame.profile,
+                coarse=frame.coarse or None,
                 video=frame.video,
                 timing=frame.timing,
                 requests_per_s=self._rate.told,

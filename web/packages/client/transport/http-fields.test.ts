@@ -4,7 +4,7 @@ import { frameHeader } from "./http-fields";
 test("reads what the server says about a frame", () => {
   const headers = new Headers({
     "Content-Type": "image/jpeg",
-    "Tigas-Frame": "seq=41, width=832, height=468, margin_x=96, margin_y=54, profile=2",
+    "Tigas-Frame": "seq=41, width=832, height=468, margin_x=96, margin_y=54, profile=2, coarse=1",
     "Server-Timing": "queue;dur=0.25, render;dur=12.5, encode;dur=1.75",
   });
   expect(frameHeader(200, headers)).toEqual({
@@ -16,6 +16,7 @@ test("reads what the server says about a frame", () => {
     margin_x: 96,
     margin_y: 54,
     profile: 2,
+    coarse: true,
     timing: { queue: 0.25, render: 12.5, encode: 1.75 },
     requests_per_s: null,
   });
@@ -26,6 +27,7 @@ test("a proxy may drop headers: what is not said is not known", () => {
     seq: 0,
     width: null,
     margin_x: null,
+    coarse: null,
     profile: null,
     timing: null,
   });

@@ -12,6 +12,7 @@ export function frameHeader(status: number, headers: Headers): FrameHeader {
     margin_x: frame.get("margin_x") ?? null,
     margin_y: frame.get("margin_y") ?? null,
     profile: frame.get("profile") ?? null,
+    coarse: frame.has("coarse") || null,
     timing: serverTiming(headers.get("Server-Timing") ?? ""),
     requests_per_s: frame.get("requests_per_s") ?? null,
   };

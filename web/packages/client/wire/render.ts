@@ -23,6 +23,7 @@ export interface RenderRequest {
   overscan?: number;
   depth?: boolean;
   detail?: "auto" | "full";
+  coarse?: boolean;
   format?: "jpeg" | "png" | "yuv420p" | "h264" | "webp";
   video?: VideoRequest | null;
   deadline_ms?: number | null;
@@ -114,6 +115,7 @@ export interface FrameHeader {
   margin_x?: number | null;
   margin_y?: number | null;
   profile?: number | null;
+  coarse?: boolean | null;
   video?: VideoInfo | null;
   timing?: ServerTiming | null;
   requests_per_s?: number | null;

@@ -264,6 +264,7 @@ export interface RenderRequest {
   overscan?: number;
   depth?: boolean;
   detail?: "auto" | "full";
+  coarse?: boolean;
   format?: "jpeg" | "png" | "yuv420p" | "h264" | "webp";
   video?: VideoRequest | null;
   deadline_ms?: number | null;

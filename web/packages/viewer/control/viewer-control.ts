@@ -140,7 +140,7 @@ export class ViewerControl {
         let entered = false;
         return effect(() => {
           const { value } = scene;
-          if (value === null || entered) return;
+          if (value === null || value.state === "loading" || entered) return;
           entered = true;
           untracked(() => say(value));
         });

@@ -1,6 +1,6 @@
 // @vitest-environment happy-dom
 import { signal } from "@preact/signals";
-import { afterEach, beforeAll, beforeEach, expect, test, vi } from "vitest";
+import { afterEach, beforeAll, beforeEach, describe, expect, test, vi } from "vitest";
 import { PAPER_LADDER } from "#client/abr/ladder";
 import { deferred } from "#client/async/deferred";
 import { ApiError } from "#client/http/problem";
@@ -8,7 +8,7 @@ import { connect } from "#client/transport/connect";
 import { ASK_DIRECTOR_EVERY, CHECK_EVERY } from "#client/transport/ending";
 import { type FakeTransport, turn as settle } from "#client/transport/fake";
 import { RequestProblem } from "#client/transport/transport";
-import { fetchConfig, fetchScene, loadScene } from "../state/api";
+import { fetchConfig, fetchScene, loadCoarsely, loadScene } from "../state/api";
 import { COURTYARD, serverConfig } from "../state/fake-server";
 import { DEFAULT_SETTINGS } from "../state/settings";
 import { ViewerState } from "../state/viewer-state";
@@ -121,6 +121,55 @@ test("says how much of the scene is loaded, until it is", async () => {
   await vi.advanceTimersByTimeAsync(2000);
   expect(phase()).toEqual({ kind: "playing" });
   expect(fetchScene).toHaveBeenCalledTimes(2);
+});
+
+describe("a scene that can be shown coarsely while it loads", () => {
+  const coarse = { ...COURTYARD, state: "loading" as const };
+
+  test("is shown, and the same view is asked for again once it is loaded", async () => {
+    const { promise: loading, resolve } = deferred<typeof COURTYARD>();
+    vi.mocked(loadScene).mockReturnValue(loading);
+    vi.mocked(loadCoarsely).mockResolvedValue(coarse);
+    await visit();
+    await drawn(5);
+    expect(phase()).toEqual({ kind: "loading" });
+    expect(host.requests()).toMatchObject([{ coarse: true, position: [0, -2, -8] }]);
+    const { pose } = session.rig;
+    resolve({ ...COURTYARD, camera: { position: [1, 1, 1], look_at: [0, 0, 0] } });
+    await settle();
+    expect(phase()).toEqual({ kind: "playing" });
+    await drawn(5);
+    expect(session.rig.pose).toBe(pose);
+    expect(host.requests().slice(1)).toMatchObject([{ position: [0, -2, -8] }]);
+    expect(host.requests()[1]).not.toHaveProperty("coarse");
+  });
+
+  test("is shown no more if it cannot be loaded", async () => {
+    const { promise: loading, reject } = deferred<typeof COURTYARD>();
+    vi.mocked(loadScene).mockReturnValue(loading);
+    vi.mocked(loadCoarsely).mockResolvedValue(coarse);
+    await visit();
+    await drawn(5);
+    reject(new ApiError("The file ends too early.", false));
+    await settle();
+    expect(phase()).toEqual({ kind: "failed", message: "The file ends too early." });
+    session.rig.drive((at) => ({ position: [at / 1000, 0, 0], quaternion: [0, 0, 0, 1] }));
+    await drawn(5);
+    expect(host.requests()).toHaveLength(1);
+  });
+
+  test("is opened as a stream only once it is loaded", async () => {
+    const { promise: loading, resolve } = deferred<typeof COURTYARD>();
+    vi.mocked(loadScene).mockReturnValue(loading);
+    vi.mocked(loadCoarsely).mockResolvedValue(coarse);
+    changeSettings({ mode: "dash" });
+    await visit();
+    await vi.advanceTimersByTimeAsync(1000); // the viewport has kept its size
+    expect(streams).toHaveLength(0);
+    resolve(COURTYARD);
+    await vi.advanceTimersByTimeAsync(1000);
+    expect(streams).toHaveLength(1);
+  });
 });
 
 test("a scene that cannot be had is said in the server's words, and can be tried again", async () => {

@@ -17,7 +17,7 @@ import { pointAt } from "../reproject/point-at";
 import { SOURCES } from "../sources/registry";
 import { settingsAt } from "../sources/sides";
 import type { Source } from "../sources/source";
-import { fetchConfig, fetchScene, loadScene } from "../state/api";
+import { fetchConfig, fetchScene, loadCoarsely, loadScene } from "../state/api";
 import { COMPARED, type Place } from "../state/settings";
 import type { ViewerState } from "../state/viewer-state";
 import type { SentRequest } from "../stateless/pipeline";
@@ -401,7 +401,7 @@ export class ViewerSession {
   /** The scene was deleted or renamed: a resting camera sends no requests and would never notice. */
   #gone(): void {
     const scene = this.scene.peek();
-    if (scene === null || this.phase.peek().kind !== "playing") return;
+    if (scene === null || !["loading", "playing"].includes(this.phase.peek().kind)) return;
     for (const side of this.#sides) side.attach(null);
     this.#loading = undefined;
     this.phase.value = { kind: "failed", message: `${scene.name} was deleted or renamed on the server.` };
@@ -423,39 +423,55 @@ export class ViewerSession {
     return this.#loading;
   }
 
+  /** Shows the scene coarsely while it loads, if the server can. */
+  async #showCoarse(connected: Connected, signal: AbortSignal): Promise<void> {
+    const scene = await loadCoarsely(this.#sceneId, signal, this.#host, this.state.server);
+    if (scene.state === "loading" && this.#loadsOver(connected)) this.#show(scene, connected);
+  }
+
   /** Says how far loading is, as long as it takes. */
-  async #followLoading(signal: AbortSignal): Promise<void> {
+  async #followLoading(connected: Connected, signal: AbortSignal): Promise<void> {
     for (;;) {
       await sleep(PROGRESS_EVERY, signal);
       await this.presence.untilVisible(signal);
       const progress = (await fetchScene(this.#sceneId, this.state.server).catch(() => null))?.progress ?? undefined;
-      if (this.phase.peek().kind !== "loading") return;
+      if (!this.#loadsOver(connected)) return;
       if (progress !== undefined) this.phase.value = { kind: "loading", progress };
     }
   }
 
+  #loadsOver({ transport }: Connected): boolean {
+    return this.phase.peek().kind === "loading" && this.connected.peek()?.transport === transport;
+  }
+
   async #play(connected: Connected, signal: AbortSignal): Promise<void> {
-    const entering = this.scene.value === null;
-    if (entering) {
+    const scene = this.scene.peek();
+    if (scene === null || scene.state === "loading") {
       this.phase.value = { kind: "loading" };
-      this.#followLoading(signal).catch(() => undefined); // it has ended
+      this.#showCoarse(connected, signal).catch(() => undefined); // `#load` says why
+      this.#followLoading(connected, signal).catch(() => undefined); // it has ended
     }
-    let scene: SceneInfo;
+    let loaded: SceneInfo;
     try {
-      scene = await this.#load(signal);
+      loaded = await this.#load(signal);
     } catch (error) {
       if (signal.aborted || this.connected.value?.transport !== connected.transport) return; // there is another attempt
       if (!(error instanceof ApiError) || error.unreachable) return; // the connection will say
+      for (const side of this.#sides) side.attach(null);
       this.phase.value = { kind: "failed", message: error.message };
       return;
     }
-    if (signal.aborted) return;
+    if (!signal.aborted) this.#show({ ...loaded, state: "loaded" }, connected);
+  }
+
+  #show(scene: SceneInfo, connected: Connected): void {
     if (this.scene.value === null) this.rig.enter(scene);
+    else this.rig.update(scene);
     this.scene.value = scene;
     this.state.sceneLadder.value = scene.ladder ?? null;
     if (this.connected.value?.transport !== connected.transport) return; // it was lost meanwhile
     this.left.attach(connected);
-    this.phase.value = { kind: "playing" };
+    if (scene.state !== "loading") this.phase.value = { kind: "playing" };
   }
 }
 

@@ -55,6 +55,7 @@ export class Side {
     const available = computed(
       () =>
         scene.value !== null &&
+        (this.kind.value.requests || scene.value.state !== "loading") && // others have no coarse pictures
         rig.viewport.value.width > 1 && // the stage has been laid out
         this.missing.value === null &&
         (this.kind.value.keepsHidden || !options.left.value),

@@ -14,10 +14,12 @@ export function keepTurning(
   const distance = computed(() =>
     settings.value.reprojection && scene.value !== null ? viewDistance(scene.value) : null,
   );
+  const loading = computed(() => scene.value?.state === "loading");
   const forced = computed(() => turning.value === "forced");
   return effect(() => {
     const { value } = distance;
     void forced.value; // it begins anew once someone asks for it
+    void loading.value; // earlier pictures are coarse
     untracked(() => (value === null ? reprojector.off() : reprojector.on(value)));
   });
 }

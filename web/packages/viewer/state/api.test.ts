@@ -1,5 +1,5 @@
 import { afterEach, expect, test, vi } from "vitest";
-import { fetchConfig, fetchScene, fetchScenes, loadScene, training, unloadScene } from "./api";
+import { fetchConfig, fetchScene, fetchScenes, loadCoarsely, loadScene, training, unloadScene } from "./api";
 
 afterEach(() => {
   vi.unstubAllGlobals();
@@ -22,6 +22,7 @@ test("asks where the protocol says, whatever a scene's name", async () => {
   await fetchScenes({ scan: true });
   await loadScene("a/b c");
   await loadScene("a", undefined, "x&y");
+  await loadCoarsely("a", undefined, "x");
   await unloadScene("../x");
   await fetchScene("a b");
   await training("a b");
@@ -33,6 +34,7 @@ test("asks where the protocol says, whatever a scene's name", async () => {
     "GET scenes?scan=1",
     "POST scenes/a%2Fb%20c/load",
     "POST scenes/a/load?host=x%26y",
+    "POST scenes/a/load?coarse=1&host=x",
     "POST scenes/..%2Fx/unload",
     "GET scenes/a%20b",
     "GET scenes/a%20b/enhance",

@@ -32,8 +32,23 @@ export function loadScene(
   host: string | null = null,
   server = "",
 ): Promise<SceneInfo> {
-  const query = host === null ? "" : `?${new URLSearchParams({ host })}`;
-  return call<SceneInfo>(at(server, `scenes/${encodeURIComponent(id)}/load${query}`), { method: "POST" }, signal);
+  return load(id, host === null ? {} : { host }, signal, server);
+}
+
+/** The same, but waits no longer than until it can be shown coarsely: then its state is `loading`. */
+export function loadCoarsely(
+  id: string,
+  signal?: AbortSignal,
+  host: string | null = null,
+  server = "",
+): Promise<SceneInfo> {
+  return load(id, { coarse: "1", ...(host !== null && { host }) }, signal, server);
+}
+
+function load(id: string, options: Readonly<Record<string, string>>, signal?: AbortSignal, server = "") {
+  const query = new URLSearchParams(options).toString();
+  const path = `scenes/${encodeURIComponent(id)}/load${query && `?${query}`}`;
+  return call<SceneInfo>(at(server, path), { method: "POST" }, signal);
 }
 
 export function unloadScene(id: string): Promise<SceneInfo> {

@@ -273,6 +273,8 @@ export class StatelessPlayer {
       ...rig.viewport.value,
       ...(step ? { profile: step.rung, format: "h264", video: step.video } : { profile: chosen }),
       ...this.#turning.request(scene, now, step !== undefined),
+      // Once it is loaded, this is another view: it is requested even by a camera that rests.
+      ...(scene.state === "loading" && { coarse: true }),
     };
     const rested = this.#rest.view(view, controller());
     if (!refine()) return rested;

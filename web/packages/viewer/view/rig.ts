@@ -110,6 +110,13 @@ export class Rig {
     this.moveSpeed.value = suggestedSpeed(viewDistance(scene));
   }
 
+  /** The scene is known better than when it was entered; the camera stays. */
+  update(scene: SceneInfo): void {
+    const up = this.#scene?.up;
+    this.#scene = scene;
+    if (up && up.join() !== scene.up.join()) this.place(toScene(this.#camera, levelFor(up)));
+  }
+
   /** The person's camera goes back to the scene's start: a new pose, but no movement; a source keeps the pose meanwhile. */
   resetCamera(): void {
     if (!this.#scene) return;

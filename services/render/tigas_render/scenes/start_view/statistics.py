@@ -18,7 +18,9 @@ SAMPLE = 100_000
 class SceneStatistics:
     """Number, bounds and a sample of a scene's Gaussians."""
 
-    def __init__(self) -> None:
+    def __init__(self, sample: int = SAMPLE) -> None:
+        """sample: about how many are kept for the start view."""
+        self._most = sample
         self.count = 0
         """Number of Gaussians that can be drawn."""
         self.low: NDArray[np.float32] = np.full(3, np.inf, np.float32)
@@ -39,7 +41,7 @@ class SceneStatistics:
         return Batches(scene.most, self._collected(scene))
 
     def _collected(self, scene: Batches) -> Iterator[Gaussians]:
-        step = -(-scene.most // SAMPLE)
+        step = -(-scene.most // self._most)
         for part in scene.parts:
             self.low = np.minimum(self.low, part.means.min(0))
             self.high = np.maximum(self.high, part.means.max(0))
@@ -50,7 +52,7 @@ class SceneStatistics:
 
     @property
     def sample(self) -> Gaussians:
-        """At most about SAMPLE Gaussians, spread evenly over the file, of SH degree 0."""
+        """Some Gaussians, spread evenly over the file, of SH degree 0."""
         columns = zip(*(some.arrays for some in self._some), strict=True)
         return Gaussians(*(np.concatenate(parts) for parts in columns))
 
