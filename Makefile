@@ -138,6 +138,7 @@ bench-load: .venv/.ready
 
 bench-gpu: .venv/.gpu
 	@$(VENV)/python -m benchmarks.gpu $(ARGS)
+	@$(VENV)/python -m benchmarks.gpu_huge
 
 bench-hostile: .venv/.ready
 	@$(VENV)/python -m benchmarks.hostile $(ARGS)

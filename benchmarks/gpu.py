@@ -17,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 
@@ -91,15 +91,16 @@ def main() -> None:
 # --- scenes ---
 
 
-def load_scenes(folder: Path) -> dict[str, tuple[Gaussians, Pose]]:
-    """The demo scene and, if they are there, the real ones, with where each is looked at from."""
+def load_scenes(folder: Path, names: Iterable[str] = SOURCES) -> dict[str, tuple[Gaussians, Pose]]:
+    """The demo scene and, if they are there, some of the real ones, with where each is looked at from."""
     demo = DEMO_SOURCE.load()
     scenes = {"courtyard": (demo, look(start_view(demo, builtin=True)))}
     cameras_file = SHARED / "scenes" / "cameras.json"
     if not cameras_file.is_file():
         return scenes
     cameras = json.loads(cameras_file.read_text())
-    for name, (degree, *files) in SOURCES.items():
+    for name in names:
+        degree, *files = SOURCES[name]
         ply = folder / f"{name}.ply"
         sources = [str(SHARED / "scenes" / file) for file in files]
         command = [sys.executable, str(SHARED / "tools" / "splat_convert.py"), str(ply), *sources, "--deg", degree]

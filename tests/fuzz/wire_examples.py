@@ -24,6 +24,7 @@ QUATERNION = {name: EULER[name] for name in ("scene", "fx", "fy", "cx", "cy", "w
     "profile": 3,
     "overscan": 0.15,
     "depth": True,
+    "detail": "full",
     "deadline_ms": 50,
     "format": "png",
 }

@@ -332,10 +332,11 @@ async def test_a_coarse_frame_does_not_wait_for_the_scene_and_a_png_always_does(
     frame = await bench.submit("a", coarse=True)
     assert (frame.body, frame.coarse) == (b"320x180 jpeg 10", True)
     waiting = [bench.submit("b"), bench.submit("c", coarse=True, format="png")]
+    waiting.append(bench.submit("d", coarse=True, detail="full"))
     await bench.idle()
     assert not any(task.done() for task in waiting)
     bench.scenes.loading.set_result(None)
-    assert [(await task).coarse for task in waiting] == [False, False]
+    assert [(await task).coarse for task in waiting] == [False] * 3
     bench.scenes.loading = None
     assert not (await bench.submit("a", coarse=True)).coarse
     assert bench.scenes.users == 0

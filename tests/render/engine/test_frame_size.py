@@ -54,6 +54,16 @@ def test_even_frames_stay_even(width: int, height: int, overscan: float) -> None
     assert size.width % 2 == size.height % 2 == 0
 
 
+@pytest.mark.parametrize(
+    ("changes", "is_full"),
+    [({}, False), ({"format": "webp"}, False), ({"detail": "full"}, True), ({"format": "png"}, True)],
+)
+def test_full_detail_is_drawn_on_request_and_for_pngs(changes: dict[str, str], is_full: bool) -> None:
+    request = render_request(**changes)
+    camera = FrameSize.of(request, DEFAULT_LADDER).camera(request, (0.0, 0.0, 0.0))
+    assert camera.full_detail == is_full
+
+
 @pytest.mark.parametrize(("width", "height", "overscan"), [(8192, 16, 0.1), (4096, 4096, 0.01)])
 def test_a_frame_that_overscan_makes_too_large_is_refused(width: int, height: int, overscan: float) -> None:
     plain = render_request(profile=None, width=width, height=height)

@@ -47,6 +47,7 @@ requests = st.builds(
             "profile": st.none() | st.integers(0, 255),
             "overscan": st.floats(0, 0.5),
             "depth": st.booleans(),
+            "detail": st.sampled_from(("auto", "full")),
             "coarse": st.booleans(),
             "deadline_ms": st.none() | st.floats(0, 60_000, exclude_min=True),
             "format": formats,

@@ -115,9 +115,11 @@ class RenderRequest(WireModel):
     height (top, bottom), at the same pixels per angle."""
     depth: bool = False
     """Whether a JPEG or WebP carries a coarse depth of the view; ignored for other formats."""
+    detail: Literal["auto", "full"] = "auto"
+    """How much of a large scene is drawn: what the frame's pixels can show, or everything; PNGs show everything."""
     coarse: bool = False
-    """Whether a frame of the coarse scene will do while the scene is loading; otherwise, and for a PNG, the request
-    waits."""
+    """Whether a frame of the coarse scene will do while the scene is loading; otherwise, and for a PNG or the full
+    detail, the request waits."""
     format: AnswerFormat = "jpeg"
     """The format of the answer's body."""
     video: VideoRequest | None = None

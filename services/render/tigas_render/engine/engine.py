@@ -88,7 +88,8 @@ class Engine(FrameSource):
         Answers InvalidRequest for a rung beyond the scene's ladder, UnknownScene, BrokenScene, Superseded,
         DeadlineExceeded and Overloaded; OutOfDeviceMemory, if unloading an unused scene does not help; and DeviceLost.
         """
-        use = self._scenes.use(request.scene, coarse=request.coarse and request.format != "png")
+        may_be_coarse = request.coarse and request.detail == "auto" and request.format != "png"
+        use = self._scenes.use(request.scene, coarse=may_be_coarse)
         work = Work(client, request, arrived, use, answered)
         try:
             scene = work.use.enter_if_loaded()

@@ -48,7 +48,8 @@ class FrameSize:
         lens = request.fx, request.fy, request.cx, request.cy, request.width, request.height
         intrinsics, enlarged = _lens(self, *lens)
         scale = max(1.0, request.display_scale * enlarged)
-        return Camera(request.pose, intrinsics, background, scale, (self.margin_x, self.margin_y))
+        full_detail = request.detail == "full" or request.format == "png"
+        return Camera(request.pose, intrinsics, background, scale, (self.margin_x, self.margin_y), full_detail)
 
 
 @lru_cache(maxsize=1024)  # a viewer asks with one lens, or a few, thousands of times

@@ -89,7 +89,8 @@ def measure(
     def rendered(pose: Pose, size: tuple[int, int]) -> Pixels:
         """As the service renders it for the display."""
         enlarged = math.sqrt(DISPLAY[0] * DISPLAY[1] / (size[0] * size[1]))
-        camera = Camera(pose, intrinsics(*DISPLAY).resized(*size), background, max(1.0, enlarged))
+        lens = intrinsics(*DISPLAY).resized(*size)
+        camera = Camera(pose, lens, background, max(1.0, enlarged), full_detail=True)
         with rasterizer.render(scene, camera, "png") as image:
             return image.to_host().copy()
 

@@ -59,6 +59,8 @@ class Camera:
     margins: tuple[int, int] = (0, 0)
     """Columns at the left and right, rows at the top and bottom, beyond the viewport. They are included in
     `intrinsics` and leave the rest of the picture unchanged."""
+    full_detail: bool = False
+    """Whether all of a large scene is drawn, rather than the level of detail that the pixels can show."""
 
     @property
     def viewport(self) -> Intrinsics:
@@ -203,7 +205,7 @@ def depth_size(width: int, height: int) -> tuple[int, int]:
 def coarse(camera: Camera) -> Camera:
     """The same view in the pixels of its map of depth, drawn as a picture that is shown as large as the camera's."""
     intrinsics, scale, margins = _coarse(camera.intrinsics, camera.margins)
-    return Camera(camera.pose, intrinsics, (0.0, 0.0, 0.0), camera.display_scale * scale, margins)
+    return Camera(camera.pose, intrinsics, (0.0, 0.0, 0.0), camera.display_scale * scale, margins, camera.full_detail)
 
 
 @lru_cache(maxsize=1024)  # a viewer has one lens, or a few, for thousands of frames

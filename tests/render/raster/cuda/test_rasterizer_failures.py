@@ -14,7 +14,7 @@ from tests.render.raster.cuda.fake_gpu import FakeGpu, fake_gpu
 from tests.render.raster.views import camera, cloud
 from tigas_common.errors import DeviceLost, OutOfDeviceMemory, Overloaded
 from tigas_common.wire.render import FrameFormat
-from tigas_render.raster.cuda.scene import pack
+from tigas_render.raster.cuda.packing import pack
 
 if TYPE_CHECKING:
     from tigas_render.raster.cuda.rasterizer import CudaRasterizer

@@ -7,7 +7,8 @@ import torch
 
 from tests.render.raster.views import cloud
 from tigas_render.gaussians import Gaussians
-from tigas_render.raster.cuda.scene import CHUNK, coefficients_in_use, pack
+from tigas_render.raster.cuda.packing import coefficients_in_use, pack
+from tigas_render.raster.cuda.scene import CHUNK
 
 
 def test_a_packed_scene_is_whole_chunks_without_what_cannot_be_drawn() -> None:
@@ -25,8 +26,7 @@ def test_a_packed_scene_is_whole_chunks_without_what_cannot_be_drawn() -> None:
 def test_scales_survive_packing_to_a_tenth_of_a_percent() -> None:
     gaussians = cloud(500, 0, size=0.01)
     scene = pack(gaussians.batches(), torch.device("cpu"))
-    codes = scene.shapes[:, :3].to(torch.int32) & 0xFFFF
-    unpacked = torch.exp2(scene.scale_low + scene.scale_step * codes).sum(1).sort().values[-400:]
+    unpacked = scene.scale_codes.scales(scene.shapes).sum(1).sort().values[-400:]
     original = np.sort(gaussians.scales[gaussians.opacities >= 1 / 255].sum(1))[-400:]
     np.testing.assert_allclose(unpacked, original, rtol=1e-3)
 

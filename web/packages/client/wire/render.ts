@@ -22,6 +22,7 @@ export interface RenderRequest {
   display_scale?: number;
   overscan?: number;
   depth?: boolean;
+  detail?: "auto" | "full";
   coarse?: boolean;
   format?: "jpeg" | "png" | "yuv420p" | "h264" | "webp";
   video?: VideoRequest | null;

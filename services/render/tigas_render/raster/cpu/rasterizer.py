@@ -116,10 +116,10 @@ class CpuRasterizer(Rasterizer):
     ) -> HostImage:
         """Render one view into a framebuffer of the pool; closing the image gives it back.
 
-        A large scene is drawn at a level of detail that a picture's pixels can show; a PNG always has all of it.
+        A large scene is drawn at a level of detail that a picture's pixels can show, unless all of it is requested.
         """
         assert isinstance(scene, CpuScene)
-        job = self.start(scene, camera, 0.0 if format == "png" else EDGE_PIXELS, depth=depth)
+        job = self.start(scene, camera, 0.0 if camera.full_detail else EDGE_PIXELS, depth=depth)
         self.project(job)
         while job.end < job.tiles:
             self.bin(job)

@@ -10,6 +10,7 @@ from typing import Final, Literal
 from tigas_common.pose import Intrinsics
 from tigas_common.wire.render import FrameFormat
 from tigas_render.raster.base import Camera, derivative_limits, footprint
+from tigas_render.raster.cuda.levels import EDGE_PIXELS
 from tigas_render.raster.cuda.scene import CHUNK, CODES, POINTERS, CudaScene
 
 SMALL_PICTURE = 640 * 360
@@ -18,13 +19,14 @@ with more Gaussians than pixels, as those are small themselves. See docs/archite
 
 MAX_SLICES = 256
 """A slice's number has 8 bits."""
-MAX_LISTS = 1 << 18
-"""Lists of all tiles and slices together: enough to keep each short, few enough to count in microseconds."""
+MAX_LISTS, MOST_LISTS = 1 << 18, 1 << 21
+"""Lists of all tiles and slices together: enough to keep each short, few enough to count in microseconds. Scenes of
+millions have one for every eight Gaussians, but not more than the latter."""
 _PLAN: Final = struct.Struct("=18Q6I3i")
 """The other pointers; padded, chunks, capacity, tiles, tiles_x, slices; width, height, format."""
 _POSE: Final = struct.Struct("=12f")
 """rotation, eye."""
-_LENS: Final = struct.Struct("=13f4x")
+_LENS: Final = struct.Struct("=14f")
 """The other floats."""
 SIZE: Final = sum(part.size for part in (POINTERS, _PLAN, CODES, _POSE, _LENS))
 """Bytes of `struct Frame`."""
@@ -56,8 +58,8 @@ def tile_layout(width: int, height: int, gaussians: int) -> TileLayout:
     """The tiles of a picture of so many pixels and Gaussians."""
     side = 8 if width * height <= max(SMALL_PICTURE, gaussians) else 16
     columns, rows = -(-width // side), -(-height // side)
-    slices = MAX_SLICES
-    while slices > 4 and slices * columns * rows > MAX_LISTS:
+    slices, most = MAX_SLICES, max(MAX_LISTS, min(gaussians // 8, MOST_LISTS))
+    while slices > 4 and slices * columns * rows > most:
         slices //= 2
     return TileLayout(side, columns, rows, slices)
 
@@ -85,7 +87,10 @@ def frame_parameters(scene: CudaScene, camera: Camera, plan: bytes) -> bytes:
     """`struct Frame`. plan: from `plan_numbers`."""
     (a, b, c), (d, e, f), (g, h, i) = camera.pose.rotation
     pose = _POSE.pack(a, d, g, b, e, h, c, f, i, *camera.pose.position)  # world to camera
-    lens = _lens(camera.intrinsics, camera.margins, camera.display_scale, camera.background, scene.antialiased)
+    edge_pixels = 0.0 if camera.full_detail else EDGE_PIXELS
+    lens = _lens(
+        camera.intrinsics, camera.margins, camera.display_scale, camera.background, scene.antialiased, edge_pixels
+    )
     return b"".join((scene.pointers, plan, scene.codes, pose, lens))
 
 
@@ -96,11 +101,13 @@ def _lens(
     display_scale: float,
     background: tuple[float, float, float],
     antialiased: bool,
+    edge_pixels: float,
 ) -> bytes:
     dilation, low_pass = footprint(display_scale, antialiased)
     limits = derivative_limits(k.widened(-margins[0], -margins[1]))
     numbers = k.fx, k.fy, k.cx, k.cy, dilation, dilation + low_pass
-    return _LENS.pack(*numbers, *map(_float32, limits), *background)
+    reach = edge_pixels / max(k.fx, k.fy)
+    return _LENS.pack(*numbers, *map(_float32, limits), *background, _float32(reach))
 
 
 def _float32(value: float) -> float:

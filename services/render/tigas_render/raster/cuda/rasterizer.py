@@ -20,7 +20,8 @@ from tigas_render.raster.base import Camera, PreparedScene, one_gaussian
 from tigas_render.raster.calls import FrameCalls
 from tigas_render.raster.cuda.compiler import load_kernels, make_stages
 from tigas_render.raster.cuda.nvidia import ALLOCATOR_FAILURE, NvJpeg, NvJpegError, wait_asleep
-from tigas_render.raster.cuda.scene import CudaScene, pack
+from tigas_render.raster.cuda.packing import pack
+from tigas_render.raster.cuda.scene import CudaScene
 from tigas_render.raster.cuda.workspace import Workspace
 from tigas_render.raster.lanes import FetchedImage, Job, LaneRasterizer
 

@@ -1,20 +1,38 @@
 // The frame's first kernel: keeps the parameters for the others, clears counts and picture, chooses the chunks that may
-// be visible, and cuts depth into slices with about equally many Gaussians, so that no list becomes long.
+// be visible, at the level of detail that the picture can show, and cuts depth into slices with about equally many
+// Gaussians, so that no list becomes long.
 #include "frame.cuh"
 #include "pixels.cuh"
 
-// Whether no Gaussian of a chunk can be drawn; false when in doubt. A chunk is a sphere around its means and the
+constexpr u32 NO_PARENT = 0xffffffffu;
+
+// Whether a chunk's cells, seen from its nearest point, have short edges; always so for the full detail.
+__device__ __forceinline__ bool is_fine(const Frame& f, float edge, float nearest) {
+    return edge <= f.reach * fmaxf(nearest, 0.f);
+}
+
+__device__ bool parent_is_fine(const Frame& f, u32 parent) {
+    if (parent == NO_PARENT || f.reach == 0) return false;
+    float4 sphere = f.bounds[2 * parent];
+    float x = sphere.x - f.eye[0], y = sphere.y - f.eye[1], z = sphere.z - f.eye[2];
+    float pz = f.rotation[6] * x + f.rotation[7] * y + f.rotation[8] * z;
+    return is_fine(f, f.bounds[2 * parent + 1].y, pz - sphere.w);
+}
+
+// Whether no Gaussian of a chunk has to be drawn; false when in doubt. A chunk is a sphere around its means and the
 // greatest deviation among its Gaussians. The least depth bounds how large those deviations become in pixels.
-__device__ bool chunk_is_outside(const Frame& f, u32 chunk, float& depth) {
-    float4 sphere = f.bounds[2 * chunk];
-    float deviation = f.bounds[2 * chunk + 1].x;
+// A chunk is passed over, too, if it is not fine enough or its parent is: see levels.py.
+__device__ bool is_left_out(const Frame& f, u32 chunk, float& depth) {
+    float4 sphere = f.bounds[2 * chunk], detail = f.bounds[2 * chunk + 1];
+    float deviation = detail.x;
     float x = sphere.x - f.eye[0], y = sphere.y - f.eye[1], z = sphere.z - f.eye[2], r = sphere.w;
     float px = f.rotation[0] * x + f.rotation[1] * y + f.rotation[2] * z;
     float py = f.rotation[3] * x + f.rotation[4] * y + f.rotation[5] * z;
     float pz = f.rotation[6] * x + f.rotation[7] * y + f.rotation[8] * z;
     depth = pz;
-    if (pz + r < 0.999f * NEAR_PLANE) return true;
     float nearest = pz - r;
+    if (pz + r < 0.999f * NEAR_PLANE || !is_fine(f, detail.y, nearest) || parent_is_fine(f, __float_as_uint(detail.z)))
+        return true;
     if (!(nearest > NEAR_PLANE)) return false;
     constexpr float REACH = 3.37f;  // sqrt(2 ln 255), and a little
     float slope_x = fmaxf(fabsf(f.left), fabsf(f.right)), slope_y = fmaxf(fabsf(f.top), fabsf(f.bottom));
@@ -77,7 +95,7 @@ extern "C" __global__ void __launch_bounds__(CHUNK) begin(const __grid_constant_
     for (u32 first = blockIdx.x * CHUNK; first < f.chunks; first += threads) {
         u32 chunk = first + threadIdx.x;
         float depth = 0;
-        bool chosen = chunk < f.chunks && !chunk_is_outside(f, chunk, depth);
+        bool chosen = chunk < f.chunks && !is_left_out(f, chunk, depth);
         u32 votes = __ballot_sync(ALL, chosen), base = 0;
         int lane = threadIdx.x & 31;
         if (lane == 0 && votes) base = atomicAdd(&f.progress->chosen, __popc(votes));

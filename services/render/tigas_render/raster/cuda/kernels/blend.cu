@@ -9,6 +9,7 @@ constexpr int THREADS = 256, WARPS = THREADS / 32;
 constexpr int BIN_BITS = 11, BINS = 1 << BIN_BITS;  // of one histogram over depth
 constexpr int BATCH = 2048;                         // entries that are sorted and blended at a time
 constexpr int OWN = BATCH / THREADS;                // of them, or of the bins, one thread's
+constexpr u32 STEP = 512;                           // of them between two looks at whether light still passes
 constexpr u32 FEW = 128;                            // so many entries are sorted by comparing each with each
 constexpr u64 NONE = ~0ull;
 
@@ -244,14 +245,17 @@ struct Blender {
             if (PARTS == 1) {
                 blend_run(f, s.order, 0, taken, s.staged[warp], x + 0.5f, y + 0.5f, x0, x1, y0, y1, pixel);
             } else {
-                u32 length = (taken + PARTS - 1) / PARTS;
-                Pixel mine = {0, 0, 0, 1, pixel.alive};
-                blend_run(f, s.order, min(part * length, taken), min((part + 1) * length, taken), s.staged[warp],
-                          x + 0.5f, y + 0.5f, x0, x1, y0, y1, mine);
-                *(float4*)partial[warp][lane] = make_float4(mine.r, mine.g, mine.b, mine.light);
-                __syncthreads();
-                for (int p = 0; p < PARTS; p++) add(pixel, *(float4*)partial[region * PARTS + p][lane]);
-                pixel.alive = inside && pixel.light > TRANSMITTANCE_MIN;
+                for (u32 from = 0; from < taken; from += STEP) {
+                    u32 end = min(from + STEP, taken), length = (end - from + PARTS - 1) / PARTS;
+                    Pixel mine = {0, 0, 0, 1, pixel.alive};
+                    blend_run(f, s.order, min(from + part * length, end), min(from + (part + 1) * length, end),
+                              s.staged[warp], x + 0.5f, y + 0.5f, x0, x1, y0, y1, mine);
+                    *(float4*)partial[warp][lane] = make_float4(mine.r, mine.g, mine.b, mine.light);
+                    __syncthreads();
+                    for (int p = 0; p < PARTS; p++) add(pixel, *(float4*)partial[region * PARTS + p][lane]);
+                    pixel.alive = inside && pixel.light > TRANSMITTANCE_MIN;
+                    if (end < taken && !__syncthreads_or(pixel.alive)) break;
+                }
             }
             more = done < n && __syncthreads_or(pixel.alive);
         }

@@ -57,7 +57,7 @@ struct Frame {
     const float* means;     // [3, padded]
     const uint4* shapes;    // [padded] log2 scales, opacity and quaternion, 16 bits each
     const uint2* sh;        // [groups, padded] four half-precision coefficients a group
-    const float4* bounds;   // [chunks, 2] centre and radius of a chunk's means; its greatest deviation
+    const float4* bounds;   // [chunks, 2] centre and radius of a chunk; its greatest deviation, a cell's edge, its parent
     // this frame's intermediate results
     float4* splats;         // [padded, 2] records of visible Gaussians
     float* depths;          // [padded]
@@ -86,6 +86,7 @@ struct Frame {
     float dilation, filtered;  // added to a projected covariance, in pixels²: before the low-pass filter, and with it
     float left, right, top, bottom;  // limits of x / z and y / z where the projection's derivative is taken [gsplat]
     float background[3];
+    float reach;            // a cell's edge may be as long for each unit of depth; 0: full detail
 };
 
 constexpr int FRAME_WORDS = sizeof(Frame) / 4;

@@ -1,0 +1,157 @@
+"""Huge scenes on the GPU: a captured one many times side by side, drawn at levels of detail and in full.
+
+    python -m benchmarks.gpu_huge [--device cuda:0] [--grids 5x5 10x20]
+
+Copies of *flowers* (without its view-dependent colour) stand in a grid on the ground. Three views are from among or
+beside them, the height of a flower above the ground, and one is from high above. A walk leads through the middle.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import math
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from benchmarks.gpu import QUALITY, load_scenes, timed
+from benchmarks.views import centred_lens
+from tigas_common.pose import Pose
+from tigas_render.gaussians import Batches, Gaussians
+from tigas_render.local_files import cache_directory
+from tigas_render.raster.base import Camera
+from tigas_render.raster.cuda import levels
+from tigas_render.raster.cuda.rasterizer import CudaRasterizer
+from tigas_render.raster.cuda.scene import CudaScene
+from tigas_render.raster.devices import why_no_cuda
+
+LENS = centred_lens(1280, 720)
+SPACING = 0.56
+"""From copy to copy, in scene units: the captured patch is a little wider."""
+STEPS = 60
+"""Of a walk."""
+UP = (0.0, -1.0, 0.0)
+REPEATS = 100
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default="cuda:0")
+    parser.add_argument(
+        "--grids", nargs="*", default=["1x2", "5x4", "5x5", "9x10", "10x20"], help="copies across and away"
+    )
+    arguments = parser.parse_args()
+    if problem := why_no_cuda():
+        sys.exit(problem)
+    with tempfile.TemporaryDirectory() as folder:
+        one = load_scenes(Path(folder), ["flowers"]).get("flowers")
+    if one is None:
+        sys.exit("The captured scenes are missing: put them into ../shared, or set TIGAS_SHARED.")
+    flowers = replace(one[0], sh=np.ascontiguousarray(one[0].sh[:, :1]))
+    index = int(arguments.device.partition(":")[2] or 0)
+    print(f"{torch.cuda.get_device_name(index)}, 1280 x 720, quality {QUALITY}: p50 in ms, PSNR between them")
+    for grid in arguments.grids:
+        across, away = map(int, grid.split("x"))
+        report(CudaRasterizer(index, cache_directory()), flowers, across, away)
+        gc.collect()  # the rasteriser's buffers
+
+
+def report(rasterizer: CudaRasterizer, one: Gaussians, across: int, away: int) -> None:
+    with patch.object(levels, "FROM", math.inf):
+        plain_s, scene = packed(rasterizer, one, across, away)
+    plain_bytes = scene.nbytes
+    del scene
+    torch.cuda.reset_peak_memory_stats()
+    seconds, scene = packed(rasterizer, one, across, away)
+    peak = torch.cuda.max_memory_allocated()
+    print(f"\n{grid_name(one, across, away)}: loaded in {seconds:.2f} s, without levels in {plain_s:.2f} s; ", end="")
+    print(f"{scene.nbytes / 1e9:.2f} GB, without {plain_bytes / 1e9:.2f} GB, while loading {peak / 1e9:.1f} GB")
+    for name, pose in views(across, away).items():
+        auto, full = Camera(pose, LENS), Camera(pose, LENS, full_detail=True)
+        auto_ms, full_ms = (
+            statistics.median(timed(partial(rasterizer.render, scene, camera, quality=QUALITY), REPEATS))
+            for camera in (auto, full)
+        )
+        entries = [entries_of(rasterizer, scene, camera) / 1e6 for camera in (auto, full)]
+        print(f"  {name:10} auto {auto_ms:7.2f}, full {full_ms:7.2f}, {psnr(rasterizer, scene, pose):.1f} dB; ", end="")
+        print(f"{entries[0]:.1f} and {entries[1]:.1f} million entries", flush=True)
+    decibels = sorted(psnr(rasterizer, scene, pose) for pose in walk(across, away))
+    print(f"  walk       median {statistics.median(decibels):.1f} dB, least {decibels[0]:.1f} dB")
+    print(f"  a frame's buffers: {(torch.cuda.memory_allocated() - scene.nbytes) / 1e9:.2f} GB", flush=True)
+
+
+def grid_name(one: Gaussians, across: int, away: int) -> str:
+    return f"{across} x {away}, {len(one) * across * away / 1e6:.1f} million"
+
+
+def packed(rasterizer: CudaRasterizer, one: Gaussians, across: int, away: int) -> tuple[float, CudaScene]:
+    """A grid of copies, and the seconds that packing took."""
+    started = time.perf_counter()
+    scene = rasterizer.pack(Batches(len(one) * across * away, copies(one, across, away)))
+    torch.cuda.synchronize()
+    return time.perf_counter() - started, scene
+
+
+def copies(one: Gaussians, across: int, away: int) -> Iterator[Gaussians]:
+    for x in range(across):
+        for z in range(away):
+            moved = one.means + np.array([(x - (across - 1) / 2) * SPACING, 0, z * SPACING], np.float32)
+            yield replace(one, means=moved)
+
+
+# --- views ---
+
+
+def views(across: int, away: int) -> dict[str, Pose]:
+    right, far = across * SPACING / 2, away * SPACING
+    return {
+        "among": Pose.look_at((0.1, -0.3, 0.2 * far), (0.0, -0.1, 0.2 * far + 1.5), UP),
+        "corner": Pose.look_at((-right, -0.45, -0.5), (0.3 * right, 0.0, 0.5 * far), UP),
+        "beside": Pose.look_at((right + 0.8, -0.35, 0.3 * far), (-right, 0.0, 0.6 * far), UP),
+        "overview": Pose.look_at((-right - 0.25 * far, -0.45 * far, 0.5 * far), (0.0, 0.0, 0.5 * far), UP),
+    }
+
+
+def walk(across: int, away: int) -> Iterator[Pose]:
+    """Through the middle, looking around."""
+    for step in range(STEPS):
+        z, turned = away * SPACING * (0.8 * step / STEPS), 0.7 * math.sin(step / 5)
+        eye = (0.1 * math.sin(step / 3), -0.32 - 0.1 * math.sin(step / 7), z)
+        yield Pose.look_at(eye, (eye[0] + math.sin(turned), -0.15, z + math.cos(turned)), UP)
+
+
+# --- measures ---
+
+
+def pixels(rasterizer: CudaRasterizer, scene: CudaScene, camera: Camera) -> NDArray[np.uint8]:
+    return rasterizer.render(scene, camera, "png").to_host()
+
+
+def psnr(rasterizer: CudaRasterizer, scene: CudaScene, pose: Pose) -> float:
+    """Of the level of detail against the full detail."""
+    drawn, exact = (pixels(rasterizer, scene, Camera(pose, LENS, full_detail=full)) for full in (False, True))
+    error = float(np.mean((drawn.astype(np.float32) - exact) ** 2))
+    return 10 * math.log10(255**2 / error) if error else math.inf
+
+
+def entries_of(rasterizer: CudaRasterizer, scene: CudaScene, camera: Camera) -> int:
+    """Of all tiles' lists: how much is drawn."""
+    rasterizer.render(scene, camera)
+    workspace = rasterizer.take_workspace()
+    rasterizer.give_back(workspace)
+    return workspace.entries
+
+
+if __name__ == "__main__":
+    main()
