@@ -37,9 +37,9 @@ ROOT = Path(__file__).parents[3]
 
 @pytest.fixture(scope="module")
 def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A large scene and a small one."""
+    """A large scene, and one too small to be shown coarsely while it loads."""
     directory = tmp_path_factory.mktemp("models")
-    for name, count in (("large", 10_000_000), ("small", 1_000_000)):
+    for name, count in (("large", 10_000_000), ("small", 500_000)):
         (directory / name).mkdir()
         write_ply(directory / name / f"{name}.ply", cloud(count, 0))
     return directory
