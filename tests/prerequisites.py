@@ -121,6 +121,9 @@ FFMPEG = Prerequisite("ffmpeg", f"{_APT} ffmpeg", _command("ffmpeg"))
 PROMTOOL = Prerequisite("promtool", f"{_APT} prometheus", _command("promtool"))
 SETPRIV = Prerequisite("setpriv", f"{_APT} util-linux", _command("setpriv"))
 LINUX = Prerequisite("Linux with glibc", "run the tests there", lambda: platform.libc_ver()[0] == "glibc")
+SCHEDSTAT = Prerequisite(
+    "run-queue delays of threads", "run the tests on Linux with CONFIG_SCHED_INFO", Path("/proc/self/schedstat").exists
+)
 ROOT_RIGHTS = Prerequisite("root", "run the tests as root", lambda: os.geteuid() == 0)
 NAMESPACES = Prerequisite(
     "network namespaces", f"run the tests as root after {_APT} iproute2 nftables ethtool procps", functools.cache(_lab)

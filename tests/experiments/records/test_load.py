@@ -14,6 +14,7 @@ import psutil
 import pytest
 
 from tests.eventually import eventually
+from tests.prerequisites import SCHEDSTAT
 from tigas_common.resources import Quota
 from tigas_experiments.records import load
 from tigas_experiments.records.load import Load, LoadSample, Reading, Thread, watching_load
@@ -118,7 +119,7 @@ def test_the_busiest_thread_of_each_process() -> None:
     assert sample.threads == {"chromium": 0.96, "tigas render": 1.0, "tigas dash": 0.0}
 
 
-@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="Linux tells how long threads wait")
+@SCHEDSTAT.mark
 def test_a_thread_that_waits_for_a_processor_is_as_busy_as_one_that_runs() -> None:
     spin = "import os\nos.sched_setaffinity(0, {min(os.sched_getaffinity(0))})\nwhile True: pass"
     spinning = [subprocess.Popen([sys.executable, "-c", spin]) for _ in range(3)]
