@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import shutil
-import socket
 import time
 from collections.abc import Iterator
+from contextlib import closing
+from http.client import HTTPConnection
 from pathlib import Path
 
 import pytest
@@ -43,17 +44,21 @@ def render(lab: Lab, tmp_path: Path) -> Iterator[None]:
         runner.start(runner.service(dash_command())),
     )
     try:
-        wait_until(lambda: listens(lab, PAGE) and listens(lab, DASH), 90)
+        wait_until(lambda: answers(lab, PAGE) and answers(lab, DASH), 90)
         yield
     finally:
         for process in started:
             end(process, STOP_S)
 
 
-def listens(lab: Lab, port: Port) -> bool:
-    """Whether a client reaches a service."""
-    with inside(lab, "client"), socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port.number)) == 0
+def answers(lab: Lab, port: Port) -> bool:
+    """Whether a client gets an answer from a service. It listens before its rasteriser is ready."""
+    with inside(lab, "client"), closing(HTTPConnection("127.0.0.1", port.number, timeout=5)) as connection:
+        try:
+            connection.request("GET", "/healthz")
+            return connection.getresponse().status < 500
+        except OSError:
+            return False
 
 
 @pytest.fixture
