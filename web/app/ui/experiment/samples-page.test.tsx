@@ -122,8 +122,11 @@ test("rendering is begun, watched and stopped, and the table follows", async () 
   answers["GET /materialise"] = { ...IDLE, state: "running", done: 2 };
   answers["GET "] = { name: "Bus", runs: [run("first", { samples: 2, identical: 2, different: 0, missing: 0 })] };
   answers["GET /runs/first/samples"] = { samples: [SAMPLE], problem: null };
-  await vi.advanceTimersByTimeAsync(1000);
-  expect(await screen.findByText("2 of 2")).toBeTruthy();
+  const everySecond = async () => {
+    await vi.advanceTimersByTimeAsync(1000);
+    expect(screen.getByText("2 of 2")).toBeTruthy();
+  };
+  await vi.waitFor(everySecond, 10_000); // the page may not have begun to ask
   await vi.waitFor(() => expect(within(screen.getByRole("row", { name: /first/ })).getAllByText("2")).toHaveLength(2));
   await vi.waitFor(() => expect(options(screen.getByRole("combobox", { name: "Sample" }))).toHaveLength(1));
   answers["DELETE /materialise"] = answers["GET /materialise"] = { ...IDLE, done: 2 };
