@@ -26,6 +26,7 @@ def lab(models: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page
         yield running
 
 
+@pytest.mark.extended
 def test_two_controllers_are_compared_and_kept(open_page: OpenPage, lab: PageLab) -> None:
     page = open_page(SCENE, url=lab.url)
     wait_for_frames(page)

@@ -153,6 +153,7 @@ def limit_storage(page: Page, lab: PageLab, size: int) -> None:
     page.context.new_cdp_session(page).send("Storage.overrideQuotaForOrigin", quota)
 
 
+@pytest.mark.extended
 def test_a_run_that_finds_no_room_goes_on_without_samples(open_page: OpenPage, lab: PageLab) -> None:
     page = open_page(SCENE, url=lab.url)
     limit_storage(page, lab, 1)
