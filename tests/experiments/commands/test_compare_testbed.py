@@ -33,6 +33,7 @@ def lab() -> Iterator[None]:
     assert "tigas-lab" not in links
 
 
+@pytest.mark.extended
 def test_a_trace_s_file_is_played_and_frames_cross_the_link(tmp_path: Path) -> None:
     trace = tmp_path / "slow.csv"
     trace.write_text(
