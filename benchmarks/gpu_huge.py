@@ -3,7 +3,7 @@
     python -m benchmarks.gpu_huge [--device cuda:0] [--grids 5x5 10x20]
 
 Copies of *flowers* (without its view-dependent colour) stand in a grid on the ground. Three views are from among or
-beside them, the height of a flower above the ground, and one is from high above. A walk leads through the middle.
+next to them, the height of a flower above the ground, and one is from high above. A walk leads through the middle.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def views(across: int, away: int) -> dict[str, Pose]:
     return {
         "among": Pose.look_at((0.1, -0.3, 0.2 * far), (0.0, -0.1, 0.2 * far + 1.5), UP),
         "corner": Pose.look_at((-right, -0.45, -0.5), (0.3 * right, 0.0, 0.5 * far), UP),
-        "beside": Pose.look_at((right + 0.8, -0.35, 0.3 * far), (-right, 0.0, 0.6 * far), UP),
+        "side": Pose.look_at((right + 0.8, -0.35, 0.3 * far), (-right, 0.0, 0.6 * far), UP),
         "overview": Pose.look_at((-right - 0.25 * far, -0.45 * far, 0.5 * far), (0.0, 0.0, 0.5 * far), UP),
     }
 

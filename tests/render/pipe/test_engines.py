@@ -75,7 +75,7 @@ class Host:
             await self.ask(viewer=viewer)
 
     async def first(self) -> tuple[Device, Device]:
-        """The device that is asked for the scene, and the other one."""
+        """The device that gets the request for the scene, and the other one."""
         await self.ask()
         return tuple(sorted(self.devices, key=lambda device: not device.asked()))  # type: ignore[return-value]
 

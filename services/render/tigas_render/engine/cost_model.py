@@ -67,8 +67,9 @@ class LargeFrames:
 
     def heard_of(self, client: Client, now: float) -> None:
         """Record a client's request, or the start of its frame."""
-        self._active[client.viewer] = now
-        self._active.move_to_end(client.viewer)
+        viewer = client.viewer
+        self._active[viewer] = now
+        self._active.move_to_end(viewer)
         self._forget(now)
 
     def check(self, client: Client, request: RenderRequest, size: FrameSize, now: float, *, others_wait: bool) -> None:

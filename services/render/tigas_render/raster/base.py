@@ -203,7 +203,7 @@ def depth_size(width: int, height: int) -> tuple[int, int]:
 
 
 def coarse(camera: Camera) -> Camera:
-    """The same view in the pixels of its map of depth, drawn as a picture that is shown as large as the camera's."""
+    """The same view in the pixels of its map of depth, drawn for the same size on screen as the camera's."""
     intrinsics, scale, margins = _coarse(camera.intrinsics, camera.margins)
     return Camera(camera.pose, intrinsics, (0.0, 0.0, 0.0), camera.display_scale * scale, margins, camera.full_detail)
 

@@ -1,4 +1,4 @@
-"""Coarse scenes: what is shown of a large scene while it is loading.
+"""Coarse scenes, which stand in for large scenes during loading.
 
 Most files have a coarse part that is quickly read (`SceneFile.coarse`). Of the others, a sample is kept in the cache
 when they are loaded for the first time.

@@ -145,4 +145,4 @@ def _client(request: Request, viewers: HttpViewers) -> Client:
 
 
 FRAMES = Route(PATH, render, methods=["POST"])
-"""For an application whose `state.frames` is of HttpFrames."""
+"""For an application with HttpFrames as `state.frames`."""

@@ -14,7 +14,7 @@ interface NameFormProps {
   readonly disabled?: boolean;
   /** Why a name cannot be used; null if it can. */
   readonly refuse: (name: string) => string | null;
-  /** Its failure is shown. */
+  /** The form displays the reason if it rejects. */
   readonly save: (name: string) => Promise<unknown>;
   /** Further buttons. */
   readonly children?: ComponentChildren;

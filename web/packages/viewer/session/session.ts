@@ -48,7 +48,7 @@ export interface Stage {
   readonly left: HTMLElement;
   /** Empty unless two modes are compared. */
   readonly right: HTMLElement;
-  /** There is other content beside it: keys, gamepads and the wheel move the camera only while it has the focus. */
+  /** There is other content around it: keys, gamepads and the wheel move the camera only while it has the focus. */
   readonly sharesPage?: boolean;
 }
 

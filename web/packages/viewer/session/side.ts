@@ -22,7 +22,7 @@ export class Side {
   readonly missing: ReadonlySignal<string | null>;
   /** Notice to the user if pictures should be warped and are not; else null. */
   readonly unturned = computed(() => reprojectionNote(this.source.value?.reprojection.value ?? "off"));
-  /** The mode whose code could not be loaded. */
+  /** The mode with code that could not be loaded. */
   readonly #unloaded = signal<SourceKind | null>(null);
   readonly #connection = signal<Connected | null>(null);
   readonly #presented = new Listeners<[PresentedFrame]>();

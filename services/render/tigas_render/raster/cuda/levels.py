@@ -33,7 +33,7 @@ NEVER = math.inf
 DEVIATION, EDGE, PARENT = 4, 5, 6
 """Fields of a chunk's bounds, after centre and radius; `begin.cu` says the same."""
 ROTATIONS = 5 * ((0, 1), (0, 2), (1, 2))
-"""Pairs of axes: five sweeps leave nothing beside a 3 × 3 matrix's diagonal in double precision."""
+"""Pairs of axes: five sweeps diagonalise a 3 × 3 matrix to double precision."""
 LEAST_AREA = 1e-60
 """So that weights of Gaussians without any extent can be divided by their sum."""
 

@@ -82,7 +82,7 @@ def _pack_sh(sh: torch.Tensor, keep: torch.Tensor, rows: int) -> torch.Tensor:
     numbers = sh.shape[1] * 3
     constants = torch.tensor(BASIS_CONSTANTS[: sh.shape[1]], device=keep.device)
     packed = torch.zeros(-(-numbers // 4) * 4, rows, dtype=torch.float16, device=keep.device)
-    for coefficient in range(sh.shape[1]):  # one at a time: the whole in float32 may not fit beside the rest
+    for coefficient in range(sh.shape[1]):  # one at a time: the whole in float32 may not fit into memory
         values = sh[:, coefficient][keep].float() * constants[coefficient]
         packed[3 * coefficient : 3 * coefficient + 3, : len(keep)] = values.nan_to_num().clamp(-6e4, 6e4).T
     return packed.reshape(-1, 4, packed.shape[1]).transpose(1, 2).contiguous()

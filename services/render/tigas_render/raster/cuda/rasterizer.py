@@ -33,7 +33,7 @@ KERNELS = ("begin", "place", "code_depth", *(f"{stage}_{side}" for side in SIDES
 
 LEAST_LANES, MOST_LANES = 6, 24
 LANE_BYTES = 2 << 30
-"""Memory of the device for each lane, whose buffers grow with scenes and pictures."""
+"""Device memory for each lane; its buffers grow with scenes and pictures."""
 
 
 class CudaRasterizer(LaneRasterizer):

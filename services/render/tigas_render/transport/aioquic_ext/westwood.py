@@ -1,4 +1,4 @@
-"""Congestion control that tolerates random loss: NewReno whose window falls no lower than the path's own capacity.
+"""Congestion control that tolerates random loss: NewReno with the path's capacity as the least window.
 
 NewReno halves its window at each loss, so 1 % of random loss on a path of 100 ms holds it at 12 packets (Mathis et al.,
 1997), whatever the link carries. After a loss this controller keeps
