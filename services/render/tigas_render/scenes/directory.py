@@ -2,7 +2,7 @@
 
 A folder with a lod-meta.json is a scene of streamed SOG; other files in it are its parts. Otherwise the scene is the
 output of INRIA's training, the `point_cloud/iteration_N/point_cloud.ply` with the highest N, since the `input.ply` in
-the same folder is no 3DGS scene; else a file with a scene's ending (ENDINGS), of the format that its content shows; else the
+the same folder is no 3DGS scene; else a file with a scene's ending (ENDINGS), in the format of its content; else the
 meta.json of SOG. A folder may hold a `preview.jpg` or `preview.png`, a `scene.json` and a `ladder.json`. A single file
 is a scene by its name without the ending. Hidden files (`.name`) are ignored.
 

@@ -93,7 +93,7 @@ class LadderFile(WireModel):
 
 
 def read_metadata(scene: Path) -> SceneMetadata:
-    """Read the scene.json of a scene's folder or, as NAME.scene.json, next to its single file; all fields have defaults.
+    """Read the scene.json of a folder, or the NAME.scene.json next to a single file; all fields have defaults.
 
     Raises BrokenScene with one sentence on the problem.
     """
