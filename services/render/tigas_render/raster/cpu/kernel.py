@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +30,25 @@ FINGERPRINT = _fingerprint()
 class _KernelCache(FunctionCache):
     """Numba's cache on disk, invalidated by a change in any module of this package.
 
-    Numba itself checks only a function's own file, and would keep code inlined from others.
+    Numba itself checks only a function's own file, and would keep code inlined from others. It also ignores kernels
+    next to their sources if this user cannot write there, as a service without rights.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        self._cache_file = IndexDataCacheFile(self._cache_path, self._impl.filename_base, FINGERPRINT)
+        name, next_to_sources = self._impl.filename_base, Path(function.__code__.co_filename).parent / "__pycache__"
+        self._cache_file = IndexDataCacheFile(self._cache_path, name, FINGERPRINT)
+        self._installed = IndexDataCacheFile(str(next_to_sources), name, FINGERPRINT)
+
+    def _load_overload(self, sig: Any, target_context: Any) -> Any:
+        own = super()._load_overload(sig, target_context)
+        if own is not None:
+            return own
+        with suppress(OSError):  # not for this user
+            installed = self._installed.load(self._index_key(sig, target_context.codegen()))
+            if installed is not None:
+                return self._impl.rebuild(target_context, installed)
+        return None
 
 
 def kernel(*, parallel: bool = False, inline: bool = False, exact: bool = False) -> Callable[[Callable[..., Any]], Any]:
