@@ -26,7 +26,8 @@ from tigas_experiments.wire.recording import Recording
 
 SMALL: ViewportSize = {"width": 320, "height": 240}
 ALONE = {"sidebar": False, "hud": False, "refine": False, "reprojection": False, "prediction": "off"}
-ALIKE_DB, ANOTHER_DB = 25.0, 16.0
+SLOW_NETWORK = {"offline": False, "latency": 0, "downloadThroughput": 300_000, "uploadThroughput": -1}
+ALIKE_DB, ANOTHER_DB = 28.0, 16.0
 """Minimum similarity of two renderers' pictures of one view; those of two views are less similar."""
 MOVEMENT = [
     {"t_ms": t, "position": [t / 5000, 0, 0], "quaternion": [0, math.sin(t / 4000), 0, math.cos(t / 4000)]}
@@ -78,12 +79,15 @@ def sand(tmp_path: Path) -> Iterator[RenderServer]:
         yield running
 
 
-def test_an_antialiased_scene_is_drawn_with_its_filter(sand: RenderServer, open_page: OpenPage) -> None:
+def test_an_antialiased_scene_that_arrives_in_parts_is_drawn_with_its_filter(sand: RenderServer, open_page: OpenPage) -> None:
     chosen = with_settings(sand.url, **ALONE, controller="fixed", profile=0, webp=False)
     page = open_page("#/scene/sand", url=sand.url, viewport=SMALL, **chosen)
     wait_for_frames(page)
     wait_until_settled(page)
     drawn_by_server = shown(page)
+    network = page.context.new_cdp_session(page)
+    network.send("Network.enable")
+    network.send("Network.emulateNetworkConditions", SLOW_NETWORK)
     page.evaluate("tigas.settings({ mode: 'local' })")
     wait_until_complete(page)
     wait_until_like(page, drawn_by_server)

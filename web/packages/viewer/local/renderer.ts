@@ -77,6 +77,8 @@ export class Renderer {
   readonly #camera: Entity;
   readonly #scene: Entity;
   #asset: Asset | null = null;
+  /** Scenes shown so far. */
+  #shown = 0;
   #projection: number[] = [];
   #aim: readonly number[] = [];
   /** Called once the newest scene is in the picture. */
@@ -134,7 +136,9 @@ export class Renderer {
    * loaded.
    */
   async show(parts: readonly Uint8Array<ArrayBuffer>[]): Promise<void> {
-    const file = { url: "scene.ply", filename: "scene.ply", contents: contents(parts) };
+    // PlayCanvas caches loaded assets by URL.
+    const name = `scene-${++this.#shown}.ply`;
+    const file = { url: name, filename: name, contents: contents(parts) };
     const asset = new Asset("scene", "gsplat", file);
     const loaded = new Promise<void>((resolve, reject) => {
       asset.once("load", () => resolve());
