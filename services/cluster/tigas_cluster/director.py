@@ -87,8 +87,6 @@ async def create_director(
 
 
 class Director:
-    """Assigns viewers to hosts."""
-
     def __init__(
         self, fleet: Fleet, clock: Callable[[], float], services: Mapping[str, str], registry: CollectorRegistry
     ) -> None:

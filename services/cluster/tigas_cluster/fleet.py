@@ -146,8 +146,6 @@ class Fleet:
 
 
 class _Polled:
-    """One host."""
-
     def __init__(self, address: HostAddress, client: httpx.AsyncClient, clock: Callable[[], float]) -> None:
         self.address = address
         self._client = client

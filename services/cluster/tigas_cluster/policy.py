@@ -74,8 +74,6 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A decision."""
-
     wanted: int
     """Number of hosts that take viewers."""
     draining: frozenset[str]
@@ -124,7 +122,6 @@ class Scaler:
         return Plan(self._wanted, frozenset(self._draining), frozenset(ending))
 
     def _learn(self, serving: Sequence[HostState]) -> None:
-        """Capacity of one host."""
         self._held = max((self._held, *(host.viewers for host in serving if host.full is None)))
         fullest = [host.viewers for host in serving if host.full is not None and host.viewers > 0]
         if fullest:

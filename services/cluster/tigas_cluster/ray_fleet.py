@@ -156,7 +156,6 @@ class RayFleet:
             self._judge_beginning(present)
 
     def _follow(self) -> None:
-        """Poll the hosts with known addresses."""
         self.fleet.follow(
             HostAddress(name, facts["url"], facts["viewer_address"], name in self._draining)
             for name, facts in self._facts.items()
@@ -164,7 +163,6 @@ class RayFleet:
         )
 
     def _tell(self) -> None:
-        """Report changes to the operator."""
         up = frozenset(host.name for host in self.fleet.hosts())
         for name in sorted(up - self._up):
             self._say("\n".join(f"{name}: {line}" for line in self._facts[name]["said"]) or f"{name} serves again.")

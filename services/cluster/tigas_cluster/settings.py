@@ -17,8 +17,6 @@ from tigas_common.topology import PAGE
 
 @dataclass(frozen=True, slots=True)
 class HostRange:
-    """The lowest and the highest number of hosts."""
-
     lowest: int
     highest: int
 
@@ -35,7 +33,6 @@ class HostRange:
         return cls(lowest, highest)
 
     def clamp(self, number: int) -> int:
-        """The nearest number that is allowed."""
         return min(max(number, self.lowest), self.highest)
 
 

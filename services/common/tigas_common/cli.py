@@ -31,7 +31,6 @@ def in_a_sentence(*expected: type[Exception]) -> Iterator[None]:
 
 
 def log_to_stdout(level: int = logging.INFO) -> None:
-    """Log to standard output, from this level up."""
     handler = logging.StreamHandler(sys.stdout)
     handler.setFormatter(LogFormatter("%(asctime)s %(levelname)s %(message)s"))
     logging.basicConfig(level=level, handlers=[handler])
@@ -48,7 +47,6 @@ def settings_of(service: str, /, **values: Any) -> Any:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the `tigas` command."""
     try:
         _run(sys.argv[1:] if arguments is None else arguments)
     except UsageError as error:

@@ -46,8 +46,6 @@ class Command(BaseModel, ABC):
 
 @dataclass(frozen=True)
 class Group:
-    """Commands under a common name."""
-
     help: str
     commands: Mapping[str, type[Command]]
     default: str | None = None
@@ -68,7 +66,6 @@ class Group:
 
 
 def summary(command: Group | type[Command]) -> str:
-    """One line about a command."""
     return (command.help if isinstance(command, Group) else cleandoc(command.__doc__ or "")).partition("\n")[0]
 
 

@@ -91,7 +91,6 @@ class LimitedServer(uvicorn.Server):
             await asyncio.sleep(0)  # accepting may not block, so other tasks get their turns here
 
     def _count(self) -> Counter[str]:
-        """How many connections each client has."""
         clients = Counter(self._opening.values())
         for protocol in self.server_state.connections:
             if (peer := getattr(protocol, "client", None)) is not None:

@@ -69,7 +69,6 @@ def install_command(*extras: str) -> str:
 
 
 def missing_packages(*extras: str) -> list[str]:
-    """The packages of these extras that are not installed."""
     required = filter(None, map(REQUIREMENT.fullmatch, distribution(PROJECT).requires or ()))
     return sorted({each["name"] for each in required if each["extra"] in extras and not _is_installed(each["name"])})
 
@@ -99,7 +98,6 @@ def _supported(package: str) -> tuple[str, str]:
 
 
 def _numbers(text: str) -> tuple[int, ...]:
-    """The major and the minor version."""
     return tuple(int(part) for part in text.split(".")[:2])
 
 

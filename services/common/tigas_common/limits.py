@@ -63,7 +63,6 @@ class HttpLimits(ServiceHttpLimits):
 
     @classmethod
     def of(cls, settings: ServiceHttpLimits) -> Self:
-        """The limits with these settings."""
         return cls(**settings.model_dump())
 
     def of_each(self, processes: int) -> Self:
@@ -145,5 +144,4 @@ class IdleTimeout:
         self.until = self.now + self.seconds
 
     def progress(self, size: int, now: float) -> None:
-        """Record received bytes."""
         self.until = min(now + self.seconds, self.until + size / self.bytes_per_s)

@@ -52,8 +52,6 @@ def new_registry(service: str, *collectors: Collector) -> CollectorRegistry:
 
 
 def metrics_route(registry: CollectorRegistry) -> Route:
-    """The route that shows a registry."""
-
     @described(gives=(TEXT,))
     async def metrics(request: Request) -> Response:
         """Figures for Prometheus, in its text format."""

@@ -61,7 +61,6 @@ def index(name: str) -> Route:
 
 
 def describe(name: str, routes: Iterable[BaseRoute]) -> dict[str, Any]:
-    """The document."""
     described = [(route, method) for route in routes if isinstance(route, Route) for method in _methods(route)]
     models = {PROBLEM}
     for route, _ in described:

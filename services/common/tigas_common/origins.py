@@ -32,14 +32,10 @@ NOTHING = "default-src 'none'"
 
 
 class ForeignHost(TigasError):
-    """The request names a host that is not ours."""
-
     status, type, title = 421, "foreign-host", "This service has another name"
 
 
 class ForeignOrigin(TigasError):
-    """A request from a foreign page, or from a program without an origin, was refused."""
-
     status, type, title = 403, "foreign-origin", "This origin may not use the service"
 
 

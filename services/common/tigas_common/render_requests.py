@@ -43,8 +43,6 @@ async def retried(ask: Callable[[], Awaitable[httpx.Response]]) -> httpx.Respons
 
 @dataclass(frozen=True, slots=True)
 class _Host:
-    """Where a scene's frames are."""
-
     name: str | None
     """Its name; None: there is no cluster."""
     base_url: str

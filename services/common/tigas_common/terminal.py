@@ -54,11 +54,9 @@ class LogFormatter(logging.Formatter):
     """One line for each message; tracebacks keep theirs."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:
-        """The line."""
         return printable(super().formatMessage(record))
 
     def formatException(self, ei: _ExcInfo) -> str:
-        """The traceback."""
         return printable(super().formatException(ei), lines=True)
 
 

@@ -72,12 +72,10 @@ class ModelResponse(Response, Generic[Given]):
 
 
 def json_response(model: Model) -> ModelResponse[Model]:
-    """A model as JSON."""
     return ModelResponse(model.model_dump_json())
 
 
 def list_response(models: Iterable[Model]) -> ModelResponse[list[Model]]:
-    """Models as JSON."""
     return ModelResponse(f"[{','.join(model.model_dump_json() for model in models)}]")
 
 
@@ -98,13 +96,11 @@ class Tagged:
 
 
 def has_already(request: Request, tag: str) -> bool:
-    """Whether the client has the content with this ETag."""
     known = [each.strip().removeprefix("W/") for each in request.headers.get("if-none-match", "").split(",")]
     return tag in known
 
 
 def created_response(model: Model, location: str) -> ModelResponse[Model]:
-    """A created resource, and its path."""
     answer = json_response(model)
     answer.status_code = 201
     answer.headers["Location"] = location
@@ -112,7 +108,6 @@ def created_response(model: Model, location: str) -> ModelResponse[Model]:
 
 
 def problem_response(answer: Problem, headers: Mapping[str, str] | None = None) -> Response:
-    """A failure as problem+json."""
     return Response(answer.model_dump_json(), answer.status, headers, media_type="application/problem+json")
 
 
@@ -177,7 +172,6 @@ async def healthz(request: Request) -> Response:
 
 
 def healthy() -> Response:
-    """Answer of a successful health check."""
     return JSONResponse({"status": "ok"}, headers=NO_STORE)
 
 

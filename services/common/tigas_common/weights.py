@@ -36,8 +36,6 @@ _METADATA = ("architecture", "scene_sha256", "networks", "created", "version")
 
 
 class BrokenWeights(TigasError):
-    """A file of weights that cannot be used."""
-
     status, type, title = 422, "broken-weights", "The enhancement's weights cannot be used"
 
 
@@ -79,8 +77,6 @@ def distance(trained: NetworkInfo | Rung, rung: Rung) -> tuple[float, int]:
 
 @dataclass(frozen=True, slots=True)
 class Weights:
-    """A file's content."""
-
     scene_sha256: str
     """SHA-256 of the training scene's file in hexadecimal digits, or GENERAL."""
     networks: tuple[NetworkInfo, ...]
@@ -107,7 +103,6 @@ class Weights:
         return min(near, key=lambda each: distance(each, rung), default=None)
 
     def to_bytes(self) -> bytes:
-        """The file."""
         networks = [network.model_dump() for network in self.networks]
         metadata = {
             "architecture": ARCHITECTURE,

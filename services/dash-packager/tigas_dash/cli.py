@@ -19,7 +19,6 @@ class Dash(DashSettings, Command):
     """
 
     def run(self) -> None:
-        """Serve until stopped."""
         log_to_stdout(logging.WARNING)
         logging.getLogger("tigas_dash").setLevel(logging.INFO)
         with in_a_sentence(StartError):

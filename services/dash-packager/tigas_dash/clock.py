@@ -20,7 +20,6 @@ class Clock:
     _monotonic: float = field(default_factory=time.monotonic)
 
     def now(self) -> float:
-        """Seconds of a steady clock."""
         return time.monotonic()
 
     async def sleep_until(self, moment: float) -> None:
@@ -32,7 +31,6 @@ class Clock:
         return self._wall + timedelta(seconds=at - self._monotonic)
 
     def wall_now(self) -> datetime:
-        """The wall-clock time at present."""
         return self.wall(self.now())
 
 

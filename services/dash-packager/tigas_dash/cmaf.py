@@ -31,8 +31,6 @@ class ParameterSets:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """One encoded frame."""
-
     data: bytes
     """NAL units, each after four bytes with its length."""
     keyframe: bool

@@ -40,8 +40,6 @@ _SEI, _SPS, _PPS, _DELIMITER = 6, 7, 8, 9
 
 @dataclass(frozen=True, slots=True)
 class RawFrame:
-    """A rendered view."""
-
     data: bytes
     """I420: planar yuv420p in BT.709, limited range, without padding."""
     width: int

@@ -21,8 +21,6 @@ UNITS_PER_FRAME = 1000
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """One representation's media."""
-
     representation: Representation
     codecs: str
     header: bytes
@@ -33,7 +31,6 @@ class Track:
 
     @property
     def info(self) -> RepresentationInfo:
-        """Properties for viewers."""
         return RepresentationInfo(id=self.representation.id, codecs=self.codecs, **asdict(self.representation))
 
 
@@ -82,7 +79,6 @@ class Media:
         return (self._keep + 1) * self._segment_s
 
     def manifest(self, time_url: str, published: datetime) -> bytes:
-        """The MPD."""
         return manifest(
             self._request,
             [track.representation for track in self.tracks],

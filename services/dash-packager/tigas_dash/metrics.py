@@ -37,11 +37,9 @@ class DashMetrics(Collector):
         self._scenes = SceneNames()
 
     def ended(self, stream: Stream) -> None:
-        """Keep the totals of a stream that has ended."""
         self._past.update(self._counts(stream))
 
     def collect(self) -> Iterator[Metric]:
-        """The present values."""
         streams, totals = self._streams(), self._past.copy()
         for stream in streams:
             totals.update(self._counts(stream))

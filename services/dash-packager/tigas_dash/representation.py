@@ -33,7 +33,6 @@ class Representation:
 
     @property
     def pixels(self) -> int:
-        """Number of pixels."""
         return self.width * self.height
 
 

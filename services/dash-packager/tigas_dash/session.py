@@ -77,7 +77,6 @@ class Session(Stream):
         return self._encoder.failures
 
     def move(self, pose: PoseUpdate) -> None:
-        """The viewer's newest pose."""
         self._views.move(pose)
         self._poses += 1
 

@@ -28,8 +28,6 @@ AnyStream = TypeVar("AnyStream", bound=Stream)
 
 
 class Sessions:
-    """The running streams."""
-
     def __init__(self, client: RenderClient, encoder: EncoderName, clock: Clock, *, limit: int, idle_s: float) -> None:
         self.clock = clock
         self.encoder = encoder
@@ -84,7 +82,6 @@ class Sessions:
         return found[0]
 
     def all(self) -> list[Stream]:
-        """Every running stream."""
         return [session for session, _ in self._running.values()]
 
     async def end(self, name: str) -> None:

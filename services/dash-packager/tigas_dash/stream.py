@@ -18,8 +18,6 @@ Transport = Literal["dash", "webrtc"]
 
 @dataclass(slots=True)
 class Progress:
-    """Frames of a stream so far."""
-
     frames: int = 0
     repeated: int = 0
     """Frames that repeat the last view because no newer one arrived in time."""
@@ -81,7 +79,6 @@ class Stream(ABC):
 
     @property
     def status(self) -> SessionStatus:
-        """A snapshot for the viewer."""
         return SessionStatus(
             id=self.name,
             scene=self._request.scene,

@@ -37,7 +37,6 @@ class NewestView:
         self._requests: set[asyncio.Task[None]] = set()
 
     def move(self, pose: PoseUpdate) -> None:
-        """The viewer's newest pose."""
         self._pose = pose
 
     @property

@@ -33,8 +33,6 @@ OnProgress = Callable[[int], None]
 
 
 class Scoring:
-    """The scoring of one run."""
-
     def __init__(
         self, run: Path, meters: Meters, on_progress: OnProgress = lambda steps: None, *, again: bool = False
     ) -> None:
@@ -51,7 +49,6 @@ class Scoring:
 
     @property
     def steps(self) -> int:
-        """How many there are."""
         return len(self.triplets) * (bool(self._meters.single) + self._meters.video)
 
     def score(self) -> list[Score]:

@@ -15,7 +15,6 @@ class Shaper(ShaperSettings, Command):
     """Forward between clients and services over a link that replays a network trace."""
 
     def run(self) -> None:
-        """Forward until the process is told to stop."""
         with in_a_sentence(StartError):
             check_versions("uvicorn")
             from tigas_shaper.main import check_rights, serve

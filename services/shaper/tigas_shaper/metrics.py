@@ -21,7 +21,6 @@ class ShaperMetrics(Collector):
         self._shaper = shaper
 
     def collect(self) -> Iterator[Metric]:
-        """The last sample."""
         status, sent = self._shaper.status(), self._shaper.sent_bytes
         link, directions = status.link, {"down": status.down, "up": status.up}
         crossed = CounterMetricFamily("tigas_shaper_sent_bytes", "Bytes that crossed the link", labels=["direction"])

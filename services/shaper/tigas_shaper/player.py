@@ -13,8 +13,6 @@ from tigas_shaper.traces.trace import NetworkTrace
 
 
 class NothingPlays(TigasError):
-    """There is no trace to pause, resume, seek or loop."""
-
     status, type, title = 409, "nothing-plays", "No trace is playing"
 
 
@@ -37,12 +35,10 @@ class Playback:
     """When it began to play from the anchor; None while paused."""
 
     def position_ms(self, now: float) -> float:
-        """The position in the trace, from 0 to its duration."""
         run = self._run_ms(now)
         return run % self.trace.duration_ms if self.loop else min(run, self.trace.duration_ms)
 
     def ended(self, now: float) -> bool:
-        """Whether playback has reached the end and stopped there."""
         return not self.loop and self._run_ms(now) >= self.trace.duration_ms
 
     def state(self, now: float) -> LinkSetting:
@@ -56,11 +52,10 @@ class Playback:
         return self.since + (self.trace.next_change(self._run_ms(now)) - self.anchor_ms) / 1e3
 
     def paused(self, now: float) -> Playback:
-        """The same, held where it is."""
         return replace(self, anchor_ms=self.position_ms(now), since=None)
 
     def playing(self, now: float) -> Playback:
-        """The same, going on from where it is; from the start if it had ended."""
+        """Goes on from where it is; from the start if it had ended."""
         return replace(self, anchor_ms=0.0 if self.ended(now) else self.position_ms(now), since=now)
 
     def at(self, position_ms: float, now: float) -> Playback:
@@ -101,27 +96,22 @@ class Player:
 
     @property
     def state(self) -> LinkSetting:
-        """The present state of the link."""
         return self._state
 
     @property
     def trace(self) -> NetworkTrace | None:
-        """The present trace or state."""
         return self._playback.trace if self._playback else None
 
     @property
     def loop(self) -> bool:
-        """Whether the trace starts again at its end."""
         return self._playback is not None and self._playback.loop
 
     @property
     def position_ms(self) -> float | None:
-        """Where the trace is."""
         return self._playback.position_ms(self._clock()) if self._playback else None
 
     @property
     def mode(self) -> PlaybackMode:
-        """Playback status."""
         if self._playback is None:
             return "constant"
         if self._playback.since is None:

@@ -78,7 +78,6 @@ class Shaper:
 
     @property
     def sent_bytes(self) -> dict[str, int]:
-        """Traffic of each direction, `down` and `up`, as of the last sample."""
         return {"down": self._down.sent_bytes, "up": self._up.sent_bytes}
 
     def status(self) -> ShaperStatus:
@@ -150,7 +149,6 @@ class _Meter:
 
     @property
     def sent_bytes(self) -> int:
-        """As last sampled."""
         return self._counters.sent_bytes
 
     def status(self, target_kbps: float) -> DirectionStatus:

@@ -26,7 +26,6 @@ class Check(Command):
     """Address of the page over HTTPS, on 127.0.0.1 and behind the same link."""
 
     def run(self) -> None:
-        """Check the address and this process's rights."""
         with in_a_sentence(StartError, subprocess.CalledProcessError):
             https_port(self.https)
             check_rights()
@@ -39,7 +38,6 @@ class Up(Check):
     """
 
     def run(self) -> None:
-        """Run the services until the process is told to stop."""
         stop = _told_to_stop()
         with in_a_sentence(StartError, subprocess.CalledProcessError):
             require("dash", "render", "shaper")
@@ -50,7 +48,6 @@ class Down(Command):
     """Stop the lab, or clean up after one that was killed."""
 
     def run(self) -> None:
-        """Remove the lab."""
         with in_a_sentence(StartError, subprocess.CalledProcessError):
             check_rights()
             Lab(NAME).remove()
@@ -65,7 +62,6 @@ class Exec(Command):
     """Command to run there, such as: chromium http://localhost:8080"""
 
     def run(self) -> None:
-        """Become the command."""
         with in_a_sentence(StartError, subprocess.CalledProcessError):
             check_rights()
             if not Lab(NAME).exists():
@@ -88,7 +84,6 @@ class Demo(Command):
     """Options of the render service, such as -- --scenes models"""
 
     def run(self) -> None:
-        """Run the services until the process is told to stop."""
         stop = _told_to_stop()
         with in_a_sentence(StartError):
             require("dash", "render")

@@ -48,8 +48,6 @@ _NAME = re.compile(r"[a-z0-9]{1,20}")
 
 
 class Lab:
-    """The namespaces of a running lab."""
-
     def __init__(self, name: str) -> None:
         if not _NAME.fullmatch(name):
             raise ValueError(f"a lab's name is 1 to 20 small letters and digits, not {name!r}")
@@ -64,11 +62,9 @@ class Lab:
         return ["ip", "netns", "exec", self.namespace(role), "setpriv", "--pdeathsig", "KILL", *argv]
 
     def exists(self) -> bool:
-        """Whether its namespaces exist."""
         return self.namespace("gateway") in _namespaces()
 
     def processes(self, role: Role) -> list[int]:
-        """The processes in a namespace, by their ids."""
         return [int(pid) for pid in _output("ip", "netns", "pids", self.namespace(role)).split()]
 
     @contextmanager

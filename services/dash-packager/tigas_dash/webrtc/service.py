@@ -37,7 +37,6 @@ class WebRtc:
 
     @property
     def port_number(self) -> int:
-        """Of the UDP port."""
         return self._port.number
 
     async def make(self, request: WebRtcRequest, host: str) -> WebRtcStream:

@@ -50,7 +50,6 @@ class UdpPort(asyncio.DatagramProtocol):
 
     @property
     def number(self) -> int:
-        """The port's number."""
         return int(self._transport.get_extra_info("sockname")[1])
 
     def carry(self, connection: Connection, received: Callable[[], None], sent: Callable[[int], None]) -> Lane:
@@ -84,7 +83,6 @@ class UdpPort(asyncio.DatagramProtocol):
         )
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The port is open."""
         self._transport = cast(asyncio.DatagramTransport, transport)
 
     def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
@@ -125,7 +123,6 @@ class Lane(StunProtocol):
         self.connection_made(_Share(self))
 
     def received(self, data: bytes, peer: Peer) -> None:
-        """Handle a datagram for it."""
         self._received()
         with suppress(ValueError, KeyError, IndexError, struct.error):  # aioice catches only some malformed packets
             self.datagram_received(data, peer)

@@ -27,7 +27,6 @@ class Plan(_ExperimentCommand):
     """List an experiment's runs, which are complete, and how long the missing ones take."""
 
     def run(self) -> None:
-        """Print one line per run, and a summary."""
         from tigas_experiments.run.experiment import Experiment
         from tigas_experiments.run.plan import lasting
 
@@ -47,7 +46,6 @@ class Run(_ExperimentCommand, Measure):
     """Resume even if the commit, browser, ladder or a scene has changed."""
 
     def run(self) -> None:
-        """Make the runs and write the report."""
         from tigas_experiments.commands.options import end_as_ctrl_c
         from tigas_experiments.report.cli import Report
         from tigas_experiments.report.controllers import run_names

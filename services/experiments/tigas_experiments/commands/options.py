@@ -18,7 +18,6 @@ class Measure(Command):
 
 
 def command_as_typed() -> str:
-    """The command line of this process, for repeating it."""
     return shlex.join(["tigas", *sys.argv[1:]])
 
 

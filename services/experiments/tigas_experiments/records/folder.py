@@ -182,7 +182,6 @@ class RunWriter:
 
     @classmethod
     def resumed(cls, run: StoredRun) -> Self:
-        """Continue a written run."""
         writer = cls.__new__(cls)
         writer.folder, writer._record = run.folder, run.record
         return writer

@@ -48,7 +48,6 @@ class Score(WireModel):
 
     @property
     def key(self) -> tuple[int, Kind]:
-        """Number and kind of the picture."""
         return self.seq, self.picture
 
     @property

@@ -170,7 +170,6 @@ def requests(sent: Sequence[Request]) -> Requests | None:
 
 
 def render_times(replies: Sequence[Reply]) -> RenderTimes:
-    """Rendering times of the same frames."""
     values = [reply.server.render for reply in replies if reply.asked_at >= 0 and reply.server is not None]
     return RenderTimes(mean=mean(values), **_percentiles(values, 50))
 

@@ -36,8 +36,6 @@ class Summary(WireModel):
 
 @dataclass(frozen=True, slots=True)
 class Records:
-    """Records of a complete run, read once."""
-
     head: RecordingHead
     inputs: Sequence[Input]
     frames: Sequence[ShownFrame]

@@ -33,7 +33,6 @@ class Look:
 
     @property
     def line(self) -> dict[str, Any]:
-        """Arguments of matplotlib's line functions."""
         return {"color": self.colour, "linestyle": self.dashes}
 
 

@@ -95,8 +95,6 @@ class Difference:
 
 
 class Comparison(NamedTuple):
-    """All runs over one network at one round trip."""
-
     runs: Mapping[Condition, Sequence[Run]]
     common: set[Block]
     """Blocks covered by all controllers."""
@@ -107,7 +105,6 @@ class Comparison(NamedTuple):
 
 
 def comparisons(runs: Iterable[Run]) -> list[Comparison]:
-    """One comparison for each network and round trip."""
     conditions: dict[tuple[str, float | None], dict[Condition, list[Run]]] = {}
     for run in runs:
         condition = Condition.of(run.record)
@@ -143,7 +140,6 @@ class Groups(tuple[Group, ...]):
 
     @property
     def conditions(self) -> list[tuple[str, float | None]]:
-        """Each network with each of its round trips."""
         return list(dict.fromkeys(group.condition[:2] for group in self))
 
     @property

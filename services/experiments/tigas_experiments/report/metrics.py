@@ -60,7 +60,6 @@ class Metric:
         return f"{self.title}, {self.unit}" if self.unit else self.title
 
     def text(self, value: Value) -> str:
-        """Formatted value without its unit."""
         if value is None:
             return NONE
         return NEVER if math.isinf(value) else f"{value:,.{self.digits}f}"

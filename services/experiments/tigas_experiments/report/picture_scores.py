@@ -25,7 +25,6 @@ class Mean:
     pictures: int
 
     def text(self, metric: PictureMetric, *, signed: bool = False) -> str:
-        """Formatted value without its unit."""
         mean = f"{self.mean:{'+' if signed else ''}z.{metric.digits}f}"
         return mean if self.deviation is None else f"{mean} ± {self.deviation:.{metric.digits}f}"
 

@@ -67,8 +67,6 @@ def style() -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """One figure of a report."""
-
     name: str
     """File name without .svg."""
     title: str
@@ -141,7 +139,6 @@ def plain_log(axes: Axes, values: Iterable[float], *, horizontal: bool = False) 
 
 
 def log_axis(axes: Axes, which: Literal["x", "y"], low: float, high: float) -> None:
-    """A logarithmic axis with plain numbers."""
     axes.set(**{f"{which}scale": "log", f"{which}lim": (low, high)})
     axis = axes.xaxis if which == "x" else axes.yaxis
     axis.set_major_locator(LogLocator(subs=(1, 2, 5)))

@@ -25,7 +25,6 @@ DARK, LIGHT = "#101418", "#fdfdfd"
 
 
 def quality_heat_map(groups: Groups) -> Plot | None:
-    """Scores of the original frames."""
     return _heat_map(groups, "original", "quality-heatmap", "Quality of the frames", "Frames enlarged by bicubic")
 
 

@@ -22,8 +22,6 @@ GAP = 2
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One figure of a run."""
-
     group: str
     title: str
     metric: str

@@ -66,7 +66,6 @@ def _runs(runs: Sequence[Run]) -> list[str]:
 
 
 def _busy(runs: Sequence[Run]) -> dict[str, list[Run]]:
-    """Sentences on overloaded machines, with the affected runs."""
     found: dict[str, list[Run]] = {}
     loads = {run: run.record.load for run in runs if run.record.load is not None}
     if saturated := {run: load for run, load in loads.items() if load.saturated}:
@@ -108,7 +107,6 @@ def _samples(runs: Sequence[Run]) -> list[str]:
 
 
 def _uncommon(runs: Sequence[Run]) -> list[str]:
-    """Warnings on runs without a counterpart."""
     found = []
     compared = [each for each in comparisons(runs) if each.missing]
     if partly := [each for each in compared if each.common]:
@@ -148,7 +146,6 @@ def _changed(runs: Sequence[Run]) -> list[tuple[str, str]]:
 
 
 def _pooled(runs: Sequence[Run]) -> dict[str, list[str]]:
-    """Values that rows, lines and points pool."""
     every = [run.configuration for run in runs]
     positions = {f"{each.network.offset_s:g} s" for each in every if each.network.trace is not None}
     return {

@@ -167,7 +167,6 @@ class Viewer:
         return base64.b64decode(picture)
 
     async def samples(self) -> SampleList:
-        """Samples of the last run."""
         told = await self._call("samples", None)
         try:
             return SampleList.model_validate_json(json.dumps(told))
@@ -175,7 +174,6 @@ class Viewer:
             raise RunFailed(f"The viewer's samples cannot be used: {sentence(error)}") from None
 
     async def sample_picture(self, name: str) -> bytes:
-        """A picture of these, by its name."""
         picture = await self._call("samplePicture", name)
         if not isinstance(picture, str):
             raise RunFailed(f"The viewer gave no picture {name}.")

@@ -31,8 +31,6 @@ Resource = TypeVar("Resource")
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """The resources of one run."""
-
     target: Target
     browser: Browser
     points: Sequence[TimedPose]

@@ -31,8 +31,6 @@ RUNS, EARLIER = "runs", "earlier"
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """Runs with their inputs and output folder."""
-
     plan: ExperimentPlan
     runs: Sequence[Configuration]
     inputs: Inputs
@@ -60,12 +58,10 @@ class Experiment:
 
     @property
     def begun(self) -> bool:
-        """Whether any run was started."""
         runs = self.out / RUNS
         return runs.is_dir() and any(runs.iterdir())
 
     def folder(self, configuration: Configuration) -> Path:
-        """Folder of a run."""
         return self.out / RUNS / configuration.slug
 
     def missing(self) -> list[Configuration]:
@@ -73,7 +69,6 @@ class Experiment:
         return [run for run in self.runs if not _is_complete(self.folder(run), run, self.inputs.digests(run))]
 
     def unrelated(self) -> list[str]:
-        """Folders of runs that are not of this experiment."""
         known = {run.slug for run in self.runs}
         runs = self.out / RUNS
         return sorted(path.name for path in runs.iterdir() if path.name not in known) if runs.is_dir() else []

@@ -38,7 +38,6 @@ class MadeFrom:
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Of its record."""
         return {
             "inputs_sha256": self.digests,
             "points_sha256": self.points_sha256,

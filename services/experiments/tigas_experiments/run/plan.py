@@ -117,8 +117,6 @@ class Variant(WireModel):
 
 
 class ExperimentPlan(WireModel):
-    """Contents of an experiment's file."""
-
     name: Annotated[ExperimentName, AfterValidator(_no_path)]
     scenes: Several[Name]
     movements: Several[Text]
@@ -257,7 +255,6 @@ class ExperimentPlan(WireModel):
         return runs
 
     def _profiles(self) -> list[Chosen]:
-        """Distinct profiles of all variants."""
         found: dict[str, Chosen] = {}
         for variant in self.variants:
             own = self.model_copy(update=variant.model_dump(exclude_none=True))

@@ -16,8 +16,6 @@ from tigas_experiments.wire.run import Configuration
 
 @dataclass(frozen=True, slots=True)
 class RunCallbacks:
-    """Callbacks of an experiment's progress."""
-
     on_begin: Callable[[Configuration], None]
     on_stage: Callable[[str], None]
     """Receives the current step of the run."""

@@ -33,7 +33,6 @@ class ShaperClient:
         )
 
     async def close(self) -> None:
-        """Give up the connections."""
         await self._http.aclose()
 
     async def hold(self, network: Network) -> ShaperStatus:

@@ -45,12 +45,10 @@ class Target:
 
     @property
     def shaper(self) -> str | None:
-        """The shaper's URL."""
         return self.config.services.get("shaper")
 
     @property
     def dash(self) -> str | None:
-        """The packager's URL."""
         return self.config.services.get("dash")
 
 

@@ -97,7 +97,6 @@ class Store:
 
 
 def create_app(store: Store, policy: OriginPolicy) -> ASGIApp:
-    """The application over a store."""
     queues = {"check": store.planner.checks, "report": store.reports.lock, "materialise": store.rerendering.lock}
     figures = StoreMetrics(store.experiments.results, queues)
     registry = new_registry("store", figures)

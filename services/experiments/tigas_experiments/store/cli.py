@@ -16,7 +16,6 @@ class Store(StoreSettings, Command):
     """Store experiments made in the page; serve reports and archives of all experiments."""
 
     def run(self) -> None:
-        """Serve until stopped."""
         log_to_stdout(logging.WARNING)
         with in_a_sentence(StartError):
             check_versions("uvicorn")

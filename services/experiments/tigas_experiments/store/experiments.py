@@ -43,15 +43,12 @@ TAKEN = (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR)
 
 
 class Experiments:
-    """All experiments in a directory."""
-
     def __init__(self, results: Path, workspace: Workspace) -> None:
         self.results = results.resolve()
         """Where they are."""
         self._workspace = workspace
 
     def all(self) -> ExperimentList:
-        """All experiments with a readable record."""
         found = []
         for folder, record in self._read():
             runs = list(_read(_record, folder))

@@ -26,12 +26,10 @@ class MonitoredLock:
 
     @property
     def waiting(self) -> int:
-        """Number of waiting tasks."""
         return len(self._waiting)
 
     @property
     def working(self) -> bool:
-        """Whether a task holds the lock."""
         return self._lock.locked()
 
     @property
@@ -53,8 +51,6 @@ class MonitoredLock:
 
 
 class StoreMetrics(Collector):
-    """Metrics of one store."""
-
     def __init__(self, results: Path, queues: Mapping[str, MonitoredLock]) -> None:
         """`queues` are locks by the name of their work."""
         self._results = results
@@ -65,7 +61,6 @@ class StoreMetrics(Collector):
         """Bytes of uploaded runs and pictures, including refused ones."""
 
     def collect(self) -> Iterator[Metric]:
-        """Current values."""
         yield CounterMetricFamily("tigas_store_runs", "Stored runs", self.runs)
         yield CounterMetricFamily(
             "tigas_store_received_bytes", "Uploaded bytes of runs and pictures", self.received_bytes

@@ -22,7 +22,6 @@ class Movements:
         self._directory = directory
 
     def all(self) -> MovementList:
-        """All movements."""
         found = []
         for path in sorted(self._directory.glob("*.csv")):
             try:

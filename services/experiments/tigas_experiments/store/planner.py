@@ -49,8 +49,6 @@ Services = Callable[[Configuration], Awaitable[tuple[ServerConfig, SceneInfo]]]
 
 @dataclass(slots=True)
 class _Lease:
-    """A run that a page performs."""
-
     page: str
     configuration: Configuration
     until: float
@@ -84,7 +82,6 @@ class _Session:
         )
 
     def ended(self, run: str, problem: str | None) -> None:
-        """Note the end of a run."""
         self.leases.pop(run, None)
         self.made_from.pop(run, None)
         if problem is None:
@@ -105,8 +102,6 @@ async def render_service(url: str, run: Configuration) -> tuple[ServerConfig, Sc
 
 
 class Planner:
-    """The experiments that pages perform."""
-
     def __init__(
         self,
         experiments: Experiments,

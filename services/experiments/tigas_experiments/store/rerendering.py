@@ -27,8 +27,6 @@ MOST_PROBLEMS = 5
 
 @dataclass(slots=True)
 class _Job:
-    """A running or finished job."""
-
     total: int
     done: int = 0
     problem: str | None = None

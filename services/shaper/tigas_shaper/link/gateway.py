@@ -72,7 +72,6 @@ class Gateway:
         self._nft.write(f"flush chain ip {TABLE} gate")
 
     def close_gate(self) -> None:
-        """Close the gate."""
         with suppress(CommandError):  # without the tool its table is removed, and forwarding has ended anyway
             self._nft.write(f"add rule ip {TABLE} gate drop")
 

@@ -42,8 +42,6 @@ LEAF_BURST = 2 * FULL_PACKET
 
 
 class LinkClosed(TigasError):
-    """The link could not be shaped, so no packet crosses it until the shaper is restarted."""
-
     status, type, title = 503, "link-closed", "The link is closed"
 
 
@@ -100,7 +98,6 @@ class ShapedLink:
             return await self._down.counters(), await self._up.counters()
 
     def close(self, reason: str) -> None:
-        """Close the link for good."""
         if self.closed is None:
             self.closed = reason
             self._on_close()

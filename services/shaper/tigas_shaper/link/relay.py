@@ -45,12 +45,10 @@ class RelayState:
     FORMAT = struct.Struct("=3d?")
 
     def pack(self) -> bytes:
-        """As bytes."""
         return self.FORMAT.pack(self.delay_s, self.jitter_s, self.loss, self.blocked)
 
     @classmethod
     def unpack(cls, data: bytes) -> RelayState:
-        """From the bytes of `pack`."""
         return cls(*cls.FORMAT.unpack(data))
 
 

@@ -47,7 +47,6 @@ class Import(_RecordingCommand):
     """Format of the recording; detected unless given."""
 
     def run(self) -> None:
-        """Convert the recording and write the file."""
         from tigas_shaper.traces.csv_format import format_csv
 
         with in_a_sentence(TigasError, OSError):
@@ -74,7 +73,6 @@ class Info(_RecordingCommand):
     """Plot to draw as well: .png, .svg or .pdf."""
 
     def run(self) -> None:
-        """Print two tables, and draw the plot."""
         from rich.table import Table
 
         with in_a_sentence(TigasError, OSError):
@@ -123,7 +121,6 @@ class Fetch(Command):
     """Published set; without one, the sets are listed."""
 
     def run(self) -> None:
-        """Download the set, or list all sets."""
         from tigas_shaper.traces.fetch import load_sources
 
         with in_a_sentence(TigasError, OSError):

@@ -30,14 +30,10 @@ Progress = Callable[[int, int | None], None]
 
 
 class FetchError(TigasError):
-    """A published set cannot be fetched."""
-
     status, type, title = 502, "fetch-failed", "The data cannot be fetched"
 
 
 class SourceFile(BaseModel):
-    """One file of a set."""
-
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     url: str
@@ -51,8 +47,6 @@ class SourceFile(BaseModel):
 
 
 class Source(BaseModel):
-    """A published set."""
-
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     title: str

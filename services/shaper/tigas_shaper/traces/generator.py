@@ -112,7 +112,6 @@ DSL = LinkModel(
 
 
 def own_traces() -> tuple[NetworkTrace, ...]:
-    """All of them."""
     teeth = [(200, 4_000 + 36_000 * step / 99) for step in range(100)]
     return (
         _shape("constant", [(MINUTE_MS, 20_000)]),

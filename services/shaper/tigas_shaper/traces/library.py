@@ -16,14 +16,10 @@ POINTS = 600
 
 
 class UnknownTrace(TigasError):
-    """No trace has this name."""
-
     status, type, title = 404, "unknown-trace", "There is no such network trace"
 
 
 class TooManyTraces(TigasError):
-    """As many uploaded traces are kept as may be."""
-
     status, type, title = 409, "too-many-traces", "There are too many uploaded traces"
 
 
@@ -89,7 +85,6 @@ class TraceLibrary:
 
 
 def summary(trace: NetworkTrace, *, uploaded: bool) -> TraceSummary:
-    """A trace's entry in the list."""
     return TraceSummary(
         name=trace.name,
         uploaded=uploaded,

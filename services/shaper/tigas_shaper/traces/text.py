@@ -69,7 +69,6 @@ def lines(text: str) -> Iterator[tuple[int, str]]:
 
 
 def cells(line: int, content: str) -> list[str]:
-    """The cells of a comma-separated line."""
     try:
         return [cell.strip() for cell in next(csv.reader([content], strict=True))]
     except csv.Error:

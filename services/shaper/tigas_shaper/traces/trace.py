@@ -23,8 +23,6 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+=-]{0,99}")
 
 
 class TraceError(TigasError):
-    """The trace is unreadable or out of range."""
-
     status, type, title = 422, "broken-trace", "The network trace cannot be used"
 
 
@@ -115,12 +113,10 @@ class NetworkTrace:
 
     @cached_property
     def mean_down_kbps(self) -> float:
-        """Mean rate towards the client, weighted by time."""
         return self._mean(self.down_kbps)
 
     @cached_property
     def mean_up_kbps(self) -> float:
-        """Mean rate from the client, weighted by time."""
         return self._mean(self.up_kbps)
 
     def _mean(self, values: tuple[float, ...]) -> float:
@@ -187,7 +183,6 @@ class TraceBuilder:
         self._states.append(state)
 
     def build(self) -> NetworkTrace:
-        """The trace."""
         if not self._times:
             raise TraceError("The file has no step that lasts a millisecond.")
         return NetworkTrace(self._name, tuple(self._times), tuple(self._states), round(self._end))
