@@ -161,11 +161,13 @@ def write_run(
     writer = RunWriter(folder, record)
     writer.recording(made)
     load = [LoadSample(unix_ms=1e12, cpu=busy, load_average=1.0)]
-    writer.link_and_load([sample(at) for at in (0.0, 500.0, 1000.0)], load)
+    writer.write(LinkSample, [sample(at) for at in (0.0, 500.0, 1000.0)])
+    writer.write(LoadSample, load)
     writer.capture(0, png(100))
     writer.snapshot(Snapshot(at=500.0, capture=0), png(200))
     quality = Quality(psnr_db=30.0, ssim=0.9)
-    writer.quality(
+    writer.write(
+        CaptureQuality,
         [
             CaptureQuality(
                 at=500.0,
@@ -175,7 +177,7 @@ def write_run(
                 view=Quality(psnr_db=20.0, ssim=0.6),
                 seen=Quality(psnr_db=18.0, ssim=0.5),
             )
-        ]
+        ],
     )
     writer.close(status="complete", browser="156", backend="netem", load=Load.of(load), recording=made.head)
     return folder

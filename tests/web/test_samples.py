@@ -16,7 +16,8 @@ from tests.web.conftest import OpenPage
 from tests.web.experiments import STORED_MS, PageLab, dialog, fill, outcome, page_lab, progress, remarks, start
 from tests.web.stage import SCENE, wait_for_frames
 from tigas_experiments.records.folder import StoredRun
-from tigas_experiments.records.samples import read_sample_file, sample_path
+from tigas_experiments.records.samples import read_sample_file, read_samples, sample_path
+from tigas_experiments.wire.recording import ShownFrame
 
 PICTURES = "**/samples/*.jpg"
 EVERY = 5
@@ -62,7 +63,7 @@ def the_run(lab: PageLab, name: str) -> StoredRun:
 
 def check(lab: PageLab, run: StoredRun) -> None:
     """Each sample has its picture, which the same request still has as its answer."""
-    samples = run.samples()
+    samples = read_samples(run.folder)
     assert samples
     for sample in samples:
         jpeg = read_sample_file(sample_path(run.folder, sample.seq, "jpg"))
@@ -81,7 +82,7 @@ def test_samples_follow_their_run_to_the_store(open_page: OpenPage, lab: PageLab
     expect(outcome(page).get_by_role("link", name="Samples")).to_be_visible()
     run = the_run(lab, "Followed")
     assert run.record.configuration.sample_stride == EVERY
-    assert [sample.at for sample in run.samples()] == [frame.at for frame in run.frames()][::EVERY]
+    assert [sample.at for sample in read_samples(run.folder)] == [frame.at for frame in run.read(ShownFrame)][::EVERY]
     check(lab, run)
     page.goto(f"{lab.url}#/experiments")
     expect(page.get_by_role("row", name="Followed")).to_be_visible()
@@ -102,7 +103,7 @@ def test_an_upload_that_is_cut_off_survives_a_reload_and_sends_only_the_rest(ope
     begin(page, "Cut off")
     remark = remarks(page)
     expect(remark).to_contain_text("Its samples are in this browser only. The store at")
-    assert the_run(lab, "Cut-off").samples() == []
+    assert read_samples(the_run(lab, "Cut-off").folder) == []
     page.unroute(PICTURES)
     page.goto(f"{lab.url}#/experiments")
     page.reload()
@@ -116,7 +117,7 @@ def test_an_upload_that_is_cut_off_survives_a_reload_and_sends_only_the_rest(ope
     left(page).get_by_role("button", name="Upload").click()
     expect(left(page)).to_have_count(0)
     run = the_run(lab, "Cut-off")
-    assert len(run.samples()) == int(count)
+    assert len(read_samples(run.folder)) == int(count)
     check(lab, run)
     assert len([url for url in again if url.endswith(".jpg")]) == int(count) - 2
     assert not set(sent) & set(again)
@@ -143,7 +144,7 @@ def test_a_tab_that_was_closed_leaves_samples_that_another_may_upload_or_delete(
         "failed",
         "The page was closed before the run's end; only its samples are left.",
     )
-    assert len(run.samples()) >= 3
+    assert len(read_samples(run.folder)) >= 3
     check(lab, run)
 
 
@@ -161,7 +162,7 @@ def test_a_run_that_finds_no_room_goes_on_without_samples(open_page: OpenPage, l
     expect(remarks(page)).to_contain_text("The browser’s storage is full. Nothing was sampled.")
     expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
     run = the_run(lab, "No-room")
-    assert (run.record.status, run.samples()) == ("complete", [])
+    assert (run.record.status, read_samples(run.folder)) == ("complete", [])
 
 
 @pytest.mark.slow
@@ -178,5 +179,5 @@ def test_a_disk_that_fills_up_ends_sampling_and_neither_the_run_nor_what_was_kep
     expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
     run = the_run(lab, "Filled-up")
     assert run.record.status == "complete"
-    assert f"after {len(run.samples())} frames." in remark.inner_text()
+    assert f"after {len(read_samples(run.folder))} frames." in remark.inner_text()
     check(lab, run)

@@ -22,6 +22,7 @@ from tests.experiments.stub import Stub, fails
 from tigas_experiments.records.folder import StoredRun, read_experiment
 from tigas_experiments.records.summary import summarise
 from tigas_experiments.report.run_table import load
+from tigas_experiments.wire.recording import Input, ShownFrame
 from tigas_experiments.wire.run import USUALLY_COMPARED
 
 SHORT = ("--scene", "pebbles", "--duration", "2", "--viewport", "320x180", "--profile", "3")
@@ -39,8 +40,8 @@ def report(out: Path) -> list[dict[str, Any]]:
 
 def told_by_the_page(run: StoredRun) -> float:
     """The median of the latencies that the page itself took for its frames'."""
-    first = run.inputs()[0].pose
-    return statistics.median(latency for f in run.frames() if f.pose >= first for latency in f.latencies)
+    first = run.read(Input)[0].pose
+    return statistics.median(latency for f in run.read(ShownFrame) if f.pose >= first for latency in f.latencies)
 
 
 @pytest.mark.slow
@@ -87,7 +88,7 @@ def test_every_mode_is_measured_over_the_same_link_and_movement(services: Servic
     stored = [StoredRun(out / "runs" / run["folder"]) for run in runs]
     for run, records in zip(runs, stored, strict=True):
         assert run["figures"]["latencies"]["p50"] == pytest.approx(told_by_the_page(records), abs=20)
-    ends = [records.inputs()[-1].position for records in stored]
+    ends = [records.read(Input)[-1].position for records in stored]
     for end in ends[1:]:
         assert ends[0] == pytest.approx(end, abs=1e-6)
     assert list((out / "runs" / runs[0]["folder"] / "captures").glob("*.png"))

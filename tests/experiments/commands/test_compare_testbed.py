@@ -14,6 +14,7 @@ from tests.experiments.commands.test_compare import compare, report
 from tests.experiments.processes import finished, until
 from tests.prerequisites import BUILT_PAGE, CHROMIUM, FREE_LAB, NAMESPACES
 from tigas_experiments.records.folder import StoredRun
+from tigas_experiments.wire.recording import LinkSample
 from tigas_testbed.namespaces import Lab
 from tigas_testbed.services import NAME
 
@@ -51,7 +52,7 @@ def test_a_trace_s_file_is_played_and_frames_cross_the_link(tmp_path: Path) -> N
     assert abs(figures["trace_start_ms"]) < 500, "the trace starts with the movement"
     assert run["record"]["backend"] in ("netem", "relay")
     stored = StoredRun(out / "runs" / run["folder"])
-    assert {sample.target_kbps for sample in stored.link()} == {6000, 3000}
+    assert {sample.target_kbps for sample in stored.read(LinkSample)} == {6000, 3000}
 
 
 @pytest.mark.extended

@@ -33,7 +33,7 @@ from tigas_experiments.records.samples import (
 )
 from tigas_experiments.records.scores import SCORES, read_scores
 from tigas_experiments.report.report import write_report
-from tigas_experiments.wire.recording import Capture, Lens
+from tigas_experiments.wire.recording import Capture, Input, Lens
 
 
 def quality(*arguments: str) -> Result:
@@ -142,7 +142,7 @@ def rendered(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 def test_what_was_seen_is_scored_after_its_ground_truth_was_rendered(rendered: str, tmp_path: Path) -> None:
     run = write_run(tmp_path / "runs" / "a", "seen", "bus", 20.0, scene=SMALL)
     stored = StoredRun(run)
-    pose = stored.inputs()[20].model_copy(update={"position": (0.0, 0.0, 0.0)})
+    pose = stored.read(Input)[20].model_copy(update={"position": (0.0, 0.0, 0.0)})
     write_lines(run / "inputs.ndjson", [pose])
     head = stored.record.recording
     assert head is not None
@@ -194,7 +194,7 @@ def test_the_ladder_is_shown_as_one_view_with_its_sizes(rendered: str, experimen
     for run in (experiment / "runs").iterdir():
         record = run / "run.json"
         record.write_text(record.read_text().replace('"courtyard"', f'"{SMALL}"'))
-        amid_pebbles = StoredRun(run).inputs()[0].model_copy(update={"position": (0.0, 0.0, 0.0)})
+        amid_pebbles = StoredRun(run).read(Input)[0].model_copy(update={"position": (0.0, 0.0, 0.0)})
         write_lines(run / "inputs.ndjson", [amid_pebbles])
     result = quality("ladder", str(experiment), "--render", rendered)
     assert result.exit_code == 0, result.output

@@ -11,7 +11,7 @@ from pydantic import JsonValue
 
 from tests.experiments.made_up import recording, reply, write_run
 from tests.not_files import NOT_FILES
-from tigas_experiments.quality.picture import Quality
+from tigas_experiments.quality.picture import CaptureQuality, Quality
 from tigas_experiments.records.files import BrokenRecording, parse_recording
 from tigas_experiments.records.folder import (
     ExperimentRecord,
@@ -22,15 +22,16 @@ from tigas_experiments.records.folder import (
     write_experiment,
 )
 from tigas_experiments.records.summary import summarise
+from tigas_experiments.wire.recording import Input, Reply, ShownFrame, Traffic
 
 
 def test_what_is_written_comes_back(tmp_path: Path) -> None:
     stored = StoredRun(write_run(tmp_path / "run"))
     assert stored.record.status == "complete"
-    assert [entry.pose for entry in stored.inputs()] == list(range(1, 51))
-    assert [frame.at for frame in stored.frames()][:2] == [40, 60]
-    assert stored.quality()[0].view == Quality(psnr_db=20.0, ssim=0.6)
-    assert stored.quality()[0].seen == Quality(psnr_db=18.0, ssim=0.5)
+    assert [entry.pose for entry in stored.read(Input)] == list(range(1, 51))
+    assert [frame.at for frame in stored.read(ShownFrame)][:2] == [40, 60]
+    assert stored.read(CaptureQuality)[0].view == Quality(psnr_db=20.0, ssim=0.6)
+    assert stored.read(CaptureQuality)[0].seen == Quality(psnr_db=18.0, ssim=0.5)
     figures = summarise(tmp_path / "run").figures
     assert figures is not None
     assert (figures.latencies.p50, figures.latencies.share_interactive) == (40, 1.0)
@@ -40,11 +41,11 @@ def test_what_is_written_comes_back(tmp_path: Path) -> None:
 
 def test_replies_come_back_and_may_be_missing(tmp_path: Path) -> None:
     folder = write_run(tmp_path / "run")
-    assert StoredRun(folder).replies() == []
+    assert StoredRun(folder).read(Reply) == []
     entry = reply(20, 35, pose=7).model_dump(mode="json")
     made = parse_recording(json.dumps(recording(replies=[entry])))
     RunWriter(tmp_path / "other", StoredRun(folder).record).recording(made)
-    (stored,) = StoredRun(tmp_path / "other").replies()
+    (stored,) = StoredRun(tmp_path / "other").read(Reply)
     assert stored.model_dump(mode="json") == entry
     assert stored.time_ms == 35
 
@@ -68,8 +69,8 @@ def test_a_line_without_end_is_refused(tmp_path: Path) -> None:
 
 def _read_all(folder: Path) -> None:
     stored = StoredRun(folder)
-    stored.frames()
-    stored.traffic()
+    stored.read(ShownFrame)
+    stored.read(Traffic)
     read_snapshot(folder)
 
 

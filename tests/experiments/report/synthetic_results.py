@@ -115,9 +115,10 @@ def write_run(
         "drops": 0,
         "up_delivered_kbps": 100,
     }
-    writer.link_and_load([LinkSample(at=at, position_ms=at, **link) for at in _ticks(duration, 200)], machine)
+    writer.write(LinkSample, [LinkSample(at=at, position_ms=at, **link) for at in _ticks(duration, 200)])
+    writer.write(LoadSample, machine)
     quality, view = Quality(psnr_db=30.0, ssim=0.9), Quality(psnr_db=20.0, ssim=view_ssim)
-    writer.quality([CaptureQuality(at=500.0, pose=20, rung=2, picture=quality, view=view, seen=view)])
+    writer.write(CaptureQuality, [CaptureQuality(at=500.0, pose=20, rung=2, picture=quality, view=view, seen=view)])
     writer.close(status="complete", browser="156", backend="netem", load=Load.of(machine), recording=made.head)
     return folder
 

@@ -25,7 +25,7 @@ from tigas_experiments.run.environment import Setup
 from tigas_experiments.run.inputs import Inputs, points_sha256
 from tigas_experiments.run.outcome import MadeFrom
 from tigas_experiments.run.targets import Target
-from tigas_experiments.wire.recording import Recording
+from tigas_experiments.wire.recording import Recording, ShownFrame
 from tigas_experiments.wire.run import Configuration, Network, RunPlan
 
 UNSHAPED = configuration(network=Network(), warm_up_s=0.0)
@@ -147,7 +147,7 @@ def test_a_service_that_ended_meanwhile_costs_the_run(world: World, tmp_path: Pa
     world.services_live = False
     record = run(world, tmp_path / "run")
     assert (record.status, record.problem) == ("failed", "A service ended, or was started again, during the run.")
-    assert StoredRun(tmp_path / "run").frames(), "what was recorded is kept"
+    assert StoredRun(tmp_path / "run").read(ShownFrame), "what was recorded is kept"
 
 
 def test_services_that_do_not_start_again_cost_the_run(world: World, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from tigas_experiments.records.samples import TRUTH
 from tigas_experiments.records.scores import Score, write_scores
 from tigas_experiments.records.summary import summarise
 from tigas_experiments.samples.capture_truth import render_truth
-from tigas_experiments.wire.recording import Capture
+from tigas_experiments.wire.recording import Capture, Input
 
 pytestmark = pytest.mark.anyio
 LATE = 4
@@ -33,7 +33,7 @@ def kept_run(folder: Path) -> Path:
     seen = compare(decode(shown), decode(picture(LATE, 64, 36, "PNG")))
     quality = CaptureQuality(at=90.0, pose=2, rung=2, picture=None, view=None, seen=seen)
     write_lines(run / "quality.ndjson", [quality])
-    assert StoredRun(run).inputs()[LATE] == inputs(5)[LATE]
+    assert StoredRun(run).read(Input)[LATE] == inputs(5)[LATE]
     return run
 
 

@@ -13,9 +13,11 @@ import pytest
 from tests.experiments.made_up import write_run
 from tests.experiments.store.conftest import SCENE_BYTES, Running, by_command, plan, running_store, slug, upload
 from tigas_experiments.lock import EXPERIMENT, exclusive
+from tigas_experiments.quality.picture import CaptureQuality
 from tigas_experiments.records.folder import StoredRun, read_experiment, read_snapshot
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.records.summary import summarise
+from tigas_experiments.wire.recording import Input, LinkSample, ShownFrame
 
 pytestmark = pytest.mark.anyio
 
@@ -55,8 +57,8 @@ async def test_a_run_is_kept_as_commands_keep_theirs(store: Running) -> None:
     stored = StoredRun(folder)
     assert (stored.record.started, stored.record.machine.system) == ("2001-09-09T01:46:40+00:00", "Linux 6")
     assert (stored.record.scene_bytes, stored.record.backend) == (SCENE_BYTES, "netem")
-    assert (len(stored.inputs()), len(stored.frames()), len(stored.link())) == (50, 50, 3)
-    assert (stored.quality(), stored.load(), read_snapshot(stored.folder)) == ([], [], None)
+    assert (len(stored.read(Input)), len(stored.read(ShownFrame)), len(stored.read(LinkSample))) == (50, 50, 3)
+    assert (stored.read(CaptureQuality), stored.read(LoadSample), read_snapshot(stored.folder)) == ([], [], None)
     figures = summarise(folder).figures
     assert figures is not None
     assert json.loads(figures.model_dump_json()) == row["figures"]

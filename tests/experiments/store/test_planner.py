@@ -19,6 +19,7 @@ from tigas_experiments.quality.picture import decode
 from tigas_experiments.records.folder import StoredRun, read_snapshot
 from tigas_experiments.run.experiment import GIVE_UP_AFTER
 from tigas_experiments.store.planner import LEASE_S
+from tigas_experiments.wire.recording import Input
 from tigas_experiments.wire.run import Configuration
 
 pytestmark = pytest.mark.anyio
@@ -328,5 +329,5 @@ async def test_a_recording_that_is_no_measurement_fails_its_run(
     experiment = await store.create()
     row = await store.add(experiment, **changes)
     assert (row["status"], row["problem"]) == ("failed", told)
-    assert StoredRun(store.results / experiment / "runs" / slug()).inputs(), "what was recorded is kept"
+    assert StoredRun(store.results / experiment / "runs" / slug()).read(Input), "what was recorded is kept"
     assert job_of(await store.next(experiment)) == slug("dash-tuned")

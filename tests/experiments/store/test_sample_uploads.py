@@ -12,8 +12,7 @@ from PIL import Image
 
 from tests.experiments.made_up import sampled
 from tests.experiments.store.conftest import Running, by_command, slug
-from tigas_experiments.records.folder import StoredRun
-from tigas_experiments.records.samples import enhanced_path, read_sample_file, sample_path
+from tigas_experiments.records.samples import enhanced_path, read_sample_file, read_samples, sample_path
 from tigas_experiments.store import app, samples
 
 pytestmark = pytest.mark.anyio
@@ -63,10 +62,10 @@ async def test_samples_come_picture_by_picture_and_are_there_once_all_are(store:
     ]
     early = await store.http.put(f"{run}/samples", json=index(3, 9, enhanced=True))
     assert (early.status_code, early.json()["detail"]) == (400, "000009.enhanced.webp has not come yet.")
-    assert StoredRun(folder).samples() == []
+    assert read_samples(folder) == []
     assert await put(store, run, "000009.enhanced.png", PNG) == (204, "")
     assert (await store.http.put(f"{run}/samples", json=index(3, 9, enhanced=True))).status_code == 204
-    assert [sample.seq for sample in StoredRun(folder).samples()] == [3, 9]
+    assert [sample.seq for sample in read_samples(folder)] == [3, 9]
     assert read_sample_file(sample_path(folder, 3, "jpg")) == JPEG
     assert [path and path.name for path in (enhanced_path(folder, 3), enhanced_path(folder, 9))] == [
         "000003.enhanced.webp",

@@ -18,7 +18,7 @@ The runs of an experiment are in one folder, as runs/<slug>, next to experiment.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Literal, Self
 
@@ -29,7 +29,7 @@ from tigas_experiments.quality.picture import CaptureQuality
 from tigas_experiments.records.files import Entry, read_lines, read_record, write_lines, write_record
 from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.records.machine import Machine, Server
-from tigas_experiments.records.samples import read_sample_file, read_samples, write_sample_file, write_samples
+from tigas_experiments.records.samples import read_sample_file
 from tigas_experiments.wire.recording import (
     Capture,
     Input,
@@ -38,7 +38,6 @@ from tigas_experiments.wire.recording import (
     RecordingHead,
     Reply,
     Request,
-    Sample,
     ShownFrame,
     Traffic,
 )
@@ -115,51 +114,32 @@ class RunRecord(WireModel):
     recording: RecordingHead | None = None
 
 
+FILES: Mapping[type[BaseModel], str] = {
+    Input: "inputs",
+    ShownFrame: "frames",
+    Reply: "replies",
+    Request: "requests",
+    Traffic: "traffic",
+    LinkSample: "link",
+    LoadSample: "load",
+    CaptureQuality: "quality",
+    Capture: "captures",
+}
+"""Names of the NDJSON files by their entries."""
+OPTIONAL = (Reply, Request)
+"""Without a file in a run that recorded none."""
+
+
 class StoredRun:
-    """A run's folder. Each method reads its file; they raise BrokenRecording."""
+    """A run's folder. Raises BrokenRecording."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.record = read_record(folder / "run.json", RunRecord)
 
-    def inputs(self) -> list[Input]:
-        return self._lines("inputs", Input)
-
-    def frames(self) -> list[ShownFrame]:
-        return self._lines("frames", ShownFrame)
-
-    def replies(self) -> list[Reply]:
-        """Received frames; empty for DASH, and if not recorded."""
-        return self._lines("replies", Reply, optional=True)
-
-    def requests(self) -> list[Request]:
-        """Requested frames; empty for DASH, and if not recorded."""
-        return self._lines("requests", Request, optional=True)
-
-    def traffic(self) -> list[Traffic]:
-        return self._lines("traffic", Traffic)
-
-    def link(self) -> list[LinkSample]:
-        """States of the link; empty for an unshaped run."""
-        return self._lines("link", LinkSample)
-
-    def load(self) -> list[LoadSample]:
-        return self._lines("load", LoadSample)
-
-    def quality(self) -> list[CaptureQuality]:
-        """Comparisons of the kept pictures with ground truth."""
-        return self._lines("quality", CaptureQuality)
-
-    def captures(self) -> list[Capture]:
-        """Times and frames of the kept pictures; their files are at `capture_path`."""
-        return self._lines("captures", Capture)
-
-    def samples(self) -> list[Sample]:
-        return read_samples(self.folder)
-
-    def _lines(self, name: str, model: type[Entry], *, optional: bool = False) -> list[Entry]:
-        path = self.folder / f"{name}.ndjson"
-        return [] if optional and not path.exists() else read_lines(path, model)
+    def read(self, model: type[Entry]) -> list[Entry]:
+        path = _lines(self.folder, model)
+        return [] if model in OPTIONAL and not path.exists() else read_lines(path, model)
 
 
 def read_snapshot(folder: Path) -> tuple[float, bytes, bytes] | None:
@@ -192,18 +172,17 @@ class RunWriter:
 
     def recording(self, recording: Recording) -> None:
         """Write the page's records; lists of received and requested frames only if there are any."""
-        self._lines("inputs", recording.inputs)
-        self._lines("frames", recording.frames)
+        self.write(Input, recording.inputs)
+        self.write(ShownFrame, recording.frames)
         if recording.replies:
-            self._lines("replies", recording.replies)
+            self.write(Reply, recording.replies)
         if recording.requests:
-            self._lines("requests", recording.requests)
-        self._lines("traffic", recording.traffic)
-        self._lines("captures", recording.captures)
+            self.write(Request, recording.requests)
+        self.write(Traffic, recording.traffic)
+        self.write(Capture, recording.captures)
 
-    def link_and_load(self, link: Iterable[LinkSample], load: Sequence[LoadSample]) -> None:
-        self._lines("link", link)
-        self._lines("load", load)
+    def write(self, model: type[Entry], entries: Iterable[Entry]) -> None:
+        write_lines(_lines(self.folder, model), entries)
 
     def capture(self, index: int, png: bytes) -> None:
         capture_path(self.folder, index).write_bytes(png)
@@ -212,27 +191,17 @@ class RunWriter:
         (self.folder / "captures" / "view.png").write_bytes(view)
         (self.folder / "snapshot.json").write_text(snapshot.model_dump_json() + "\n", encoding="utf-8")
 
-    def sample_picture(self, seq: int, kind: str, picture: bytes) -> None:
-        """Write one of a sample's files, such as its `jpg`."""
-        write_sample_file(self.folder, seq, kind, picture)
-
-    def samples(self, samples: Iterable[Sample]) -> None:
-        """Write the index of samples, once all of their files are there."""
-        write_samples(self.folder, samples)
-
-    def quality(self, entries: Iterable[CaptureQuality]) -> None:
-        self._lines("quality", entries)
-
     def close(self, **changes: object) -> RunRecord:
         """Write the final record, with changes."""
         self._record = self._record.model_copy(update=changes)
         write_record(self.folder / "run.json", self._record)
         return self._record
 
-    def _lines(self, name: str, entries: Iterable[BaseModel]) -> None:
-        write_lines(self.folder / f"{name}.ndjson", entries)
-
 
 def capture_path(folder: Path, index: int, suffix: str = "png") -> Path:
     """Path of a kept picture of a run, or of a file that belongs to it."""
     return folder / "captures" / f"{index:04}.{suffix}"
+
+
+def _lines(folder: Path, model: type[BaseModel]) -> Path:
+    return folder / f"{FILES[model]}.ndjson"

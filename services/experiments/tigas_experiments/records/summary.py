@@ -13,16 +13,7 @@ from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import RunRecord, StoredRun
 from tigas_experiments.records.scores import Score, read_scores
 from tigas_experiments.wire.figures import USUAL_INTERVAL_MS, Figures, QualityFigures
-from tigas_experiments.wire.recording import (
-    Input,
-    LinkSample,
-    Recording,
-    RecordingHead,
-    Reply,
-    Request,
-    ShownFrame,
-    Traffic,
-)
+from tigas_experiments.wire.recording import Input, LinkSample, Recording, Reply, Request, ShownFrame, Traffic
 
 
 class Summary(WireModel):
@@ -36,36 +27,18 @@ class Summary(WireModel):
 
 @dataclass(frozen=True, slots=True)
 class Records:
-    head: RecordingHead
-    inputs: Sequence[Input]
-    frames: Sequence[ShownFrame]
-    replies: Sequence[Reply]
-    requests: Sequence[Request]
-    traffic: Sequence[Traffic]
+    recording: Recording
     link: Sequence[LinkSample]
     """While the movement lasted."""
-    quality: Sequence[CaptureQuality] = ()
-    scores: Sequence[Score] = ()
+    quality: Sequence[CaptureQuality]
+    scores: Sequence[Score]
     """Scores of sampled pictures."""
-    scores_problem: str | None = None
+    scores_problem: str | None
     """Reason why the scores are unreadable, which does not invalidate the run."""
 
     @classmethod
-    def of_recording(cls, recording: Recording, link: Sequence[LinkSample]) -> Records:
-        """Records of a page's recording, which has no pictures."""
-        return cls(
-            head=recording.head,
-            inputs=recording.inputs,
-            frames=recording.frames,
-            replies=recording.replies,
-            requests=recording.requests,
-            traffic=recording.traffic,
-            link=_during(link, recording.head),
-        )
-
-    @classmethod
     def of(cls, stored: StoredRun) -> Records:
-        """Records of a run's folder. Raises BrokenRecording."""
+        """Records of a complete run. Raises BrokenRecording."""
         head = stored.record.recording
         if head is None:
             raise BrokenRecording(f"{stored.folder / 'run.json'} says nothing of the recording.")
@@ -75,18 +48,16 @@ class Records:
             scores = read_scores(stored.folder)
         except BrokenRecording as error:
             scores_problem = str(error)
-        return cls(
-            head=head,
-            inputs=stored.inputs(),
-            frames=stored.frames(),
-            replies=stored.replies(),
-            requests=stored.requests(),
-            traffic=stored.traffic(),
-            link=_during(stored.link(), head),
-            quality=stored.quality(),
-            scores=scores,
-            scores_problem=scores_problem,
+        recording = Recording.model_construct(
+            **dict(head),
+            inputs=stored.read(Input),
+            frames=stored.read(ShownFrame),
+            replies=stored.read(Reply),
+            requests=stored.read(Request),
+            traffic=stored.read(Traffic),
         )
+        link = [sample for sample in stored.read(LinkSample) if 0 <= sample.at <= head.duration_ms]
+        return cls(recording, link, stored.read(CaptureQuality), scores, scores_problem)
 
 
 def summarise(folder: Path) -> Summary:
@@ -110,25 +81,26 @@ def read(folder: Path) -> tuple[Summary, Records | None]:
 
 
 def figures(records: Records) -> Figures:
-    inputs, frames, link, duration = records.inputs, records.frames, records.link, records.head.duration_ms
-    interval = records.head.display_interval_ms or USUAL_INTERVAL_MS
+    recording, link = records.recording, records.link
+    inputs, frames, duration = recording.inputs, recording.frames, recording.duration_ms
+    interval = recording.display_interval_ms or USUAL_INTERVAL_MS
     start = next((sample for sample in link if sample.position_ms is not None), None)
     return Figures(
         latencies=statistics.latencies(inputs, frames, interval),
         view_latencies=statistics.view_latencies(inputs, frames),
         frame_ages=statistics.frame_ages(inputs, frames),
         content_ages=statistics.content_ages(inputs, frames, duration, interval),
-        response_times=statistics.response_times(records.replies),
-        requests=statistics.requests(records.requests),
-        render_times=statistics.render_times(records.replies),
+        response_times=statistics.response_times(recording.replies),
+        requests=statistics.requests(recording.requests),
+        render_times=statistics.render_times(recording.replies),
         frames=statistics.rates(frames, duration),
-        freezes=statistics.freezes(inputs, frames, records.head.ended_ms),
+        freezes=statistics.freezes(inputs, frames, recording.ended_ms),
         rungs=statistics.rungs(frames, duration),
         mean_height=statistics.mean_height(frames, duration),
         median_height=statistics.median_height(frames, duration),
         filled=statistics.filled(frames, duration),
         warp_times=statistics.warp_times(frames, duration),
-        received_kbps=statistics.received_kbps(records.traffic, duration),
+        received_kbps=statistics.received_kbps(recording.traffic, duration),
         delivered_kbps=statistics.mean_over_time([(sample.at, sample.delivered_kbps) for sample in link]),
         sent_kbps=statistics.mean_over_time([(sample.at, sample.up_delivered_kbps) for sample in link]),
         target_kbps=statistics.mean_over_time([(sample.at, sample.target_kbps) for sample in link]),
@@ -152,7 +124,3 @@ def _quality(entries: Sequence[CaptureQuality], scores: Sequence[Score]) -> Qual
             [score.lpips for score in scores if score.picture == "seen" and score.lpips is not None]
         ),
     )
-
-
-def _during(link: Sequence[LinkSample], head: RecordingHead) -> list[LinkSample]:
-    return [sample for sample in link if 0 <= sample.at <= head.duration_ms]

@@ -18,7 +18,7 @@ from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.report.plot import style
 from tigas_experiments.report.run_table import LADDER, run_folders
 from tigas_experiments.samples.renderer import Renderer
-from tigas_experiments.wire.recording import Lens
+from tigas_experiments.wire.recording import Input, Lens
 
 PICTURE_IN = 3.2
 DPI = 150
@@ -65,7 +65,7 @@ def middle_view(folder: Path) -> tuple[str, Pose, Lens]:
     for run in run_folders(folder):
         try:
             stored = StoredRun(run)
-            inputs = stored.inputs()
+            inputs = stored.read(Input)
         except BrokenRecording:
             continue
         if stored.record.recording is not None and inputs:

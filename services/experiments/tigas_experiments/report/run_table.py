@@ -232,10 +232,11 @@ def _read(folder: Path, relative: Callable[[str], str]) -> Run:
     run = Run(folder, summary.record, Block.of(summary.record.configuration), sampled_run(folder))
     if summary.figures is None or records is None:
         return replace(run, problem=relative(summary.problem or ""))
-    parts = statistics.age_parts(records.inputs, records.frames, records.replies)
+    recording = records.recording
+    parts = statistics.age_parts(recording.inputs, recording.frames, recording.replies)
     return replace(
         run,
-        values=values_of(records.head, summary.figures, parts),
+        values=values_of(recording, summary.figures, parts),
         profile_shares=summary.figures.rungs.share,
         series=_series(records),
         scores=records.scores,
@@ -249,13 +250,13 @@ def _series(records: Records) -> dict[str, Floats]:
     `latency`: motion-to-photon of each input, ms, inf for unanswered ones. `age`: of a frame's pose at its display, ms.
     `height`: of frames, pixels. `received`: cumulative bytes. `link`: rate, Mbit/s. `ssim`: at display time.
     """
-    inputs, frames = records.inputs, records.frames
+    inputs, frames = records.recording.inputs, records.recording.frames
     answers = zip(inputs, statistics.answers(inputs, frames), strict=True)
     points: dict[str, list[tuple[float, float]]] = {
         "latency": [(entry.at, ms) for entry, ms in answers],
         "age": statistics.ages_when_new(inputs, frames),
         "height": [(frame.at, frame.height) for frame in frames],
-        "received": [(entry.at, entry.bytes) for entry in records.traffic],
+        "received": [(entry.at, entry.bytes) for entry in records.recording.traffic],
         "link": [(sample.at, sample.target_kbps / 1000) for sample in records.link],
         "ssim": [(one.at, one.seen.ssim) for one in records.quality if one.seen is not None],
     }

@@ -13,6 +13,7 @@ from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import RunRecord, RunWriter
 from tigas_experiments.records.load import watching_load
+from tigas_experiments.records.samples import write_sample_file, write_samples
 from tigas_experiments.run.browser import Viewer, viewer
 from tigas_experiments.run.environment import Environment, Setup
 from tigas_experiments.run.job import page_settings, run_plan
@@ -111,7 +112,7 @@ async def _keep_pictures(page: Viewer, recording: Recording, writer: RunWriter, 
     told = await page.samples()
     for name in told.pictures:
         seq, _, kind = name.partition(".")
-        writer.sample_picture(int(seq), kind, await page.sample_picture(name))
+        write_sample_file(writer.folder, int(seq), kind, await page.sample_picture(name))
     if told.samples:
-        writer.samples(told.samples)
+        write_samples(writer.folder, told.samples)
     return told.problem

@@ -18,7 +18,7 @@ from tigas_experiments.records.folder import InputDigests, RunRecord, RunWriter,
 from tigas_experiments.records.load import Load, LoadSample, WatchedServices
 from tigas_experiments.records.machine import Server
 from tigas_experiments.records.samples import read_sample_file
-from tigas_experiments.wire.recording import Recording
+from tigas_experiments.wire.recording import Capture, Input, LinkSample, Recording
 from tigas_experiments.wire.run import OFF, Configuration
 from tigas_experiments.wire.store import RunUpload
 
@@ -62,8 +62,9 @@ def write_records(
         return writer.close(status="failed", problem=upload.problem, **made_from.fields)
     during = [sample for sample in load if 0 <= sample.unix_ms - recording.started_unix_ms <= recording.ended_ms]
     writer.recording(recording)
-    writer.link_and_load(upload.link, during)
-    writer.quality(())
+    writer.write(LinkSample, upload.link)
+    writer.write(LoadSample, during)
+    writer.write(CaptureQuality, ())
     problem = upload.problem or _problem(recording, writer.configuration)
     return writer.close(
         status="running" if problem is None else "failed",
@@ -84,7 +85,7 @@ async def complete(folder: Path, render: str) -> RunRecord:
     """
     run = StoredRun(folder)
     writer = RunWriter.resumed(run)
-    head, captures, inputs = run.record.recording, run.captures(), run.inputs()
+    head, captures, inputs = run.record.recording, run.read(Capture), run.read(Input)
     if head is None:
         raise BrokenRecording(f"{folder / 'run.json'} says nothing of the recording.")
     predicted = run.record.configuration.prediction != OFF
@@ -101,7 +102,7 @@ async def complete(folder: Path, render: str) -> RunRecord:
                 assessed.append(quality)
             if index == len(captures) // 2 and (current := pose_at(inputs, capture.at)):
                 writer.snapshot(Snapshot(at=capture.at, capture=index), encode(await truth.picture(current)))
-    writer.quality(assessed)
+    writer.write(CaptureQuality, assessed)
     return writer.close(status="complete")
 
 

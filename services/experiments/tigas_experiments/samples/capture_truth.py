@@ -27,11 +27,11 @@ async def render_truth(run: Path, renderer: Renderer, on_progress: OnProgress = 
     """
     try:
         stored = StoredRun(run)
-        head, inputs = stored.record.recording, stored.inputs()
-        known = {entry.at: entry for entry in stored.quality()}
+        head, inputs = stored.record.recording, stored.read(Input)
+        known = {entry.at: entry for entry in stored.read(CaptureQuality)}
         missing = [
             (index, capture, known[capture.at])
-            for index, capture in enumerate(stored.captures())
+            for index, capture in enumerate(stored.read(Capture))
             if capture.at in known and not capture_path(run, index, TRUTH).exists()
         ]
         if head is None or not missing:
