@@ -7,9 +7,8 @@ import logging
 from typing import Annotated
 
 from tigas_cluster.settings import ClusterSettings
-from tigas_common.cli import in_a_sentence, log_to_stdout
+from tigas_common.cli import log_to_stdout
 from tigas_common.command import REST, Command, Group, Metavar
-from tigas_common.errors import StartError
 from tigas_common.installation import check_versions
 from tigas_common.terminal import make_console
 
@@ -24,16 +23,15 @@ class Up(ClusterSettings, Command):
     """Options of each host's render service, such as -- --memory-gb 40"""
 
     def run(self) -> None:
-        with in_a_sentence(StartError):
-            from tigas_cluster.connection import check_ray
+        from tigas_cluster.connection import check_ray
 
-            check_ray()
-            check_versions("uvicorn")
-            from tigas_cluster.up import up
+        check_ray()
+        check_versions("uvicorn")
+        from tigas_cluster.up import up
 
-            log_to_stdout()
-            logging.getLogger("httpx").setLevel(logging.WARNING)  # hosts are polled all the time
-            up(self, self.render_options)
+        log_to_stdout()
+        logging.getLogger("httpx").setLevel(logging.WARNING)  # hosts are polled all the time
+        up(self, self.render_options)
 
 
 class Status(Command):
@@ -43,13 +41,12 @@ class Status(Command):
     """Print JSON."""
 
     def run(self) -> None:
-        with in_a_sentence(StartError):
-            from tigas_cluster.connection import check_ray
+        from tigas_cluster.connection import check_ray
 
-            check_ray()
-            from tigas_cluster.status import status, table
+        check_ray()
+        from tigas_cluster.status import status, table
 
-            found = status()
+        found = status()
         if self.json_:
             print(json.dumps([each.model_dump(mode="json") for each in found], indent=2))
         else:

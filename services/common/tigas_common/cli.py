@@ -11,7 +11,7 @@ from importlib.metadata import EntryPoint, distribution, entry_points
 from typing import Any
 
 from tigas_common.command import Command, Group, list_commands, load, parse, summary
-from tigas_common.errors import StartError, UsageError
+from tigas_common.errors import StartError, TigasError, UsageError
 from tigas_common.installation import PROJECT, explained
 from tigas_common.terminal import LogFormatter, printable
 
@@ -25,6 +25,8 @@ def in_a_sentence(*expected: type[Exception]) -> Iterator[None]:
     """Print expected errors as one sentence and exit with status 1."""
     try:
         yield
+    except BrokenPipeError:  # of the output, which `main` handles
+        raise
     except expected as error:
         print(printable(str(error)), file=sys.stderr)
         raise SystemExit(1) from None
@@ -80,7 +82,8 @@ def _run_entry(point: EntryPoint, arguments: Sequence[str]) -> None:
         prog = f"{PROJECT} {point.name}"
         if isinstance(command, Group):
             command, prog, arguments = command.select(prog, arguments)
-        parse(command, prog, arguments).run()
+        with in_a_sentence(StartError, TigasError, OSError):
+            parse(command, prog, arguments).run()
     except ModuleNotFoundError as error:
         if (sentence := explained(error, point.extras)) is None:
             raise

@@ -21,7 +21,8 @@ from tigas_common.wire.render import Problem
 PATH = "/openapi.json"
 REFERENCE = "#/components/schemas/{model}"
 
-Schema = tuple[type[BaseModel], Literal["validation", "serialization"]]
+Use = Literal["validation", "serialization"]
+Schema = tuple[type[BaseModel], Use]
 """A model, as input or as output."""
 PROBLEM: Schema = (Problem, "serialization")
 References: TypeAlias = "dict[Any, dict[str, Any]]"
@@ -64,8 +65,8 @@ def describe(name: str, routes: Iterable[BaseRoute]) -> dict[str, Any]:
     described = [(route, method) for route in routes if isinstance(route, Route) for method in _methods(route)]
     models = {PROBLEM}
     for route, _ in described:
-        models |= {(_model(taken), "validation") for taken in (_taken(route),) if not isinstance(taken, tuple)}
-        models |= {(_model(given), "serialization") for given in (_given(route),) if not isinstance(given, tuple)}
+        bodies: dict[Use, Content] = {"validation": _documentation(route).takes, "serialization": _given(route)}
+        models |= {(_model(content), use) for use, content in bodies.items() if not isinstance(content, tuple)}
     ordered = sorted(models, key=lambda schema: (schema[0].__name__, schema[1]))
     references, schemas = models_json_schema(ordered, ref_template=REFERENCE)
     paths: dict[str, dict[str, Any]] = {}
@@ -106,7 +107,7 @@ def _operation(route: Route, method: str, references: References) -> dict[str, A
     }
     if rest:
         operation["description"] = rest
-    if taken := _taken(route):
+    if taken := documentation.takes:
         operation["requestBody"] = {"required": True, "content": _content(taken, "validation", references)}
     if given := _given(route):
         operation["responses"]["2XX"]["content"] = _content(given, "serialization", references)
@@ -132,11 +133,6 @@ def _docstring(route: Route) -> tuple[str, str]:
 
 def _documentation(route: Route) -> described:
     return getattr(route.endpoint, "described", None) or described()
-
-
-def _taken(route: Route) -> Content:
-    """The body of its requests, if any."""
-    return getattr(route.endpoint, "taken", None) or _documentation(route).takes
 
 
 def _given(route: Route) -> Content:

@@ -6,10 +6,9 @@ import asyncio
 import hashlib
 import logging
 import math
-from collections.abc import Awaitable, Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import wraps
-from typing import Any, Generic, TypeAlias, TypeVar
+from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel
 from starlette.exceptions import HTTPException
@@ -40,9 +39,6 @@ HAS_IT_ALREADY = {304: "The client has it already, as its `If-None-Match` says."
 
 Model = TypeVar("Model", bound=BaseModel)
 Given = TypeVar("Given")
-Answer = TypeVar("Answer", bound=Response)
-Endpoint: TypeAlias = "Callable[[Request], Awaitable[Answer]]"
-BodyEndpoint: TypeAlias = "Callable[[Request, Body[Message]], Awaitable[Answer]]"
 AnyEndpoint = TypeVar("AnyEndpoint", bound=Callable[..., Any])
 
 
@@ -52,8 +48,8 @@ class described:
 
     query: Mapping[str, str] = field(default_factory=dict)
     """Its parameters, all optional, with their meanings."""
-    takes: type[BaseModel] | tuple[str, ...] = ()
-    """Its body, where it reads that itself: a message, or something of one of these media types."""
+    takes: type[Any] | tuple[str, ...] = ()
+    """Its body: a message, or something of one of these media types."""
     gives: type[BaseModel] | tuple[str, ...] = ()
     """The same of its answer, where that is no ModelResponse."""
     also: Mapping[int, str] = field(default_factory=dict)
@@ -138,31 +134,6 @@ async def read_body(request: Request, limit: int) -> bytes:
 async def read_message(request: Request, kind: type[Message], limit: int = MAX_BODY) -> Message:
     """The request's body as a wire type. Raises as `read_body` and `parse` do."""
     return parse(kind, await read_body(request, limit), limit)
-
-
-class Body(Generic[Message]):
-    """A request's body that is to be a message."""
-
-    def __init__(self, request: Request, kind: type[Message], limit: int) -> None:
-        self._request, self._kind, self._limit = request, kind, limit
-
-    async def read(self) -> Message:
-        """The message. Raises as `read_message`."""
-        return await read_message(self._request, self._kind, self._limit)
-
-
-def takes(kind: type[Message], limit: int = MAX_BODY) -> Callable[[BodyEndpoint[Message, Answer]], Endpoint[Answer]]:
-    """For an endpoint that also takes a body of this kind, of at most `limit` bytes, which it reads when it will."""
-
-    def taking(endpoint: BodyEndpoint[Message, Answer]) -> Endpoint[Answer]:
-        @wraps(endpoint)
-        async def taker(request: Request) -> Answer:
-            return await endpoint(request, Body(request, kind, limit))
-
-        taker.taken = kind  # type: ignore[attr-defined]
-        return taker
-
-    return taking
 
 
 @described(gives=(JSON,))

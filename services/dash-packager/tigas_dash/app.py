@@ -22,14 +22,13 @@ from tigas_common.web import (
     EXCEPTION_HANDLERS,
     NO_STORE,
     TEXT,
-    Body,
     ModelResponse,
     created_response,
     described,
     healthz,
     json_response,
     list_response,
-    takes,
+    read_message,
 )
 from tigas_common.wire.dash import (
     MAX_SDP,
@@ -85,11 +84,11 @@ def create_app(sessions: Sessions, policy: OriginPolicy, webrtc: WebRtc) -> ASGI
     return CountedRequests(OriginCheck(app, policy), app.routes, registry)
 
 
-@takes(SessionRequest)
-async def open_session(request: Request, body: Body[SessionRequest]) -> ModelResponse[SessionInfo]:
+@described(takes=SessionRequest)
+async def open_session(request: Request) -> ModelResponse[SessionInfo]:
     """Open a stream."""
     sessions = _sessions(request)
-    session = await sessions.open(await body.read())
+    session = await sessions.open(await read_message(request, SessionRequest))
     await _end_if_alone(request, session)
     return created_response(session.info, f"/sessions/{session.name}")
 
@@ -99,11 +98,11 @@ async def _end_if_alone(request: Request, session: Stream) -> None:
         await _sessions(request).end(session.name)
 
 
-@takes(WebRtcRequest, MAX_OFFER)
-async def open_webrtc(request: Request, body: Body[WebRtcRequest]) -> ModelResponse[WebRtcSession]:
+@described(takes=WebRtcRequest)
+async def open_webrtc(request: Request) -> ModelResponse[WebRtcSession]:
     """Answer an offer to stream over WebRTC."""
     webrtc: WebRtc = request.app.state.webrtc
-    wanted = await body.read()
+    wanted = await read_message(request, WebRtcRequest, MAX_OFFER)
     host = host_of(request.headers["host"]) or ""
     session = await _sessions(request).start(lambda: webrtc.make(wanted, host))
     await _end_if_alone(request, session)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import asyncio
 import logging
 
-from tigas_common.cli import in_a_sentence, log_to_stdout
+from tigas_common.cli import log_to_stdout
 from tigas_common.command import Command
-from tigas_common.errors import StartError
 from tigas_common.installation import check_versions
 from tigas_dash.settings import DashSettings
 
@@ -21,8 +20,7 @@ class Dash(DashSettings, Command):
     def run(self) -> None:
         log_to_stdout(logging.WARNING)
         logging.getLogger("tigas_dash").setLevel(logging.INFO)
-        with in_a_sentence(StartError):
-            check_versions("aioice", "aiortc", "uvicorn")
-            from tigas_dash.main import serve
+        check_versions("aioice", "aiortc", "uvicorn")
+        from tigas_dash.main import serve
 
-            asyncio.run(serve(self))
+        asyncio.run(serve(self))

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
-from tigas_common.cli import in_a_sentence, settings_of
+from tigas_common.cli import settings_of
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
-from tigas_common.errors import StartError, TigasError
+from tigas_common.errors import StartError
 from tigas_common.processes import terminated_as_interrupted
 from tigas_common.terminal import make_console, progress_bar
 
@@ -87,7 +87,7 @@ class Train(_EnhanceCommand):
         from tigas_common.weights import write_weights
         from tigas_enhance.tuning import tune
 
-        with in_a_sentence(StartError, TigasError, OSError), terminated_as_interrupted():
+        with terminated_as_interrupted():
             sets = [self.names] if self.general else [[name] for name in self.names]
             if self.out is not None and len(sets) > 1:
                 raise StartError("--out is for one set: give one scene, or --general.")
@@ -120,31 +120,30 @@ class Evaluate(_EnhanceCommand):
         from tigas_enhance.network import to_network
         from tigas_enhance.pairs import ScenePairs
 
-        with in_a_sentence(StartError, TigasError, OSError):
-            read = read_weights(self.weights or self._file(self.name))
-            where = self._device()
-            with self._renderer() as renderer:
-                scene = renderer.load(self.name)
-                ladder = renderer.ladder(scene)
-                if problem := read.misfit(scene.file_sha256, ladder):
-                    raise StartError(problem)
-                networks = {rung: network for rung, each in enumerate(ladder) if (network := read.network_for(each))}
-                pairs = ScenePairs(renderer, scene, ladder, tuple(networks)).held_out(EVALUATED_VIEWS)
-            table = Table("rung", "bicubic", "enhanced", "gain, dB", "95 %", "SSIM", box=None)
-            for rung, network in networks.items():
-                plain = scores(pairs, rung, None, where)
-                better = scores(pairs, rung, to_network(network, read), where)
-                gains = better.psnr - plain.psnr
-                low, high = interval(gains)
-                table.add_row(
-                    f"{rung}  {ladder[rung].width} × {ladder[rung].height}",
-                    f"{plain.psnr.mean():.2f} dB",
-                    f"{better.psnr.mean():.2f} dB",
-                    f"{gains.mean():+.2f}",
-                    f"{low:+.2f} to {high:+.2f}",
-                    f"{plain.ssim.mean():.4f} → {better.ssim.mean():.4f}",
-                )
-            make_console().print(table)
+        read = read_weights(self.weights or self._file(self.name))
+        where = self._device()
+        with self._renderer() as renderer:
+            scene = renderer.load(self.name)
+            ladder = renderer.ladder(scene)
+            if problem := read.misfit(scene.file_sha256, ladder):
+                raise StartError(problem)
+            networks = {rung: network for rung, each in enumerate(ladder) if (network := read.network_for(each))}
+            pairs = ScenePairs(renderer, scene, ladder, tuple(networks)).held_out(EVALUATED_VIEWS)
+        table = Table("rung", "bicubic", "enhanced", "gain, dB", "95 %", "SSIM", box=None)
+        for rung, network in networks.items():
+            plain = scores(pairs, rung, None, where)
+            better = scores(pairs, rung, to_network(network, read), where)
+            gains = better.psnr - plain.psnr
+            low, high = interval(gains)
+            table.add_row(
+                f"{rung}  {ladder[rung].width} × {ladder[rung].height}",
+                f"{plain.psnr.mean():.2f} dB",
+                f"{better.psnr.mean():.2f} dB",
+                f"{gains.mean():+.2f}",
+                f"{low:+.2f} to {high:+.2f}",
+                f"{plain.ssim.mean():.4f} → {better.ssim.mean():.4f}",
+            )
+        make_console().print(table)
 
 
 enhance = Group(

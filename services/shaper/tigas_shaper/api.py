@@ -24,13 +24,12 @@ from tigas_common.web import (
     EXCEPTION_HANDLERS,
     JSON,
     NO_STORE,
-    Body,
     ModelResponse,
     described,
     healthy,
     json_response,
     read_body,
-    takes,
+    read_message,
 )
 from tigas_common.wire.shaper import (
     MAX_UPLOAD_BYTES,
@@ -112,10 +111,10 @@ async def trace(request: Request) -> ModelResponse[TracePoints]:
     return json_response(await asyncio.to_thread(points, found))
 
 
-@takes(StartRequest)
-async def start(request: Request, body: Body[StartRequest]) -> ModelResponse[ShaperStatus]:
+@described(takes=StartRequest)
+async def start(request: Request) -> ModelResponse[ShaperStatus]:
     """Play a trace."""
-    wanted = await body.read()
+    wanted = await read_message(request, StartRequest)
     found = await asyncio.to_thread(_shaper(request).library.get, wanted.trace)
     if wanted.delay_ms is not None:
         found = await asyncio.to_thread(found.with_delay, wanted.delay_ms)
@@ -141,24 +140,24 @@ async def resume(request: Request) -> ModelResponse[ShaperStatus]:
     return _status(request)
 
 
-@takes(SeekRequest)
-async def seek(request: Request, body: Body[SeekRequest]) -> ModelResponse[ShaperStatus]:
+@described(takes=SeekRequest)
+async def seek(request: Request) -> ModelResponse[ShaperStatus]:
     """Go to a position."""
-    _shaper(request).player.seek((await body.read()).position_ms)
+    _shaper(request).player.seek((await read_message(request, SeekRequest)).position_ms)
     return _status(request)
 
 
-@takes(LoopRequest)
-async def loop(request: Request, body: Body[LoopRequest]) -> ModelResponse[ShaperStatus]:
+@described(takes=LoopRequest)
+async def loop(request: Request) -> ModelResponse[ShaperStatus]:
     """Start again at the end, or not."""
-    _shaper(request).player.set_loop((await body.read()).loop)
+    _shaper(request).player.set_loop((await read_message(request, LoopRequest)).loop)
     return _status(request)
 
 
-@takes(LinkSetting)
-async def link(request: Request, body: Body[LinkSetting]) -> ModelResponse[ShaperStatus]:
+@described(takes=LinkSetting)
+async def link(request: Request) -> ModelResponse[ShaperStatus]:
     """Keep one state."""
-    _shaper(request).player.constant(await body.read())
+    _shaper(request).player.constant(await read_message(request, LinkSetting))
     return _status(request)
 
 

@@ -85,9 +85,8 @@ class Demo(Command):
 
     def run(self) -> None:
         stop = _told_to_stop()
-        with in_a_sentence(StartError):
-            require("dash", "render")
-            run_demo(self.render_options, stop, store=_has_store())
+        require("dash", "render")
+        run_demo(self.render_options, stop, store=_has_store())
 
 
 def _has_store() -> bool:

@@ -7,7 +7,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
-from tigas_common.cli import in_a_sentence
 from tigas_common.command import Metavar
 from tigas_common.errors import StartError
 from tigas_common.terminal import make_console
@@ -51,34 +50,33 @@ class Compare(Measure):
         from tigas_experiments.run.runner import make_missing_runs
 
         end_as_ctrl_c()
-        with in_a_sentence(StartError, OSError):
-            folder = self.out or Path("results", f"compare-{datetime.now(UTC):%Y%m%d-%H%M%S}")
-            if folder.exists():
-                raise StartError(f"{folder} already exists; choose another folder with --out.")
-            plan = ExperimentPlan.of(
-                {
-                    "name": folder.name,
-                    "scenes": [self.scene],
-                    "movements": [self.movement],
-                    "networks": self.networks,
-                    "modes": [mode.strip() for mode in self.modes.split(",")],
-                    "controllers": self.profiles,
-                    "duration_s": self.duration,
-                    "viewport": self.viewport,
-                    "capture_every_s": CAPTURE_EVERY_S,
-                    "shuffled": False,  # the page shows them in the order of creation
-                },
-                "This comparison cannot be made",
-            )
-            made = Experiment.of(plan, Path(), folder, command_as_typed())
-            names = run_names(made.runs)
-            try:
-                with reserved(made):
-                    missing = made.missing()
-                    with progress(made, missing, names, make_console(stderr=True)) as callbacks:
-                        asyncio.run(make_missing_runs(made, missing, self.url, callbacks))
-            finally:  # Ctrl+C also leaves a report of the finished runs
-                if made.begun:
-                    Report(folder=folder).run()
-            if made.missing():
-                raise SystemExit(1)
+        folder = self.out or Path("results", f"compare-{datetime.now(UTC):%Y%m%d-%H%M%S}")
+        if folder.exists():
+            raise StartError(f"{folder} already exists; choose another folder with --out.")
+        plan = ExperimentPlan.of(
+            {
+                "name": folder.name,
+                "scenes": [self.scene],
+                "movements": [self.movement],
+                "networks": self.networks,
+                "modes": [mode.strip() for mode in self.modes.split(",")],
+                "controllers": self.profiles,
+                "duration_s": self.duration,
+                "viewport": self.viewport,
+                "capture_every_s": CAPTURE_EVERY_S,
+                "shuffled": False,  # the page shows them in the order of creation
+            },
+            "This comparison cannot be made",
+        )
+        made = Experiment.of(plan, Path(), folder, command_as_typed())
+        names = run_names(made.runs)
+        try:
+            with reserved(made):
+                missing = made.missing()
+                with progress(made, missing, names, make_console(stderr=True)) as callbacks:
+                    asyncio.run(make_missing_runs(made, missing, self.url, callbacks))
+        finally:  # Ctrl+C also leaves a report of the finished runs
+            if made.begun:
+                Report(folder=folder).run()
+        if made.missing():
+            raise SystemExit(1)

@@ -6,9 +6,7 @@ import asyncio
 from pathlib import Path
 from typing import Annotated
 
-from tigas_common.cli import in_a_sentence
 from tigas_common.command import POSITIONAL, Command, Group
-from tigas_common.errors import StartError
 from tigas_common.terminal import make_console
 from tigas_experiments.commands.options import Measure, command_as_typed
 from tigas_experiments.commands.rerender import Rerender
@@ -30,13 +28,12 @@ class Plan(_ExperimentCommand):
         from tigas_experiments.run.experiment import Experiment
         from tigas_experiments.run.plan import lasting
 
-        with in_a_sentence(StartError, OSError):
-            planned = Experiment.read(self.file, self.out, command_as_typed())
-            missing = planned.missing()
-            todo = {run.slug for run in missing}
-            for run in planned.runs:
-                print(f"{'missing ' if run.slug in todo else 'complete'}  {run.slug}")
-            print(f"{len(planned.runs)} runs, {len(missing)} missing, which take about {lasting(missing)}.")
+        planned = Experiment.read(self.file, self.out, command_as_typed())
+        missing = planned.missing()
+        todo = {run.slug for run in missing}
+        for run in planned.runs:
+            print(f"{'missing ' if run.slug in todo else 'complete'}  {run.slug}")
+        print(f"{len(planned.runs)} runs, {len(missing)} missing, which take about {lasting(missing)}.")
 
 
 class Run(_ExperimentCommand, Measure):
@@ -59,25 +56,24 @@ class Run(_ExperimentCommand, Measure):
         end_as_ctrl_c()
         console = make_console(stderr=True)
         again = command_as_typed()
-        with in_a_sentence(StartError, OSError):
-            made = Experiment.read(self.file, self.out, again)
-            with reserved(made):
-                missing = made.missing()
-                if missing:
-                    try:
-                        with progress(made, missing, run_names(made.runs), console) as callbacks:
-                            asyncio.run(
-                                make_missing_runs(made, missing, self.url, callbacks, allow_changes=self.allow_changes)
-                            )
-                    except KeyboardInterrupt:
-                        say(f"Interrupted. To resume: {again}")
-                        raise SystemExit(130) from None
-                incomplete = made.missing()
-            if incomplete:
-                say(f"{len(incomplete)} of {len(made.runs)} runs are incomplete. To repeat them: {again}")
-            else:
-                say(f"All {len(made.runs)} runs are complete.")
-            Report(folder=made.out).run()
+        made = Experiment.read(self.file, self.out, again)
+        with reserved(made):
+            missing = made.missing()
+            if missing:
+                try:
+                    with progress(made, missing, run_names(made.runs), console) as callbacks:
+                        asyncio.run(
+                            make_missing_runs(made, missing, self.url, callbacks, allow_changes=self.allow_changes)
+                        )
+                except KeyboardInterrupt:
+                    say(f"Interrupted. To resume: {again}")
+                    raise SystemExit(130) from None
+            incomplete = made.missing()
+        if incomplete:
+            say(f"{len(incomplete)} of {len(made.runs)} runs are incomplete. To repeat them: {again}")
+        else:
+            say(f"All {len(made.runs)} runs are complete.")
+        Report(folder=made.out).run()
         if incomplete:
             raise SystemExit(1)
 

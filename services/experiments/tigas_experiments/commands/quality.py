@@ -35,15 +35,14 @@ class Score(SamplesCommand):
 
         end_as_ctrl_c()
         console = make_console(stderr=True)
-        with in_a_sentence(StartError, OSError):
-            asked = _asked(self.metrics)
-            try:
-                for problem in () if self.render is None else _render_truth(self.folder, self.render):
-                    console.print(problem, style="yellow", soft_wrap=True)
-                rows, sentences = _score(self.folder, asked, again=self.again)
-            except KeyboardInterrupt:
-                console.print("Interrupted. The same command goes on.")
-                raise SystemExit(130) from None
+        asked = _asked(self.metrics)
+        try:
+            for problem in () if self.render is None else _render_truth(self.folder, self.render):
+                console.print(problem, style="yellow", soft_wrap=True)
+            rows, sentences = _score(self.folder, asked, again=self.again)
+        except KeyboardInterrupt:
+            console.print("Interrupted. The same command goes on.")
+            raise SystemExit(130) from None
         for sentence in sentences:
             console.print(sentence, style="yellow", soft_wrap=True)
         if not rows:
@@ -61,13 +60,13 @@ class Ladder(RenderCommand):
         from tigas_experiments.quality.picture import BrokenPicture
         from tigas_experiments.report.ladder import Step, middle_view, write_ladder
         from tigas_experiments.report.ladder import ladder as steps
-        from tigas_experiments.samples.renderer import NotRendered, Renderer, RendererAway
+        from tigas_experiments.samples.renderer import NotRendered, Renderer
 
         async def asked() -> list[Step]:
             async with Renderer.at(self.render) as renderer:
                 return await steps(renderer, *middle_view(self.folder))
 
-        with in_a_sentence(StartError, OSError, RendererAway, NotRendered, BrokenPicture):
+        with in_a_sentence(NotRendered, BrokenPicture):
             for path in write_ladder(asyncio.run(asked()), self.folder):
                 print(printable(str(path)))
 
@@ -82,7 +81,7 @@ class Fetch(Command):
         def shown(source: Source) -> Callable[[int], None]:
             return lambda done: show(done / source.size, f"{source.name}, {source.size / 1e6:.1f} MB")
 
-        with in_a_sentence(StartError, OSError), progress_bar() as show:
+        with progress_bar() as show:
             for source in SOURCES:
                 print(f"{fetched(source, shown(source))}")
 
@@ -153,7 +152,7 @@ def _score(folder: Path, asked: list[PictureMetric], *, again: bool) -> tuple[li
 def _render_truth(folder: Path, render: str) -> Iterator[str]:
     """Render missing ground truth, and yield problems. Raises StartError and OSError."""
     from tigas_experiments.samples.capture_truth import render_truth
-    from tigas_experiments.samples.renderer import Renderer, RendererAway
+    from tigas_experiments.samples.renderer import Renderer
     from tigas_experiments.samples.rerender import locked, with_samples
 
     runs, _ = _runs(folder)
@@ -174,10 +173,7 @@ def _render_truth(folder: Path, render: str) -> Iterator[str]:
         return problems
 
     with locked(folder), progress_bar() as show:
-        try:
-            yield from asyncio.run(all_of_them(show))
-        except RendererAway as error:
-            raise StartError(str(error)) from None
+        yield from asyncio.run(all_of_them(show))
 
 
 def _condition(run: Path) -> Condition | None:

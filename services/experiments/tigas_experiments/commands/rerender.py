@@ -7,9 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tigas_common.cli import in_a_sentence
 from tigas_common.command import POSITIONAL, Command, Metavar
-from tigas_common.errors import StartError
 from tigas_common.terminal import make_console, progress_bar
 from tigas_common.topology import PAGE
 
@@ -48,12 +46,11 @@ class Rerender(SamplesCommand, RenderCommand):
 
         end_as_ctrl_c()
         console = make_console()
-        with in_a_sentence(StartError, OSError):
-            try:
-                outcomes = rerender_all(self.folder, self.render, again=self.again)
-            except KeyboardInterrupt:
-                console.print("Interrupted. The same command goes on.")
-                raise SystemExit(130) from None
+        try:
+            outcomes = rerender_all(self.folder, self.render, again=self.again)
+        except KeyboardInterrupt:
+            console.print("Interrupted. The same command goes on.")
+            raise SystemExit(130) from None
         table = Table()
         table.add_column("Run", overflow="fold")
         for title in ("Samples", "Identical", "Different", "Incomplete"):
@@ -75,7 +72,7 @@ class Rerender(SamplesCommand, RenderCommand):
 
 def rerender_all(folder: Path, render: str, *, again: bool = False) -> list[SampledRun]:
     """Render all samples of a run or an experiment, with a progress bar. Raises StartError and OSError."""
-    from tigas_experiments.samples.renderer import Renderer, RendererAway
+    from tigas_experiments.samples.renderer import Renderer
     from tigas_experiments.samples.rerender import locked, rerender, sampled_runs
 
     runs = sampled_runs(folder)
@@ -92,7 +89,4 @@ def rerender_all(folder: Path, render: str, *, again: bool = False) -> list[Samp
         return outcomes
 
     with locked(folder), progress_bar() as show:
-        try:
-            return asyncio.run(all_of_them(show))
-        except RendererAway as error:
-            raise StartError(str(error)) from None
+        return asyncio.run(all_of_them(show))

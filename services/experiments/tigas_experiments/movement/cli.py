@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from tigas_common.cli import in_a_sentence
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import StartError
 from tigas_common.terminal import make_console, printable
@@ -34,10 +33,9 @@ class Make(Command):
     def run(self) -> None:
         from tigas_experiments.movement.generated import KINDS, generate
 
-        with in_a_sentence(StartError, OSError):
-            if self.kind not in KINDS:
-                raise StartError(f"Unknown movement {self.kind!r}: choose one of {', '.join(KINDS)}.")
-            _write(generate(self.kind, self.seconds, self.seed), self.out)
+        if self.kind not in KINDS:
+            raise StartError(f"Unknown movement {self.kind!r}: choose one of {', '.join(KINDS)}.")
+        _write(generate(self.kind, self.seconds, self.seed), self.out)
 
 
 class Import(Command):
@@ -64,30 +62,29 @@ class Import(Command):
 
         from tigas_experiments.movement import eyenavgs
 
-        with in_a_sentence(StartError, OSError):
-            way = eyenavgs.read_eyes(self.recording, self.eye)
-            if self.settings is None:
-                if self.metre is not None:
-                    raise StartError("--metre needs --settings.")
-                made = eyenavgs.in_its_scene(way, _axis(self.up or "0,-1,0"))
-                changes = "in the scene's own place"
-            else:
-                if self.up is not None:
-                    raise StartError("--up does not go with --settings.")
-                chosen = eyenavgs.read_settings(self.settings, eyenavgs.scene_of(self.recording))
-                made = eyenavgs.from_the_start(way, chosen)
-                changes = (
-                    f"levelled, divided by the scene's scale {chosen.scale:g}, moved and turned to begin at the origin"
-                )
-                if self.metre is not None:
-                    made = replace(made, positions=made.positions * self.metre, unit="scene")
-                    changes += f", times {self.metre:g}"
-            comments = {
-                "description": f"{self.recording.stem} of EyeNavGS, {_EYES[self.eye]}",
-                "source": f"{eyenavgs.SOURCE}, {self.recording.name}",
-                "licence": f"Apache-2.0; changed by TIGAS: {_EYES[self.eye]}, OpenCV's axes, {changes}; gaze left out",
-            }
-            _write(replace(made, comments=comments), self.out)
+        way = eyenavgs.read_eyes(self.recording, self.eye)
+        if self.settings is None:
+            if self.metre is not None:
+                raise StartError("--metre needs --settings.")
+            made = eyenavgs.in_its_scene(way, _axis(self.up or "0,-1,0"))
+            changes = "in the scene's own place"
+        else:
+            if self.up is not None:
+                raise StartError("--up does not go with --settings.")
+            chosen = eyenavgs.read_settings(self.settings, eyenavgs.scene_of(self.recording))
+            made = eyenavgs.from_the_start(way, chosen)
+            changes = (
+                f"levelled, divided by the scene's scale {chosen.scale:g}, moved and turned to begin at the origin"
+            )
+            if self.metre is not None:
+                made = replace(made, positions=made.positions * self.metre, unit="scene")
+                changes += f", times {self.metre:g}"
+        comments = {
+            "description": f"{self.recording.stem} of EyeNavGS, {_EYES[self.eye]}",
+            "source": f"{eyenavgs.SOURCE}, {self.recording.name}",
+            "licence": f"Apache-2.0; changed by TIGAS: {_EYES[self.eye]}, OpenCV's axes, {changes}; gaze left out",
+        }
+        _write(replace(made, comments=comments), self.out)
 
 
 class Show(Command):
@@ -104,31 +101,30 @@ class Show(Command):
         from tigas_experiments.movement.summary import Summary, plot_movement
         from tigas_experiments.movement.trace import GAP_MS, MovementTrace
 
-        with in_a_sentence(StartError, OSError):
-            if self.plot is not None and self.plot.suffix.lower() not in PICTURES:
-                raise StartError(f"{self.plot}: the file name must end in {', '.join(PICTURES)}.")
-            trace = MovementTrace.read(self.file)
-            summary, gaps = Summary.of(trace), trace.gaps_ms
-            unit = "m" if trace.unit == "m" else "units"
-            begins = {"start": "at the scene's start camera", "scene": "where it is in the scene"}
-            facts = Table(show_header=False, box=None)
-            for key, value in (
-                *trace.comments.items(),
-                ("begins", begins[trace.anchor]),
-                ("duration", f"{summary.duration_s:g} s in {summary.poses:,} poses"),
-                ("rate", f"{summary.median_rate_hz:.1f}/s, longest step {summary.longest_step_ms:.0f} ms"),
-                ("gaps", f"{len(gaps)}, together {gaps.sum() / 1000:g} s" if len(gaps) else f"none > {GAP_MS:g} ms"),
-                ("way", f"{summary.path:.1f} {unit}, {summary.speed:.2f} {unit}/s on average"),
-                *(("note", note) for note in trace.notes),
-            ):
-                facts.add_row(key, value)
-            turning = Table(box=None)
-            turning.add_column("turning")
-            for percent in summary.turning:
-                turning.add_column({50: "median", 100: "max"}.get(percent, f"{percent} %"), justify="right")
-            turning.add_row("degrees/s", *(f"{value:.0f}" for value in summary.turning.values()))
-            if self.plot is not None:
-                plot_movement(trace, self.file.stem, self.plot)
+        if self.plot is not None and self.plot.suffix.lower() not in PICTURES:
+            raise StartError(f"{self.plot}: the file name must end in {', '.join(PICTURES)}.")
+        trace = MovementTrace.read(self.file)
+        summary, gaps = Summary.of(trace), trace.gaps_ms
+        unit = "m" if trace.unit == "m" else "units"
+        begins = {"start": "at the scene's start camera", "scene": "where it is in the scene"}
+        facts = Table(show_header=False, box=None)
+        for key, value in (
+            *trace.comments.items(),
+            ("begins", begins[trace.anchor]),
+            ("duration", f"{summary.duration_s:g} s in {summary.poses:,} poses"),
+            ("rate", f"{summary.median_rate_hz:.1f}/s, longest step {summary.longest_step_ms:.0f} ms"),
+            ("gaps", f"{len(gaps)}, together {gaps.sum() / 1000:g} s" if len(gaps) else f"none > {GAP_MS:g} ms"),
+            ("way", f"{summary.path:.1f} {unit}, {summary.speed:.2f} {unit}/s on average"),
+            *(("note", note) for note in trace.notes),
+        ):
+            facts.add_row(key, value)
+        turning = Table(box=None)
+        turning.add_column("turning")
+        for percent in summary.turning:
+            turning.add_column({50: "median", 100: "max"}.get(percent, f"{percent} %"), justify="right")
+        turning.add_row("degrees/s", *(f"{value:.0f}" for value in summary.turning.values()))
+        if self.plot is not None:
+            plot_movement(trace, self.file.stem, self.plot)
         console = make_console(soft_wrap=True)
         console.print(facts)
         console.print(turning)

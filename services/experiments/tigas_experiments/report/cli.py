@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tigas_common.cli import in_a_sentence
 from tigas_common.command import POSITIONAL, Command, Metavar
-from tigas_common.errors import StartError
 from tigas_common.terminal import make_console, printable, progress_bar
 
 if TYPE_CHECKING:  # heavy
@@ -36,7 +34,7 @@ class Report(Command):
         def on_progress(step: str, done: int, total: int | None) -> None:
             show(1.0 if total is None else done / total, step if total else f"{step}: {done}")
 
-        with in_a_sentence(StartError, OSError), progress_bar() as show:
+        with progress_bar() as show:
             folder = unpack(self.folder) if self.folder.is_file() else self.folder
             baseline = self.baseline or read_options(folder).baseline
             made = write_report(folder, folder, on_progress, baseline=baseline)

@@ -11,6 +11,7 @@ from urllib.parse import quote
 import httpx
 from pydantic import ValidationError
 
+from tigas_common.errors import StartError
 from tigas_common.render_requests import SceneHosts, retried
 from tigas_common.wire.render import Problem, RenderRequest, SceneInfo, ServerConfig
 
@@ -21,7 +22,7 @@ FRAME_S = 60
 Item = TypeVar("Item")
 
 
-class RendererAway(Exception):
+class RendererAway(StartError):
     """Reason why the service is unavailable, in one sentence."""
 
 

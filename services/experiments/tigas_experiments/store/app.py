@@ -23,14 +23,13 @@ from tigas_common.web import (
     EXCEPTION_HANDLERS,
     NO_STORE,
     PICTURES,
-    Body,
     ModelResponse,
     created_response,
     described,
     healthz,
     json_response,
     read_body,
-    takes,
+    read_message,
 )
 from tigas_experiments.records.samples import MAX_PICTURE_BYTES
 from tigas_experiments.store.archive import archive
@@ -154,10 +153,11 @@ async def create(request: Request) -> ModelResponse[ExperimentCreated]:
     return created_response(ExperimentCreated(id=made), f"/experiments/{quote(made)}")
 
 
-@takes(NextRequest)
-async def next_run(request: Request, body: Body[NextRequest]) -> ModelResponse[NextRun]:
+@described(takes=NextRequest)
+async def next_run(request: Request) -> ModelResponse[NextRun]:
     """Reserve the next run for a page to perform."""
-    return json_response(await _store(request).planner.next(request.path_params["id"], await body.read()))
+    asked = await read_message(request, NextRequest)
+    return json_response(await _store(request).planner.next(request.path_params["id"], asked))
 
 
 async def release(request: Request) -> Response:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import asyncio
 import logging
 
-from tigas_common.cli import in_a_sentence, log_to_stdout
+from tigas_common.cli import log_to_stdout
 from tigas_common.command import Command
-from tigas_common.errors import StartError
 from tigas_common.installation import check_versions
 from tigas_experiments.store.settings import StoreSettings
 
@@ -17,8 +16,7 @@ class Store(StoreSettings, Command):
 
     def run(self) -> None:
         log_to_stdout(logging.WARNING)
-        with in_a_sentence(StartError):
-            check_versions("uvicorn")
-            from tigas_experiments.store.main import serve
+        check_versions("uvicorn")
+        from tigas_experiments.store.main import serve
 
-            asyncio.run(serve(self))
+        asyncio.run(serve(self))

@@ -22,7 +22,6 @@ from tigas_common.web import (
     HAS_IT_ALREADY,
     JSON,
     PICTURES,
-    Body,
     ModelResponse,
     Tagged,
     created_response,
@@ -31,7 +30,7 @@ from tigas_common.web import (
     json_response,
     list_response,
     problem_response,
-    takes,
+    read_message,
 )
 from tigas_common.wire.render import AddedScene, HostLoad, SceneEdit, SceneInfo, SceneName, ServerConfig, Training
 from tigas_render.server.frame_route import FRAMES, PATH, HttpFrames
@@ -103,19 +102,19 @@ async def remove(request: Request) -> Response:
     return Response(status_code=204)
 
 
-@takes(SceneName)
-async def rename(request: Request, body: Body[SceneName]) -> ModelResponse[SceneInfo]:
+@described(takes=SceneName)
+async def rename(request: Request) -> ModelResponse[SceneInfo]:
     """Rename a scene; its name is also its id."""
-    service, name = _service(request), (await body.read()).name
+    service, name = _service(request), (await read_message(request, SceneName)).name
     await service.library.rename(request.path_params["id"], name)
     return json_response(await service.info(name))
 
 
-@takes(SceneEdit)
-async def edit(request: Request, body: Body[SceneEdit]) -> ModelResponse[SceneInfo]:
+@described(takes=SceneEdit)
+async def edit(request: Request) -> ModelResponse[SceneInfo]:
     """Change the start view, saved views and camera paths of a scene, for everyone."""
     service, id = _service(request), request.path_params["id"]
-    await service.library.edit(id, await body.read())
+    await service.library.edit(id, await read_message(request, SceneEdit))
     return json_response(await service.info(id))
 
 

@@ -17,7 +17,7 @@ from starlette.types import Receive, Scope, Send
 from tigas_common.address import client_network
 from tigas_common.errors import InvalidRequest
 from tigas_common.proxy import unless, until_left
-from tigas_common.web import ARRIVED, EXCEPTION_HANDLERS, NO_STORE, PICTURES, Body, described, takes
+from tigas_common.web import ARRIVED, EXCEPTION_HANDLERS, NO_STORE, PICTURES, described, read_message
 from tigas_common.wire.render import RenderRequest
 from tigas_render.admission.viewers import HttpViewers, RequestRate
 from tigas_render.frame import Client, Frame, FrameSource, Transport
@@ -83,15 +83,14 @@ def frames_app(frames: HttpFrames) -> Starlette:
     return app
 
 
-@described(gives=PICTURES)
-@takes(RenderRequest)
-async def render(request: Request, body: Body[RenderRequest]) -> Response:
+@described(takes=RenderRequest, gives=PICTURES)
+async def render(request: Request) -> Response:
     """One frame."""
     began = time.monotonic()
     frames: HttpFrames = request.app.state.frames
     client = _client(request, frames.viewers)
     frames.rate.check(client)
-    render_request = await body.read()
+    render_request = await read_message(request, RenderRequest)
     if render_request.video is not None:
         raise InvalidRequest("format: h264 needs a WebTransport session, as a video's frames refer to each other.")
     arrived = getattr(request.state, ARRIVED, began)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
-from tigas_common.cli import in_a_sentence
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import TigasError
 from tigas_common.terminal import make_console
@@ -49,18 +48,17 @@ class Import(_RecordingCommand):
     def run(self) -> None:
         from tigas_shaper.traces.csv_format import format_csv
 
-        with in_a_sentence(TigasError, OSError):
-            loaded = _load(self.recording, self.up_kbps, self.format)
-            if self.up:
-                loaded = loaded.with_uplink(_load(self.up, self.up_kbps, self.format))
-            if self.loss_pct is not None:
-                loaded = loaded.with_loss(self.loss_pct)
-            target = self.csv or Path(f"{loaded.name}.csv")
-            try:
-                with target.open("x", encoding="utf-8", newline="\n") as out:
-                    out.write(format_csv(loaded))
-            except FileExistsError:
-                raise TigasError(f"{target} exists; remove it first, or choose another file.") from None
+        loaded = _load(self.recording, self.up_kbps, self.format)
+        if self.up:
+            loaded = loaded.with_uplink(_load(self.up, self.up_kbps, self.format))
+        if self.loss_pct is not None:
+            loaded = loaded.with_loss(self.loss_pct)
+        target = self.csv or Path(f"{loaded.name}.csv")
+        try:
+            with target.open("x", encoding="utf-8", newline="\n") as out:
+                out.write(format_csv(loaded))
+        except FileExistsError:
+            raise TigasError(f"{target} exists; remove it first, or choose another file.") from None
         print(
             f"{target}: {len(loaded.times_ms):,} steps, {loaded.duration_ms / 1000:g} s, {_rate(loaded.mean_down_kbps)}"
         )
@@ -75,12 +73,11 @@ class Info(_RecordingCommand):
     def run(self) -> None:
         from rich.table import Table
 
-        with in_a_sentence(TigasError, OSError):
-            if self.plot and self.plot.suffix.lower() not in (".png", ".svg", ".pdf"):
-                raise TigasError(f"{self.plot}: the file name must end in .png, .svg or .pdf.")
-            loaded = _load(self.recording)
-            if self.plot:
-                _plot(loaded, self.plot)
+        if self.plot and self.plot.suffix.lower() not in (".png", ".svg", ".pdf"):
+            raise TigasError(f"{self.plot}: the file name must end in .png, .svg or .pdf.")
+        loaded = _load(self.recording)
+        if self.plot:
+            _plot(loaded, self.plot)
         gaps = loaded.outages
         facts = Table(show_header=False, box=None)
         facts.add_row("name", loaded.name)
@@ -123,18 +120,17 @@ class Fetch(Command):
     def run(self) -> None:
         from tigas_shaper.traces.fetch import load_sources
 
-        with in_a_sentence(TigasError, OSError):
-            known = load_sources()
-            if self.name is None:
-                for key, source in known.items():
-                    print(f"{key}: {source.title}\n    {source.page}\n    licence: {source.licence}")
-                return
-            if self.name not in known:
-                raise TigasError(f"Unknown trace set {self.name!r}: choose one of {', '.join(known)}.")
-            source = known[self.name]
-            print(f"{source.title}\nlicence: {source.licence}\ncite: {source.cite}")
-            for path in _fetch_files(source, FETCHED / self.name):
-                print(path)
+        known = load_sources()
+        if self.name is None:
+            for key, source in known.items():
+                print(f"{key}: {source.title}\n    {source.page}\n    licence: {source.licence}")
+            return
+        if self.name not in known:
+            raise TigasError(f"Unknown trace set {self.name!r}: choose one of {', '.join(known)}.")
+        source = known[self.name]
+        print(f"{source.title}\nlicence: {source.licence}\ncite: {source.cite}")
+        for path in _fetch_files(source, FETCHED / self.name):
+            print(path)
 
 
 trace = Group(
