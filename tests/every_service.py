@@ -30,7 +30,7 @@ from tigas_dash.app import create_app as dash_app
 from tigas_dash.clock import Clock
 from tigas_dash.sessions import Sessions
 from tigas_dash.source import RenderClient
-from tigas_dash.webrtc.service import WebRtc
+from tigas_dash.webrtc.stream import WebRtc
 from tigas_experiments.store.app import Store
 from tigas_experiments.store.app import create_app as store_app
 from tigas_experiments.store.experiments import Experiments

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
-from tigas_experiments.store.upload import check_limit
+from tigas_experiments.store.limited import check_limit
 from tigas_render.settings import RenderSettings
 
 ROOT = Path(__file__).parents[2]

@@ -27,7 +27,7 @@ from tigas_dash.app import create_app
 from tigas_dash.clock import Clock
 from tigas_dash.sessions import Sessions
 from tigas_dash.source import RenderClient
-from tigas_dash.webrtc.service import WebRtc
+from tigas_dash.webrtc.stream import WebRtc
 
 PATIENCE_S = 20
 

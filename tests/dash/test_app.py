@@ -20,7 +20,7 @@ from tests.dash.boxes import contents
 from tests.dash.conftest import Packager, announcement, pose, session_request
 from tigas_common.origins import OriginPolicy
 from tigas_dash.app import create_app
-from tigas_dash.webrtc.service import WebRtc
+from tigas_dash.webrtc.stream import WebRtc
 
 pytestmark = pytest.mark.anyio
 

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from tests.dash.conftest import parsed_request
-from tigas_dash.mpd import manifest
+from tigas_dash.media import manifest
 from tigas_dash.representation import Representation
 
 NS = {"d": "urn:mpeg:dash:schema:mpd:2011"}

@@ -28,7 +28,7 @@ from tigas_dash.app import create_app
 from tigas_dash.clock import Clock
 from tigas_dash.sessions import Sessions
 from tigas_dash.source import RenderClient
-from tigas_dash.webrtc.service import WebRtc
+from tigas_dash.webrtc.stream import WebRtc
 
 LIMIT = 3
 NUMBERS = ("0", "1", "2", "3", "4", "9", "-1", "01", "1e1", "999999999999", "9999999999999", "٣", "", "x", "1.m4s")

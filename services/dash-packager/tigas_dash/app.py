@@ -45,7 +45,7 @@ from tigas_dash.errors import UnknownSegment, UnknownSession
 from tigas_dash.session import Session
 from tigas_dash.sessions import Sessions
 from tigas_dash.stream import Stream
-from tigas_dash.webrtc.service import WebRtc
+from tigas_dash.webrtc.stream import WebRtc
 
 MAX_OFFER = 2 * MAX_SDP
 """The longest body with an offer, in bytes: JSON escapes the ends of lines."""

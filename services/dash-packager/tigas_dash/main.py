@@ -19,7 +19,7 @@ from tigas_dash.encoder import choose_encoder
 from tigas_dash.sessions import Sessions
 from tigas_dash.settings import DashSettings
 from tigas_dash.source import RenderClient
-from tigas_dash.webrtc.service import WebRtc
+from tigas_dash.webrtc.stream import WebRtc
 
 
 async def serve(settings: DashSettings) -> None:

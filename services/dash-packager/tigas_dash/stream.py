@@ -1,19 +1,26 @@
-"""One viewer's stream, however it travels."""
+"""One viewer's stream, however it travels, and its views: the newest one, requested from the newest pose."""
 
 from __future__ import annotations
 
+import asyncio
+import logging
 from abc import ABC, abstractmethod
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from tigas_common.wire.dash import SessionStatus, StreamRequest
+from tigas_common.errors import TigasError
+from tigas_common.wire.dash import PoseUpdate, SessionStatus, StreamRequest
 from tigas_dash.clock import Clock
 from tigas_dash.encoder import RawFrame
 from tigas_dash.source import ViewSource
-from tigas_dash.views import NewestView
+
+logger = logging.getLogger(__name__)
 
 Transport = Literal["dash", "webrtc"]
+IN_FLIGHT = 2
+"""Requests in flight at the render service: one more than it renders at a time, so that it never waits for us."""
 
 
 @dataclass(slots=True)
@@ -92,3 +99,64 @@ class Stream(ABC):
             encoder_failures=self.encoder_failures,
             watchers=self.watchers,
         )
+
+
+class NewestView:
+    """Requests the view from the newest pose, and keeps the newest answer. Starts with a given one."""
+
+    def __init__(self, session: str, source: ViewSource, first: RawFrame, clock: Clock) -> None:
+        self.failures = 0
+        """Requests that the render service did not answer with a frame."""
+        self.problem: str | None = None
+        """Why it gives no frames at present."""
+        self._session = session
+        self._source = source
+        self._clock = clock
+        self._pose = source.first_pose
+        self._requested: PoseUpdate | None = source.first_pose
+        self.newest = first
+        self._newest_number = self._request_number = 0
+        self._arrived = asyncio.Event()
+        self._requests: set[asyncio.Task[None]] = set()
+
+    def move(self, pose: PoseUpdate) -> None:
+        self._pose = pose
+
+    @property
+    def outdated(self) -> bool:
+        """Whether a newer view is in flight, or unavailable."""
+        return bool(self._requests or self.problem)
+
+    async def after(self, shown: RawFrame, until: float) -> RawFrame:
+        """The next view as soon as it is available, or the present one at the end of its time."""
+        if self._pose != self._requested and len(self._requests) < IN_FLIGHT:
+            self._requested = self._pose
+            self._request_number += 1
+            task = asyncio.create_task(self._request(self._pose, self._request_number))
+            self._requests.add(task)
+            task.add_done_callback(self._requests.discard)
+        if self.newest is shown and self._requests:
+            self._arrived.clear()
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._arrived.wait(), max(0.0, until - self._clock.now()))
+        return self.newest
+
+    def close(self) -> None:
+        """Cancel all requests."""
+        for task in self._requests:
+            task.cancel()
+
+    async def _request(self, pose: PoseUpdate, number: int) -> None:
+        try:
+            frame = await self._source.frame(pose)
+        except TigasError as error:
+            self.failures += 1
+            if self.problem is None:
+                logger.warning("Session %s repeats its last frame: %s", self._session, error.detail)
+            self.problem = error.detail
+            self._requested = None  # ask again
+            return
+        self.problem = None
+        if number > self._newest_number:  # else a newer one has overtaken it
+            self.newest, self._newest_number = frame, number
+            self._arrived.set()

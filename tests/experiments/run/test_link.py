@@ -15,9 +15,8 @@ from tests.experiments.store.conftest import until
 from tests.web.fake_shaper import FakeShaper
 from tigas_common.wire.shaper import DirectionStatus, LinkSetting, ShaperStatus
 from tigas_experiments.errors import RunFailed
-from tigas_experiments.run.link import HeldLink, held, watching_link
+from tigas_experiments.run.link import HeldLink, ShaperClient, held, watching_link
 from tigas_experiments.run.parsing import parse_network
-from tigas_experiments.run.shaper_client import ShaperClient
 from tigas_experiments.run.targets import Target
 from tigas_experiments.wire.run import Network
 

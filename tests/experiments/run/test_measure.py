@@ -23,7 +23,7 @@ from tigas_experiments.records.machine import Server
 from tigas_experiments.run import measure as run_module
 from tigas_experiments.run.environment import Setup
 from tigas_experiments.run.inputs import Inputs, points_sha256
-from tigas_experiments.run.outcome import MadeFrom
+from tigas_experiments.run.job import MadeFrom
 from tigas_experiments.run.targets import Target
 from tigas_experiments.wire.recording import Recording, ShownFrame
 from tigas_experiments.wire.run import Configuration, Network, RunPlan

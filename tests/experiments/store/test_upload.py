@@ -26,7 +26,7 @@ from tigas_common.limits import HttpLimits
 from tigas_common.offload import offload_to_process
 from tigas_common.parsing import parse
 from tigas_experiments.store import app
-from tigas_experiments.store.upload import check_limit
+from tigas_experiments.store.limited import check_limit
 from tigas_experiments.store.workspace import NAME
 from tigas_experiments.wire.store import RunUpload
 

@@ -1,23 +1,27 @@
-"""One viewer's stream over WebRTC: poses come on a data channel, and views go out as a video that aiortc encodes."""
+"""Streams over WebRTC, from their offer on: poses come on a data channel, views go out as a video by aiortc."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from contextlib import suppress
+import secrets
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
 
 from aiortc import RTCDataChannel, RTCPeerConnection
 
+from tigas_common.address import Address, is_loopback
 from tigas_common.errors import InvalidRequest, TigasError, problem
 from tigas_common.parsing import parse
 from tigas_common.wire.dash import FRAMES, POSES, PoseUpdate, SentFrame, WebRtcRequest, WebRtcSession
 from tigas_common.wire.model import WireModel
 from tigas_dash.clock import Clock
 from tigas_dash.encoder import RawFrame
-from tigas_dash.representation import Representation
-from tigas_dash.source import ViewSource
+from tigas_dash.errors import WebRtcUnavailable
+from tigas_dash.representation import Representation, single_size
+from tigas_dash.source import RenderClient, ViewSource
 from tigas_dash.stream import Stream
-from tigas_dash.webrtc.offer import answered, limit_bitrate
+from tigas_dash.webrtc.offer import answered, limit_bitrate, taken, widen_bitrates
 from tigas_dash.webrtc.track import ViewTrack
 from tigas_dash.webrtc.udp_port import UdpPort
 
@@ -136,3 +140,48 @@ class WebRtcStream(Stream):
         channel = self._channels.get(FRAMES)
         if channel is not None and channel.readyState == "open" and channel.bufferedAmount < MOST_UNSENT:
             channel.send(message.model_dump_json())
+
+
+class WebRtc:
+    """State shared by all WebRTC streams; opened by `running`."""
+
+    def __init__(self, client: RenderClient, port: UdpPort, clock: Clock, *, on_loopback: bool) -> None:
+        """on_loopback: only this machine reaches the port, although a render service proxies requests of others."""
+        self._client = client
+        self._on_loopback = on_loopback
+        self._port = port
+        self._clock = clock
+
+    @classmethod
+    @asynccontextmanager
+    async def running(cls, client: RenderClient, address: Address, clock: Clock) -> AsyncIterator[WebRtc]:
+        """Listen, as a context manager. Raises OSError."""
+        widen_bitrates()
+        async with UdpPort().running(address) as port:
+            yield cls(client, port, clock, on_loopback=address.is_loopback)
+
+    @property
+    def port_number(self) -> int:
+        return self._port.number
+
+    async def make(self, request: WebRtcRequest, host: str) -> WebRtcStream:
+        """A stream with its first frame rendered, not running yet; its viewer reached this service at `host`.
+
+        Raises InvalidRequest, RenderUnavailable, RenderProblem, and WebRtcUnavailable for a viewer on another machine
+        that cannot reach the port.
+        """
+        if self._on_loopback and not is_loopback(host):
+            raise WebRtcUnavailable(
+                "This packager sends WebRTC to its own machine alone; --http 0.0.0.0:8081 opens it."
+            )
+        async with taken(request.sdp) as connection:
+            size = single_size(request, await self._client.ladder(request.scene), request.rung)
+            source = ViewSource(self._client, request, size)
+            first, name = await source.first(), secrets.token_hex(8)
+            stream = WebRtcStream(name, request, size, source, first, connection, self._port, self._clock)
+            try:
+                await stream.begin(host)
+            except BaseException:
+                await stream.close()
+                raise
+            return stream

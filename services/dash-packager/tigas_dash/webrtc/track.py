@@ -10,8 +10,7 @@ import av
 from aiortc import MediaStreamTrack
 
 from tigas_dash.clock import Clock
-from tigas_dash.stream import Progress
-from tigas_dash.views import NewestView
+from tigas_dash.stream import NewestView, Progress
 
 RTP_RATE = 90_000
 """Ticks of a video's RTP timestamps in a second (RFC 6184, RFC 7741)."""

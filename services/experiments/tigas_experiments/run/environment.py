@@ -20,8 +20,8 @@ from tigas_experiments.records.machine import Machine, Server, this_machine
 from tigas_experiments.run.browser import chromium, find_chromium, responds, viewer
 from tigas_experiments.run.checks import MadeWith, check_services
 from tigas_experiments.run.inputs import Inputs, points_sha256
+from tigas_experiments.run.job import MadeFrom
 from tigas_experiments.run.link import held
-from tigas_experiments.run.outcome import MadeFrom
 from tigas_experiments.run.targets import LAB_URL, Target, alive, lab_target, load_scene, make_download, url_target
 from tigas_experiments.wire.movement import TimedPose
 from tigas_experiments.wire.run import PER_VIEW, Configuration, Network

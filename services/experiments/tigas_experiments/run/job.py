@@ -1,12 +1,34 @@
-"""A run as the page performs it: the viewer's settings, and the movement to play and record."""
+"""A run as the page performs it: its settings and movement, and what becomes of its recording.
+
+A command and a page's upload write the same folder.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+import httpx
+
+from tigas_common.wire.render import SceneInfo, ServerConfig
+from tigas_experiments.errors import RunFailed
+from tigas_experiments.quality.ground_truth import TIMEOUT_S, GroundTruth, pose_at
+from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, encode
+from tigas_experiments.records.files import BrokenRecording
+from tigas_experiments.records.folder import InputDigests, RunRecord, RunWriter, Snapshot, StoredRun, capture_path
+from tigas_experiments.records.load import Load, LoadSample, WatchedServices
+from tigas_experiments.records.machine import Server
+from tigas_experiments.records.samples import read_sample_file
 from tigas_experiments.wire.movement import TimedPose
-from tigas_experiments.wire.run import Configuration, RunPlan
+from tigas_experiments.wire.recording import Capture, Input, LinkSample, Recording
+from tigas_experiments.wire.run import OFF, Configuration, RunPlan
+from tigas_experiments.wire.store import RunUpload
+
+NOT_PLAYED = "The movement was not played to its end."
+HIDDEN = "The page was hidden, so that not all of the run could be shown."
+NO_FRAME = "No frame came during the run."
 
 
 def page_settings(configuration: Configuration) -> dict[str, Any]:
@@ -56,3 +78,91 @@ def run_plan(configuration: Configuration, points: Sequence[TimedPose]) -> RunPl
         sample_stride=configuration.sample_stride,
         download=configuration.local,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class MadeFrom:
+    """Inputs and services of a run."""
+
+    digests: InputDigests
+    points_sha256: str
+    config: ServerConfig
+    scene: SceneInfo
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        return {
+            "inputs_sha256": self.digests,
+            "points_sha256": self.points_sha256,
+            "server": Server.of(self.config, self.scene),
+            "scene_bytes": self.scene.file_bytes,
+            "scene_sha256": self.scene.file_sha256,
+        }
+
+
+def write_records(
+    writer: RunWriter,
+    upload: RunUpload,
+    load: Sequence[LoadSample],
+    made_from: MadeFrom,
+    *,
+    browser: str | None,
+    services: WatchedServices | None = None,
+) -> RunRecord:
+    """Write all records except pictures; the run is still incomplete unless it failed. Raises OSError."""
+    recording = upload.recording
+    if recording is None:
+        return writer.close(status="failed", problem=upload.problem, **made_from.fields)
+    during = [sample for sample in load if 0 <= sample.unix_ms - recording.started_unix_ms <= recording.ended_ms]
+    writer.recording(recording)
+    writer.write(LinkSample, upload.link)
+    writer.write(LoadSample, during)
+    writer.write(CaptureQuality, ())
+    problem = upload.problem or _problem(recording, writer.configuration)
+    return writer.close(
+        status="running" if problem is None else "failed",
+        problem=problem,
+        browser=browser,
+        backend=upload.backend,
+        sampling_problem=upload.sampling_problem,
+        load=Load.of(during, services),
+        recording=recording.head,
+        **made_from.fields,
+    )
+
+
+async def complete(folder: Path, render: str) -> RunRecord:
+    """Compare a run's captures, which are all there, with ground truth of a render service, and mark it as complete.
+
+    Raises RunFailed, BrokenRecording and OSError.
+    """
+    run = StoredRun(folder)
+    writer = RunWriter.resumed(run)
+    head, captures, inputs = run.record.recording, run.read(Capture), run.read(Input)
+    if head is None:
+        raise BrokenRecording(f"{folder / 'run.json'} says nothing of the recording.")
+    predicted = run.record.configuration.prediction != OFF
+    assessed: list[CaptureQuality] = []
+    async with httpx.AsyncClient(base_url=render, timeout=TIMEOUT_S, trust_env=False, verify=False) as http:
+        truth = GroundTruth(http, head.scene, head.lens)
+        for index, capture in enumerate(captures):
+            png = read_sample_file(capture_path(folder, index))
+            try:
+                quality = await truth.assess(png, capture, inputs, predicted=predicted)
+            except BrokenPicture as error:
+                raise RunFailed(f"Picture {index} of the run cannot be compared: {error}") from None
+            if quality is not None:
+                assessed.append(quality)
+            if index == len(captures) // 2 and (current := pose_at(inputs, capture.at)):
+                writer.snapshot(Snapshot(at=capture.at, capture=index), encode(await truth.picture(current)))
+    writer.write(CaptureQuality, assessed)
+    return writer.close(status="complete")
+
+
+def _problem(recording: Recording, configuration: Configuration) -> str | None:
+    if not recording.complete:
+        return HIDDEN if recording.hidden else NOT_PLAYED
+    if configuration.over_h3 and (stream := recording.dash) is not None and set(stream.protocols) != {"h3"}:
+        return f"Segments came over {' and '.join(stream.protocols) or 'nothing known'} instead of HTTP/3."
+    # A scene that did not arrive in time is a result.
+    return NO_FRAME if not recording.frames and recording.mode != "local" else None

@@ -16,9 +16,8 @@ from tigas_experiments.records.load import watching_load
 from tigas_experiments.records.samples import write_sample_file, write_samples
 from tigas_experiments.run.browser import Viewer, viewer
 from tigas_experiments.run.environment import Environment, Setup
-from tigas_experiments.run.job import page_settings, run_plan
+from tigas_experiments.run.job import complete, page_settings, run_plan, write_records
 from tigas_experiments.run.link import held, link_sample, watching_link
-from tigas_experiments.run.outcome import complete, write_records
 from tigas_experiments.run.targets import alive
 from tigas_experiments.run.watched import watched
 from tigas_experiments.wire.recording import Recording

@@ -20,8 +20,7 @@ from tigas_experiments.report.controllers import run_names
 from tigas_experiments.run.checks import MadeWith, changes, check_services
 from tigas_experiments.run.experiment import GIVE_UP_AFTER, RUNS, Experiment
 from tigas_experiments.run.inputs import points_sha256
-from tigas_experiments.run.job import page_settings, run_plan
-from tigas_experiments.run.outcome import MadeFrom
+from tigas_experiments.run.job import MadeFrom, page_settings, run_plan
 from tigas_experiments.run.plan import lasting, seconds
 from tigas_experiments.run.targets import Target, load_scene, make_download, read_config
 from tigas_experiments.store.errors import (
@@ -33,9 +32,18 @@ from tigas_experiments.store.errors import (
     storage_explained,
 )
 from tigas_experiments.store.experiments import Experiments
+from tigas_experiments.store.limited import (
+    COMPARE,
+    LIMIT,
+    BrokenPlan,
+    check_limit,
+    complete_upload,
+    expand,
+    keep_upload,
+    placed_points,
+    reopen,
+)
 from tigas_experiments.store.metrics import MonitoredLock
-from tigas_experiments.store.planning import LIMIT, BrokenPlan, expand, placed_points, reopen
-from tigas_experiments.store.upload import COMPARE, check_limit, complete_upload, keep_upload
 from tigas_experiments.store.workspace import Workspace
 from tigas_experiments.wire.movement import TimedPose
 from tigas_experiments.wire.run import Configuration

@@ -6,21 +6,19 @@ import re
 from collections.abc import Callable
 from pathlib import Path, PurePath
 
+from tigas_shaper.traces import importers
 from tigas_shaper.traces.csv_format import parse_csv
-from tigas_shaper.traces.importers import columns
-from tigas_shaper.traces.importers.irish import parse_irish
-from tigas_shaper.traces.importers.sabre import parse_sabre
 from tigas_shaper.traces.text import DEFAULT_UP_KBPS, decode, lines, quoted, read_bounded
 from tigas_shaper.traces.trace import NetworkTrace, TraceError
 
 FORMATS: dict[str, Callable[[str, str, float], NetworkTrace]] = {
     "tigas": parse_csv,
-    "ghent-4g": columns.parse_ghent,
-    "sabre": parse_sabre,
-    "mahimahi": columns.parse_mahimahi,
-    "pensieve": columns.parse_pensieve,
-    "irish-5g": parse_irish,
-    "plain": columns.parse_plain,
+    "ghent-4g": importers.parse_ghent,
+    "sabre": importers.parse_sabre,
+    "mahimahi": importers.parse_mahimahi,
+    "pensieve": importers.parse_pensieve,
+    "irish-5g": importers.parse_irish,
+    "plain": importers.parse_plain,
 }
 """Parsers by the name of their format; each takes a trace's name, the text, and the uplink where none is recorded."""
 
@@ -55,7 +53,7 @@ def recognise(text: str) -> str:
         raise TraceError(f"Line {line}: a comma-separated trace has t_ms and down_kbps, or DL_bitrate, in its header.")
     words = first.split()
     if len(words) == 1:
-        return "mahimahi" if columns.holds_packet_times(text) else "plain"
+        return "mahimahi" if importers.holds_packet_times(text) else "plain"
     if len(words) == 2:
         return "pensieve"
     if len(words) == 6:

@@ -1,15 +1,21 @@
-"""Recordings in columns of numbers, separated by blanks. Those with a single column look alike: their values decide."""
+"""Parsers of the formats in which network recordings are published; `formats` chooses among them."""
 
 from __future__ import annotations
 
+import json
+import math
+import re
 from array import array
 from collections.abc import Iterator
-from itertools import islice
+from datetime import datetime, timedelta
+from itertools import groupby, islice
+from statistics import fmean
 
 from tigas_common.wire.shaper import MAX_DURATION_MS
-from tigas_shaper.traces.text import lines, number
+from tigas_shaper.traces.text import cells, lines, number, quoted
 from tigas_shaper.traces.trace import MAX_STEPS, NetworkTrace, TraceBuilder, TraceError
 
+MISSING = "-"
 PACKET_BITS = 1500 * 8
 BIN_MS = 100
 """Mahimahi's packets are counted in bins of this length: the shortest step at which replay is precise, and tens of
@@ -135,3 +141,101 @@ def _column(text: str) -> Iterator[tuple[int, float]]:
         # the quick way for plain digits: a 5G link passes a hundred thousand packets a second
         quick = len(content) < 16 and content.isascii() and content.isdigit()
         yield line, float(content) if quick else number(content, line, "each line of this file")
+
+
+def parse_irish(name: str, text: str, up_kbps: float) -> NetworkTrace:
+    """The 5G data set of Cork (Raca et al. 2020): CSV with, among others, Timestamp and DL_bitrate in kbit/s.
+
+    About one row a second; stamps repeat and skip, because sampling takes a little more than a second or less. Rows of
+    the same second are averaged, a skipped second keeps the state before it, and "-" is a value that was not measured,
+    also kept as before. So a trace lasts as long as its recording did. UL_bitrate is left aside: the phones only
+    downloaded, so it is the rate of their acknowledgements and no capacity. Raises TraceError.
+    """
+    builder = TraceBuilder(name)
+    begun: tuple[int, datetime] | None = None
+    down_kbps: float | None = None
+    for stamp, rows in groupby(_rows(text), key=lambda row: row[1]):
+        second = list(rows)
+        rates = [rate for _, _, rate in second if rate is not None]
+        if begun is not None and down_kbps is not None:
+            builder.add(begun[0], (stamp - begun[1]) / timedelta(milliseconds=1), down_kbps, up_kbps)
+        begun = second[0][0], stamp
+        down_kbps = fmean(rates) if rates else down_kbps
+    if begun is None or down_kbps is None:
+        raise TraceError("No row has a DL_bitrate.")
+    builder.add(begun[0], 1000, down_kbps, up_kbps)
+    return builder.build()
+
+
+def _rows(text: str) -> Iterator[tuple[int, datetime, float | None]]:
+    """Line, time and DL_bitrate of each row."""
+    rows = lines(text)
+    first, header = next(rows)
+    columns = cells(first, header)
+    for column in ("Timestamp", "DL_bitrate"):
+        if column not in columns:
+            raise TraceError(f"Line {first}: the header lacks {column}.")
+    before = datetime.min
+    for line, content in rows:
+        found = cells(line, content)
+        if len(found) < len(columns):
+            raise TraceError(f"Line {line}: {len(columns)} cells are expected, not {len(found)}.")
+        row = dict(zip(columns, found, strict=False))
+        try:
+            stamp = datetime.strptime(row["Timestamp"], "%Y.%m.%d_%H.%M.%S")
+        except ValueError:
+            form = "must look like 2019.12.16_14.23.32, but it is"
+            raise TraceError(f"Line {line}: Timestamp {form} {quoted(row['Timestamp'])}.") from None
+        if stamp < before:
+            raise TraceError(f"Line {line}: time must not go back, but {row['Timestamp']} comes after a later one.")
+        before = stamp
+        rate = row["DL_bitrate"]
+        yield line, stamp, None if rate == MISSING else number(rate, line, "DL_bitrate")
+
+
+_BEGIN = re.compile(r"\s*\[\s*")
+_PERIOD = re.compile(r"(\{[^{}]{0,1000}\})\s*[,\]]\s*")
+"""One period. Periods are flat: a hostile file builds no deep or large structure."""
+
+
+def parse_sabre(name: str, text: str, up_kbps: float) -> NetworkTrace:
+    """Sabre's JSON (Spiteri et al. 2018): a list of {duration_ms, bandwidth_kbps, latency_ms}.
+
+    Sabre's latency is the time from a request to the first bit of its answer, hence a round trip: half of it is our
+    one-way delay. Raises TraceError.
+    """
+    builder = TraceBuilder(name)
+    for line, period in _periods(text):
+        duration = _value(period, "duration_ms", line)
+        if duration == 0:
+            raise TraceError(f"Line {line}: duration_ms must not be 0.")
+        latency = _value(period, "latency_ms", line) if "latency_ms" in period else 0.0
+        builder.add(line, duration, _value(period, "bandwidth_kbps", line), up_kbps, latency / 2)
+    return builder.build()
+
+
+def _periods(text: str) -> Iterator[tuple[int, dict[str, object]]]:
+    """Line and fields of each period."""
+    line, part = 1, _BEGIN.match(text)
+    while part is not None:
+        line, position = line + part[0].count("\n"), part.end()
+        if part[0].rstrip().endswith("]"):
+            if position < len(text):
+                raise TraceError(f"Line {line}: there is something after the end of the list.")
+            return
+        part = _PERIOD.match(text, position)
+        if part is not None:
+            try:
+                period = json.loads(part[1], parse_int=float)
+            except (ValueError, RecursionError):
+                break
+            yield line, period
+    expected = "a list of {duration_ms, bandwidth_kbps, latency_ms}"
+    raise TraceError(f"Line {line}: the JSON is damaged, or not {expected}.")
+
+
+def _value(period: dict[str, object], key: str, line: int) -> float:
+    value = period.get(key)
+    if not isinstance(value, float) or not math.isfinite(value) or value < 0:
+        raise TraceError(f"Line {line}: {key} must be a number that is not negative.")
+    return value

@@ -1,1 +1,0 @@
-"""One reader for each format that network recordings are published in; `formats` chooses among them."""
