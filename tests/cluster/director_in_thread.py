@@ -28,11 +28,9 @@ class RunningDirector:
     _loop: asyncio.AbstractEventLoop
 
     def follow(self, addresses: Iterable[HostAddress]) -> None:
-        """As the fleet's."""
         self._on_loop(lambda: self._fleet.follow(addresses))
 
     def wait_for(self, names: Iterable[str]) -> None:
-        """Until exactly these hosts are up."""
         wanted, end = set(names), time.monotonic() + PATIENCE_S
         while (up := self._on_loop(lambda: {host.name for host in self._fleet.hosts()})) != wanted:
             assert time.monotonic() < end, f"{up} are up and not {wanted}"

@@ -18,7 +18,6 @@ from tigas_common.wire.render import DEFAULT_LADDER, HostLoad, ServerConfig
 def load(
     viewers: int = 0, *, full: float | None = None, queue_age_s: float = 0.0, scenes: tuple[str, ...] = ()
 ) -> HostLoad:
-    """A host's report."""
     config = ServerConfig(
         version="1",
         ladder=DEFAULT_LADDER,
@@ -38,8 +37,6 @@ def host(name: str, viewers: int = 0, *, draining: bool = False, **report: Any) 
 
 
 class FakeFleet(Fleet):
-    """A fleet controlled by the test."""
-
     def __init__(self, *states: HostState) -> None:
         super().__init__((), lambda: 0.0)
         self.states: list[HostState] = list(states)
@@ -77,7 +74,6 @@ class FakeHosts(httpx.AsyncBaseTransport):
         raise NotImplementedError
 
     def count(self, name: str) -> int:
-        """How often a host was asked."""
         return sum(request.url.host == f"{name}.test" for request in self.asked)
 
 

@@ -19,8 +19,6 @@ A, B = HostAddress("a", "http://a.test:8080"), HostAddress("b", "http://b.test:8
 
 
 class Hosts(FakeHosts):
-    """Report their load."""
-
     viewers = 0
 
     def answer(self, name: str, request: httpx.Request) -> httpx.Response:
@@ -29,7 +27,6 @@ class Hosts(FakeHosts):
 
 @pytest.fixture(autouse=True)
 def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same ten times as fast."""
     for name in ("POLL_S", "GONE_S", "ANSWER_S"):
         monkeypatch.setattr(module, name, getattr(module, name) / 10)
 
@@ -46,7 +43,6 @@ async def fleet(hosts: Hosts) -> AsyncIterator[Fleet]:
 
 
 def up(fleet: Fleet, *names: str) -> Callable[[], bool]:
-    """Whether exactly these are up."""
     return lambda: [host.name for host in fleet.hosts()] == list(names)
 
 

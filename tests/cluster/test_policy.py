@@ -26,7 +26,6 @@ class Choosing:
         self.choice = Choice(lambda: self.now)
 
     def __call__(self, *hosts: HostState, scene: str = "garden", **viewer: str) -> str:
-        """The name of the chosen one."""
         chosen = self.choice.host(scene, hosts, **viewer)
         assert chosen is not None
         return chosen.name

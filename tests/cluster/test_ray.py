@@ -51,8 +51,6 @@ def short_folder() -> Iterator[Path]:
 
 @dataclass
 class Machines:
-    """A Ray cluster of two."""
-
     address: str
     head: subprocess.Popen[bytes]
     other: subprocess.Popen[bytes]
@@ -108,7 +106,6 @@ class Up:
         return set(re.findall(r'^tigas_director_viewers\{host="([^"]+)"\}', metrics, flags=re.MULTILINE))
 
     def place(self, **about: str) -> dict[str, Any]:
-        """The page's configuration."""
         answer = httpx.get(f"{self.url}/config.json", params={"scene": "courtyard", **about})
         found: dict[str, Any] = answer.raise_for_status().json()
         return found
@@ -161,7 +158,6 @@ def named(process: subprocess.Popen[bytes], words: str) -> psutil.Process | None
 
 
 def service(machine: subprocess.Popen[bytes]) -> psutil.Process:
-    """The render service on a machine."""
     found = named(machine, "tigas_common render")
     assert found
     return found

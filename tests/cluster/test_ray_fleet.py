@@ -96,7 +96,6 @@ class FakeCluster(Cluster, httpx.AsyncBaseTransport):
 
 @pytest.fixture(autouse=True)
 def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same ten times as fast."""
     monkeypatch.setattr(ray_fleet, "LOOK_S", 0.02)
     for name in ("POLL_S", "GONE_S", "ANSWER_S"):
         monkeypatch.setattr(fleet, name, getattr(fleet, name) / 10)
@@ -124,7 +123,6 @@ async def kept(cluster: FakeCluster, allowed: str = "2..3") -> AsyncIterator[Ray
 
 
 def up(hosts: RayFleet, *names: str) -> Callable[[], bool]:
-    """Whether exactly these are up."""
     return lambda: sorted(host.name for host in hosts.fleet.hosts()) == sorted(names)
 
 

@@ -14,21 +14,16 @@ ASK = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n"
 
 @dataclass(frozen=True)
 class Answer:
-    """A status and a body."""
-
     status: int
     body: bytes
 
     @property
     def problem(self) -> str:
-        """The stable type of a failure."""
         return str(json.loads(self.body)["type"])
 
 
 @dataclass
 class RawClient:
-    """One connection."""
-
     reader: asyncio.StreamReader
     writer: asyncio.StreamWriter
 

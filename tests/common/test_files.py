@@ -41,8 +41,6 @@ def test_what_is_no_file_is_refused(tmp_path: Path, kind: str) -> None:
 
 
 def refusing(number: int) -> Callable[..., None]:
-    """A system call that always fails."""
-
     def fail(*_: object, **__: object) -> None:
         raise OSError(number, os.strerror(number))
 

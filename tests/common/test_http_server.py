@@ -32,14 +32,12 @@ LONG_S = 60
 
 
 def server_tls() -> ssl.SSLContext:
-    """With a generated certificate."""
     tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     Certificate.create(["localhost"], datetime.now(UTC)).load_into(tls)
     return tls
 
 
 def client_tls() -> ssl.SSLContext:
-    """Trusts every certificate."""
     tls = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     tls.check_hostname, tls.verify_mode = False, ssl.CERT_NONE
     return tls
@@ -110,7 +108,6 @@ POST = b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: %d\r\n\r\n"
 
 
 async def takes_the_body(scope: Scope, receive: Receive, send: Send) -> None:
-    """Says how much it got."""
     size = 0
     while (message := await receive())["type"] == "http.request":
         size += len(message["body"])
@@ -227,7 +224,6 @@ async def test_an_answer_may_take_longer_than_its_request() -> None:
 
 
 async def echo(scope: Scope, receive: Receive, send: Send) -> None:
-    """A WebSocket that echoes."""
     socket = WebSocket(scope, receive, send)
     await socket.accept()
     while True:
@@ -301,3 +297,20 @@ async def test_a_request_arrives_when_its_head_has_been_read() -> None:
         client.say(b"body")
         await client.answer()
     assert before <= arrivals[0] <= head_read
+
+
+async def test_a_request_that_is_cut_when_the_service_stops_is_answered_503() -> None:
+    began = asyncio.Event()
+
+    async def endless(scope: Scope, receive: Receive, send: Send) -> None:
+        began.set()
+        await asyncio.Event().wait()
+
+    async with AsyncExitStack() as service:
+        port = await service.enter_async_context(serve_http(endless, Address("127.0.0.1", 0), HttpLimits()))
+        async with connected(port) as client:
+            client.say(ASK)
+            await began.wait()
+            await service.aclose()
+            answer = await client.answer()
+    assert (answer.status, answer.problem) == (503, "tigas:overloaded")

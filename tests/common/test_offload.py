@@ -44,7 +44,6 @@ def fill_memory() -> None:
 
 
 def spin() -> None:
-    """Without end."""
     while True:
         pass
 

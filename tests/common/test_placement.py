@@ -12,8 +12,6 @@ SCENES = [f"scene {number}" for number in range(400)]
 
 
 class Clock:
-    """Stands still until it is moved."""
-
     def __init__(self) -> None:
         self.now = 1000.0
 

@@ -27,7 +27,6 @@ child.wait()
 
 
 def started(argv: list[str]) -> subprocess.Popen[bytes]:
-    """In a separate session."""
     return subprocess.Popen(argv, stdout=subprocess.PIPE, start_new_session=True)
 
 
@@ -84,7 +83,6 @@ WAITS = [sys.executable, "-c", "import signal; signal.pause()"]
 
 @pytest.fixture
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is waited for long."""
     monkeypatch.setattr(BackOff, "FIRST_S", 0.02)
     monkeypatch.setattr(processes, "POLL_S", 0.01)
 

@@ -15,8 +15,6 @@ pytestmark = pytest.mark.anyio
 
 
 class Endless(httpx.AsyncByteStream):
-    """A body without an end."""
-
     closed = False
 
     async def __aiter__(self) -> AsyncIterator[bytes]:

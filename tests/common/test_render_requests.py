@@ -63,7 +63,6 @@ class Cluster:
                 yield http
 
     async def frame(self, hosts: SceneHosts) -> str:
-        """Which host answers."""
         return (await hosts.request("garden", "POST", "/render", content="", timeout_s=5)).text
 
 
@@ -149,7 +148,6 @@ async def test_the_packager_and_those_who_render_samples_follow_a_director(clust
 
 @pytest.fixture
 def slept(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """The pauses that were made."""
     pauses: list[float] = []
 
     async def sleep(seconds: float) -> None:

@@ -23,8 +23,6 @@ from tigas_shaper.settings import ShaperSettings
 
 
 class Example(ServiceSettings):
-    """A service's settings."""
-
     model_config = SettingsConfigDict(env_prefix="TIGAS_EXAMPLE_")
     table: ClassVar[str] = "example"
 

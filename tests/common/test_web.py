@@ -33,7 +33,6 @@ def request(parts: AsyncIterator[bytes]) -> Request:
 
 
 async def every(seconds: float, count: int, size: int) -> AsyncIterator[bytes]:
-    """Parts at a fixed interval."""
     for _ in range(count):
         await asyncio.sleep(seconds)
         yield bytes(size)

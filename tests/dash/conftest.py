@@ -42,7 +42,6 @@ class Packager:
     port: int
 
     async def open(self, **changes: Any) -> dict[str, Any]:
-        """A new session's SessionInfo."""
         answer = await self.http.post("/sessions", json=session_request(**changes))
         assert answer.status_code == 201, answer.text
         info: dict[str, Any] = answer.json()
@@ -50,12 +49,10 @@ class Packager:
 
     @asynccontextmanager
     async def poses(self, session: dict[str, Any]) -> AsyncIterator[ClientConnection]:
-        """A session's pose socket."""
         async with connect(f"ws://127.0.0.1:{self.port}{session['poses']}", max_queue=None) as socket:
             yield socket
 
     async def status(self, session: dict[str, Any]) -> dict[str, Any]:
-        """How a session does."""
         status: dict[str, Any] = (await self.http.get(f"/sessions/{session['id']}")).json()
         return status
 
@@ -68,7 +65,6 @@ class Packager:
                 await asyncio.sleep(0.01)
 
     async def until_idle(self) -> None:
-        """Until every stream has ended."""
         await eventually(lambda: not self.sessions.all())
 
     async def brightness(self, session: dict[str, Any], number: int, representation: str = "r3-500") -> dict[int, int]:
@@ -84,7 +80,6 @@ class Packager:
 
 
 async def eventually(condition: Callable[[], Any]) -> None:
-    """Wait until it holds."""
     deadline = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < deadline
@@ -125,7 +120,6 @@ def pose(seq: int, x: float) -> str:
 
 @asynccontextmanager
 async def running_packager(idle_s: float = 600, limit: int = 3) -> AsyncIterator[Packager]:
-    """A packager, as a context manager."""
     anywhere = Address("127.0.0.1", 0)
     render = FakeRender()
     transport = httpx.ASGITransport(render.app, raise_app_exceptions=False)

@@ -86,11 +86,9 @@ class FakeClock(Clock):
         await asyncio.sleep(0)
 
     def wait(self, seconds: float) -> None:
-        """As the event loop."""
         self._spent["waiting"] += seconds
 
     def work(self, seconds: float) -> None:
-        """As the encoder, in its thread."""
         self._spent["working"] += seconds
 
 

@@ -40,14 +40,12 @@ window.choose = (height) => player.selectVariantTrack(player.getVariantTracks().
 
 @pytest.fixture(scope="module")
 def render(models: Path) -> Iterator[RenderServer]:
-    """A real render service."""
     with RenderServer("--scenes", str(models)) as running:
         yield running
 
 
 @pytest.fixture(scope="module")
 def packager(render: RenderServer) -> Iterator[Packager]:
-    """A packager before it."""
     running = Packager(idle_s=600)
     running.render = render.url.rstrip("/")
     with running:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import io
+import json
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime
@@ -15,8 +16,8 @@ import av
 import httpx
 import pytest
 
-from tests.dash.conftest import PATIENCE_S, parsed_request
-from tests.dash.fakes import FakeClock, grey
+from tests.dash.conftest import PATIENCE_S, Packager, announcement, parsed_request, pose
+from tests.dash.fakes import BUSY, FakeClock, grey
 from tigas_common.wire.dash import FrameShown
 from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_dash.cmaf import Sample
@@ -144,3 +145,47 @@ async def test_a_listener_that_was_away_hears_the_newest_frames() -> None:
     assert len(waiting) == MAX_UNREAD
     assert waiting[-1] is not None
     assert waiting[-1].frame >= newest.frame
+
+
+async def test_frames_repeat_while_the_render_service_is_slow_and_are_counted(packager: Packager) -> None:
+    session = await packager.open()
+    async with packager.poses(session) as socket_:
+        packager.render.gate.clear()
+        await socket_.send(pose(1, 180))
+        await packager.until(session, lambda status: status["repeated"] >= 10)
+        assert json.loads(await socket_.recv())["pose"] == 0
+        packager.render.gate.set()
+        await announcement(socket_, lambda message: message.get("pose") == 1)
+    assert len(packager.render.requests) < 6, "requests pile up at a service that is slow"
+
+
+async def test_the_stream_outlives_a_render_service_that_fails(packager: Packager) -> None:
+    session = await packager.open()
+    async with packager.poses(session) as socket_:
+        packager.render.error = BUSY
+        await socket_.send(pose(1, 180))
+        await packager.until(session, lambda status: status["render_failures"] >= 3)
+        assert (await packager.status(session))["render_problem"] == BUSY.detail
+        before = (await packager.status(session))["frames"]
+        await packager.until(session, lambda status: status["frames"] > before + 10)
+        await packager.until(session, lambda status: status["repeated"] > 10)
+        packager.render.error = None
+        await announcement(socket_, lambda message: message.get("pose") == 1)
+    await packager.until(session, lambda status: status["render_problem"] is None)
+
+
+async def test_a_frame_that_is_cut_short_is_not_shown(packager: Packager) -> None:
+    session = await packager.open()
+    async with packager.poses(session) as socket_:
+        packager.render.cut = 1
+        await socket_.send(pose(1, 180))
+        await packager.until(session, lambda status: status["render_failures"] >= 1)
+        packager.render.cut = 0
+        await announcement(socket_, lambda message: message.get("pose") == 1)
+
+
+async def test_a_still_camera_is_not_rendered_again(packager: Packager) -> None:
+    session = await packager.open()
+    await packager.until(session, lambda status: status["frames"] >= 30)
+    assert len(packager.render.requests) == 1
+    assert (await packager.status(session))["repeated"] == 0

@@ -36,7 +36,6 @@ def as_jpeg(pixels: NDArray[np.uint8], width: int, height: int) -> bytes:
 
 
 def pair(seed: int) -> Pair:
-    """A view and its frames."""
     full = view(seed)
     rungs = {
         rung: np.asarray(Image.open(io.BytesIO(as_jpeg(full, *size))).convert("RGB")) for rung, size in LOW.items()

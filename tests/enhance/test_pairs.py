@@ -1,19 +1,25 @@
-"""Where cameras stand: the same for the same scene, about its start camera, and held-out ones apart from the others."""
+"""Training pairs, and the service that renders them."""
 
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from tests import scenes
+from tests.prerequisites import SETPRIV
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
 from tigas_common.sample_cameras import NEAR, NEAR_DEGREES
 from tigas_common.wire.render import SceneInfo, StartCamera
 from tigas_enhance.pairs import MOST_HELD_OUT, held_out_views, training_views
+from tigas_enhance.renderer import RenderFailed, render_service
 
 
 def scene(up: tuple[float, float, float] = (0.0, -1.0, 0.0), **changes: Any) -> SceneInfo:
@@ -61,3 +67,41 @@ def test_cameras_stand_upright_about_the_start_camera_and_its_subject(up: tuple[
 def test_a_scene_without_a_start_camera_has_no_views() -> None:
     with pytest.raises(StartError, match="no start camera"):
         held_out_views(scene(camera=None), 1)
+
+
+TRAINING = """
+import time
+from tigas_enhance.renderer import render_service
+with render_service("cpu") as url:
+    print(url, flush=True)
+    time.sleep(600)
+"""
+
+
+@pytest.mark.slow
+@SETPRIV.mark
+def test_it_ends_with_a_training_that_is_killed() -> None:
+    with subprocess.Popen([sys.executable, "-c", TRAINING], stdout=subprocess.PIPE) as training:
+        assert training.stdout is not None
+        try:
+            assert training.stdout.readline().startswith(b"http://")
+            services = psutil.Process(training.pid).children(recursive=True)
+        finally:
+            training.kill()
+    assert services
+    try:
+        assert psutil.wait_procs(services, timeout=30)[1] == []
+    finally:
+        for service in services:
+            if service.is_running():
+                service.kill()
+
+
+@pytest.mark.slow
+def test_one_that_does_not_start_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TIGAS_RENDER_SCENES", str(tmp_path / "nowhere"))
+    with (
+        pytest.raises(RenderFailed, match=r"^The render service did not start: .*nowhere"),
+        render_service("cpu"),
+    ):
+        pass

@@ -1,18 +1,25 @@
-"""A training of a few steps, on views that need no renderer."""
+"""Training of networks, and the choice of those that are kept."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import count
 
+import numpy as np
 import pytest
 import torch
+from PIL import Image
 
+from tests.common.test_weights import NETWORK, made
+from tests.enhance.networks import random_networks, weights_file
 from tests.enhance.synthetic import pair
+from tigas_common.weights import parse_weights
+from tigas_common.wire.render import DEFAULT_LADDER, Rung
 from tigas_enhance.evaluate import gains
-from tigas_enhance.network import Network, resampled
+from tigas_enhance.network import Network, enlarged, resampled, shown, to_network
 from tigas_enhance.pairs import NothingToLearn
 from tigas_enhance.train import Crops, Recipe, Variation, train
+from tigas_enhance.tuning import gaining, training_rungs
 
 CPU = torch.device("cpu")
 STEPS = 60
@@ -90,3 +97,74 @@ def test_a_rung_that_is_too_small_is_named() -> None:
     tiny.rungs[2] = tiny.rungs[2][:12]
     with pytest.raises(NothingToLearn, match="12 pixels is too small"):
         train([tiny], 2, Recipe(batch=2), 1, CPU, lambda done: None)
+
+
+def test_networks_that_make_nothing_better_are_left_out() -> None:
+    worse = NETWORK.model_copy(update={"rung": 3, "gain_db": -0.1})
+    kept = parse_weights(gaining(made(NETWORK, worse)).to_bytes())
+    assert kept.networks == (NETWORK,)
+    with pytest.raises(NothingToLearn, match="--seconds"):
+        gaining(made(worse))
+
+
+def test_a_network_is_the_same_after_it_was_written_and_read() -> None:
+    networks = random_networks({1: 1, 3: 2}, layers=3, channels=8)
+    read = parse_weights(weights_file(networks))
+    pictures = torch.rand(1, 3, 12, 16)
+    for info in read.networks:
+        assert torch.equal(to_network(info, read)(pictures), networks[info.rung](pictures))
+
+
+@pytest.mark.parametrize(
+    ("heights", "rungs"), [((720, 630, 540, 468, 300, 220, 200, 180, 144), (2, 4, 7)), ((720, 540), (1,))]
+)
+def test_rungs_that_serve_the_most_are_trained(heights: tuple[int, ...], rungs: tuple[int, ...]) -> None:
+    assert training_rungs(DEFAULT_LADDER) == (1, 2, 3)
+    named = [Rung(name=f"{i}", width=640, height=h, quality=50, expected_kb=9) for i, h in enumerate(heights)]
+    assert training_rungs(named) == rungs
+    with pytest.raises(NothingToLearn, match="one rung only"):
+        training_rungs(named[:1])
+
+
+@pytest.mark.parametrize("scale", [1, 2])
+def test_an_untrained_network_enlarges_bilinearly(scale: int) -> None:
+    pictures = torch.rand(2, 3, 9, 16)
+    assert torch.equal(Network(scale, channels=8)(pictures), enlarged(pictures, scale))
+
+
+def test_an_edge_is_replicated_before_every_convolution() -> None:
+    torch.manual_seed(0)
+    network = Network(1, channels=8)
+    for parameter in network.parameters():
+        torch.nn.init.normal_(parameter, std=0.1)
+    colour = torch.tensor([0.2, 0.5, 0.7]).view(1, 3, 1, 1)
+    outcome = network(colour.expand(1, 3, 12, 12))
+    assert torch.allclose(outcome, outcome[..., :1, :1].expand_as(outcome), atol=1e-6)
+
+
+@pytest.mark.parametrize("size", [(48, 36), (24, 20), (128, 72), (50, 31)])
+def test_pictures_are_resampled_as_pillow_does_it(size: tuple[int, int]) -> None:
+    random = np.random.default_rng(1).random((36, 48), dtype=np.float32)
+    expected = np.asarray(Image.fromarray(random).resize(size, Image.Resampling.BICUBIC))
+    outcome = resampled(torch.from_numpy(random)[None, None], *size)[0, 0]
+    assert np.abs(outcome.numpy() - expected).max() < 1e-5
+
+
+def test_an_enhanced_picture_has_the_size_and_values_of_a_display() -> None:
+    network = Network(2, channels=8)
+    torch.nn.init.normal_(network.convolutions[-1].weight, std=1.0)  # type: ignore[arg-type]
+    picture = shown(network, torch.rand(1, 3, 18, 32), 48, 27)
+    assert picture.shape == (1, 3, 27, 48)
+    assert picture.min() >= 0
+    assert picture.max() <= 1
+
+
+@pytest.mark.parametrize("scale", [1, 2])
+def test_what_is_learnt_on_crops_is_what_the_network_gives_inside(scale: int) -> None:
+    torch.manual_seed(0)
+    network = Network(scale, layers=4, channels=8)
+    torch.nn.init.normal_(network.convolutions[-1].weight, std=0.02)  # type: ignore[arg-type]
+    pictures = 0.4 + 0.2 * torch.rand(2, 3, 20, 24)
+    whole, inner = network(pictures), network.inner(pictures)
+    cut = 4 * scale
+    assert torch.allclose(inner, whole[..., cut:-cut, cut:-cut], atol=1e-6)

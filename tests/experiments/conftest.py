@@ -19,8 +19,6 @@ from tests.web.server import TIGAS, Packager, RenderServer
 
 @dataclass(frozen=True)
 class Services:
-    """Services and their addresses."""
-
     url: str
     shaper: FakeShaper
 
@@ -49,7 +47,6 @@ def running(models: Path, program: Sequence[str] = TIGAS) -> Iterator[Services]:
 
 @pytest.fixture
 def out(tmp_path: Path) -> Path:
-    """Where a comparison goes."""
     return tmp_path / "out"
 
 

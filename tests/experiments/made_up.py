@@ -67,7 +67,6 @@ STREAM = PlayedStream(
 
 
 def inputs(count: int, every_ms: float = 20.0, start: float = 0.0, first: int = 1) -> list[Input]:
-    """Poses that walk along x."""
     return [
         Input(
             at=start + index * every_ms, pose=first + index, position=(float(index), 0.0, 0.0), quaternion=(0, 0, 0, 1)
@@ -115,7 +114,6 @@ def sampled(seq: int, at: float = 100.0, **changes: Any) -> Sample:
 
 
 def recording(**changes: Any) -> dict[str, Any]:
-    """The page's upload, as JSON."""
     sampled = inputs(50)
     made = Recording(
         scene="courtyard",
@@ -137,7 +135,6 @@ def recording(**changes: Any) -> dict[str, Any]:
 
 
 def configuration(mode: Mode = "stateless", **changes: Any) -> Configuration:
-    """A second of it."""
     fields = {"scene": "courtyard", "movement": "stroll", "network": LINK, "mode": mode, "duration_s": 1.0}
     return Configuration.model_validate({**fields, "width": 640, "height": 360, **changes})
 
@@ -145,7 +142,6 @@ def configuration(mode: Mode = "stateless", **changes: Any) -> Configuration:
 def write_run(
     folder: Path, mode: Mode = "stateless", delay_ms: float = 40.0, busy: float = 0.5, **changes: Any
 ) -> Path:
-    """A complete run."""
     sampled = inputs(50)
     frames = [f.model_dump() for f in late(sampled, delay_ms)]
     made = Recording.model_validate(
@@ -184,7 +180,6 @@ def write_run(
 
 
 def sample(at: float, delivered_kbps: float = 5000.0) -> LinkSample:
-    """The link at a moment."""
     return LinkSample(
         at=at,
         position_ms=at + 12,

@@ -86,7 +86,6 @@ class Stub:
 
 
 def installed(monkeypatch: pytest.MonkeyPatch) -> Stub:
-    """In place of services and browser."""
     made = Stub()
 
     @asynccontextmanager
@@ -101,5 +100,4 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> Stub:
 
 
 def fails(writer: RunWriter) -> None:
-    """As a browser that was closed."""
     raise RunFailed("The viewer failed: Target closed")

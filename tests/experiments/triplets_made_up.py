@@ -29,7 +29,6 @@ def view(seed: int = 1, width: int = WIDTH, height: int = HEIGHT) -> Picture:
 
 
 def jpeg(picture: Picture, quality: int) -> bytes:
-    """Compressed."""
     buffer = io.BytesIO()
     Image.fromarray(picture).save(buffer, "JPEG", quality=quality)
     return buffer.getvalue()

@@ -48,8 +48,6 @@ async def _settle() -> None:
 
 
 class FakeLink:
-    """Records its calls and their times."""
-
     backend = "relay"
 
     def __init__(self, time: FakeTime) -> None:
@@ -82,18 +80,14 @@ class FakeLink:
 
 
 class FakeGateway:
-    """Always in order."""
-
     async def check(self) -> None:
         pass
 
 
 def make_player(time: FakeTime, link: FakeLink) -> Player:
-    """A player on that clock."""
     return Player(link, IDLE, clock=time.clock, sleep=time.sleep)
 
 
 def trace(*down: float, step_ms: int = 100, name: str = "made") -> NetworkTrace:
-    """A trace of equal steps."""
     states = tuple(LinkSetting(rate, 1_000) for rate in down)
     return NetworkTrace(name, tuple(range(0, step_ms * len(down), step_ms)), states, step_ms * len(down))

@@ -28,7 +28,6 @@ def lab() -> Iterator[Lab]:
 
 @pytest.fixture(scope="module")
 def link(lab: Lab) -> Iterator[ShaperProcess]:
-    """A shaper on its gateway."""
     with shaper(lab) as running:
         yield running
 

@@ -46,7 +46,6 @@ def _enter(namespace: int) -> None:
 
 
 def udp(lab: Lab, role: Role, port: int = 0) -> socket.socket:
-    """A UDP socket in a namespace."""
     with inside(lab, role):
         made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     made.bind(("0.0.0.0", port))
@@ -119,7 +118,6 @@ class Receiver:
 
     @contextmanager
     def collecting(self) -> Iterator[None]:
-        """Collect until the context ends."""
         offset = time.clock_gettime(time.CLOCK_REALTIME) - time.monotonic()
 
         def collect(stop: threading.Event) -> None:

@@ -30,7 +30,6 @@ _TESTS_CLIENT = re.compile(r"^tigas-(t\d+n\d+)-client\b", re.MULTILINE)
 
 
 def new_lab() -> Lab:
-    """A name unique to a test."""
     return Lab(f"t{os.getpid()}n{next(_numbers)}")
 
 
@@ -43,8 +42,6 @@ def remove_abandoned() -> None:
 
 
 class ShaperProcess:
-    """A running shaper."""
-
     def __init__(self, lab: Lab, process: subprocess.Popen[str]) -> None:
         self.lab = lab
         self.process = process
@@ -78,20 +75,17 @@ class ShaperProcess:
         return (playing.time_ms - playing.position_ms) / 1e3
 
     def status(self) -> ShaperStatus:
-        """From the API."""
         status, answer = self.request("GET", "/status")
         assert status == 200
         return ShaperStatus.model_validate(answer)
 
     def is_up(self) -> bool:
-        """Whether it answers."""
         assert self.process.poll() is None, f"the shaper ended:\n{self.output()}"
         with suppress(OSError):
             return self.request("GET", "/healthz")[0] in (200, 503)
         return False
 
     def output(self) -> str:
-        """Its output before it ended."""
         assert self.process.stdout
         return self.process.stdout.read()
 
@@ -121,6 +115,5 @@ def left_behind(lab: Lab) -> list[str]:
 
 
 def ip_forward(lab: Lab) -> str:
-    """Whether the gateway's kernel forwards."""
     argv = lab.command("gateway", ["cat", "/proc/sys/net/ipv4/ip_forward"])
     return subprocess.run(argv, check=True, capture_output=True, text=True).stdout.strip()

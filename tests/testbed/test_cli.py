@@ -45,7 +45,6 @@ def serves(port: int = PAGE.number) -> bool:
 
 
 def set_link(**setting: float) -> None:
-    """Hold a constant link."""
     asking = Request(
         f"http://localhost:{SHAPER.number}/link", json.dumps(setting).encode(), {"Origin": PAGE_ORIGINS[0]}
     )

@@ -38,7 +38,6 @@ class FakeViews:
 
 
 async def timestamp(track: ViewTrack) -> int:
-    """Of the next frame."""
     pts = (await track.recv()).pts
     assert pts is not None
     return pts

@@ -31,7 +31,6 @@ async def served(port: UdpPort) -> Connection:
 
 
 async def viewed(ours: Connection, port: UdpPort) -> Connection:
-    """A viewer's end of the same."""
     theirs = Connection(ice_controlling=True, use_ipv6=False)
     await theirs.gather_candidates()
     theirs.remote_username, theirs.remote_password = ours.local_username, ours.local_password

@@ -19,14 +19,11 @@ CONNECTING_S = 5
 
 
 def webrtc_request(sdp: str, **changes: Any) -> dict[str, Any]:
-    """A valid request, with changes."""
     request = session_request(sdp=sdp, rung=3, **changes)
     return {name: value for name, value in request.items() if name not in ("representations", "segment_s")}
 
 
 class Viewer:
-    """Receives a stream's video and announcements."""
-
     def __init__(self) -> None:
         self.connection = RTCPeerConnection(RTCConfiguration(iceServers=[]))
         self.connection.addTransceiver("video", direction="recvonly")
@@ -42,12 +39,10 @@ class Viewer:
         self.frames.add_listener("message", lambda message: self.told.append(json.loads(message)))
 
     async def offer(self) -> str:
-        """Its offer."""
         await self.connection.setLocalDescription(await self.connection.createOffer())
         return self.connection.localDescription.sdp
 
     async def take(self, answer: str) -> None:
-        """The packager's answer."""
         self._answered = True
         await self.connection.setRemoteDescription(RTCSessionDescription(sdp=answer, type="answer"))
 

@@ -29,7 +29,6 @@ SHORT = ("--scene", "pebbles", "--duration", "2", "--viewport", "320x180", "--pr
 
 
 def compare(*arguments: str) -> subprocess.Popen[str]:
-    """Start it."""
     return started("compare", *arguments)
 
 
@@ -199,7 +198,6 @@ def test_nonsense_gets_one_sentence(out: Path, arguments: tuple[str, str], sente
 
 
 def tigas_compare(*arguments: str) -> Result:
-    """The command within this process."""
     return tigas("compare", *arguments)
 
 

@@ -42,7 +42,6 @@ def quality(*arguments: str) -> Result:
 
 
 def words(result: Result) -> str:
-    """Without the lines of the table."""
     return re.sub(r"[\s│┃━┏┓┗┛┡┩└┘├┤─┼┴┬╇]+", " ", result.output)
 
 

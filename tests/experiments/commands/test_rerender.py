@@ -26,7 +26,6 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def server(models: Path) -> Iterator[RenderServer]:
-    """The source of frames."""
     with RenderServer("--scenes", str(models)) as running:
         yield running
 

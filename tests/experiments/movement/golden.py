@@ -86,7 +86,6 @@ SCENES = {
 
 
 def golden() -> dict[str, Any]:
-    """Each movement in each scene."""
     return {
         "movements": MOVEMENTS,
         "refused": REFUSED,

@@ -19,7 +19,6 @@ def run(*arguments: object) -> Result:
 
 
 def said(result: Result) -> str:
-    """All of it on one line."""
     return " ".join(result.output.split())
 
 

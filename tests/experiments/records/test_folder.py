@@ -1,4 +1,4 @@
-"""Run folders: written data is read back, and broken data is reported in a sentence."""
+"""A run's folder and its samples: written, read, and refused if broken."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import math
 from pathlib import Path
 
 import pytest
-from pydantic import JsonValue
+from pydantic import JsonValue, ValidationError
 
-from tests.experiments.made_up import recording, reply, write_run
+from tests.experiments.made_up import recording, reply, sampled, write_run
 from tests.not_files import NOT_FILES
 from tigas_experiments.quality.picture import CaptureQuality, Quality
 from tigas_experiments.records.files import BrokenRecording, parse_recording
@@ -21,8 +21,17 @@ from tigas_experiments.records.folder import (
     read_snapshot,
     write_experiment,
 )
+from tigas_experiments.records.samples import (
+    ENHANCED,
+    enhanced_path,
+    read_sample_file,
+    read_samples,
+    sample_path,
+    write_sample_file,
+    write_samples,
+)
 from tigas_experiments.records.summary import summarise
-from tigas_experiments.wire.recording import Input, Reply, ShownFrame, Traffic
+from tigas_experiments.wire.recording import Input, Reply, Sample, ShownFrame, Traffic
 
 
 def test_what_is_written_comes_back(tmp_path: Path) -> None:
@@ -197,3 +206,57 @@ def test_a_broken_experiment_gets_a_sentence(tmp_path: Path, changes: dict[str, 
 def test_a_page_that_was_closed_says_nothing() -> None:
     with pytest.raises(BrokenRecording):
         parse_recording("null")
+
+
+def test_written_samples_come_back(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "run")
+    assert read_samples(run) == [], "as in a run without any"
+    samples = [sampled(3), sampled(1_234_567, enhanced=True, restore="scene", enhance_ms=4.5)]
+    for sample in samples:
+        write_sample_file(run, sample.seq, "jpg", b"jpeg of %d" % sample.seq)
+    write_sample_file(run, 1_234_567, ENHANCED[0], b"lossless")
+    write_samples(run, samples)
+    assert read_samples(run) == samples
+    assert read_sample_file(sample_path(run, 3, "jpg")) == b"jpeg of 3"
+    assert sample_path(run, 3, "jpg").name == "000003.jpg"
+    assert enhanced_path(run, 3) is None
+    path = enhanced_path(run, 1_234_567)
+    assert path is not None
+    assert read_sample_file(path) == b"lossless"
+
+
+def test_samples_of_an_older_version_stay_readable(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "run")
+    old = json.loads(sampled(3).model_dump_json())
+    old["request"]["stamp"] = None
+    (run / "samples.ndjson").write_text(json.dumps(old, separators=(",", ":")) + "\n")
+    assert read_samples(run) == [sampled(3)]
+
+
+def test_two_samples_of_one_number_are_refused(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "run")
+    write_samples(run, [sampled(3), sampled(3)])
+    with pytest.raises(BrokenRecording, match="two samples of one sequence number"):
+        read_samples(run)
+
+
+@pytest.mark.parametrize("kind", NOT_FILES)
+def test_what_is_no_file_gets_a_sentence(tmp_path: Path, kind: str) -> None:
+    run = write_run(tmp_path / "run")
+    (run / "samples").mkdir()
+    NOT_FILES[kind](run / "samples.ndjson")
+    NOT_FILES[kind](sample_path(run, 3, "jpg"))
+    with pytest.raises(BrokenRecording, match=r"samples.ndjson cannot be read: .+\."):
+        read_samples(run)
+    with pytest.raises(BrokenRecording, match=r"000003.jpg cannot be read: .+\."):
+        read_sample_file(sample_path(run, 3, "jpg"))
+
+
+@pytest.mark.parametrize("changes", [{"seq": 4}, {"request": {"format": "png"}}, {"width": 0}, {"bytes": -1}])
+def test_samples_that_cannot_be_are_refused(changes: dict[str, object]) -> None:
+    made = sampled(3).model_dump(exclude_none=True) | {"rung": 2}
+    if isinstance(request := changes.get("request"), dict):
+        changes = {"request": made["request"] | request}
+    assert Sample.model_validate(made)
+    with pytest.raises(ValidationError):
+        Sample.model_validate(made | changes)

@@ -155,7 +155,6 @@ def download(first_s: float | None, complete_s: float | None, size: int = 2_000_
 
 
 def rows(path: Path) -> list[dict[str, str]]:
-    """The rows of a CSV file."""
     with path.open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
 

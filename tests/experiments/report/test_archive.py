@@ -28,7 +28,6 @@ def experiment(folder: Path) -> Path:
 
 
 def written(folder: Path) -> dict[str, bytes]:
-    """Files of a report, by name."""
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file() and path.name != ".lock"}
 
 

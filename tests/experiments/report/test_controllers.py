@@ -125,7 +125,6 @@ def test_runs_are_called_by_what_tells_them_apart() -> None:
 
 
 def linear(colour: str) -> NDArray[np.float64]:
-    """Linear sRGB of #rrggbb."""
     values = np.array([int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)])
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
@@ -139,6 +138,5 @@ def lab(colour: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def contrast(a: str, b: str) -> float:
-    """WCAG's ratio."""
     dark, light = sorted(float(TO_XYZ[1] @ linear(colour)) for colour in (a, b))
     return (light + 0.05) / (dark + 0.05)

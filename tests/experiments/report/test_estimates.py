@@ -29,7 +29,6 @@ def estimate(*values: float, step: float = 0.0) -> Estimate:
 
 
 def crossed(values: NDArray[np.float64]) -> Estimate:
-    """Of [windows, people]."""
     found = Estimate.over({block(*place): float(value) for place, value in np.ndenumerate(values)})
     assert found is not None
     return found

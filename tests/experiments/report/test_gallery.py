@@ -25,7 +25,6 @@ pytestmark = pytest.mark.anyio
 
 
 async def made(folder: Path, runs: int = 1, samples: int = 4, shade: int = 0) -> None:
-    """An experiment with samples rendered again."""
     async with FakeRenderer(shade).client() as renderer:
         for number in range(runs):
             run = folder / "runs" / f"{number:02}"

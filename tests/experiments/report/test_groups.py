@@ -24,12 +24,10 @@ AGE = METRICS["frame_age_mean_ms"]
 
 
 def run(controller: str | int, network: str, movement: str, delay_ms: float, **more: Any) -> dict[str, Any]:
-    """The arguments of a run."""
     return {"controller": controller, "network": network, "movement": movement, "delay_ms": delay_ms, **more}
 
 
 def known(estimate: Estimate | None) -> Estimate:
-    """An estimate that is there."""
     assert estimate is not None
     return estimate
 

@@ -72,7 +72,6 @@ def test_a_difference_is_of_the_same_sample() -> None:
 
 
 def heat_maps(experiment: Path) -> tuple[Plot | None, Plot | None]:
-    """Quality and enhancement of an experiment."""
     groups = Groups.of(load(experiment).runs)
     return quality_heat_map(groups), enhancement_heat_map(groups)
 

@@ -28,7 +28,6 @@ def stream(kbps: int, view_ssim: float, **changes: Any) -> dict[str, Any]:
 
 
 def fixed(kbps: int, view_ssim: float) -> dict[str, Any]:
-    """A DASH stream of one representation."""
     return stream(kbps, view_ssim, dash_representation={"rung": 2, "bitrate_kbps": kbps})
 
 
@@ -39,7 +38,6 @@ def compared(folder: Path, *runs: dict[str, Any]) -> list[EqualRate]:
 
 
 def difference(one: EqualRate) -> float:
-    """In SSIM, at equal rates."""
     estimate = one.estimate(SSIM)
     assert estimate is not None
     return estimate.mean

@@ -29,13 +29,11 @@ def run_report(folder: Path, *options: str) -> Result:
 
 
 def record(name: str = "compare-1", **fields: object) -> ExperimentRecord:
-    """An experiment's record."""
     fixed = {"created": "2026-01-01T00:00:00Z", "source": "command", "plan": {}}
     return ExperimentRecord.model_validate({"name": name, **fixed, **fields})
 
 
 def page_text(folder: Path) -> str:
-    """The visible text of report.html."""
     return text_of((folder / "report.html").read_text())
 
 

@@ -19,7 +19,6 @@ def warned(folder: Path) -> list[str]:
 
 
 def repeats(folder: Path, count: int) -> list[Path]:
-    """Repeats of a run."""
     return [write_run(folder / "runs" / f"{repeat}", repeat=repeat) for repeat in range(count)]
 
 

@@ -43,7 +43,6 @@ def services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Services]:
 
 
 def plan(**changes: float) -> RunPlan:
-    """Turn for two seconds."""
     fields = {"duration_ms": 2000, "capture_every_ms": 0, "sample_stride": 0, "download": False, "points": TURN}
     return RunPlan.model_validate(fields | changes, strict=False)
 

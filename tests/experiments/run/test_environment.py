@@ -95,8 +95,6 @@ REFUSED = "The viewer failed: controller cannot be that"
 
 
 def supervised(resource: Any) -> Supervised[Any]:
-    """Something that lives for ever."""
-
     async def lives(_: object) -> bool:
         return True
 
@@ -145,7 +143,6 @@ class World:
 
 
 def unshaped(**changes: Any) -> Configuration:
-    """A run without a link."""
     return configuration(**changes, network=Network())
 
 

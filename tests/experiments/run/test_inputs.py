@@ -28,7 +28,6 @@ def movement_points(configuration: Configuration, scene: SceneInfo) -> list[Time
 
 
 def direction(point: TimedPose) -> tuple[float, float, float]:
-    """Where it looks."""
     x, y, z, w = point["quaternion"]
     rows = Pose.from_quaternion((0, 0, 0), (x, y, z, w)).rotation
     return rows[0][2], rows[1][2], rows[2][2]

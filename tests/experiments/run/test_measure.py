@@ -72,7 +72,6 @@ class World:
 
 @pytest.fixture
 def world(monkeypatch: pytest.MonkeyPatch) -> World:
-    """In which all goes well."""
     made = World()
 
     @asynccontextmanager

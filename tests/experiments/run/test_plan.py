@@ -22,7 +22,6 @@ SMALL: dict[str, Any] = {"name": "small", "scenes": ["courtyard"], "movements": 
 
 
 def toml(**fields: Any) -> str:
-    """A file."""
     return "".join(f"{key} = {_value(value)}\n" for key, value in {**SMALL, **fields}.items())
 
 

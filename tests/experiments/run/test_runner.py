@@ -6,6 +6,7 @@ Measuring is a stub here; `test_cli.py` does it in a real browser.
 from __future__ import annotations
 
 import errno
+import io
 import json
 import shutil
 import signal
@@ -13,22 +14,25 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 
 from tests.command import Result
 from tests.command import tigas as in_process
-from tests.experiments.made_up import SERVER
+from tests.experiments.made_up import MACHINE, SERVER
 from tests.experiments.run.test_plan import toml
 from tests.experiments.stub import Stub, fails
 from tigas_common.errors import StartError
 from tigas_experiments.lock import exclusive
-from tigas_experiments.records.folder import RunWriter, read_experiment
+from tigas_experiments.records.folder import RunRecord, RunWriter, read_experiment
 from tigas_experiments.records.machine import Server
-from tigas_experiments.run.experiment import GIVE_UP_AFTER
+from tigas_experiments.report.controllers import run_names
+from tigas_experiments.run.experiment import GIVE_UP_AFTER, Experiment
+from tigas_experiments.run.plan import ExperimentPlan
+from tigas_experiments.run.progress import progress
 
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
-    """An experiment of six runs."""
     path = tmp_path / "small.toml"
     path.write_text(toml(controllers=["latency", "l2a", 0], repeats=2))
     return path
@@ -321,3 +325,47 @@ def test_nonsense_gets_one_sentence(file: Path, stub: Stub) -> None:
         assert result.exit_code == 1
         assert "Traceback" not in result.output
         assert not (file.parent / "out").exists()
+
+
+PLAN = {
+    "name": "compare",
+    "scenes": ["courtyard"],
+    "movements": ["stroll"],
+    "networks": ["20mbit,20ms-rtt"],
+    "modes": ["stateless", "dash-tuned"],
+    "shuffled": False,
+}
+
+
+def seen(console: Console, folder: Path, done: int = 0) -> None:
+    """One run, after a number of others."""
+    made = Experiment.of(ExperimentPlan.of(PLAN, "here"), folder, Path("out"), "tigas compare")
+    with progress(made, made.runs[done:], run_names(made.runs), console) as listener:
+        listener.on_stage("starts the services")
+        listener.on_begin(made.runs[done])
+        listener.on_stage("compares with ground truth")
+        listener.on_finish(
+            RunRecord(status="complete", problem=None, configuration=made.runs[done], machine=MACHINE, started="now")
+        )
+
+
+def test_a_log_says_how_long_it_takes_and_has_a_line_a_run(tmp_path: Path) -> None:
+    log = io.StringIO()
+    seen(Console(file=log, width=80), tmp_path)
+    seen(Console(file=log, width=80), tmp_path, done=1)
+    assert [line for line in log.getvalue().splitlines() if line] == [
+        "2 runs, about 50 seconds, into out",
+        "1/2 Stateless seen, 20mbit,20ms-rtt, stroll",
+        "1 of 2 runs, about 25 seconds, into out",
+        "2/2 DASH tuned, 20mbit,20ms-rtt, stroll",
+    ]
+
+
+def test_a_terminal_shows_the_whole_name_of_the_run_that_is_made(tmp_path: Path) -> None:
+    for width in (80, 50):
+        screen = io.StringIO()
+        seen(Console(file=screen, width=width, force_terminal=True, color_system=None), tmp_path)
+        words = screen.getvalue().split()
+        for word in ("1/2", "Stateless", "seen,", "20mbit,20ms-rtt,", "stroll:", "ground", "truth"):
+            assert word in words
+        assert "…" not in screen.getvalue()

@@ -88,6 +88,5 @@ def sampled_run(folder: Path, numbers: Sequence[int], **changes: Any) -> list[Sa
 
 
 def problem(status: int, detail: str, **headers: str) -> httpx.Response:
-    """A refusal in the service's form."""
     told = {"type": "tigas:x", "title": "No", "status": status, "detail": detail}
     return httpx.Response(status, json=told, headers=headers)

@@ -52,7 +52,6 @@ class Running:
     port: int
 
     async def create(self, name: str = "abr", **changes: Any) -> str:
-        """A new experiment's id."""
         answer = await self.http.post("/experiments", json=plan(name, **changes))
         assert answer.status_code == 201, answer.text
         return str(answer.json()["id"])
@@ -115,7 +114,6 @@ async def services(run: Configuration) -> tuple[ServerConfig, SceneInfo]:
 
 
 async def until(condition: Callable[[], bool]) -> None:
-    """Wait for an effect."""
     deadline = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < deadline, "it did not happen"
@@ -140,7 +138,6 @@ async def running_store(
     services: Services = services,
     clock: Callable[[], float] = time.monotonic,
 ) -> AsyncIterator[Running]:
-    """A store, as a context manager."""
     results, movements = directory / "results", directory / "movements"
     movements.mkdir(exist_ok=True)
     with Workspace.opened(results) as workspace:

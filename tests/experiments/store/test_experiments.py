@@ -148,7 +148,6 @@ ELSEWHERE = [
 
 
 def ask(port: int, method: str, path: str) -> tuple[int, bytes]:
-    """A request with a verbatim path."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
     connection.request(method, path)
     answer = connection.getresponse()

@@ -28,8 +28,6 @@ TOML = 'name = "abr"\nscenes = ["courtyard"]\nmovements = ["stroll"]\nnetworks =
 
 
 class Clock:
-    """Seconds."""
-
     now = 0.0
 
     def __call__(self) -> float:
@@ -49,7 +47,6 @@ async def timed(tmp_path: Path, clock: Clock) -> AsyncIterator[Running]:
 
 
 def job_of(told: dict[str, Any]) -> str | None:
-    """The folder of the reserved run."""
     return None if told["job"] is None else str(told["job"]["run"])
 
 

@@ -23,7 +23,6 @@ ASK = "/experiments/mine/materialise"
 
 @pytest.fixture
 def renderer(monkeypatch: pytest.MonkeyPatch) -> FakeRenderer:
-    """In place of the render service."""
     made = FakeRenderer()
     answers_with(monkeypatch, made)
     return made
@@ -47,7 +46,6 @@ def run(store: Running) -> Path:
 
 
 async def ended(store: Running) -> dict[str, Any]:
-    """The store's answer at rest."""
     deadline = time.monotonic() + PATIENCE_S
     while True:
         told: dict[str, Any] = (await store.http.get(ASK)).json()

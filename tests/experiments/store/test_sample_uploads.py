@@ -30,7 +30,6 @@ JPEG, WEBP, PNG = picture("JPEG"), picture("WEBP"), picture("PNG")
 
 
 async def begun(store: Running) -> str:
-    """The path of a new run."""
     experiment = await store.create()
     row = await store.add(experiment)
     return f"/experiments/{experiment}/runs/{row['folder']}"

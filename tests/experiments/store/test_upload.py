@@ -64,7 +64,6 @@ def long_upload(poses: int) -> bytes:
 
 
 def head(experiment: str, length: int, folder: str | None = None) -> bytes:
-    """An upload's first lines."""
     path = f"/experiments/{experiment}/runs/{folder or slug()}"
     return f"PUT {path} HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n".encode()
 
@@ -124,7 +123,6 @@ async def test_a_broken_run_is_told_why(store: Running) -> None:
 
 
 def repeated(text: str, size: int = 1_000_000) -> str:
-    """An array of the same."""
     return f"[{','.join([text] * (size // (len(text) + 1)))}]"
 
 

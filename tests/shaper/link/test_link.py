@@ -1,13 +1,19 @@
-"""Commands to tc when the link changes. (Both backends are tested in the namespaces.)"""
+"""The shaped link: commands of tc and nft, sizes, and dialogues with tools."""
 
 from __future__ import annotations
+
+import sys
+from collections.abc import AsyncIterator
 
 import pytest
 
 from tigas_common.wire.shaper import LinkSetting
-from tigas_shaper.link.commands import Interface
+from tigas_shaper.link.commands import Channel, CommandError, Interface, attempt, run
 from tigas_shaper.link.delay import NetemStage
+from tigas_shaper.link.gateway import Forward, rules
 from tigas_shaper.link.link import MIN_QUEUE, Direction, queue_bytes, queue_line, rate_line
+
+pytestmark = pytest.mark.anyio
 
 DEVICE = Interface("tigas-down")
 
@@ -25,7 +31,6 @@ class Recorder:
         self.write(f"delay {state.delay_ms:g} {state.jitter_ms:g} {state.loss_pct:g} {blocked}")
 
     def take(self) -> list[str]:
-        """Commands since the last call."""
         lines, self._lines = self._lines, []
         return lines
 
@@ -90,3 +95,98 @@ def test_netem_gets_microseconds_keeps_the_order_and_loses_everything_in_an_outa
     stage.set(state, blocked=True)
     change = "qdisc change dev eth0 parent 2:1 handle 20: netem limit 100000 delay 12500us 250us loss {}% rate 100gbit"
     assert tc.take() == [change.format("1.5000"), change.format("100.0000")]
+
+
+TOOL = """
+import sys
+for number, line in enumerate(sys.stdin, 1):
+    word = line.split()[0]
+    if word == "show":
+        print("[1, 2]", flush=True)
+    elif word == "warn":
+        print("Warning: that is a lot.", file=sys.stderr, flush=True)
+    elif word == "die":
+        sys.exit(1)
+    elif word != "change":
+        print(f"Unknown word {word}", file=sys.stderr, flush=True)
+        print(f"Command failed -:{number}", file=sys.stderr, flush=True)
+"""
+
+
+@pytest.fixture
+async def channel() -> AsyncIterator[Channel]:
+    async with Channel.open((sys.executable, "-c", TOOL), "Command failed") as channel:
+        yield channel
+
+
+async def test_changes_need_no_answer_and_questions_get_theirs(channel: Channel) -> None:
+    channel.write("change one", "change two", "warn")
+    assert await channel.ask("show", "[") == "[1, 2]"
+    assert await channel.ask("show", "[") == "[1, 2]"
+
+
+async def test_a_refused_line_is_found_by_the_next_question(channel: Channel) -> None:
+    channel.write("change one", "nonsense")
+    with pytest.raises(CommandError, match="Unknown word nonsense Command failed -:2"):
+        await channel.ask("show", "[")
+
+
+async def test_a_tool_that_dies_is_noticed(channel: Channel) -> None:
+    channel.write("die")
+    with pytest.raises(CommandError, match="has ended"):
+        await channel.ask("show", "[")
+    with pytest.raises(CommandError, match="has ended"):
+        channel.write("change")
+
+
+@pytest.mark.parametrize("line", ["", "two\nlines", "nul\0", "tab\t", "é"])
+async def test_only_single_lines_of_plain_text_are_sent(channel: Channel, line: str) -> None:
+    with pytest.raises(CommandError, match="is not one line of plain text"):
+        channel.write("change", line)
+    assert await channel.ask("show", "[") == "[1, 2]"
+
+
+async def test_commands_that_run_once() -> None:
+    assert await attempt(sys.executable, "-c", "pass")
+    assert not await attempt(sys.executable, "-c", "raise SystemExit(3)")
+    with pytest.raises(CommandError, match=r"^bad luck$"):
+        await run(sys.executable, "-c", "import sys; sys.exit('bad luck')")
+
+
+@pytest.mark.parametrize("name", ["", "a b", "eth0;reboot", "-h", "x\ny", "a/b", "a" * 16, '"', "é"])
+def test_what_is_no_interfaces_name_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="is not the name of a network interface"):
+        Interface(name)
+
+
+def test_an_interfaces_number_tells_whether_it_exists() -> None:
+    assert Interface("lo").number
+    assert Interface("nope0").number is None
+
+
+def test_a_forward_reads_its_protocol_ports_and_host() -> None:
+    forward = Forward.parse("udp:4433=192.0.2.7:443")
+    assert (forward.protocol, forward.port, str(forward.host), forward.host_port) == ("udp", 4433, "192.0.2.7", 443)
+    assert str(Forward.parse("tcp:80=localhost:8080").host) == "127.0.0.1"
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "8080", "tcp:8080", "sctp:1=a:2", "tcp:0=a:1", "tcp:1=a:65536", "tcp:x=a:1", "tcp:²=a:1", "tcp:1=:2",
+     "tcp:1=a b; drop:2", "udp:1=nowhere.invalid:2"],
+)  # fmt: skip
+def test_what_is_no_forward_is_refused_with_a_sentence(text: str) -> None:
+    with pytest.raises(ValueError, match=r"is not tcp:PORT=HOST:PORT|has no IPv4 address"):
+        Forward.parse(text)
+
+
+def test_the_gate_is_closed_first_and_only_forwarded_packets_pass() -> None:
+    lines = rules(Interface("a0"), Interface("s0"), [Forward.parse("tcp:80=192.0.2.1:8080")])
+    assert lines[0].endswith("{ flags owner; }")
+    assert lines.index("add rule ip tigas_shaper gate drop") < min(
+        index for index, line in enumerate(lines) if "hook" in line
+    )
+    crossing = [line for line in lines if " crossing " in line and "add rule" in line]
+    assert [line[-9:] for line in crossing[:2]] == ["jump gate"] * 2
+    assert all("ct status dnat" in line for line in crossing if "accept" in line)
+    assert [line[-4:] for line in crossing[-2:]] == ["drop", "drop"]

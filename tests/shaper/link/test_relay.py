@@ -10,7 +10,6 @@ from tigas_shaper.link.relay import MAX_HELD, DelayLine, RelayState
 
 
 def leave_times(line: DelayLine, until: float) -> list[tuple[bytes, float]]:
-    """Departures and their times."""
     left = []
     while line.next_due is not None and line.next_due <= until:
         now = line.next_due

@@ -25,7 +25,6 @@ FILE = 'title = "t"\npage = "p"\nlicence = "l"\ncite = "c"\n'
 
 
 def names(directory: Path) -> set[str]:
-    """The names in a folder."""
     return {path.name for path in directory.iterdir()}
 
 
@@ -61,8 +60,6 @@ def test_a_list_that_is_wrong_or_reaches_outside_is_refused(text: str, sentence:
 
 @dataclass
 class Server:
-    """The server's script, and its requests."""
-
     url: str = ""
     content: bytes = CONTENT
     etag: str = '"one"'

@@ -33,7 +33,6 @@ def averaged(trace: NetworkTrace) -> list[float]:
 
 
 def recorded(*parts: str) -> list[float]:
-    """A recording's own one-second means, Mbit/s."""
     trace = load_trace(shared_file("traces", *parts))
     return [trace.at(t).down_kbps / 1000 for t in range(0, trace.duration_ms, 1000)]
 
