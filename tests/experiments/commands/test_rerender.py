@@ -8,12 +8,11 @@ from pathlib import Path
 import pytest
 
 from tests.experiments.made_up import write_run
-from tests.experiments.processes import finished, started, until
+from tests.experiments.processes import finished, started
 from tests.experiments.samples.real_frames import NUMBERS, sample_run
-from tests.web.scenes import SMALL, write_scenes
+from tests.web.scenes import write_scenes
 from tests.web.server import RenderServer
 from tigas_experiments.quality.picture import decode
-from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.samples import JPEG, REPLAYED, RERENDERED, TRUTH, sample_path, write_sample_file
 
 
@@ -48,39 +47,6 @@ def test_the_same_service_sends_every_frame_again_and_another_is_flagged(server:
     assert output.split("\n")[3].replace("│", " ").split() == ["one", "3", "2", "1", "0"]
     assert "The render service answers differently now" in output
     assert sample_path(run, 3, REPLAYED).is_file()
-
-
-@pytest.mark.slow
-def test_a_kill_in_the_middle_loses_nothing_that_is_there(server: RenderServer, tmp_path: Path) -> None:
-    run = sample_run(server, tmp_path / "one", range(60))
-    command = ("experiment", "rerender", str(run), "--render", server.url)
-    process = started(*command)
-    index = run / RERENDERED
-    until(process, lambda: index.exists() and index.read_text().count("\n") >= 4, "no sample was rendered")
-    process.kill()
-    finished(process)
-    kept = {path: path.stat().st_mtime_ns for path in (run / "samples").glob("[0-9]*.truth.png")}
-    assert 4 <= len(kept) < 60
-    status, output, errors = finished(started(*command))
-    assert status == 0, errors
-    assert output.split("\n")[3].replace("│", " ").split() == ["one", "60", "60", "0", "0"]
-    assert {path: path.stat().st_mtime_ns for path in kept} == kept
-
-
-@pytest.mark.slow
-def test_what_cannot_be_done_gets_a_sentence(server: RenderServer, models: Path, tmp_path: Path) -> None:
-    run = sample_run(server, tmp_path / "runs" / "one")
-    record = StoredRun(run).record
-    old = write_run(tmp_path / "old")
-    nobody = "http://127.0.0.1:9"
-    status, _, errors = finished(started("experiment", "rerender", str(old), "--render", server.url))
-    assert (status, "has no samples" in errors) == (1, True)
-    status, _, errors = finished(started("experiment", "rerender", str(run), "--render", nobody))
-    assert (status, f"The render service at {nobody} does not answer" in errors) == (1, True)
-    (run / "run.json").write_text(record.model_copy(update={"scene_sha256": "b" * 64}).model_dump_json())
-    status, output, _ = finished(started("experiment", "rerender", str(run), "--render", server.url))
-    assert (status, f"The file of the scene '{SMALL}' has changed since the run" in output) == (1, True)
-    assert not list((run / "samples").glob("*.png"))
 
 
 @pytest.mark.slow

@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import io
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
 from itertools import pairwise
 from typing import Any
 
@@ -13,6 +14,7 @@ import httpx
 import numpy as np
 import pytest
 from PIL import Image
+from playwright.async_api import Page
 
 from tests.experiments.conftest import Services, running
 from tests.web.stamping import ROUNDING, STAMPING, heading, read_stamp
@@ -47,15 +49,22 @@ def plan(**changes: float) -> RunPlan:
     return RunPlan.model_validate(fields | changes, strict=False)
 
 
+@asynccontextmanager
+async def opened(url: str, script: str = "") -> AsyncIterator[tuple[Page, Viewer]]:
+    """A page and its bridge; `script` runs before the page's own."""
+    async with chromium() as browser:
+        page = await browser.new_page(viewport={"width": 640, "height": 360})
+        await page.add_init_script(script)
+        await page.goto(f"{url}#/scene/pebbles")
+        await page.wait_for_function("() => window.tigas !== undefined")
+        yield page, Viewer(page)
+
+
 def recorded(url: str, settings: dict[str, Any]) -> tuple[Recording, list[int | None]]:
     """A run, and the headings that its pictures show."""
 
     async def run() -> tuple[Recording, list[int | None]]:
-        async with chromium() as browser:
-            page = await browser.new_page(viewport={"width": 640, "height": 360})
-            await page.goto(f"{url}#/scene/pebbles")
-            await page.wait_for_function("() => window.tigas !== undefined")
-            viewer = Viewer(page)
+        async with opened(url) as (_, viewer):
             with pytest.raises(RunFailed):
                 await viewer.prepare({"seed": -1}, TURN[0])
             await viewer.prepare({"seed": 7, **settings, **AS_THEY_COME, "hud": False, "sidebar": False}, TURN[0])
@@ -112,11 +121,7 @@ def test_a_stalled_page_owes_the_poses_that_it_did_not_sample(services: Services
     stall = "() => setTimeout(() => { for (const end = performance.now() + 400; performance.now() < end;); }, 700)"
 
     async def run() -> Recording:
-        async with chromium() as browser:
-            page = await browser.new_page(viewport={"width": 640, "height": 360})
-            await page.goto(f"{services.url}#/scene/pebbles")
-            await page.wait_for_function("() => window.tigas !== undefined")
-            viewer = Viewer(page)
+        async with opened(services.url) as (page, viewer):
             await viewer.prepare({"mode": "stateless", "controller": "fixed", "profile": 2, **AS_THEY_COME}, TURN[0])
             await page.evaluate(stall)
             return await viewer.record(plan(capture_every_ms=100), 30)
@@ -133,11 +138,7 @@ def test_a_stalled_page_owes_the_poses_that_it_did_not_sample(services: Services
 
 def test_every_third_shown_frame_is_sampled_as_it_came(services: Services) -> None:
     async def run() -> tuple[Recording, SampleList, dict[str, bytes]]:
-        async with chromium() as browser:
-            page = await browser.new_page(viewport={"width": 640, "height": 360})
-            await page.goto(f"{services.url}#/scene/pebbles")
-            await page.wait_for_function("() => window.tigas !== undefined")
-            viewer = Viewer(page)
+        async with opened(services.url) as (_, viewer):
             await viewer.prepare({"mode": "stateless", "controller": "fixed", "profile": 2, **AS_THEY_COME}, TURN[0])
             recording = await viewer.record(plan(sample_stride=3), 30)
             told = await viewer.samples()
@@ -161,12 +162,7 @@ REFUSED = "navigator.storage.getDirectory = () => Promise.reject(new DOMExceptio
 
 def test_a_run_goes_on_where_the_browser_keeps_no_files(services: Services) -> None:
     async def run() -> tuple[Recording, SampleList]:
-        async with chromium() as browser:
-            page = await browser.new_page(viewport={"width": 640, "height": 360})
-            await page.add_init_script(REFUSED)
-            await page.goto(f"{services.url}#/scene/pebbles")
-            await page.wait_for_function("() => window.tigas !== undefined")
-            viewer = Viewer(page)
+        async with opened(services.url, script=REFUSED) as (_, viewer):
             await viewer.prepare({"mode": "stateless", "controller": "fixed", "profile": 3, **AS_THEY_COME}, TURN[0])
             return await viewer.record(plan(sample_stride=3, duration_ms=1000), 30), await viewer.samples()
 

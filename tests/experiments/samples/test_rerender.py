@@ -42,15 +42,19 @@ BOMB = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + HEADER + struct.pack(">I",
 """A PNG with announced dimensions of 65,536 pixels."""
 
 
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    return tmp_path / "run"
+
+
 async def made(run: Path, renderer: FakeRenderer) -> SampledRun:
     async with renderer.client() as client:
         return await rerender(run, client)
 
 
 async def test_the_same_server_sends_the_same_bytes_and_ground_truth_as_large_as_what_was_shown(
-    tmp_path: Path,
+    run: Path,
 ) -> None:
-    run = tmp_path / "run"
     sampled_run(run, [3, 7])
     told: list[tuple[int, int]] = []
     async with FakeRenderer().client() as client:
@@ -64,9 +68,8 @@ async def test_the_same_server_sends_the_same_bytes_and_ground_truth_as_large_as
         assert decode(sample_path(run, seq, TRUTH).read_bytes())[0, 0, 1] == 20 * seq, "the sample's own pose"
 
 
-async def test_ground_truth_has_no_profile_or_deadline_and_fits_what_was_shown(tmp_path: Path) -> None:
+async def test_ground_truth_has_no_profile_or_deadline_and_fits_what_was_shown(run: Path) -> None:
     """A display of twice the density showed twice the pixels of an enhanced picture: the view stays the same."""
-    run = tmp_path / "run"
     (one,) = sampled_run(run, [3])
     request = one.request.model_copy(update={"deadline_ms": 50.0})
     line = one.model_copy(update={"width": 128, "height": 72, "enhanced": True, "request": request})
@@ -86,8 +89,7 @@ async def test_ground_truth_has_no_profile_or_deadline_and_fits_what_was_shown(t
     }
 
 
-async def test_ground_truth_of_a_frame_with_overscan_has_its_margins(tmp_path: Path) -> None:
-    run = tmp_path / "run"
+async def test_ground_truth_of_a_frame_with_overscan_has_its_margins(run: Path) -> None:
     (one,) = sampled_run(run, [3])
     request = one.request.model_copy(update={"overscan": 0.25, "depth": True})
     (run / "samples.ndjson").write_text(one.model_copy(update={"request": request}).model_dump_json() + "\n")
@@ -99,8 +101,7 @@ async def test_ground_truth_of_a_frame_with_overscan_has_its_margins(tmp_path: P
     assert wider.items() <= truth.items()
 
 
-async def test_a_renderer_that_answers_differently_is_flagged_and_what_it_sent_is_kept(tmp_path: Path) -> None:
-    run = tmp_path / "run"
+async def test_a_renderer_that_answers_differently_is_flagged_and_what_it_sent_is_kept(run: Path) -> None:
     sampled_run(run, [3, 7])
     found = await made(run, FakeRenderer(shade=60))
     assert (found.identical, found.different, found.missing) == (0, 2, 0)
@@ -112,9 +113,8 @@ async def test_a_renderer_that_answers_differently_is_flagged_and_what_it_sent_i
         assert 10 < (known[seq].psnr_db or 0) < 20, "a third of the channels is off by 60"
 
 
-async def test_everything_is_matched_by_number_whatever_the_order_and_whatever_is_missing(tmp_path: Path) -> None:
+async def test_everything_is_matched_by_number_whatever_the_order_and_whatever_is_missing(run: Path) -> None:
     """Answers arrive out of order, lines and files have yet another order, and one frame is missing."""
-    run = tmp_path / "run"
     sampled_run(run, [12, 3, 9, 7, 5])
     sample_path(run, 9, JPEG).unlink()
     renderer = FakeRenderer()
@@ -138,9 +138,8 @@ async def test_everything_is_matched_by_number_whatever_the_order_and_whatever_i
         assert decode(sample_path(run, seq, TRUTH).read_bytes())[0, 0, 1] == 20 * seq
 
 
-async def test_what_is_there_is_not_asked_for_again_after_a_kill(tmp_path: Path) -> None:
+async def test_what_is_there_is_not_asked_for_again_after_a_kill(run: Path) -> None:
     """It is interrupted between samples, with half a line and half a picture left behind."""
-    run = tmp_path / "run"
     numbers = list(range(1, 13))
     sampled_run(run, numbers)
     first, stuck, all_stuck, never = FakeRenderer(), 0, asyncio.Event(), asyncio.Event()
@@ -176,8 +175,7 @@ async def test_what_is_there_is_not_asked_for_again_after_a_kill(tmp_path: Path)
     assert (await made(run, nobody)).identical == 12
 
 
-async def test_a_renderer_that_goes_away_costs_nothing_that_is_there(tmp_path: Path) -> None:
-    run = tmp_path / "run"
+async def test_a_renderer_that_goes_away_costs_nothing_that_is_there(run: Path) -> None:
     sampled_run(run, range(1, 9))
 
     def goes(wanted: dict[str, Any]) -> None:
@@ -189,8 +187,7 @@ async def test_a_renderer_that_goes_away_costs_nothing_that_is_there(tmp_path: P
     assert (await made(run, FakeRenderer())).identical == 8
 
 
-async def test_only_so_many_are_asked_for_at_once(tmp_path: Path) -> None:
-    run = tmp_path / "run"
+async def test_only_so_many_are_asked_for_at_once(run: Path) -> None:
     sampled_run(run, range(1, 20))
     renderer, at_once, most = FakeRenderer(), 0, 0
 
@@ -207,16 +204,14 @@ async def test_only_so_many_are_asked_for_at_once(tmp_path: Path) -> None:
     assert 1 < most <= AT_ONCE
 
 
-async def test_a_busy_service_is_asked_again(tmp_path: Path) -> None:
-    run = tmp_path / "run"
+async def test_a_busy_service_is_asked_again(run: Path) -> None:
     sampled_run(run, [1, 2])
     busy = iter([problem(503, "Too much.", **{"Retry-After": "0"}), problem(409, "Newer.", **{"Retry-After": "0"})])
     assert (await made(run, FakeRenderer(refuse=lambda _: next(busy, None)))).identical == 2
 
 
-async def test_what_the_service_refuses_is_said_and_asked_for_again_the_next_time(tmp_path: Path) -> None:
+async def test_what_the_service_refuses_is_said_and_asked_for_again_the_next_time(run: Path) -> None:
     """Such as a rung that its ladder does not have: ground truth has none, and is there."""
-    run = tmp_path / "run"
     sampled_run(run, [1, 2])
     sentence = "profile: the ladder has rungs 0 to 1."
     found = await made(run, FakeRenderer(refuse=lambda wanted: problem(400, sentence) if "profile" in wanted else None))
@@ -227,8 +222,7 @@ async def test_what_the_service_refuses_is_said_and_asked_for_again_the_next_tim
     assert {form for _, form in again.asked} == {"jpeg"}
 
 
-async def test_only_what_is_missing_is_asked_for_again(tmp_path: Path) -> None:
-    run = tmp_path / "run"
+async def test_only_what_is_missing_is_asked_for_again(run: Path) -> None:
     sampled_run(run, [3, 1, 2])
     found = await made(run, FakeRenderer(refuse=lambda wanted: problem(400, "No.") if wanted["seq"] == 1 else None))
     assert (found.identical, found.missing) == (2, 1)
@@ -247,8 +241,7 @@ async def test_only_what_is_missing_is_asked_for_again(tmp_path: Path) -> None:
         (httpx.Response(200, content=BOMB), "65536×65536 pixels; the limit is"),
     ],
 )
-async def test_no_other_answer_is_taken_for_ground_truth(tmp_path: Path, answer: httpx.Response, sentence: str) -> None:
-    run = tmp_path / "run"
+async def test_no_other_answer_is_taken_for_ground_truth(run: Path, answer: httpx.Response, sentence: str) -> None:
     sampled_run(run, [1])
     found = await made(run, FakeRenderer(refuse=lambda wanted: answer if wanted["format"] == "png" else None))
     assert found.identical == 1
@@ -257,8 +250,7 @@ async def test_no_other_answer_is_taken_for_ground_truth(tmp_path: Path, answer:
     assert not sample_path(run, 1, TRUTH).exists()
 
 
-async def test_another_service_at_the_address_gets_a_sentence(tmp_path: Path) -> None:
-    run = tmp_path / "run"
+async def test_another_service_at_the_address_gets_a_sentence(run: Path) -> None:
     sampled_run(run, [1])
     async with httpx.AsyncClient(
         base_url="http://render", transport=httpx.MockTransport(lambda _: httpx.Response(404, text="nginx"))
@@ -267,8 +259,7 @@ async def test_another_service_at_the_address_gets_a_sentence(tmp_path: Path) ->
             await rerender(run, Renderer(http))
 
 
-async def test_a_scene_whose_file_has_changed_is_no_ground_truth(tmp_path: Path) -> None:
-    run = tmp_path / "run"
+async def test_a_scene_whose_file_has_changed_is_no_ground_truth(run: Path) -> None:
     sampled_run(run, [1])
     renderer = FakeRenderer(file_sha256="b" * 64)
     found = await made(run, renderer)
@@ -281,9 +272,8 @@ async def test_a_scene_whose_file_has_changed_is_no_ground_truth(tmp_path: Path)
     assert (await made(run, unknown)).identical == 1, "what nobody knows is no change"
 
 
-async def test_samples_of_another_scene_are_not_asked_for(tmp_path: Path) -> None:
+async def test_samples_of_another_scene_are_not_asked_for(run: Path) -> None:
     """A scene without a known checksum."""
-    run = tmp_path / "run"
     (one,) = sampled_run(run, [1])
     other = one.model_copy(update={"request": one.request.model_copy(update={"scene": "garden"})})
     (run / "samples.ndjson").write_text(other.model_dump_json() + "\n")
@@ -292,9 +282,8 @@ async def test_samples_of_another_scene_are_not_asked_for(tmp_path: Path) -> Non
     assert renderer.asked == []
 
 
-async def test_everything_can_be_asked_for_again(tmp_path: Path) -> None:
+async def test_everything_can_be_asked_for_again(run: Path) -> None:
     """Such as from the original server, after another one."""
-    run = tmp_path / "run"
     sampled_run(run, [1, 2])
     assert (await made(run, FakeRenderer(shade=60))).different == 2
     assert (await made(run, FakeRenderer())).different == 2, "what is there is not asked for"
@@ -330,8 +319,7 @@ async def test_runs_are_found_from_an_experiment_and_by_themselves(tmp_path: Pat
 
 @pytest.mark.parametrize("kind", NOT_FILES)
 @pytest.mark.parametrize("name", [JPEG, TRUTH, REPLAYED])
-async def test_what_is_no_file_gets_a_sentence_and_costs_no_other_sample(tmp_path: Path, name: str, kind: str) -> None:
-    run = tmp_path / "run"
+async def test_what_is_no_file_gets_a_sentence_and_costs_no_other_sample(run: Path, name: str, kind: str) -> None:
     sampled_run(run, [1, 2])
     hostile = sample_path(run, 1, name)
     hostile.unlink(missing_ok=True)
@@ -368,8 +356,7 @@ async def test_links_lead_nowhere(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"\xff\xd8\xff", picture(1, 32, 18, "JPEG")[:200]])
-async def test_a_broken_frame_gets_a_sentence(tmp_path: Path, data: bytes) -> None:
-    run = tmp_path / "run"
+async def test_a_broken_frame_gets_a_sentence(run: Path, data: bytes) -> None:
     sampled_run(run, [1])
     sample_path(run, 1, JPEG).write_bytes(data)
     found = await made(run, FakeRenderer())
@@ -377,8 +364,7 @@ async def test_a_broken_frame_gets_a_sentence(tmp_path: Path, data: bytes) -> No
     assert found.problems
 
 
-async def test_broken_ground_truth_is_asked_for_again(tmp_path: Path) -> None:
-    run = tmp_path / "run"
+async def test_broken_ground_truth_is_asked_for_again(run: Path) -> None:
     sampled_run(run, [1, 2])
     await made(run, FakeRenderer())
     whole = sample_path(run, 1, TRUTH).read_bytes()
@@ -389,8 +375,7 @@ async def test_broken_ground_truth_is_asked_for_again(tmp_path: Path) -> None:
     assert {seq for seq, _ in again.asked} == {1}
 
 
-async def test_records_that_are_broken_get_a_sentence(tmp_path: Path) -> None:
-    run = tmp_path / "run"
+async def test_records_that_are_broken_get_a_sentence(run: Path, tmp_path: Path) -> None:
     sampled_run(run, [1])
     (run / "samples.ndjson").write_text("{}\n")
     assert "samples.ndjson, line 1" in (await made(run, FakeRenderer())).problems[0]

@@ -59,10 +59,8 @@ async def test_a_file_is_summarised_as_toml_and_as_json(store: Running) -> None:
 
 MANY = [f"c{number}" for number in range(1000)]
 HOSTILE: list[tuple[str, str]] = [
-    ("", "name: field required"),
     ("{", "The file is no JSON"),
     ("name = ", "The file is no TOML"),
-    ('{"name": "a", "more": 1}', "there is no 'more'"),
     ("[" * 50_000, "The file is no TOML"),
     ('{"name": ' + "[" * 50_000, "The file is no JSON"),
     (TOML.replace("abr", "../up"), "must not be a path"),
@@ -78,9 +76,6 @@ HOSTILE: list[tuple[str, str]] = [
         + "".join(f'[[variants]]\nmodes = ["video"]\noverscan = {n / 1000}\n' for n in range(99)),
         "more than 10000 runs",
     ),
-    (TOML + "duration_s = 7200\nrepeats = 1000", "would take"),
-    (TOML + "duration_s = nan", "duration_s"),
-    (TOML + "segments = 2\n" + 'networks_more = "x"', "there is no 'networks_more'"),
     (TOML.replace("unshaped", "4g-bus") + "segments = 2", "Segments need the trace's file"),
 ]
 

@@ -12,22 +12,18 @@ from typing import Any
 
 import anyio
 import anyio.to_thread
-import httpx
 import pytest
 
 from tests.experiments.made_up import frame, inputs, reply, sample
 from tests.experiments.store.conftest import Running, plan, running_store, slug, until, upload
 from tests.prerequisites import ROOT_RIGHTS
 from tests.prometheus import figures
-from tests.web.scenes import write_scenes
-from tests.web.server import RenderServer, Store
 from tigas_common.errors import InvalidRequest
 from tigas_common.limits import HttpLimits
 from tigas_common.offload import offload_to_process
 from tigas_common.parsing import parse
 from tigas_experiments.store import app
 from tigas_experiments.store.limited import check_limit
-from tigas_experiments.store.workspace import NAME
 from tigas_experiments.wire.store import RunUpload
 
 pytestmark = pytest.mark.anyio
@@ -294,40 +290,6 @@ async def test_a_disk_without_any_room_is_told_and_reads_on(small_disk: Path) ->
         assert store.kept() == before
         assert (await store.http.get(f"/experiments/{experiment}/zip")).status_code == 200
         assert (await store.http.delete(f"/experiments/{experiment}")).status_code == 204
-
-
-@pytest.mark.slow
-@pytest.mark.extended
-async def test_a_store_that_is_killed_in_mid_upload_leaves_no_half_run(tmp_path: Path) -> None:
-    results, models = tmp_path / "results", tmp_path / "models"
-    models.mkdir()
-    write_scenes(models)
-    wanted = plan(scenes=["pebbles"], modes=["stateless"], repeats=2)
-    with (
-        RenderServer("--scenes", str(models)) as render,
-        Store("--results", str(results), render=render.url) as store,
-    ):
-        async with httpx.AsyncClient(base_url=store.url, timeout=60, trust_env=False) as http:
-            experiment = (await http.post("/experiments", json=wanted)).json()["id"]
-            asked = {"page": "a", "begin": True}
-            first = (await http.post(f"/experiments/{experiment}/next", json=asked)).json()["job"]["run"]
-            body = json.dumps(upload(scene="pebbles")).encode()
-            await http.put(f"/experiments/{experiment}/runs/{first}", content=body)
-            await http.post(f"/experiments/{experiment}/runs/{first}/complete")
-            second = (await http.post(f"/experiments/{experiment}/next", json=asked)).json()["job"]["run"]
-        async with await anyio.connect_tcp("127.0.0.1", int(store.url.rpartition(":")[2])) as sending:
-            await sending.send(head(experiment, len(body), second) + body[:-10])
-            await until(lambda: any((results / NAME).rglob("body.json")))
-            store.kill()
-        assert list((results / NAME).rglob("body.json")), "nothing was left behind, so nothing is tested"
-        store.start()
-        assert [path.name for path in (results / NAME).iterdir()] == ["lock"]
-        async with httpx.AsyncClient(base_url=store.url, timeout=60, trust_env=False) as http:
-            told = (await http.get(f"/experiments/{experiment}")).json()
-            assert [(run["folder"], run["status"]) for run in told["runs"]] == [(first, "complete")]
-            again = await http.put(f"/experiments/{experiment}/runs/{second}", content=body)
-            assert again.status_code == 200
-            assert b"pebbles" in (await http.get(f"/experiments/{experiment}/report")).content
 
 
 async def test_a_results_folder_that_may_not_be_written_is_told(
