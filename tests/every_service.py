@@ -24,12 +24,12 @@ from tigas_cluster.director import create_director
 from tigas_cluster.fleet import HostAddress, HostState
 from tigas_common.address import Address
 from tigas_common.origins import OriginPolicy
+from tigas_common.render_requests import RenderClient
 from tigas_common.topology import PAGE_ORIGINS
 from tigas_common.wire.shaper import LinkSetting
 from tigas_dash.app import create_app as dash_app
 from tigas_dash.clock import Clock
 from tigas_dash.sessions import Sessions
-from tigas_dash.source import RenderClient
 from tigas_dash.webrtc.stream import WebRtc
 from tigas_experiments.store.app import Store
 from tigas_experiments.store.app import create_app as store_app

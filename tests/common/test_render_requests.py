@@ -16,9 +16,7 @@ from tests.render.fakes import render_request
 from tigas_cluster.director import create_director
 from tigas_common.origins import OriginPolicy
 from tigas_common.placement import ranked
-from tigas_common.render_requests import DOUBT_S, LOOK_S, SceneHosts, retried
-from tigas_dash.source import RenderClient
-from tigas_experiments.samples.renderer import Renderer
+from tigas_common.render_requests import DOUBT_S, LOOK_S, RenderClient, SceneHosts, retried
 
 pytestmark = pytest.mark.anyio
 
@@ -139,11 +137,10 @@ async def test_a_service_that_is_alone_is_asked_for_all_of_it(cluster: Cluster) 
     assert paths == ["/config.json", "/render", "/render", "/render"]
 
 
-async def test_the_packager_and_those_who_render_samples_follow_a_director(cluster: Cluster) -> None:
+async def test_a_client_follows_the_director(cluster: Cluster) -> None:
     request = render_request(scene="garden")
     async with cluster.client() as http:
         assert await RenderClient(http).frame(request) == FIRST.encode()
-        assert await Renderer(http).frame(request) == FIRST.encode()
 
 
 @pytest.fixture

@@ -21,12 +21,12 @@ from tigas_common.address import Address
 from tigas_common.limits import HttpLimits
 from tigas_common.origins import OriginPolicy
 from tigas_common.parsing import parse
+from tigas_common.render_requests import RenderClient
 from tigas_common.runner import serve_http
 from tigas_common.wire.dash import SessionRequest
 from tigas_dash.app import create_app
 from tigas_dash.clock import Clock
 from tigas_dash.sessions import Sessions
-from tigas_dash.source import RenderClient
 from tigas_dash.webrtc.stream import WebRtc
 
 PATIENCE_S = 20

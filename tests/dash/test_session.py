@@ -18,6 +18,7 @@ import pytest
 
 from tests.dash.conftest import PATIENCE_S, Packager, announcement, parsed_request, pose
 from tests.dash.fakes import BUSY, FakeClock, grey
+from tigas_common.render_requests import RenderClient
 from tigas_common.wire.dash import FrameShown
 from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_dash.cmaf import Sample
@@ -25,7 +26,7 @@ from tigas_dash.encoder import LadderEncoder, RawFrame
 from tigas_dash.errors import ExpiredSegment
 from tigas_dash.representation import representations
 from tigas_dash.session import MAX_UNREAD, Session
-from tigas_dash.source import RenderClient, ViewSource
+from tigas_dash.source import ViewSource
 
 pytestmark = pytest.mark.anyio
 RATE, PER_SEGMENT = 30, 15

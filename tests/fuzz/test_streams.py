@@ -23,11 +23,11 @@ from tests.fuzz.json_texts import bodies
 from tests.fuzz.wire_examples import EXAMPLES
 from tigas_common.errors import Overloaded
 from tigas_common.origins import OriginPolicy
+from tigas_common.render_requests import RenderClient
 from tigas_common.wire.dash import PoseUpdate
 from tigas_dash.app import create_app
 from tigas_dash.clock import Clock
 from tigas_dash.sessions import Sessions
-from tigas_dash.source import RenderClient
 from tigas_dash.webrtc.stream import WebRtc
 
 LIMIT = 3

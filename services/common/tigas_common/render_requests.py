@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Final, Literal, Self, TypeVar
+from urllib.parse import quote
 
 import httpx
+from pydantic import ValidationError
 
 from tigas_common.errors import TigasError
 from tigas_common.parsing import MAX_BODY, parse
-from tigas_common.wire.render import ServerConfig
+from tigas_common.wire.render import Problem, RenderRequest, SceneInfo, ServerConfig
 
 TRIES: Final = 5
 LATER: Final = (409, 429, 503)
@@ -28,6 +31,28 @@ ANSWER_S: Final = 1.0
 """Timeout of its answer in seconds; after that the host is kept."""
 MOST_SCENES: Final = 256
 """Number of scenes with a known host."""
+AT_ONCE: Final = 4
+"""Requests that are worth making at once: enough to keep a renderer and the encoders behind it busy."""
+LOAD_S: Final = 300
+FRAME_S: Final = 60
+MAX_LIST: Final = 10_000_000
+"""The longest list of scenes that is read, in bytes."""
+
+Message = TypeVar("Message")
+
+
+class RenderUnavailable(TigasError):
+    status, type, title = 502, "render-unavailable", "The render service gives no frames"
+
+
+class RenderProblem(TigasError):
+    """The render service refused; its own problem is passed on."""
+
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(problem.detail)
+        self.status = problem.status
+        self.type = problem.type.removeprefix("tigas:")
+        self.title = problem.title
 
 
 async def retried(ask: Callable[[], Awaitable[httpx.Response]]) -> httpx.Response:
@@ -113,3 +138,61 @@ class SceneHosts:
             self._hosts.clear()
         self._hosts[scene] = host = _Host(config.host, config.render_url or "", self._clock())
         return host
+
+
+class RenderClient:
+    """A render service, or a cluster's director. Methods raise RenderUnavailable and RenderProblem."""
+
+    def __init__(self, http: httpx.AsyncClient, name: str = "The render service", *, patient: bool = False) -> None:
+        """name: as it appears in errors. patient: a busy service is asked again."""
+        self._http = http
+        self._hosts = SceneHosts(http)
+        self._name = name
+        self._patient = patient
+
+    @classmethod
+    @asynccontextmanager
+    async def at(cls, url: str) -> AsyncIterator[Self]:
+        """A patient client of a URL during the context, which the caller asks for AT_ONCE frames at most."""
+        limits = httpx.Limits(max_connections=AT_ONCE)
+        async with httpx.AsyncClient(base_url=url, trust_env=False, verify=False, limits=limits) as http:
+            yield cls(http, f"The render service at {url}", patient=True)
+
+    async def config(self, timeout_s: float = FRAME_S) -> ServerConfig:
+        return self._parsed(ServerConfig, await self._ask(lambda: self._http.get("/config.json", timeout=timeout_s)))
+
+    async def scenes(self, timeout_s: float = FRAME_S) -> list[SceneInfo]:
+        return self._parsed(list[SceneInfo], await self._ask(lambda: self._http.get("/scenes", timeout=timeout_s)))
+
+    async def load(self, scene: str) -> SceneInfo:
+        """A scene's description, once it is loaded."""
+        path = f"/scenes/{quote(scene, safe='')}/load"
+        ask = self._ask(lambda: self._hosts.request(scene, "POST", path, content=None, timeout_s=LOAD_S))
+        return self._parsed(SceneInfo, await ask)
+
+    async def frame(self, request: RenderRequest, timeout_s: float = FRAME_S) -> bytes:
+        body = request.model_dump_json(exclude_none=True)
+        return await self._ask(
+            lambda: self._hosts.request(request.scene, "POST", "/render", content=body, timeout_s=timeout_s)
+        )
+
+    async def _ask(self, ask: Callable[[], Awaitable[httpx.Response]]) -> bytes:
+        try:
+            answer = await (retried(ask) if self._patient else ask())
+        except (httpx.HTTPError, httpx.InvalidURL) as error:
+            raise RenderUnavailable(f"{self._name} does not answer ({str(error) or type(error).__name__}).") from None
+        if answer.is_success:
+            return answer.content
+        try:
+            problem = Problem.model_validate_json(answer.content)
+        except ValidationError:
+            raise RenderUnavailable(
+                f"{self._name} answers with status {answer.status_code}, as no TIGAS render service does."
+            ) from None
+        raise RenderProblem(problem)
+
+    def _parsed(self, kind: type[Message], content: bytes) -> Message:
+        try:
+            return parse(kind, content, MAX_LIST)
+        except TigasError:
+            raise RenderUnavailable(f"{self._name} is no TIGAS render service.") from None

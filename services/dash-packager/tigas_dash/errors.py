@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from tigas_common.errors import TigasError
-from tigas_common.wire.render import Problem
 
 
 class UnknownSession(TigasError):
@@ -28,17 +27,3 @@ class EncoderUnavailable(TigasError):
 
 class WebRtcUnavailable(TigasError):
     status, type, title = 503, "webrtc-unavailable", "The packager has no WebRTC"
-
-
-class RenderUnavailable(TigasError):
-    status, type, title = 502, "render-unavailable", "The render service gives no frames"
-
-
-class RenderProblem(TigasError):
-    """The render service refused; its own problem is passed on."""
-
-    def __init__(self, problem: Problem) -> None:
-        super().__init__(problem.detail)
-        self.status = problem.status
-        self.type = problem.type.removeprefix("tigas:")
-        self.title = problem.title

@@ -11,6 +11,7 @@ from tigas_common.address import say_if_open
 from tigas_common.limits import HttpLimits
 from tigas_common.loop_share import LoopShare
 from tigas_common.origins import OriginPolicy
+from tigas_common.render_requests import RenderClient
 from tigas_common.resources import keep_together
 from tigas_common.runner import explained, serve_listener, until_stopped
 from tigas_dash.app import create_app
@@ -18,7 +19,6 @@ from tigas_dash.clock import Clock
 from tigas_dash.encoder import choose_encoder
 from tigas_dash.sessions import Sessions
 from tigas_dash.settings import DashSettings
-from tigas_dash.source import RenderClient
 from tigas_dash.webrtc.stream import WebRtc
 
 

@@ -10,6 +10,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from typing import TypeVar
 
+from tigas_common.render_requests import RenderClient
 from tigas_common.wire.dash import SessionRequest
 from tigas_dash.clock import Clock
 from tigas_dash.encoder import EncoderName, LadderEncoder
@@ -17,7 +18,7 @@ from tigas_dash.errors import TooManySessions, UnknownSession
 from tigas_dash.metrics import DashMetrics
 from tigas_dash.representation import representations
 from tigas_dash.session import Session
-from tigas_dash.source import RenderClient, ViewSource
+from tigas_dash.source import ViewSource, ladder
 from tigas_dash.stream import Stream
 
 logger = logging.getLogger(__name__)
@@ -96,12 +97,12 @@ class Sessions:
             await asyncio.wait([task])
 
     async def _make(self, request: SessionRequest) -> Session:
-        ladder = representations(request, await self._client.ladder(request.scene))
-        source = ViewSource(self._client, request, ladder[0])
+        offered = representations(request, await ladder(self._client, request.scene))
+        source = ViewSource(self._client, request, offered[0])
         encoder = await asyncio.to_thread(
-            LadderEncoder, self.encoder, ladder, request.frame_rate, request.frames_per_segment
+            LadderEncoder, self.encoder, offered, request.frame_rate, request.frames_per_segment
         )
-        return Session(secrets.token_hex(8), request, ladder, source, encoder, await source.first(), self.clock)
+        return Session(secrets.token_hex(8), request, offered, source, encoder, await source.first(), self.clock)
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         ended = self._running.pop(task.get_name(), None)

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Awaitable
 from dataclasses import replace
 
-import httpx
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from tigas_common.errors import InvalidRequest
 from tigas_common.parsing import sentence
-from tigas_common.render_requests import SceneHosts
+from tigas_common.render_requests import RenderClient, RenderUnavailable
 from tigas_common.wire.dash import PoseUpdate, StreamRequest
-from tigas_common.wire.render import Problem, RenderRequest, Rung, SceneInfo, ServerConfig
+from tigas_common.wire.render import RenderRequest, Rung
 from tigas_dash.encoder import RawFrame
-from tigas_dash.errors import RenderProblem, RenderUnavailable
 from tigas_dash.representation import Representation
 
 FIRST_FRAME_S = 60
@@ -23,50 +20,14 @@ FIRST_FRAME_S = 60
 FRAME_S = 5
 """After this the render service counts as dead, in seconds."""
 
-_SCENES = TypeAdapter(list[SceneInfo])
 
+async def ladder(client: RenderClient, scene: str) -> tuple[Rung, ...]:
+    """The ladder that profiles index in a scene; without one, requests for its frames report the problem.
 
-class RenderClient:
-    """The render service, or a cluster's director. One for all sessions; its connections are kept."""
-
-    def __init__(self, http: httpx.AsyncClient) -> None:
-        self._http = http
-        self._hosts = SceneHosts(http)
-
-    async def ladder(self, scene: str) -> tuple[Rung, ...]:
-        """The ladder that profiles index in a scene; without one, requests for its frames report the problem.
-
-        Raises RenderUnavailable.
-        """
-        scenes = await _answered(self._http.get("/scenes", timeout=FRAME_S))
-        configured = await _answered(self._http.get("/config.json", timeout=FRAME_S))
-        try:
-            ladders = {info.id: info.ladder for info in _SCENES.validate_json(scenes.content)}
-            return ladders.get(scene) or ServerConfig.model_validate_json(configured.content).ladder
-        except ValidationError:
-            raise RenderUnavailable("The render service's URL leads to another server.") from None
-
-    async def frame(self, request: RenderRequest, within_s: float = FRAME_S) -> bytes:
-        """The requested frame. Raises RenderUnavailable and RenderProblem."""
-        body = request.model_dump_json(exclude_none=True)
-        asked = self._hosts.request(request.scene, "POST", "/render", content=body, timeout_s=within_s)
-        return (await _answered(asked)).content
-
-
-async def _answered(asked: Awaitable[httpx.Response]) -> httpx.Response:
-    """The render service's answer, if successful. Raises RenderUnavailable and RenderProblem."""
-    try:
-        answer = await asked
-    except httpx.HTTPError as error:
-        reason = str(error) or type(error).__name__
-        raise RenderUnavailable(f"The render service does not answer ({reason}).") from None
-    if answer.is_success:
-        return answer
-    try:
-        problem = Problem.model_validate_json(answer.content)
-    except ValidationError:
-        raise RenderUnavailable(f"The render service answers with status {answer.status_code}.") from None
-    raise RenderProblem(problem)
+    Raises RenderUnavailable.
+    """
+    ladders = {info.id: info.ladder for info in await client.scenes(FRAME_S)}
+    return ladders.get(scene) or (await client.config(FRAME_S)).ladder
 
 
 class ViewSource:

@@ -14,7 +14,9 @@ import pytest
 from PIL import Image
 
 from tests.experiments.made_up import LENS, inputs, png
+from tests.experiments.samples.renderers import ALONE
 from tests.experiments.triplets_made_up import jpeg, view
+from tigas_common.render_requests import RenderClient
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.quality.ground_truth import GroundTruth
 from tigas_experiments.quality.picture import MAX_PSNR_DB, BrokenPicture, compare, decode, encode
@@ -33,6 +35,8 @@ class Renderer:
         self._answer = answer
 
     def __call__(self, request: httpx.Request) -> httpx.Response:
+        if request.url.path == "/config.json":
+            return httpx.Response(200, content=ALONE.model_dump_json())
         wanted = json.loads(request.content)
         assert (wanted["format"], wanted["width"], wanted["height"]) == ("png", LENS.width, LENS.height)
         assert "profile" not in wanted, "ground truth has the viewport's own resolution"
@@ -42,7 +46,7 @@ class Renderer:
 
 def truth(renderer: Renderer) -> GroundTruth:
     http = httpx.AsyncClient(base_url="http://render", transport=httpx.MockTransport(renderer))
-    return GroundTruth(http, "courtyard", LENS)
+    return GroundTruth(RenderClient(http), "courtyard", LENS)
 
 
 def capture(at: float, pose: int, shown_at: float | None = None) -> Capture:
@@ -130,7 +134,7 @@ async def test_nothing_is_compared_before_the_viewer_moves() -> None:
 @pytest.mark.parametrize(
     ("answer", "sentence"),
     [
-        (httpx.Response(503, content=b"{}"), "the service answered 503"),
+        (httpx.Response(503, content=b"{}"), "answers with status 503"),
         (httpx.Response(200, content=b"<html>"), "cannot be read"),
     ],
 )

@@ -15,10 +15,10 @@ from PIL import Image
 
 from tests.experiments.made_up import sampled, write_run
 from tests.scenes import scene
+from tigas_common.render_requests import RenderClient
 from tigas_common.wire.render import DEFAULT_LADDER, ServerConfig
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.samples import JPEG, write_sample_file, write_samples
-from tigas_experiments.samples.renderer import Renderer
 from tigas_experiments.wire.recording import Sample
 
 SHA256 = "a" * 64
@@ -69,10 +69,14 @@ class FakeRenderer:
         )
 
     @asynccontextmanager
-    async def client(self) -> AsyncIterator[Renderer]:
+    async def client(self) -> AsyncIterator[RenderClient]:
         """As the code under test uses it."""
         async with httpx.AsyncClient(base_url="http://render", transport=httpx.MockTransport(self)) as http:
-            yield Renderer(http)
+            yield patient_client(http)
+
+
+def patient_client(http: httpx.AsyncClient) -> RenderClient:
+    return RenderClient(http, "The render service at http://render", patient=True)
 
 
 def sampled_run(folder: Path, numbers: Sequence[int], **changes: Any) -> list[Sample]:

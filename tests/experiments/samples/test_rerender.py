@@ -14,9 +14,10 @@ import pytest
 from PIL import Image
 
 from tests.experiments.made_up import inputs, write_run
-from tests.experiments.samples.renderers import FakeRenderer, picture, problem, sampled_run
+from tests.experiments.samples.renderers import FakeRenderer, patient_client, picture, problem, sampled_run
 from tests.not_files import NOT_FILES
 from tigas_common.errors import StartError
+from tigas_common.render_requests import AT_ONCE, RenderUnavailable
 from tigas_experiments.quality.picture import CaptureQuality, compare, decode
 from tigas_experiments.records.files import write_lines
 from tigas_experiments.records.folder import StoredRun, capture_path
@@ -32,7 +33,6 @@ from tigas_experiments.records.samples import (
 from tigas_experiments.records.scores import Score, write_scores
 from tigas_experiments.records.summary import summarise
 from tigas_experiments.samples.capture_truth import render_truth
-from tigas_experiments.samples.renderer import AT_ONCE, Renderer, RendererAway
 from tigas_experiments.samples.rerender import locked, rerender, sampled_runs
 from tigas_experiments.wire.recording import Capture, Input
 
@@ -129,7 +129,7 @@ async def test_everything_is_matched_by_number_whatever_the_order_and_whatever_i
         return answered
 
     async with httpx.AsyncClient(base_url="http://render", transport=httpx.MockTransport(answer)) as http:
-        found = await rerender(run, Renderer(http))
+        found = await rerender(run, patient_client(http))
     assert renderer.asked[-1][0] == 12
     lines = [json.loads(line) for line in (run / RERENDERED).read_text().splitlines()]
     assert {line["seq"]: line["identical"] for line in lines} == {3: True, 5: True, 7: True, 9: None, 12: True}
@@ -154,7 +154,7 @@ async def test_what_is_there_is_not_asked_for_again_after_a_kill(run: Path) -> N
         return await first(request)
 
     async with httpx.AsyncClient(base_url="http://render", transport=httpx.MockTransport(answer)) as http:
-        task = asyncio.create_task(rerender(run, Renderer(http)))
+        task = asyncio.create_task(rerender(run, patient_client(http)))
         await all_stuck.wait()
         task.cancel()
         with pytest.raises(asyncio.CancelledError):
@@ -182,7 +182,7 @@ async def test_a_renderer_that_goes_away_costs_nothing_that_is_there(run: Path) 
         if wanted["seq"] == 6:
             raise httpx.ConnectError("refused")
 
-    with pytest.raises(RendererAway, match=r"The render service at http://render does not answer \(refused\)\."):
+    with pytest.raises(RenderUnavailable, match=r"The render service at http://render does not answer \(refused\)\."):
         await made(run, FakeRenderer(refuse=goes))
     assert (await made(run, FakeRenderer())).identical == 8
 
@@ -200,7 +200,7 @@ async def test_only_so_many_are_asked_for_at_once(run: Path) -> None:
         return await renderer(request)
 
     async with httpx.AsyncClient(base_url="http://render", transport=httpx.MockTransport(answer)) as http:
-        await rerender(run, Renderer(http))
+        await rerender(run, patient_client(http))
     assert 1 < most <= AT_ONCE
 
 
@@ -255,8 +255,8 @@ async def test_another_service_at_the_address_gets_a_sentence(run: Path) -> None
     async with httpx.AsyncClient(
         base_url="http://render", transport=httpx.MockTransport(lambda _: httpx.Response(404, text="nginx"))
     ) as http:
-        with pytest.raises(RendererAway, match="no TIGAS render service"):
-            await rerender(run, Renderer(http))
+        with pytest.raises(RenderUnavailable, match="no TIGAS render service"):
+            await rerender(run, patient_client(http))
 
 
 async def test_a_scene_whose_file_has_changed_is_no_ground_truth(run: Path) -> None:

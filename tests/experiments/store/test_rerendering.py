@@ -12,10 +12,10 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.experiments.samples.renderers import FakeRenderer, picture, sampled_run
+from tests.experiments.samples.renderers import FakeRenderer, patient_client, picture, sampled_run
 from tests.experiments.store.conftest import NOBODY, PATIENCE_S, Running, by_command, running_store
+from tigas_common.render_requests import RenderClient
 from tigas_experiments.records.samples import JPEG, RERENDERED, TRUTH, sample_path, write_sample_file
-from tigas_experiments.samples.renderer import Renderer
 
 pytestmark = pytest.mark.anyio
 ASK = "/experiments/mine/materialise"
@@ -30,11 +30,11 @@ def renderer(monkeypatch: pytest.MonkeyPatch) -> FakeRenderer:
 
 def answers_with(monkeypatch: pytest.MonkeyPatch, renderer: FakeRenderer) -> None:
     @asynccontextmanager
-    async def at(_: type[Renderer], url: str) -> AsyncIterator[Renderer]:
+    async def at(_: type[RenderClient], url: str) -> AsyncIterator[RenderClient]:
         async with renderer.client() as client:
             yield client
 
-    monkeypatch.setattr(Renderer, "at", classmethod(at))
+    monkeypatch.setattr(RenderClient, "at", classmethod(at))
 
 
 @pytest.fixture
@@ -135,9 +135,9 @@ async def test_it_can_be_stopped_and_goes_on_from_there(store: Running, run: Pat
 
 
 @asynccontextmanager
-async def _client(answer: Any) -> AsyncIterator[Renderer]:
+async def _client(answer: Any) -> AsyncIterator[RenderClient]:
     async with httpx.AsyncClient(base_url="http://render", transport=httpx.MockTransport(answer)) as http:
-        yield Renderer(http)
+        yield patient_client(http)
 
 
 async def test_a_store_that_ends_lets_go(tmp_path: Path, renderer: FakeRenderer) -> None:

@@ -13,13 +13,14 @@ from aiortc import RTCDataChannel, RTCPeerConnection
 from tigas_common.address import Address, is_loopback
 from tigas_common.errors import InvalidRequest, TigasError, problem
 from tigas_common.parsing import parse
+from tigas_common.render_requests import RenderClient
 from tigas_common.wire.dash import FRAMES, POSES, PoseUpdate, SentFrame, WebRtcRequest, WebRtcSession
 from tigas_common.wire.model import WireModel
 from tigas_dash.clock import Clock
 from tigas_dash.encoder import RawFrame
 from tigas_dash.errors import WebRtcUnavailable
 from tigas_dash.representation import Representation, single_size
-from tigas_dash.source import RenderClient, ViewSource
+from tigas_dash.source import ViewSource, ladder
 from tigas_dash.stream import Stream
 from tigas_dash.webrtc.offer import answered, limit_bitrate, taken, widen_bitrates
 from tigas_dash.webrtc.track import ViewTrack
@@ -175,7 +176,7 @@ class WebRtc:
                 "This packager sends WebRTC to its own machine alone; --http 0.0.0.0:8081 opens it."
             )
         async with taken(request.sdp) as connection:
-            size = single_size(request, await self._client.ladder(request.scene), request.rung)
+            size = single_size(request, await ladder(self._client, request.scene), request.rung)
             source = ViewSource(self._client, request, size)
             first, name = await source.first(), secrets.token_hex(8)
             stream = WebRtcStream(name, request, size, source, first, connection, self._port, self._clock)

@@ -57,16 +57,16 @@ class Ladder(RenderCommand):
     """Experiment's folder."""
 
     def run(self) -> None:
+        from tigas_common.render_requests import RenderClient
         from tigas_experiments.quality.picture import BrokenPicture
         from tigas_experiments.report.ladder import Step, middle_view, write_ladder
         from tigas_experiments.report.ladder import ladder as steps
-        from tigas_experiments.samples.renderer import NotRendered, Renderer
 
         async def asked() -> list[Step]:
-            async with Renderer.at(self.render) as renderer:
+            async with RenderClient.at(self.render) as renderer:
                 return await steps(renderer, *middle_view(self.folder))
 
-        with in_a_sentence(NotRendered, BrokenPicture):
+        with in_a_sentence(BrokenPicture):
             for path in write_ladder(asyncio.run(asked()), self.folder):
                 print(printable(str(path)))
 
@@ -151,8 +151,8 @@ def _score(folder: Path, asked: list[PictureMetric], *, again: bool) -> tuple[li
 
 def _render_truth(folder: Path, render: str) -> Iterator[str]:
     """Render missing ground truth, and yield problems. Raises StartError and OSError."""
+    from tigas_common.render_requests import RenderClient
     from tigas_experiments.samples.capture_truth import render_truth
-    from tigas_experiments.samples.renderer import Renderer
     from tigas_experiments.samples.rerender import locked, with_samples
 
     runs, _ = _runs(folder)
@@ -162,7 +162,7 @@ def _render_truth(folder: Path, render: str) -> Iterator[str]:
 
     async def all_of_them(show: Callable[[float, str], None]) -> list[str]:
         problems = []
-        async with Renderer.at(render) as renderer:
+        async with RenderClient.at(render) as renderer:
             for run in runs:
 
                 def on_progress(done: int, total: int, run: Path = run) -> None:

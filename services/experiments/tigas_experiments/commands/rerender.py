@@ -72,14 +72,14 @@ class Rerender(SamplesCommand, RenderCommand):
 
 def rerender_all(folder: Path, render: str, *, again: bool = False) -> list[SampledRun]:
     """Render all samples of a run or an experiment, with a progress bar. Raises StartError and OSError."""
-    from tigas_experiments.samples.renderer import Renderer
+    from tigas_common.render_requests import RenderClient
     from tigas_experiments.samples.rerender import locked, rerender, sampled_runs
 
     runs = sampled_runs(folder)
 
     async def all_of_them(show: Callable[[float, str], None]) -> list[SampledRun]:
         outcomes = []
-        async with Renderer.at(render) as renderer:
+        async with RenderClient.at(render) as renderer:
             for number, run in enumerate(runs):
 
                 def on_progress(done: int, total: int, number: int = number) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 
-import httpx
-
+from tigas_common.errors import TigasError
+from tigas_common.render_requests import RenderClient
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.quality.picture import (
@@ -19,8 +19,6 @@ from tigas_experiments.quality.picture import (
     decode_shown,
 )
 from tigas_experiments.wire.recording import Capture, Input, Lens
-
-TIMEOUT_S = 60
 
 
 def pose_of(inputs: Sequence[Input], pose: int) -> Input | None:
@@ -38,8 +36,8 @@ def pose_at(inputs: Sequence[Input], at: float) -> Input | None:
 class GroundTruth:
     """Renders poses of one scene through one lens; remembers the last picture. Raises RunFailed."""
 
-    def __init__(self, http: httpx.AsyncClient, scene: str, lens: Lens) -> None:
-        self._http = http
+    def __init__(self, renderer: RenderClient, scene: str, lens: Lens) -> None:
+        self._renderer = renderer
         self._scene = scene
         self._lens = lens
         self._last: tuple[Input, Picture] | None = None
@@ -84,12 +82,6 @@ class GroundTruth:
     async def _render(self, pose: Input) -> Picture:
         request = RenderRequest.at(self._scene, pose.camera, self._lens.intrinsics, format="png")
         try:
-            answer = await self._http.post("/render", content=request.model_dump_json(exclude_none=True))
-        except httpx.HTTPError as error:
-            raise RunFailed(f"Ground truth could not be rendered: {error or type(error).__name__}") from None
-        if not answer.is_success:
-            raise RunFailed(f"Ground truth could not be rendered: the service answered {answer.status_code}.")
-        try:
-            return decode(answer.content)
-        except BrokenPicture as error:
+            return decode(await self._renderer.frame(request))
+        except (TigasError, BrokenPicture) as error:
             raise RunFailed(f"Ground truth could not be rendered: {error}") from None

@@ -11,13 +11,13 @@ from matplotlib.figure import Figure
 
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
+from tigas_common.render_requests import RenderClient
 from tigas_common.wire.render import RenderRequest, Rung
 from tigas_experiments.quality.picture import Picture, Quality, compare, decode, upscaled
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.report.plot import style
 from tigas_experiments.report.run_table import LADDER, run_folders
-from tigas_experiments.samples.renderer import Renderer
 from tigas_experiments.wire.recording import Input, Lens
 
 PICTURE_IN = 3.2
@@ -42,10 +42,10 @@ class Step(NamedTuple):
     """Quality against a lossless rendering at that size."""
 
 
-async def ladder(renderer: Renderer, scene: str, pose: Pose, lens: Lens) -> list[Step]:
+async def ladder(renderer: RenderClient, scene: str, pose: Pose, lens: Lens) -> list[Step]:
     """One view at every rung, best first, at the best rung's size and the viewport's aspect ratio.
 
-    Raises RendererAway, NotRendered and BrokenPicture.
+    Raises RenderUnavailable, RenderProblem and BrokenPicture.
     """
     rungs = (await renderer.load(scene)).ladder or (await renderer.config()).ladder
     view = lens.intrinsics.resized(*rungs[0].size_for(lens.width, lens.height))

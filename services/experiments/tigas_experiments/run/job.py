@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import httpx
-
+from tigas_common.render_requests import RenderClient
 from tigas_common.wire.render import SceneInfo, ServerConfig
 from tigas_experiments.errors import RunFailed
-from tigas_experiments.quality.ground_truth import TIMEOUT_S, GroundTruth, pose_at
+from tigas_experiments.quality.ground_truth import GroundTruth, pose_at
 from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, encode
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import InputDigests, RunRecord, RunWriter, Snapshot, StoredRun, capture_path
@@ -143,8 +142,8 @@ async def complete(folder: Path, render: str) -> RunRecord:
         raise BrokenRecording(f"{folder / 'run.json'} says nothing of the recording.")
     predicted = run.record.configuration.prediction != OFF
     assessed: list[CaptureQuality] = []
-    async with httpx.AsyncClient(base_url=render, timeout=TIMEOUT_S, trust_env=False, verify=False) as http:
-        truth = GroundTruth(http, head.scene, head.lens)
+    async with RenderClient.at(render) as renderer:
+        truth = GroundTruth(renderer, head.scene, head.lens)
         for index, capture in enumerate(captures):
             png = read_sample_file(capture_path(folder, index))
             try:

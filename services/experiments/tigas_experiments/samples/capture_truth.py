@@ -6,24 +6,26 @@ import asyncio
 from pathlib import Path
 
 from tigas_common.files import read_regular
+from tigas_common.render_requests import RenderClient, RenderProblem
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.quality.ground_truth import pose_at
 from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, compare, decode, decode_shown
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import StoredRun, capture_path
 from tigas_experiments.records.samples import MAX_PICTURE_BYTES, TRUTH
-from tigas_experiments.samples.renderer import NotRendered, Renderer, concurrently
-from tigas_experiments.samples.rerender import OnProgress, changed_scene
+from tigas_experiments.samples.rerender import OnProgress, changed_scene, concurrently
 from tigas_experiments.wire.recording import Capture, Input, RecordingHead
 
 SAME_DB = 0.5
 """Tolerated PSNR deviation from the run: rounding stays below it, another scene exceeds it."""
 
 
-async def render_truth(run: Path, renderer: Renderer, on_progress: OnProgress = lambda done, total: None) -> str | None:
+async def render_truth(
+    run: Path, renderer: RenderClient, on_progress: OnProgress = lambda done, total: None
+) -> str | None:
     """Render missing ground truth; returns the reason for any remaining gaps, in one sentence.
 
-    Raises RendererAway and OSError.
+    Raises RenderUnavailable and OSError.
     """
     try:
         stored = StoredRun(run)
@@ -37,7 +39,7 @@ async def render_truth(run: Path, renderer: Renderer, on_progress: OnProgress = 
         if head is None or not missing:
             return None
         scene = await renderer.load(head.scene)
-    except (BrokenRecording, NotRendered) as error:
+    except (BrokenRecording, RenderProblem) as error:
         return str(error)
     if (changed := changed_scene(stored.record, scene.file_sha256)) is not None:
         return changed
@@ -48,7 +50,7 @@ async def render_truth(run: Path, renderer: Renderer, on_progress: OnProgress = 
         nonlocal done
         try:
             await _keep(run, renderer, head, inputs, *one)
-        except (NotRendered, BrokenPicture) as error:
+        except (RenderProblem, BrokenPicture) as error:
             problems.append(f"Picture {one[0]}: {error}")
         done += 1
         on_progress(done, len(missing))
@@ -59,14 +61,14 @@ async def render_truth(run: Path, renderer: Renderer, on_progress: OnProgress = 
 
 async def _keep(
     run: Path,
-    renderer: Renderer,
+    renderer: RenderClient,
     head: RecordingHead,
     inputs: list[Input],
     index: int,
     capture: Capture,
     quality: CaptureQuality,
 ) -> None:
-    """Keep one ground truth, if it matches the run's comparison. Raises BrokenPicture, NotRendered and OSError."""
+    """Keep one ground truth, if it matches the run's comparison. Raises BrokenPicture, RenderProblem and OSError."""
     pose = pose_at(inputs, capture.at)
     if pose is None:
         return

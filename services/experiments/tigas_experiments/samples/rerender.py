@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import TypeVar
 
 from pydantic import ValidationError
 
@@ -14,6 +15,7 @@ from tigas_common.errors import StartError
 from tigas_common.files import read_regular
 from tigas_common.parsing import sentence
 from tigas_common.pose import Intrinsics
+from tigas_common.render_requests import AT_ONCE, RenderClient, RenderProblem, RenderUnavailable
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.lock import EXPERIMENT, exclusive
 from tigas_experiments.quality.picture import BrokenPicture, compare, decode, opened
@@ -31,21 +33,21 @@ from tigas_experiments.records.samples import (
     sample_path,
     sampled_run,
 )
-from tigas_experiments.samples.renderer import NotRendered, Renderer, concurrently
 from tigas_experiments.wire.recording import Sample
 
+Item = TypeVar("Item")
 OnProgress = Callable[[int, int], None]
 """Progress callback: number of finished samples of a run, and their total."""
 
 
 async def rerender(
-    run: Path, renderer: Renderer, on_progress: OnProgress = lambda done, total: None, *, again: bool = False
+    run: Path, renderer: RenderClient, on_progress: OnProgress = lambda done, total: None, *, again: bool = False
 ) -> SampledRun:
     """Ask for all samples of a run of which something is missing, or for all `again`.
 
     It may be ended at any time, and goes on from there when it is called the next time.
 
-    Raises OSError, and RendererAway if the service does not answer.
+    Raises OSError, and RenderUnavailable if the service does not answer.
     """
     before = await asyncio.to_thread(sampled_run, run)
     if before.problem is not None or not before.samples:
@@ -61,7 +63,7 @@ async def rerender(
         if any(one.request.scene != record.configuration.scene for one in before.samples):
             return replace(before, problem="Its samples are of another scene than the run.")
         scene = await renderer.load(record.configuration.scene)
-    except (BrokenRecording, NotRendered) as error:
+    except (BrokenRecording, RenderProblem) as error:
         return replace(before, problem=str(error))
     if (changed := changed_scene(record, scene.file_sha256)) is not None:
         return replace(before, problem=changed)
@@ -71,7 +73,7 @@ async def rerender(
 
 
 async def _ask_for(
-    run: Path, todo: Sequence[Sample], renderer: Renderer, on_progress: Callable[[int], None], again: bool
+    run: Path, todo: Sequence[Sample], renderer: RenderClient, on_progress: Callable[[int], None], again: bool
 ) -> None:
     """Render a few samples concurrently, and log each result immediately."""
     done = 0
@@ -85,6 +87,22 @@ async def _ask_for(
             on_progress(done)
 
         await concurrently(todo, work)
+
+
+async def concurrently(items: Iterable[Item], work: Callable[[Item], Awaitable[None]]) -> None:
+    """Process items with AT_ONCE workers. Raises the first RenderUnavailable or OSError of a worker."""
+    left = iter(items)
+
+    async def worker() -> None:
+        for item in left:
+            await work(item)
+
+    try:
+        async with asyncio.TaskGroup() as group:
+            for _ in range(AT_ONCE):
+                group.create_task(worker())
+    except* (RenderUnavailable, OSError) as errors:
+        raise errors.exceptions[0] from None
 
 
 def changed_scene(record: RunRecord, sha256: str | None) -> str | None:
@@ -154,7 +172,7 @@ def shown_size(sample: Sample) -> tuple[int, int]:
 
 
 def request_truth(sample: Sample) -> RenderRequest:
-    """Request for the same view without loss in its displayed size. Raises NotRendered if the size is impossible."""
+    """Request for the same view without loss in its displayed size. Raises BrokenPicture if the size is impossible."""
     request = sample.request
     lens = _lens(request).resized(*shown_size(sample))
     plain = {
@@ -163,7 +181,7 @@ def request_truth(sample: Sample) -> RenderRequest:
     try:
         return RenderRequest.model_validate(request.model_dump() | asdict(lens) | plain)
     except ValidationError as error:
-        raise NotRendered(f"There is no such view: {sentence(error)}") from None
+        raise BrokenPicture(f"There is no such view: {sentence(error)}") from None
 
 
 def _lens(request: RenderRequest) -> Intrinsics:
@@ -172,22 +190,22 @@ def _lens(request: RenderRequest) -> Intrinsics:
     return request.intrinsics.widened(*margins)
 
 
-async def replay(run: Path, sample: Sample, renderer: Renderer, *, again: bool = False) -> Rerendered:
+async def replay(run: Path, sample: Sample, renderer: RenderClient, *, again: bool = False) -> Rerendered:
     """Render a sample and its ground truth, if missing or `again`, and keep the results.
 
-    Raises RendererAway and OSError.
+    Raises RenderUnavailable and OSError.
     """
     problems: list[str] = []
     identical = psnr_db = None
     try:
         identical, psnr_db = await _compare(run, sample, await renderer.frame(request_again(sample)))
-    except (NotRendered, BrokenPicture) as error:
+    except (RenderProblem, BrokenPicture) as error:
         problems.append(str(error))
     if again or not await asyncio.to_thread(has_truth, run, sample):
         try:
             truth = await renderer.frame(request_truth(sample))
             await asyncio.to_thread(_keep_truth, run, sample, truth)
-        except (NotRendered, BrokenPicture) as error:
+        except (RenderProblem, BrokenPicture) as error:
             problems.append(str(error))
     return Rerendered(
         seq=sample.seq, identical=identical, problem=" ".join(dict.fromkeys(problems)) or None, psnr_db=psnr_db

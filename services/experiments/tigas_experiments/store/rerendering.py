@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Self
 
 from tigas_common.errors import StartError
+from tigas_common.render_requests import RenderClient, RenderUnavailable
 from tigas_experiments.records.samples import sampled_run
-from tigas_experiments.samples.renderer import Renderer, RendererAway
 from tigas_experiments.samples.rerender import locked, rerender, sampled_runs
 from tigas_experiments.store.errors import ExperimentInUse, NoSamples, storage_explained
 from tigas_experiments.store.experiments import Experiments
@@ -104,9 +104,9 @@ class Rerendering:
 
     async def _work(self, job: _Job, runs: list[Path]) -> None:
         try:
-            async with self.lock, Renderer.at(self._render) as renderer:
+            async with self.lock, RenderClient.at(self._render) as renderer:
                 job.problem = await _rerender_all(job, runs, renderer)
-        except RendererAway as error:
+        except RenderUnavailable as error:
             job.problem = str(error)
         except OSError as error:
             job.problem = f"The store's disk refused: {error.strerror or error}."
@@ -115,8 +115,8 @@ class Rerendering:
             job.problem = "The store failed; its log says why."
 
 
-async def _rerender_all(job: _Job, runs: list[Path], renderer: Renderer) -> str | None:
-    """Run by run; the problems of all, in a sentence each. Raises RendererAway and OSError."""
+async def _rerender_all(job: _Job, runs: list[Path], renderer: RenderClient) -> str | None:
+    """Run by run; the problems of all, in a sentence each. Raises RenderUnavailable and OSError."""
     before, problems = 0, []
     for run in runs:
 
