@@ -148,8 +148,6 @@ def write_run(
         recording(frames=frames, dash=None if mode == "stateless" else STREAM), strict=False
     )
     record = RunRecord(
-        status="running",
-        problem=None,
         configuration=configuration(mode, **changes),
         machine=MACHINE,
         started="2026-01-01T00:00:00+00:00",

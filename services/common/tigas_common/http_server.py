@@ -39,24 +39,27 @@ def tcp_congestion_control() -> str | None:
         return probe.getsockopt(socket.IPPROTO_TCP, socket.TCP_CONGESTION, 16).rstrip(b"\0").decode()
 
 
-class LimitedServer(uvicorn.Server):
-    """Serves one listening socket, and accepts connections itself: a TLS handshake counts as a connection as
-    well.
+class Server(uvicorn.Server):
+    """Leaves signals to its caller, so that several can share a process, and reports when it has started."""
 
-    It leaves signals to its caller, so that several can share a process.
-    """
-
-    def __init__(self, config: uvicorn.Config, limits: HttpLimits, tls: ssl.SSLContext | None) -> None:
+    def __init__(self, config: uvicorn.Config) -> None:
         super().__init__(config)
         self.started_event = asyncio.Event()
-        self._limits = limits
-        self._tls = tls
-        self._opening: dict[asyncio.Task[None], str] = {}
-        """Addresses with connections being opened; uvicorn knows the open ones."""
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
         yield
+
+
+class LimitedServer(Server):
+    """Serves one listening socket, and accepts connections itself: a TLS handshake counts as a connection as well."""
+
+    def __init__(self, config: uvicorn.Config, limits: HttpLimits, tls: ssl.SSLContext | None) -> None:
+        super().__init__(config)
+        self._limits = limits
+        self._tls = tls
+        self._opening: dict[asyncio.Task[None], str] = {}
+        """Addresses with connections being opened; uvicorn knows the open ones."""
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         assert sockets is not None

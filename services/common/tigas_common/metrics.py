@@ -10,6 +10,7 @@ import platform
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from importlib.metadata import version
+from typing import TypeVar
 
 from prometheus_client import (
     CONTENT_TYPE_LATEST,
@@ -21,7 +22,7 @@ from prometheus_client import (
     disable_created_metrics,
     generate_latest,
 )
-from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 from starlette.requests import Request
 from starlette.responses import Response
@@ -36,6 +37,7 @@ OTHER = "other"
 """The label of a path that no route has, of an unusual method, and of scenes beyond the first MOST_SCENES."""
 MOST_SCENES = 200
 """Maximum number of scenes with figures of their own: files may appear and disappear during a service's lifetime."""
+Family = TypeVar("Family", CounterMetricFamily, GaugeMetricFamily)
 RESPONSE_BUCKETS = (0.005, 0.02, 0.1, 0.5, 2, 10)
 """Seconds."""
 
@@ -62,10 +64,17 @@ def metrics_route(registry: CollectorRegistry) -> Route:
 
 def labelled_gauge(name: str, help: str, label: str, values: Mapping[str, float]) -> GaugeMetricFamily:
     """A gauge with a value for each value of a label."""
-    gauge = GaugeMetricFamily(name, help, labels=[label])
+    return _labelled(GaugeMetricFamily(name, help, labels=[label]), values)
+
+
+def labelled_counter(name: str, help: str, label: str, values: Mapping[str, float]) -> CounterMetricFamily:
+    return _labelled(CounterMetricFamily(name, help, labels=[label]), values)
+
+
+def _labelled(family: Family, values: Mapping[str, float]) -> Family:
     for key, value in values.items():
-        gauge.add_metric([key], value)
-    return gauge
+        family.add_metric([key], value)
+    return family
 
 
 class SceneNames:

@@ -170,6 +170,11 @@ class RenderClient:
         ask = self._ask(lambda: self._hosts.request(scene, "POST", path, content=None, timeout_s=LOAD_S))
         return self._parsed(SceneInfo, await ask)
 
+    async def prepare_download(self, scene: str) -> None:
+        """Have a scene's file made for download, which takes seconds for a large one."""
+        path, first_byte = f"/scenes/{quote(scene, safe='')}/download/compressed", {"Range": "bytes=0-0"}
+        await self._ask(lambda: self._http.get(path, headers=first_byte, timeout=LOAD_S))
+
     async def frame(self, request: RenderRequest, timeout_s: float = FRAME_S) -> bytes:
         body = request.model_dump_json(exclude_none=True)
         return await self._ask(

@@ -17,7 +17,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from tigas_common.address import Address
 from tigas_common.errors import Overloaded, StartError, problem
-from tigas_common.http_server import LimitedServer
+from tigas_common.http_server import LimitedServer, Server
 from tigas_common.limits import HttpLimits
 from tigas_common.parsing import MAX_BODY
 from tigas_common.resources import give_back_regularly
@@ -87,24 +87,14 @@ async def serve_unix(app: Any, path: Path) -> AsyncIterator[None]:
         yield
 
 
-class _UnixServer(uvicorn.Server):
-    """Leaves signals to its caller, and reports when it has started."""
-
-    def __init__(self, config: uvicorn.Config) -> None:
-        super().__init__(config)
-        self.started_event = asyncio.Event()
-
-    @contextmanager
-    def capture_signals(self) -> Iterator[None]:
-        yield
-
+class _UnixServer(Server):
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         self.started_event.set()
 
 
 @asynccontextmanager
-async def _running(server: LimitedServer | _UnixServer, sockets: list[socket.socket] | None) -> AsyncIterator[None]:
+async def _running(server: Server, sockets: list[socket.socket] | None) -> AsyncIterator[None]:
     running = asyncio.create_task(server.serve(sockets))
     await asyncio.wait([running, asyncio.create_task(server.started_event.wait())], return_when=asyncio.FIRST_COMPLETED)
     if running.done():

@@ -9,7 +9,7 @@ from typing import get_args
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from tigas_common.metrics import SceneNames
+from tigas_common.metrics import SceneNames, labelled_gauge
 from tigas_dash.stream import Stream, Transport
 
 _OF_RUNGS = ("scene", "rung", "transport")
@@ -49,15 +49,12 @@ class DashMetrics(Collector):
                 if counter == name:
                     family.add_metric(values, total)
             yield family
-        running = GaugeMetricFamily("tigas_dash_sessions", "Streams that run", labels=["transport"])
-        behind = GaugeMetricFamily(
-            "tigas_dash_behind_seconds", "For how long the most belated frame has been due", labels=["transport"]
-        )
-        for transport in get_args(Transport):
-            alike = [stream for stream in streams if stream.transport == transport]
-            running.add_metric([transport], len(alike))
-            behind.add_metric([transport], max((stream.behind_s for stream in alike), default=0.0))
-        yield from (running, behind)
+        alike = {name: [each for each in streams if each.transport == name] for name in get_args(Transport)}
+        running = {name: len(own) for name, own in alike.items()}
+        yield labelled_gauge("tigas_dash_sessions", "Streams that run", "transport", running)
+        behind = {name: max((each.behind_s for each in own), default=0.0) for name, own in alike.items()}
+        text = "For how long the most belated frame has been due"
+        yield labelled_gauge("tigas_dash_behind_seconds", text, "transport", behind)
         yield GaugeMetricFamily("tigas_dash_session_limit", "Streams that may run", self._limit)
 
     def _counts(self, stream: Stream) -> Counter[tuple[str, tuple[str, ...]]]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import get_args
 
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from tigas_common.wire.shaper import PlaybackMode
+from tigas_common.metrics import labelled_counter, labelled_gauge
+from tigas_common.wire.shaper import DirectionStatus, PlaybackMode
 from tigas_shaper.service import Shaper
 
 BYTES_PER_KBIT = 125
@@ -23,27 +24,23 @@ class ShaperMetrics(Collector):
     def collect(self) -> Iterator[Metric]:
         status, sent = self._shaper.status(), self._shaper.sent_bytes
         link, directions = status.link, {"down": status.down, "up": status.up}
-        crossed = CounterMetricFamily("tigas_shaper_sent_bytes", "Bytes that crossed the link", labels=["direction"])
-        drops = CounterMetricFamily(
-            "tigas_shaper_dropped_packets", "Packets that were lost, as the queue was full", labels=["direction"]
+
+        def of_each(value: Callable[[DirectionStatus], float]) -> dict[str, float]:
+            return {name: value(direction) for name, direction in directions.items()}
+
+        drops, rates = of_each(lambda one: one.drops), of_each(lambda one: one.target_kbps * BYTES_PER_KBIT)
+        waiting, ages = of_each(lambda one: one.queue_bytes), of_each(lambda one: one.queue_ms / 1000)
+        modes = {mode: mode == status.mode for mode in get_args(PlaybackMode)}
+        yield labelled_counter("tigas_shaper_sent_bytes", "Bytes that crossed the link", "direction", sent)
+        yield labelled_counter(
+            "tigas_shaper_dropped_packets", "Packets that were lost, as the queue was full", "direction", drops
         )
-        rates = GaugeMetricFamily(
-            "tigas_shaper_rate_bytes_per_second", "Present capacity of the link", labels=["direction"]
+        yield labelled_gauge("tigas_shaper_rate_bytes_per_second", "Present capacity of the link", "direction", rates)
+        yield labelled_gauge("tigas_shaper_queue_bytes", "Bytes that wait", "direction", waiting)
+        yield labelled_gauge(
+            "tigas_shaper_queue_age_seconds", "Queueing delay of a packet arriving now", "direction", ages
         )
-        queues = GaugeMetricFamily("tigas_shaper_queue_bytes", "Bytes that wait", labels=["direction"])
-        ages = GaugeMetricFamily(
-            "tigas_shaper_queue_age_seconds", "Queueing delay of a packet arriving now", labels=["direction"]
-        )
-        for name, direction in directions.items():
-            crossed.add_metric([name], sent[name])
-            drops.add_metric([name], direction.drops)
-            rates.add_metric([name], direction.target_kbps * BYTES_PER_KBIT)
-            queues.add_metric([name], direction.queue_bytes)
-            ages.add_metric([name], direction.queue_ms / 1000)
-        modes = GaugeMetricFamily("tigas_shaper_playback", "Playback state: 1 for the present one", labels=["mode"])
-        for mode in get_args(PlaybackMode):
-            modes.add_metric([mode], mode == status.mode)
-        yield from (crossed, drops, rates, queues, ages, modes)
+        yield labelled_gauge("tigas_shaper_playback", "Playback state: 1 for the present one", "mode", modes)
         yield GaugeMetricFamily("tigas_shaper_delay_seconds", "One-way delay that is added", link.delay_ms / 1000)
         yield GaugeMetricFamily("tigas_shaper_loss_ratio", "Share of packets that is lost", link.loss_pct / 100)
         yield GaugeMetricFamily("tigas_shaper_link_up", "Whether anything passes at all", status.closed is None)

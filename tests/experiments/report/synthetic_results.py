@@ -98,8 +98,6 @@ def write_run(
     configuration: dict[str, Any] = {"scene": "courtyard", "movement": "stroll", "mode": mode, "profile": controller}
     configuration |= {"network": Network(trace=network, rtt_ms=rtt_ms, offset_s=offset_s), "duration_s": seconds}
     record = RunRecord(
-        status="running",
-        problem=None,
         configuration=Configuration.model_validate({**configuration, "width": 640, "height": 360, **changes}),
         machine=MACHINE,
         started="2026-01-01T00:00:00+00:00",

@@ -90,8 +90,8 @@ class InputDigests(WireModel):
 class RunRecord(WireModel):
     """run.json. Digests and the server are unknown for runs that a page made, and for early ones."""
 
-    status: Literal["running", "complete", "failed"]
-    problem: str | None
+    status: Literal["running", "complete", "failed"] = "running"
+    problem: str | None = None
     """Reason for a failure."""
     configuration: Configuration
     inputs_sha256: InputDigests | None = None

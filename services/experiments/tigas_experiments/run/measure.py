@@ -37,8 +37,6 @@ async def run(
     run.json says "running" or is missing counts as incomplete.
     """
     record = RunRecord(
-        status="running",
-        problem=None,
         configuration=configuration,
         machine=environment.machine,
         started=datetime.now(UTC).isoformat(timespec="seconds"),

@@ -11,14 +11,14 @@ import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
-from urllib.parse import quote, urlsplit
+from urllib.parse import urlsplit
 
 import httpx
 import psutil
-from pydantic import ValidationError
 
-from tigas_common.errors import StartError
+from tigas_common.errors import StartError, TigasError
 from tigas_common.processes import end, tigas, with_parent
+from tigas_common.render_requests import RenderClient
 from tigas_common.topology import PAGE_ORIGINS
 from tigas_common.wire.render import LadderName, SceneInfo, ServerConfig
 
@@ -28,7 +28,6 @@ START_S = 120
 STOP_S = 15
 ANSWER_S = 10
 """On a busy machine."""
-LOAD_S = 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,10 +88,10 @@ async def url_target(url: str) -> AsyncIterator[Target]:
 
 async def read_config(url: str) -> ServerConfig:
     """Configuration of the services at a URL. Raises StartError."""
-    async with httpx.AsyncClient(timeout=ANSWER_S, trust_env=False, verify=False) as http:
+    async with httpx.AsyncClient(base_url=url, trust_env=False, verify=False) as http:
         try:
-            return ServerConfig.model_validate_json((await http.get(f"{url}/config.json")).content)
-        except (httpx.HTTPError, ValidationError):
+            return await RenderClient(http).config(ANSWER_S)
+        except TigasError:
             raise StartError(f"No TIGAS render service answers at {url}.") from None
 
 
@@ -113,32 +112,23 @@ async def alive(target: Target) -> bool:
 
 async def load_scene(url: str, scene: str) -> SceneInfo:
     """A scene's description, once it is loaded. Raises StartError."""
-    answer = await _ask_for(url, scene, "POST", "load")
-    try:
-        return SceneInfo.model_validate_json(answer)
-    except ValidationError as error:
-        raise StartError(f"The scene {scene!r} cannot be loaded from {url}: {error}") from None
+    async with _about(scene, url) as service:
+        return await service.load(scene)
 
 
 async def make_download(url: str, scene: str) -> None:
     """Prepare a scene's file for download, which takes seconds for large scenes. Raises StartError."""
-    await _ask_for(url, scene, "GET", "download/compressed", Range="bytes=0-0")
+    async with _about(scene, url) as service:
+        await service.prepare_download(scene)
 
 
-async def _ask_for(url: str, scene: str, method: str, what: str, **headers: str) -> bytes:
-    """Response to a request about a scene, with a long timeout. Raises StartError."""
-    async with httpx.AsyncClient(timeout=LOAD_S, trust_env=False, verify=False) as http:
-        try:
-            answer = await http.request(method, f"{url}/scenes/{quote(scene, safe='')}/{what}", headers=headers)
-            if answer.is_success:
-                return answer.content
-            told = answer.json()
-        except (httpx.HTTPError, ValueError) as error:
-            raise StartError(
-                f"The scene {scene!r} cannot be loaded from {url}: {error or type(error).__name__}"
-            ) from None
-    detail = told.get("detail") if isinstance(told, dict) else None
-    raise StartError(f"The scene {scene!r} cannot be loaded: {detail or answer.status_code}")
+@asynccontextmanager
+async def _about(scene: str, url: str) -> AsyncIterator[RenderClient]:
+    try:
+        async with RenderClient.at(url) as service:
+            yield service
+    except TigasError as error:
+        raise StartError(f"The scene {scene!r} cannot be loaded from {url}: {error}") from None
 
 
 def _check() -> None:

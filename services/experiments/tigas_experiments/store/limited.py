@@ -134,8 +134,6 @@ def keep_upload(
             datetime.now(UTC) if recording is None else datetime.fromtimestamp(recording.started_unix_ms / 1000, UTC)
         )
         record = RunRecord(
-            status="running",
-            problem=None,
             configuration=configuration,
             machine=machine,
             started=started.isoformat(timespec="seconds"),

@@ -13,6 +13,8 @@ from typing import Self
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
+from tigas_common.metrics import labelled_gauge
+
 
 class MonitoredLock:
     """An asyncio lock that reports its waiting tasks."""
@@ -65,14 +67,13 @@ class StoreMetrics(Collector):
         yield CounterMetricFamily(
             "tigas_store_received_bytes", "Uploaded bytes of runs and pictures", self.received_bytes
         )
-        waiting = GaugeMetricFamily("tigas_store_waiting", "Tasks waiting for the lock", labels=["queue"])
-        working = GaugeMetricFamily("tigas_store_working", "Running tasks", labels=["queue"])
-        ages = GaugeMetricFamily("tigas_store_queue_age_seconds", "Longest wait", labels=["queue"])
-        for name, queue in self._queues.items():
-            waiting.add_metric([name], queue.waiting)
-            working.add_metric([name], queue.working)
-            ages.add_metric([name], queue.age_s)
-        yield from (waiting, working, ages)
+        for name, text, figure in (
+            ("waiting", "Tasks waiting for the lock", "waiting"),
+            ("working", "Running tasks", "working"),
+            ("queue_age_seconds", "Longest wait", "age_s"),
+        ):
+            values = {key: getattr(queue, figure) for key, queue in self._queues.items()}
+            yield labelled_gauge(f"tigas_store_{name}", text, "queue", values)
         with suppress(OSError):  # the folder was removed
             disk = os.statvfs(self._results)
             yield GaugeMetricFamily("tigas_store_free_bytes", "Free space for results", disk.f_bavail * disk.f_frsize)
