@@ -142,4 +142,4 @@ def test_what_cannot_be_done_is_said_in_a_sentence(arguments: list[str], sentenc
 def test_a_service_that_is_away_is_a_sentence(tmp_path: Path) -> None:
     status, said = run("train", "garden", "--render", "http://127.0.0.1:9", "--out", str(tmp_path / "out"))
     assert status == 1
-    assert "The render service does not answer" in said
+    assert "The render service at http://127.0.0.1:9 does not answer" in said

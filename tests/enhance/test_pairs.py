@@ -19,7 +19,7 @@ from tigas_common.pose import Pose
 from tigas_common.sample_cameras import NEAR, NEAR_DEGREES
 from tigas_common.wire.render import SceneInfo, StartCamera
 from tigas_enhance.pairs import MOST_HELD_OUT, held_out_views, training_views
-from tigas_enhance.renderer import RenderFailed, render_service
+from tigas_enhance.renderer import render_service
 
 
 def scene(up: tuple[float, float, float] = (0.0, -1.0, 0.0), **changes: Any) -> SceneInfo:
@@ -101,7 +101,7 @@ def test_it_ends_with_a_training_that_is_killed() -> None:
 def test_one_that_does_not_start_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TIGAS_RENDER_SCENES", str(tmp_path / "nowhere"))
     with (
-        pytest.raises(RenderFailed, match=r"^The render service did not start: .*nowhere"),
+        pytest.raises(StartError, match=r"^The render service did not start: .*nowhere"),
         render_service("cpu"),
     ):
         pass

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -66,7 +66,7 @@ class _EnhanceCommand(Command):
 
         with ExitStack() as stack:
             started = render_service(self.device, own_ladders=own_ladders)
-            yield stack.enter_context(closing(Renderer(self.render or stack.enter_context(started))))
+            yield stack.enter_context(Renderer.at(self.render or stack.enter_context(started)))
 
 
 class Train(_EnhanceCommand):

@@ -53,7 +53,7 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class ScenePairs:
-    """The pairs of a scene, at some rungs of its ladder. Methods raise RenderFailed and NothingToLearn."""
+    """The pairs of a scene, at some rungs of its ladder. Methods raise as those of Renderer, and NothingToLearn."""
 
     renderer: Renderer
     scene: SceneInfo

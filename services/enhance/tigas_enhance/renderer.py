@@ -5,82 +5,58 @@ from __future__ import annotations
 import io
 import re
 import subprocess
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TypeVar
-from urllib.parse import quote
+from typing import Self
 
-import httpx
 import numpy as np
+from anyio.from_thread import BlockingPortal, start_blocking_portal
 from numpy.typing import NDArray
 from PIL import Image
 
-from tigas_common.errors import StartError, TigasError
-from tigas_common.parsing import parse
+from tigas_common.errors import StartError
 from tigas_common.processes import running, tigas
-from tigas_common.wire.render import Problem, RenderRequest, Rung, SceneInfo, ServerConfig
+from tigas_common.render_requests import RenderClient, RenderUnavailable
+from tigas_common.wire.render import RenderRequest, Rung, SceneInfo
 
-TIMEOUT_S = 120
-"""Loading a large scene takes long."""
 STOP_S = 5
-MAX_ANSWER = 1_000_000
-TRIES = 6
-"""Maximum number of attempts at a busy service."""
-BUSY = frozenset({409, 429, 503, 504})
 
 Pixels = NDArray[np.uint8]
-Message = TypeVar("Message")
-
-
-class RenderFailed(StartError):
-    """The render service did not deliver a requested frame."""
 
 
 class Renderer:
-    """A render service over HTTP. All methods raise RenderFailed, and may be called in any thread."""
+    """A render service, asked from any thread. Methods raise RenderUnavailable and RenderProblem."""
 
-    def __init__(self, url: str) -> None:
-        self._http = httpx.Client(base_url=url, timeout=TIMEOUT_S, trust_env=False)
-        self.close = self._http.close
+    def __init__(self, portal: BlockingPortal, client: RenderClient) -> None:
+        self._portal = portal
+        self._client = client
+
+    @classmethod
+    @contextmanager
+    def at(cls, url: str) -> Iterator[Self]:
+        """The service at a URL during the context."""
+        with start_blocking_portal() as portal, portal.wrap_async_context_manager(RenderClient.at(url)) as client:
+            yield cls(portal, client)
 
     def ladder(self, scene: SceneInfo) -> tuple[Rung, ...]:
-        """The ladder of a scene."""
-        return scene.ladder or _read(ServerConfig, self._ask("GET", "/config.json")).ladder
+        return scene.ladder or self._portal.call(self._client.config).ladder
 
     def load(self, scene_id: str) -> SceneInfo:
         """A scene that is loaded, so that its camera and its file's digest are known."""
-        return _read(SceneInfo, self._ask("POST", f"/scenes/{quote(scene_id, safe='')}/load"))
+        return self._portal.call(self._client.load, scene_id)
 
     def picture(self, request: RenderRequest) -> Pixels:
         """A frame's pixels [H, W, 3]."""
-        body = self._ask("POST", "/render", request.model_dump_json(exclude_none=True))
+        body = self._portal.call(self._client.frame, request)
         try:
             return np.asarray(Image.open(io.BytesIO(body)).convert("RGB"))
         except OSError:
-            raise RenderFailed("The render service answered with something that is no picture.") from None
-
-    def _ask(self, method: str, path: str, content: str | None = None) -> bytes:
-        for attempt in range(TRIES):
-            try:
-                answer = self._http.request(method, path, content=content)
-            except httpx.HTTPError as error:
-                raise RenderFailed(f"The render service does not answer: {error or type(error).__name__}.") from None
-            if answer.is_success:
-                return answer.content
-            if answer.status_code not in BUSY:
-                break
-            time.sleep(0.1 * 2**attempt)
-        try:
-            detail = parse(Problem, answer.content).detail
-        except TigasError:
-            detail = answer.reason_phrase
-        raise RenderFailed(f"The render service answered {answer.status_code}: {detail}")
+            raise RenderUnavailable("The render service answered with something that is no picture.") from None
 
 
 @contextmanager
 def render_service(device: str, *, own_ladders: bool = True) -> Iterator[str]:
-    """Run a render service on this machine until the context ends, and give its URL. Raises RenderFailed.
+    """Run a render service on this machine until the context ends, and give its URL. Raises StartError.
 
     own_ladders: whether scenes have their own ladders, or all have the paper's.
     """
@@ -94,14 +70,5 @@ def render_service(device: str, *, own_ladders: bool = True) -> Iterator[str]:
             if found := re.search(r"Open (http://\S+)/", last):
                 break
         else:
-            raise RenderFailed(f"The render service did not start: {last}")
+            raise StartError(f"The render service did not start: {last}")
         yield found[1]  # and hardly any output after it, as a service without visitors has little to report
-
-
-def _read(kind: type[Message], body: bytes) -> Message:
-    try:
-        return parse(kind, body, MAX_ANSWER)
-    except TigasError as error:
-        raise RenderFailed(
-            f"The render service, of another version perhaps, is not understood: {error.detail}"
-        ) from None

@@ -45,7 +45,7 @@ def tune(
     *,
     general: bool = False,
 ) -> Weights:
-    """Weights for the scene, or, if they are `general`, for any scene. Raises RenderFailed and NothingToLearn."""
+    """Weights for the scene, or, if they are `general`, for any scene. Raises as Renderer, and NothingToLearn."""
     began = time.monotonic()
     scenes = [renderer.load(scene_id) for scene_id in scene_ids]
     ladders = {renderer.ladder(scene) for scene in scenes}

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
 from tigas_common.command import Metavar
 from tigas_common.errors import StartError
-from tigas_common.terminal import make_console
-from tigas_experiments.commands.options import Measure, command_as_typed
+from tigas_experiments.commands.options import Measure, command_as_typed, end_as_ctrl_c, make_runs
 from tigas_experiments.wire.run import USUALLY_COMPARED
 
 CAPTURE_EVERY_S = 0.5
@@ -41,13 +39,9 @@ class Compare(Measure):
     """Folder for the report; results/compare-TIME unless named."""
 
     def run(self) -> None:
-        from tigas_experiments.commands.options import end_as_ctrl_c
         from tigas_experiments.report.cli import Report
-        from tigas_experiments.report.controllers import run_names
         from tigas_experiments.run.experiment import Experiment, reserved
         from tigas_experiments.run.plan import ExperimentPlan
-        from tigas_experiments.run.progress import progress
-        from tigas_experiments.run.runner import make_missing_runs
 
         end_as_ctrl_c()
         folder = self.out or Path("results", f"compare-{datetime.now(UTC):%Y%m%d-%H%M%S}")
@@ -69,12 +63,9 @@ class Compare(Measure):
             "This comparison cannot be made",
         )
         made = Experiment.of(plan, Path(), folder, command_as_typed())
-        names = run_names(made.runs)
         try:
             with reserved(made):
-                missing = made.missing()
-                with progress(made, missing, names, make_console(stderr=True)) as callbacks:
-                    asyncio.run(make_missing_runs(made, missing, self.url, callbacks))
+                make_runs(made, self.url)
         finally:  # Ctrl+C also leaves a report of the finished runs
             if made.begun:
                 Report(folder=folder).run()

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 from typing import Annotated
 
 from tigas_common.command import POSITIONAL, Command, Group
 from tigas_common.terminal import make_console
-from tigas_experiments.commands.options import Measure, command_as_typed
+from tigas_experiments.commands.options import Measure, command_as_typed, end_as_ctrl_c, make_runs
 from tigas_experiments.commands.rerender import Rerender
 
 
@@ -43,12 +42,8 @@ class Run(_ExperimentCommand, Measure):
     """Resume even if the commit, browser, ladder or a scene has changed."""
 
     def run(self) -> None:
-        from tigas_experiments.commands.options import end_as_ctrl_c
         from tigas_experiments.report.cli import Report
-        from tigas_experiments.report.controllers import run_names
         from tigas_experiments.run.experiment import Experiment, reserved
-        from tigas_experiments.run.progress import progress
-        from tigas_experiments.run.runner import make_missing_runs
 
         def say(text: str) -> None:
             console.print(text, soft_wrap=True)
@@ -58,16 +53,11 @@ class Run(_ExperimentCommand, Measure):
         again = command_as_typed()
         made = Experiment.read(self.file, self.out, again)
         with reserved(made):
-            missing = made.missing()
-            if missing:
-                try:
-                    with progress(made, missing, run_names(made.runs), console) as callbacks:
-                        asyncio.run(
-                            make_missing_runs(made, missing, self.url, callbacks, allow_changes=self.allow_changes)
-                        )
-                except KeyboardInterrupt:
-                    say(f"Interrupted. To resume: {again}")
-                    raise SystemExit(130) from None
+            try:
+                make_runs(made, self.url, allow_changes=self.allow_changes)
+            except KeyboardInterrupt:
+                say(f"Interrupted. To resume: {again}")
+                raise SystemExit(130) from None
             incomplete = made.missing()
         if incomplete:
             say(f"{len(incomplete)} of {len(made.runs)} runs are incomplete. To repeat them: {again}")

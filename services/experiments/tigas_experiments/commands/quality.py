@@ -13,6 +13,7 @@ from tigas_common.cli import in_a_sentence
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import StartError
 from tigas_common.terminal import make_console, printable, progress_bar
+from tigas_experiments.commands.options import end_as_ctrl_c
 from tigas_experiments.commands.rerender import RenderCommand, SamplesCommand, rerender_all
 
 if TYPE_CHECKING:  # heavy
@@ -31,8 +32,6 @@ class Score(SamplesCommand):
     """Render service that renders missing ground truth first."""
 
     def run(self) -> None:
-        from tigas_experiments.commands.options import end_as_ctrl_c
-
         end_as_ctrl_c()
         console = make_console(stderr=True)
         asked = _asked(self.metrics)

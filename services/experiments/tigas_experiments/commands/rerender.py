@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from tigas_common.command import POSITIONAL, Command, Metavar
 from tigas_common.terminal import make_console, progress_bar
 from tigas_common.topology import PAGE
+from tigas_experiments.commands.options import end_as_ctrl_c
 
 if TYPE_CHECKING:  # heavy
     from tigas_experiments.records.samples import SampledRun
@@ -41,8 +42,6 @@ class Rerender(SamplesCommand, RenderCommand):
 
     def run(self) -> None:
         from rich.table import Table
-
-        from tigas_experiments.commands.options import end_as_ctrl_c
 
         end_as_ctrl_c()
         console = make_console()

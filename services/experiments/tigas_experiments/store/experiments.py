@@ -55,10 +55,7 @@ class Experiments:
             found.append(
                 ExperimentSummary(
                     id=folder.name,
-                    name=record.name,
-                    created=record.created,
-                    source=record.source,
-                    planned=record.planned,
+                    **record.model_dump(include={"name", "created", "source", "planned"}),
                     runs=len(runs),
                     complete=sum(run.status == "complete" for run in runs),
                     sampled=sum((run / SAMPLES).is_file() for run in made_runs(folder)),
@@ -72,10 +69,7 @@ class Experiments:
         runs = list(_read(_row_of, folder))
         return Experiment(
             id=experiment,
-            name=record.name,
-            created=record.created,
-            source=record.source,
-            plan=record.plan,
+            **record.model_dump(include={"name", "created", "source", "plan"}),
             complete=sum(run.status == "complete" for run in runs),
             runs=tuple(runs),
         )

@@ -58,17 +58,10 @@ def list_samples(run: Path) -> SampleList:
             paths = (sample_path(run, seq, kind) for kind in kinds)
             return next((path.name for path in paths if path.is_file() and not path.is_symlink()), None)
 
+        shared = sample.model_dump(include=set(SampleRow.model_fields) - {"enhanced"})
         rows.append(
             SampleRow(
-                seq=sample.seq,
-                at=sample.at,
-                rung=sample.rung,
-                bytes=sample.bytes,
-                width=sample.width,
-                height=sample.height,
-                restore=sample.restore,
-                upscale=sample.upscale,
-                enhance_ms=sample.enhance_ms,
+                **shared,
                 original=named(JPEG),
                 enhanced=named(*ENHANCED),
                 truth=named(TRUTH),
