@@ -26,16 +26,6 @@ PAGE = "http://localhost:8080"
 
 
 @pytest.fixture
-def time() -> FakeTime:
-    return FakeTime()
-
-
-@pytest.fixture
-def link(time: FakeTime) -> FakeLink:
-    return FakeLink(time)
-
-
-@pytest.fixture
 def directory(tmp_path: Path) -> Path:
     (tmp_path / "steps.csv").write_text(format_csv(trace(4_000, 0, 8_000, name="steps")))
     (tmp_path / "broken.csv").write_bytes(b"\x00\x01\x02")

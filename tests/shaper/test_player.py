@@ -16,16 +16,6 @@ TRACE = trace(1, 2, 3)
 
 
 @pytest.fixture
-def time() -> FakeTime:
-    return FakeTime()
-
-
-@pytest.fixture
-def link(time: FakeTime) -> FakeLink:
-    return FakeLink(time)
-
-
-@pytest.fixture
 def player(time: FakeTime, link: FakeLink) -> Player:
     return make_player(time, link)
 

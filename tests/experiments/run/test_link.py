@@ -10,8 +10,8 @@ from typing import Any
 import httpx
 import pytest
 
+from tests.eventually import eventually
 from tests.experiments.made_up import SERVER
-from tests.experiments.store.conftest import until
 from tests.web.fake_shaper import FakeShaper
 from tigas_common.wire.shaper import DirectionStatus, LinkSetting, ShaperStatus
 from tigas_experiments.errors import RunFailed
@@ -111,7 +111,7 @@ def watched(shaper: FakeShaper, network: str, somebody: tuple[str, dict[str, Any
             await link.play()
             for request in (somebody, None):
                 known = len(seen)
-                await until(lambda known=known: len(seen) >= known + 2)  # type: ignore[misc]
+                await eventually(lambda known=known: len(seen) >= known + 2)  # type: ignore[misc]
                 if request is not None:
                     async with httpx.AsyncClient(base_url=shaper.url) as http:
                         assert (await http.post(request[0], json=request[1])).is_success
@@ -149,7 +149,7 @@ def test_a_shaper_that_ends_in_good_order_spoils_the_run_too() -> None:
     async def run(shaper: FakeShaper) -> None:
         target = Target("http://127.0.0.1:9", SERVER.model_copy(update={"services": {"shaper": shaper.url}}))
         async with held(target, parse_network("unshaped")) as link, watching_link(link) as seen:
-            await until(lambda: bool(seen))
+            await eventually(lambda: bool(seen))
             await asyncio.to_thread(shaper.stop)
 
     with FakeShaper() as shaper, pytest.raises(RunFailed, match="stopped reporting its link"):

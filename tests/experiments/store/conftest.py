@@ -113,13 +113,6 @@ async def services(run: Configuration) -> tuple[ServerConfig, SceneInfo]:
     return config, scene().model_copy(update={"id": run.scene, "file_bytes": SCENE_BYTES})
 
 
-async def until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline, "it did not happen"
-        await asyncio.sleep(0.01)
-
-
 async def in_a_thread(function: Callable[[*Ts], T], *arguments: *Ts, limit: Limit | None = None) -> T:
     """Replaces the worker process, which takes seconds to start."""
     return await asyncio.to_thread(function, *arguments)

@@ -14,8 +14,9 @@ import anyio
 import anyio.to_thread
 import pytest
 
+from tests.eventually import eventually
 from tests.experiments.made_up import frame, inputs, reply, sample
-from tests.experiments.store.conftest import Running, plan, running_store, slug, until, upload
+from tests.experiments.store.conftest import Running, plan, running_store, slug, upload
 from tests.prerequisites import ROOT_RIGHTS
 from tests.prometheus import figures
 from tigas_common.errors import InvalidRequest
@@ -228,7 +229,7 @@ async def test_an_upload_that_falls_silent_is_given_up(tmp_path: Path) -> None:
             with anyio.fail_after(5):
                 told = await silent.receive()
         assert b"408 Request Timeout" in told
-        await until(lambda: store.kept() == before)
+        await eventually(lambda: store.kept() == before)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
@@ -240,8 +241,8 @@ async def test_a_socket_that_closes_in_mid_upload_leaves_nothing(
     body = json.dumps(upload()).encode()
     async with await anyio.connect_tcp("127.0.0.1", store.port) as closing:
         await closing.send(head(experiment, len(body) + 1) + body[: int(share * len(body))])
-        await until(lambda: store.kept() != before)
-    await until(lambda: store.kept() == before)
+        await eventually(lambda: store.kept() != before)
+    await eventually(lambda: store.kept() == before)
     assert caplog.records == [], "a client that leaves is no failure of the store"
     assert (await store.http.get(f"/experiments/{experiment}")).json()["runs"] == []
 
@@ -251,7 +252,7 @@ async def test_an_experiment_that_is_removed_in_mid_upload_stays_removed(store: 
     body = json.dumps(upload()).encode()
     async with await anyio.connect_tcp("127.0.0.1", store.port) as slow:
         await slow.send(head(experiment, len(body)) + body[:100])
-        await until(lambda: any("body.json" in path for path in store.kept()))
+        await eventually(lambda: any("body.json" in path for path in store.kept()))
         assert (await store.http.delete(f"/experiments/{experiment}")).status_code == 204
         await slow.send(body[100:])
         assert b"404 Not Found" in await slow.receive()
