@@ -19,6 +19,16 @@ class Clock:
         return self.now
 
 
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def placed(clock: Clock) -> Placement:
+    return Placement(clock)
+
+
 def up(*pressed: str, names: tuple[str, ...] = NAMES) -> list[Candidate]:
     return [Candidate(name, name in pressed) for name in names]
 
@@ -45,24 +55,20 @@ def test_the_order_is_the_same_in_every_version() -> None:
     assert ranked("garden", NAMES) == ranked("garden", NAMES[::-1]) == ("a", "c", "d", "b")
 
 
-def test_places_get_about_as_many_scenes_each() -> None:
-    placed = Placement(Clock())
+def test_places_get_about_as_many_scenes_each(placed: Placement) -> None:
     shares = [sum(placed.places(scene, up()) == [name] for scene in SCENES) for name in NAMES]
     assert sum(shares) == len(SCENES)
     assert min(shares) > len(SCENES) / len(NAMES) / 2
 
 
-def test_a_place_that_goes_moves_only_its_own_scenes() -> None:
-    placed = Placement(Clock())
+def test_a_place_that_goes_moves_only_its_own_scenes(placed: Placement) -> None:
     for scene in SCENES:
         before = placed.places(scene, up())
         after = placed.places(scene, up(names=("a", "b", "d")))
         assert after == before or before == ["c"]
 
 
-def test_a_scene_whose_place_is_pressed_long_enough_gets_another() -> None:
-    clock = Clock()
-    placed = Placement(clock)
+def test_a_scene_whose_place_is_pressed_long_enough_gets_another(placed: Placement, clock: Clock) -> None:
     first, second, third, _ = ranked("garden", NAMES)
     assert asked(placed, clock, WIDEN_S - 0.2, up(first)) == [first]
     assert asked(placed, clock, 0.3, up(first)) == [first, second]
@@ -70,61 +76,47 @@ def test_a_scene_whose_place_is_pressed_long_enough_gets_another() -> None:
     assert asked(placed, clock, WIDEN_S + 0.1, up(first, second)) == [first, second, third]
 
 
-def test_other_scenes_stay_where_they_are() -> None:
-    clock = Clock()
-    placed = Placement(clock)
+def test_other_scenes_stay_where_they_are(placed: Placement, clock: Clock) -> None:
     first = ranked("garden", NAMES)[0]
     elsewhere = next(scene for scene in SCENES if ranked(scene, NAMES)[0] != first)
     asked(placed, clock, 5, up(first))
     assert placed.places(elsewhere, up(first)) == [ranked(elsewhere, NAMES)[0]]
 
 
-def test_a_moment_of_pressure_widens_nothing() -> None:
-    clock = Clock()
-    placed = Placement(clock)
+def test_a_moment_of_pressure_widens_nothing(placed: Placement, clock: Clock) -> None:
     first = ranked("garden", NAMES)[0]
     for _ in range(20):
         asked(placed, clock, WIDEN_S / 2, up(first))
         assert asked(placed, clock, 0.1, up()) == [first]
 
 
-def test_pressure_before_a_pause_does_not_count() -> None:
-    clock = Clock()
-    placed = Placement(clock)
+def test_pressure_before_a_pause_does_not_count(placed: Placement, clock: Clock) -> None:
     first = ranked("garden", NAMES)[0]
     placed.places("garden", up(first))
     clock.now += 3600
     assert placed.places("garden", up(first)) == [first]
 
 
-def test_a_scene_never_has_more_places_than_there_are() -> None:
-    clock = Clock()
-    placed = Placement(clock)
+def test_a_scene_never_has_more_places_than_there_are(placed: Placement, clock: Clock) -> None:
     assert len(asked(placed, clock, 20, up(*NAMES))) == len(NAMES)
     assert asked(placed, clock, 20, up("a", names=("a",))) == ["a"]
 
 
-def test_a_scene_is_narrow_again_after_a_calm_while() -> None:
-    clock = Clock()
-    placed = Placement(clock)
+def test_a_scene_is_narrow_again_after_a_calm_while(placed: Placement, clock: Clock) -> None:
     first, second, *_ = ranked("garden", NAMES)
     asked(placed, clock, WIDEN_S + 0.2, up(first))
     assert asked(placed, clock, NARROW_S - 1, up()) == [first, second]
     assert asked(placed, clock, 2, up()) == [first]
 
 
-def test_a_scene_that_nobody_asked_for_is_narrow_again() -> None:
-    clock = Clock()
-    placed = Placement(clock)
+def test_a_scene_that_nobody_asked_for_is_narrow_again(placed: Placement, clock: Clock) -> None:
     first = ranked("garden", NAMES)[0]
     asked(placed, clock, WIDEN_S + 0.2, up(first))
     clock.now += NARROW_S + 1
     assert placed.places("garden", up()) == [first]
 
 
-def test_a_scene_that_needs_two_places_does_not_lose_one_again_and_again() -> None:
-    clock = Clock()
-    placed = Placement(clock)
+def test_a_scene_that_needs_two_places_does_not_lose_one_again_and_again(placed: Placement, clock: Clock) -> None:
     first = ranked("garden", NAMES)[0]
     narrowed = 0
     before = [first]
@@ -136,9 +128,7 @@ def test_a_scene_that_needs_two_places_does_not_lose_one_again_and_again() -> No
     assert 0 < narrowed < 15, "with the same patience each time it would be about 115"
 
 
-def test_a_scene_keeps_its_places_while_fewer_could_not_do_as_much() -> None:
-    clock = Clock()
-    placed = Placement(clock)
+def test_a_scene_keeps_its_places_while_fewer_could_not_do_as_much(placed: Placement, clock: Clock) -> None:
     first, second, *_ = ranked("garden", NAMES)
     asked(placed, clock, WIDEN_S + 0.2, up(first))
     half_busy = [Candidate(name, at_ease=False) for name in NAMES]
