@@ -79,7 +79,9 @@ def sand(tmp_path: Path) -> Iterator[RenderServer]:
         yield running
 
 
-def test_an_antialiased_scene_that_arrives_in_parts_is_drawn_with_its_filter(sand: RenderServer, open_page: OpenPage) -> None:
+def test_an_antialiased_scene_that_arrives_in_parts_is_drawn_with_its_filter(
+    sand: RenderServer, open_page: OpenPage
+) -> None:
     chosen = with_settings(sand.url, **ALONE, controller="fixed", profile=0, webp=False)
     page = open_page("#/scene/sand", url=sand.url, viewport=SMALL, **chosen)
     wait_for_frames(page)
