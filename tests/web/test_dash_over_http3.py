@@ -23,9 +23,10 @@ PLAIN = {"mode": "dash", "reprojection": False, "prediction": "off", "sidebar": 
 
 
 @pytest.fixture(scope="module")
-def url(models: Path, packager: Packager) -> Iterator[str]:
-    """The page of a render service that also proxies the packager."""
+def url(models: Path) -> Iterator[str]:
+    """The page of a render service that also proxies a packager."""
     BUILT_PAGE.require()
+    packager = Packager()
     known = json.dumps({"dash": packager.url})
     environment = {"TIGAS_RENDER_SERVICES": known, "TIGAS_RENDER_UPSTREAMS": known}
     with RenderServer("--scenes", str(models), environment=environment) as render:
