@@ -8,7 +8,7 @@ export function LocalRows({ stats }: { stats: LocalStats }) {
   return (
     <>
       <Row name="downloaded" label="Download">
-        {total === null ? NONE : received < total ? `${bytes(received)} of ${bytes(total)}` : bytes(total)}
+        {total === null ? bytes(received) : received < total ? `${bytes(received)} of ${bytes(total)}` : bytes(total)}
       </Row>
       {total !== null && received < total && (
         <progress aria-label="Download" data-stat="download" max={total} value={received} />
