@@ -133,8 +133,8 @@ class Packager(_Service):
 
     announces = r"DASH streams .* on (http://\S+)/"
 
-    def __init__(self, *, idle_s: float = 600) -> None:
-        """Usually, streams end only on request, so that tests need not wait for a timeout."""
+    def __init__(self, *, idle_s: float = 60) -> None:
+        """Usually, streams end on request before a test would have waited for them in vain."""
         super().__init__("dash", environment={"TIGAS_DASH_IDLE_S": str(idle_s)})
         self._http = _free_address()
         self.url = f"http://{self._http}"

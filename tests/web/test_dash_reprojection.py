@@ -19,6 +19,8 @@ from tests.web.modes import wait_for_stream, with_settings
 from tests.web.stage import SCENE
 from tests.web.test_motion_to_photon import WALK_MS, turning
 
+pytestmark = pytest.mark.alone
+
 Pixels = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 SMALL = {"width": 260, "height": 200}
 """Where there is no graphics processor, turning a picture takes time for each pixel."""
