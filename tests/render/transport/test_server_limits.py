@@ -15,7 +15,8 @@ import pytest
 from aioquic.h3.connection import ErrorCode
 from aioquic.quic.packet import QuicErrorCode
 
-from tests.render.transport.client import Client, FakeFrames, connect, eventually, request_body
+from tests.eventually import eventually
+from tests.render.transport.client import Client, FakeFrames, connect, request_body
 from tests.render.transport.serving import served
 from tigas_render.admission import connections as connections_module
 from tigas_render.admission.limits import Limits

@@ -13,7 +13,8 @@ import httpx
 import pytest
 
 from reference.ply import write_ply
-from tests.render.transport.client import eventually, request_body
+from tests.eventually import eventually
+from tests.render.transport.client import request_body
 from tests.render.workers.fleet import ASK, Fleet, Viewer, gap, nothing_left, serving, watching
 from tigas_common.placement import ranked
 from tigas_render.raster.base import one_gaussian
