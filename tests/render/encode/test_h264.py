@@ -38,7 +38,7 @@ def test_each_picture_can_be_shown_at_once_and_is_the_one_that_went_in() -> None
     frames = [encoder.encode(picture(number), 150_000, key=number == 3) for number in range(6)]
     for number, shown in enumerate(decoded(frames)):
         assert (shown.width, shown.height) == (WIDTH, HEIGHT)
-        assert psnr(shown.to_ndarray().ravel(), np.frombuffer(picture(number), np.uint8)) > 30
+        assert psnr(shown.to_ndarray().astype(np.uint8).ravel(), np.frombuffer(picture(number), np.uint8)) > 30
 
 
 def test_only_key_frames_have_parameter_sets_and_nothing_has_comments() -> None:
