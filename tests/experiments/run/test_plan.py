@@ -342,7 +342,7 @@ def experiments(tmp_path: Path) -> Path:
 def test_the_experiments_that_come_along_can_be_made(experiments: Path, name: str) -> None:
     made = ExperimentPlan.read(experiments / name).runs(experiments)
     networks = [Inputs(experiments).network(run.network) for run in made]
-    ladder = "scene" if name.startswith(("motivation", "reprojection", "rivals", "loss", "huge")) else "paper"
+    ladder = "scene" if name.startswith(("motivation", "reprojection", "rivals", "loss", "huge", "simulator")) else "paper"
     assert ExperimentPlan.read(experiments / name).ladder == ladder, (
         "what the others say of the paper's rungs is to stay true"
     )
@@ -351,14 +351,14 @@ def test_the_experiments_that_come_along_can_be_made(experiments: Path, name: st
         return  # one walk, to be looked at
     blocks = {(run.network.name, run.segment, run.scene, run.movement) for run in made}
     per_network = Counter(network for network, *_ in blocks).values()
-    if name == "rivals-two-cores.toml":
+    if name in ("rivals-two-cores.toml", "simulator.toml"):
         assert sum(per_network) >= 6, "as many as an interval needs, over all networks"
         assert seconds(made) < 35 * 60
         return
     assert min(per_network) >= 6, "as many as an interval needs, per network"
     if name == "rivals.toml":
         assert {run.mode for run in made} == set(MODES) - {"local-streamed"}, "these scenes have no levels"
-    if name in ("huge.toml", "abr-rtt.toml", "comparison.toml", "loss.toml", "rivals.toml", "rivals-webrtc.toml"):
+    if name in ("huge.toml", "simulator.toml", "abr-rtt.toml", "comparison.toml", "loss.toml", "rivals.toml", "rivals-webrtc.toml"):
         return
     generated = {"quick-turns"} if name == "reprojection.toml" else set()
     assert {run.movement for run in made if not run.movement.startswith("recorded/")} == generated
