@@ -342,7 +342,9 @@ def experiments(tmp_path: Path) -> Path:
 def test_the_experiments_that_come_along_can_be_made(experiments: Path, name: str) -> None:
     made = ExperimentPlan.read(experiments / name).runs(experiments)
     networks = [Inputs(experiments).network(run.network) for run in made]
-    ladder = "scene" if name.startswith(("motivation", "reprojection", "rivals", "loss", "huge", "simulator")) else "paper"
+    ladder = (
+        "scene" if name.startswith(("motivation", "reprojection", "rivals", "loss", "huge", "simulator")) else "paper"
+    )
     assert ExperimentPlan.read(experiments / name).ladder == ladder, (
         "what the others say of the paper's rungs is to stay true"
     )
@@ -358,7 +360,15 @@ def test_the_experiments_that_come_along_can_be_made(experiments: Path, name: st
     assert min(per_network) >= 6, "as many as an interval needs, per network"
     if name == "rivals.toml":
         assert {run.mode for run in made} == set(MODES) - {"local-streamed"}, "these scenes have no levels"
-    if name in ("huge.toml", "simulator.toml", "abr-rtt.toml", "comparison.toml", "loss.toml", "rivals.toml", "rivals-webrtc.toml"):
+    if name in (
+        "huge.toml",
+        "simulator.toml",
+        "abr-rtt.toml",
+        "comparison.toml",
+        "loss.toml",
+        "rivals.toml",
+        "rivals-webrtc.toml",
+    ):
         return
     generated = {"quick-turns"} if name == "reprojection.toml" else set()
     assert {run.movement for run in made if not run.movement.startswith("recorded/")} == generated
