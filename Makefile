@@ -68,7 +68,7 @@ test-at-once: web/node_modules/.ready .venv/.ready $(STATIC) kernels
 	@$(MAKE) --no-print-directory -j2 --output-sync=target test-slow test-beside
 
 test-beside:
-	@nice -n 19 $(MAKE) --no-print-directory test
+	@nice $(MAKE) --no-print-directory test-python test-web-units
 
 test-python test-slow test-alone: .venv/.ready $(STATIC) kernels
 
