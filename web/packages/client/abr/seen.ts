@@ -13,10 +13,10 @@
  * stage, `f` an animation frame and `j` the link's jitter, which spreads the packets of a frame equally whether there are
  * two or twenty.
  *
- * Rungs with longer intervals than LONGEST are worse than all others. It goes down as far as needed once that is better by MARGIN, and up by one rung once that has been better for a while
- * even on a link with CAUTION times the throughput; reverting an upgrade early doubles the wait before the next one. It
- * starts with a rung whose frames fit into QUIC's first window, and goes up with the first frame of each rung during
- * BEGINNING.
+ * Rungs with longer intervals than LONGEST are worse than all others. It goes down as far as needed once that is better
+ * by MARGIN, and up by one rung once that has been better for a while even on a link with CAUTION times the throughput;
+ * reverting an upgrade early doubles the wait before the next one. It starts with a rung whose frames fit into QUIC's
+ * first window, and goes up with the first frame of each rung during BEGINNING.
  */
 import {
   type Controller,
@@ -39,7 +39,7 @@ const WEIGHT = 20;
 /** Minimum gain of another rung, in decibels. */
 const MARGIN = 0.4;
 /** Share of the throughput that an upgrade may count on. */
-const CAUTION = 0.6;
+const CAUTION = 0.55;
 /** Decoding and display, in milliseconds. */
 const PAGE = 25;
 /** Rungs with a longer interval between frames are avoided, in milliseconds: pictures would stutter. */
@@ -55,7 +55,7 @@ const BEGINNING = 2000;
 const MIN_HOLD = 500;
 const MAX_HOLD = 8000;
 /** An upgrade that is taken back within this many milliseconds has failed. */
-const PROVEN = 1000;
+const PROVEN = 2000;
 
 /** Expected quality of a rung on the screen, in decibels. */
 type Utility = (rung: number) => number;
