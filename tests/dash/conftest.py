@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import io
 import json
-import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 
 from tests.dash.fakes import FakeRender
+from tests.eventually import eventually
 from tigas_common.address import Address
 from tigas_common.limits import HttpLimits
 from tigas_common.origins import OriginPolicy
@@ -81,14 +81,6 @@ class Packager:
                 round(float(frame.time or 0) * 30): round(float(frame.to_ndarray()[: frame.height].mean()))
                 for frame in container.decode(video=0)
             }
-
-
-async def eventually(condition: Callable[[], Any]) -> None:
-    """Wait until it holds."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline
-        await asyncio.sleep(0.01)
 
 
 async def announcement(socket: ClientConnection, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:

@@ -11,7 +11,8 @@ import pytest
 from starlette.responses import Response
 
 from tests.dash import fakes
-from tests.dash.conftest import Packager, eventually
+from tests.dash.conftest import Packager
+from tests.eventually import eventually
 from tests.render.transport.client import Client, connect
 from tests.render.transport.serving import served
 from tigas_common.origins import OriginPolicy

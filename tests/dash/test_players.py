@@ -48,7 +48,7 @@ def render(models: Path) -> Iterator[RenderServer]:
 @pytest.fixture(scope="module")
 def packager(render: RenderServer) -> Iterator[Packager]:
     """A packager before it."""
-    running = Packager(idle_s=600)
+    running = Packager()
     running.render = render.url.rstrip("/")
     with running:
         yield running

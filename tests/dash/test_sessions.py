@@ -8,7 +8,8 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 
 from tests.dash.boxes import contents
-from tests.dash.conftest import PATIENCE_S, Packager, announcement, eventually, running_packager, session_request
+from tests.dash.conftest import PATIENCE_S, Packager, announcement, running_packager, session_request
+from tests.eventually import eventually
 from tests.prometheus import figures
 from tigas_common.wire.render import Rung
 from tigas_dash.session import Session

@@ -8,8 +8,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tests.dash.conftest import Packager, eventually, pose, running_packager
+from tests.dash.conftest import Packager, pose, running_packager
 from tests.dash.webrtc.viewer import Viewer, offer_of_nobody, watching, webrtc_request
+from tests.eventually import eventually
 from tests.prometheus import figures
 from tigas_dash.webrtc.stream import WebRtcStream
 
