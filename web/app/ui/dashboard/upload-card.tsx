@@ -1,6 +1,7 @@
 /** A file being uploaded and checked: its progress, or its problem. */
 import type { SceneUpload } from "../../uploads/scene-upload";
 import { dismiss } from "../../uploads/uploads";
+import { QuietButton } from "../button";
 import { bytes } from "../format";
 
 export function UploadCard({ upload }: { upload: SceneUpload }) {
@@ -34,14 +35,9 @@ export function UploadCard({ upload }: { upload: SceneUpload }) {
         <span class="state" data-state={failed ? "broken" : "loading"}>
           {failed ? "Not added" : "Uploading"}
         </span>
-        <button
-          type="button"
-          class="quiet-button"
-          aria-label={`${failed ? "Dismiss" : "Cancel"}: ${file.name}`}
-          onClick={() => dismiss(upload)}
-        >
+        <QuietButton aria-label={`${failed ? "Dismiss" : "Cancel"}: ${file.name}`} onClick={() => dismiss(upload)}>
           {failed ? "Dismiss" : "Cancel"}
-        </button>
+        </QuietButton>
       </div>
     </li>
   );

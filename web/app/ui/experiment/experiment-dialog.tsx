@@ -8,8 +8,8 @@ import type { ViewerSession } from "#viewer/session/session";
 import { config, settings } from "../../state/app";
 import { runHash } from "../../state/route";
 import { Dialog } from "../dialog";
+import { keyOf } from "../use-movements";
 import { ExperimentForm } from "./experiment-form";
-import { keyOf } from "./experiment-movement";
 import { useShaper } from "./use-shaper";
 
 interface Props {

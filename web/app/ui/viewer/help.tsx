@@ -3,8 +3,8 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Dialog } from "../dialog";
 import { EXPLANATIONS } from "./explanations";
+import { actionOf } from "./hooks";
 import { Toggle } from "./setting";
-import { actionOf } from "./use-shortcuts";
 
 const MOVES: readonly (readonly [string, readonly string[]])[] = [
   ["Look around", ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"]],

@@ -2,7 +2,7 @@
 import { useEffect } from "preact/hooks";
 import type { Rig } from "#viewer/view/rig";
 import { changeSettings, settings } from "../../state/app";
-import { TOUCH, useMedia } from "../use-media";
+import { TOUCH, useMedia } from "../hooks";
 
 export function Hint({ rig }: { readonly rig: Rig }) {
   useEffect(() => onFirstMovement(rig, () => changeSettings({ hint: false })), [rig]);

@@ -6,9 +6,10 @@ import { SOURCES } from "#viewer/sources/registry";
 import { applies, settingsShown, titleOf } from "#viewer/sources/sides";
 import { COMPARED, MODES } from "#viewer/state/settings";
 import { changeSettings, settings } from "../../state/app";
+import { NumberField } from "../fields";
+import { Notice } from "../notice";
 import { ComparisonPanel } from "./comparison-panel";
-import { NumberField } from "./number-field";
-import { Segment, SegmentList, Segments } from "./setting";
+import { SegmentList, Segments } from "./setting";
 import { SidesPanel } from "./sides-panel";
 
 export function ModePanel({ session }: { session: ViewerSession }) {
@@ -18,18 +19,16 @@ export function ModePanel({ session }: { session: ViewerSession }) {
   const { about } = session.left.kind.value;
   return (
     <>
-      <SegmentList name="mode" label="Mode">
-        {MODES.map((each) => (
-          <Segment key={each} name="mode" checked={mode === each} onChoose={() => changeSettings({ mode: each })}>
-            {titleOf(each)}
-          </Segment>
-        ))}
-      </SegmentList>
+      <SegmentList
+        name="mode"
+        label="Mode"
+        choices={MODES.map((each) => ({ title: titleOf(each), chosen: mode === each, part: { mode: each } }))}
+      />
       {mode === COMPARED && <SidesPanel />}
       {problem ? (
-        <p class="notice" role="alert">
+        <Notice>
           {problem.missing.value}. {problem.kind.value.remedy}
-        </p>
+        </Notice>
       ) : (
         <>
           {applies("dashCustom", settings.value) && <Streams />}
@@ -57,18 +56,15 @@ function Streams() {
       {!compared && <Segments name="dashPreset" />}
       {custom && <Custom setup={dashCustom} />}
       {!custom && (
-        <SegmentList name="frame-rate" label="Frame rate">
-          {FRAME_RATES.map((rate) => (
-            <Segment
-              key={rate}
-              name="frame-rate"
-              checked={rate === plan?.setup.frame_rate}
-              onChoose={() => changeSettings({ dashFrameRate: rate })}
-            >
-              {`${rate} frames/s`}
-            </Segment>
-          ))}
-        </SegmentList>
+        <SegmentList
+          name="frame-rate"
+          label="Frame rate"
+          choices={FRAME_RATES.map((rate) => ({
+            title: `${rate} frames/s`,
+            chosen: rate === plan?.setup.frame_rate,
+            part: { dashFrameRate: rate },
+          }))}
+        />
       )}
       <Segments name="dashTransport" />
       {!compared && !custom && plan && <p class="muted small">{sentence(plan)}</p>}

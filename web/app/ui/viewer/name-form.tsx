@@ -1,7 +1,10 @@
 /** A form that saves something with the scene under a name. */
-import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { reason } from "./scene-edits";
+import { ApiError } from "#client/http/problem";
+import { QuietButton } from "../button";
+import { TextField } from "../fields";
+import { useAttempts } from "../hooks";
+import { Notice } from "../notice";
 
 /** The most characters of a name. */
 export const MAX_NAME = 100;
@@ -21,46 +24,27 @@ interface NameFormProps {
 }
 
 export function NameForm({ label, verb, name, onName, disabled = false, refuse, save, children }: NameFormProps) {
-  const problem = useSignal<string | null>(null);
-  const busy = useSignal(false);
+  const { busy, problem, attempt } = useAttempts();
   const submit = async () => {
     const wanted = name.trim();
-    problem.value = refuse(wanted);
-    if (problem.value !== null) return;
-    busy.value = true;
-    try {
-      await save(wanted);
-    } catch (error) {
-      problem.value = reason(error);
-    }
-    busy.value = false;
+    const refusal = refuse(wanted);
+    if (refusal !== null) throw new ApiError(refusal, false);
+    await save(wanted);
   };
   return (
     <form
       class="save-view"
       onSubmit={(event) => {
         event.preventDefault();
-        void submit();
+        void attempt(submit);
       }}
     >
-      <label class="number-field">
-        <span>{label}</span>
-        <input
-          required
-          maxLength={MAX_NAME}
-          value={name}
-          onInput={({ currentTarget }) => onName(currentTarget.value)}
-        />
-      </label>
-      <button type="submit" class="quiet-button" disabled={busy.value || disabled}>
+      <TextField label={label} required maxLength={MAX_NAME} value={name} onValue={onName} />
+      <QuietButton type="submit" disabled={busy.value || disabled}>
         {verb}
-      </button>
+      </QuietButton>
       {children}
-      {problem.value !== null && (
-        <p class="notice" role="alert">
-          {problem.value}
-        </p>
-      )}
+      <Notice>{problem.value}</Notice>
     </form>
   );
 }

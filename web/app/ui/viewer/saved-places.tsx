@@ -6,6 +6,7 @@ import { type CameraPath, cameraPath, type NamedEasing } from "#viewer/movement/
 import type { TimedPose } from "#viewer/movement/playback";
 import type { ViewerSession } from "#viewer/session/session";
 import type { ScenePose } from "#viewer/view/camera";
+import { QuietButton } from "../button";
 
 interface Props {
   readonly places: object;
@@ -25,9 +26,9 @@ export function SavedPlaces({ places, heading, title, onChoose, actions }: Props
       <ul class="saved-places" aria-label={heading ?? "Saved views"}>
         {Object.keys(places).map((name) => (
           <li key={name}>
-            <button type="button" class="quiet-button" title={title} onClick={() => onChoose(name)}>
+            <QuietButton title={title} onClick={() => onChoose(name)}>
               {name}
-            </button>
+            </QuietButton>
             {actions?.(name)}
           </li>
         ))}

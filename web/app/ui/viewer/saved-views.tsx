@@ -1,42 +1,28 @@
 /** Views that are saved with the scene: save the present one, go to one, rename and delete them. */
-import { useSignal } from "@preact/signals";
 import { Pencil, Trash2 } from "lucide";
+import { useState } from "preact/hooks";
 import { ApiError } from "#client/http/problem";
 import type { SceneInfo } from "#client/wire/render";
 import type { ViewerSession } from "#viewer/session/session";
-import { IconButton } from "../icon-button";
+import { IconButton } from "../button";
 import { NameQuestion, Question } from "../question";
 import { freeName, MAX_NAME, NameForm, taken } from "./name-form";
 import { goTo, presentPose, SavedPlaces } from "./saved-places";
 import { edit, mayEdit } from "./scene-edits";
 
 export function SavedViews({ session }: { readonly session: ViewerSession }) {
-  const asked = useSignal<{ readonly what: "rename" | "delete"; readonly name: string } | null>(null);
+  const [asked, setAsked] = useState<{ readonly what: "rename" | "delete"; readonly name: string }>();
   const scene = session.scene.value;
   if (scene === null) return null;
   const { views = {} } = scene;
-  const close = () => {
-    asked.value = null;
-  };
+  const close = () => setAsked(undefined);
   const actions = (name: string) => (
     <>
-      <IconButton
-        icon={Pencil}
-        label={`Rename: ${name}`}
-        onClick={() => {
-          asked.value = { what: "rename", name };
-        }}
-      />
-      <IconButton
-        icon={Trash2}
-        label={`Delete: ${name}`}
-        onClick={() => {
-          asked.value = { what: "delete", name };
-        }}
-      />
+      <IconButton icon={Pencil} label={`Rename: ${name}`} onClick={() => setAsked({ what: "rename", name })} />
+      <IconButton icon={Trash2} label={`Delete: ${name}`} onClick={() => setAsked({ what: "delete", name })} />
     </>
   );
-  const { what, name = "" } = asked.value ?? {};
+  const { what, name = "" } = asked ?? {};
   return (
     <div class="saved-views">
       <SavedPlaces
@@ -83,20 +69,18 @@ export function SavedViews({ session }: { readonly session: ViewerSession }) {
 }
 
 function SaveView({ session, scene }: { readonly session: ViewerSession; readonly scene: SceneInfo }) {
-  const typed = useSignal<string | null>(null);
+  const [typed, setTyped] = useState<string | null>(null);
   const { views = {} } = scene;
   return (
     <NameForm
       label="Name"
       verb="Save this view"
-      name={typed.value ?? freeName("View", views)}
-      onName={(name) => {
-        typed.value = name;
-      }}
+      name={typed ?? freeName("View", views)}
+      onName={setTyped}
       refuse={(name) => (Object.hasOwn(views, name) ? taken("view", name) : null)}
       save={async (name) => {
         await edit(session, scene.id, { views: { [name]: presentPose(session) } });
-        typed.value = null;
+        setTyped(null);
       }}
     />
   );

@@ -15,8 +15,3 @@ export async function edit(session: Pick<ViewerSession, "scene">, id: string, ch
   if (session.scene.peek()?.id === id) session.scene.value = changed;
   return changed;
 }
-
-/** The reason of a failure, in one sentence. */
-export function reason(error: unknown): string {
-  return error instanceof Error ? error.message : String(error);
-}

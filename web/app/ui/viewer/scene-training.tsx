@@ -5,6 +5,9 @@ import type { Training } from "#client/wire/render";
 import type { ViewerSession } from "#viewer/session/session";
 import { fetchScene, training } from "#viewer/state/api";
 import { config } from "../../state/app";
+import { QuietButton } from "../button";
+import { useAttempts } from "../hooks";
+import { Notice } from "../notice";
 
 /** Milliseconds between two questions. */
 const ASK_EVERY = 1000;
@@ -16,20 +19,16 @@ export function SceneTraining({ session }: { session: ViewerSession }) {
 
 function Networks({ session, id }: { session: ViewerSession; id: string }) {
   const state = useSignal<Training | null>(null);
-  const problem = useSignal<string | null>(null);
+  const { problem, attempt } = useAttempts();
   const take = useCallback(
-    async (method?: "POST" | "DELETE") => {
-      try {
+    (method?: "POST" | "DELETE") =>
+      attempt(async () => {
         const before = state.peek();
         const told = await training(id, method);
         state.value = told;
-        problem.value = told.problem ?? null;
         if (before?.state === "running" && told.state === "done") await renew(session, id);
-      } catch (error) {
-        problem.value = error instanceof Error ? error.message : String(error);
-      }
-    },
-    [session, id, state, problem],
+      }),
+    [session, id, state, attempt],
   );
   const running = state.value?.state === "running";
   useEffect(() => {
@@ -46,18 +45,12 @@ function Networks({ session, id }: { session: ViewerSession; id: string }) {
         <>
           <progress max={1} value={state.value?.progress} aria-label="Training" />
           <span class="muted small">{state.value?.stage}</span>
-          <button type="button" class="quiet-button" onClick={() => void take("DELETE")}>
-            Stop
-          </button>
+          <QuietButton onClick={() => void take("DELETE")}>Stop</QuietButton>
         </>
       ) : (
         <Offer own={session.scene.value?.enhance === "scene"} onClick={() => void take("POST")} />
       )}
-      {problem.value !== null && (
-        <p class="notice" role="alert">
-          {problem.value}
-        </p>
-      )}
+      <Notice>{problem.value ?? state.value?.problem}</Notice>
     </div>
   );
 }
@@ -66,9 +59,9 @@ function Offer({ own, onClick }: { own: boolean; onClick: () => void }) {
   const missing = config.value?.why_no_training;
   if (missing) return <p class="muted small">{missing}</p>;
   return (
-    <button type="button" class="quiet-button" onClick={onClick}>
+    <QuietButton onClick={onClick}>
       {own ? "Train the scene’s network again" : "Train the scene’s own network"}
-    </button>
+    </QuietButton>
   );
 }
 

@@ -11,27 +11,19 @@ export function SidesPanel() {
     <>
       <div class="fields">
         {PLACES.map((place) => (
-          <Choice key={place} name={place} tone={place}>
-            {VARIANTS.map(({ name, title }) => (
-              <option key={name} value={name}>
-                {title}
-              </option>
-            ))}
-          </Choice>
+          <Choice key={place} name={place} tone={place} options={VARIANTS.map(({ name, title }) => [name, title])} />
         ))}
         <Choice name="lock" />
         {lock === "resolution" && (
           <Choice
             name="lockRung"
             value={String(Math.min(lockRung, Math.max(0, ladder.value.length - 1)))}
+            options={ladder.value.map(({ name, width, height }, rung) => [
+              String(rung),
+              name.startsWith(`${width}×`) ? name : `${width} × ${height}, ${name}`,
+            ])}
             parse={Number}
-          >
-            {ladder.value.map(({ name, width, height }, rung) => (
-              <option key={name} value={String(rung)}>
-                {name.startsWith(`${width}×`) ? name : `${width} × ${height}, ${name}`}
-              </option>
-            ))}
-          </Choice>
+          />
         )}
         {lock === "bitrate" && <NumberSetting name="lockKbps" whole />}
       </div>

@@ -1,42 +1,29 @@
 /** Buttons that store the present view as the scene's start view, for everyone. */
-import { useSignal } from "@preact/signals";
 import type { SceneEdit, SceneInfo } from "#client/wire/render";
 import type { ViewerSession } from "#viewer/session/session";
 import { type ScenePose, viewDistance } from "#viewer/view/camera";
 import { add, rotate, type Vector3 } from "#viewer/view/vector";
-import { edit, mayEdit, reason } from "./scene-edits";
+import { QuietButton } from "../button";
+import { useAttempts } from "../hooks";
+import { Notice } from "../notice";
+import { edit, mayEdit } from "./scene-edits";
 
 /** Nothing where the scene cannot be changed. */
 export function StartView({ session }: { readonly session: ViewerSession }) {
-  const problem = useSignal<string | null>(null);
+  const { problem, attempt } = useAttempts();
   const scene = session.scene.value;
   if (scene === null || !mayEdit(scene)) return null;
-  const store = async (view: SceneEdit) => {
-    try {
-      session.rig.enter(await edit(session, scene.id, view));
-      problem.value = null;
-    } catch (error) {
-      problem.value = reason(error);
-    }
-  };
+  const store = (view: SceneEdit) => attempt(async () => session.rig.enter(await edit(session, scene.id, view)));
   return (
     <div class="start-view">
-      <button type="button" class="quiet-button" onClick={() => void store(presentView(session, scene))}>
-        Use this view as the start view
-      </button>
-      <button
-        type="button"
-        class="quiet-button"
+      <QuietButton onClick={() => void store(presentView(session, scene))}>Use this view as the start view</QuietButton>
+      <QuietButton
         title="Look at the sky first: the middle of the picture becomes up"
         onClick={() => void store(uprightView(session, scene))}
       >
         This way is up
-      </button>
-      {problem.value !== null && (
-        <p class="notice" role="alert">
-          {problem.value}
-        </p>
-      )}
+      </QuietButton>
+      <Notice>{problem.value}</Notice>
     </div>
   );
 }

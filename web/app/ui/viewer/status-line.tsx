@@ -5,8 +5,7 @@ import type { Side } from "#viewer/session/side";
 import { sideTitles } from "#viewer/sources/sides";
 import { settings } from "../../state/app";
 import { milliseconds } from "../format";
-import { DetailsButton } from "./details-button";
-import { enhancementNote, Notes, serverNote } from "./notes";
+import { DetailsButton, enhancementNote, Notes, serverNote } from "./notes";
 
 interface Props {
   readonly session: ViewerSession;

@@ -36,14 +36,8 @@ let session: FakeSession;
 
 /** The parts that are loaded on demand, so that a busy machine shows them in time. */
 beforeAll(async () => {
-  const parts = [import("../experiment/experiment-dialog"), import("./figures"), import("./help")];
-  await Promise.all([
-    ...parts,
-    import("./panels"),
-    import("./scripts"),
-    import("./view-menu"),
-    import("./walk-verdict"),
-  ]);
+  const parts = [import("../experiment/experiment-dialog"), import("./side-figures"), import("./help")];
+  await Promise.all([...parts, import("./panels"), import("./scripts"), import("./view-menu"), import("./last-walk")]);
 });
 
 beforeEach(() => {

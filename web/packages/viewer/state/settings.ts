@@ -85,7 +85,7 @@ const models = (kind: Kind): Record<string, string> => ({
 
 /** Every setting: its values, its label and help, and whether it is part of links and of experiments. */
 export const SETTINGS = {
-  theme: setting(oneOf(["system", "light", "dark"]), "system", {}),
+  theme: choice({ system: "System", light: "Light", dark: "Dark" }, "system", { label: "Theme" }),
   transport: choice(
     {
       auto: "Automatic",
@@ -193,7 +193,7 @@ export const SETTINGS = {
     linked: true,
     recorded: true,
   }),
-  drag: choice({ look: "Drag to look around", orbit: "Drag to orbit" }, "look", { label: "Dragging", linked: true }),
+  drag: choice({ look: "Look around", orbit: "Orbit" }, "look", { label: "Drag to", linked: true }),
   turnSpeed: number(1, 720, 60, { label: "Turn", unit: "°/s" }),
   /** The lab is open. */
   sidebar: toggle(false, {}),

@@ -5,8 +5,9 @@ import { type LocalStats, NO_LOCAL_STATS } from "#viewer/local/local-player";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
 import { changeSettings, settings } from "../../state/app";
 import { asSession, fakeLocal, fakeSession } from "../../state/fake-session";
-import { LocalRows } from "./local-rows";
+import { Rows } from "./hud";
 import { ModePanel } from "./mode-panel";
+import { localRows } from "./side-figures";
 import { StageMessage } from "./stage-message";
 
 afterEach(() => {
@@ -15,7 +16,7 @@ afterEach(() => {
 });
 
 const shown = (stats: Partial<LocalStats>) => {
-  const { container } = render(<LocalRows stats={{ ...NO_LOCAL_STATS, ...stats }} />);
+  const { container } = render(<Rows of={localRows({ ...NO_LOCAL_STATS, ...stats })} />);
   return (name: string) => container.querySelector(`[data-stat="${name}"]`)?.textContent;
 };
 

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { actionOf } from "./use-shortcuts";
+import { actionOf } from "./hooks";
 
 test.each([
   ["QWERTY", "r", "KeyR", "reset"],
