@@ -188,7 +188,7 @@ export function RadioList({ name, label, rows, chosen, onChoose, disabled, boxed
         <label key={key} title={tooltip}>
           <input type="radio" name={name} checked={key === chosen} disabled={disabled} onChange={() => onChoose(key)} />
           <span class="trace-name">{title}</span>
-          <span class="muted">{detail}</span>
+          <span class="muted small">{detail}</span>
         </label>
       ))}
     </fieldset>

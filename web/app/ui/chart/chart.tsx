@@ -35,7 +35,9 @@ export function Chart({ name, load, legend, children }: Props) {
   }, [load, legend]);
   return (
     <figure class="chart" aria-label={name}>
-      <figcaption ref={caption}>{children}</figcaption>
+      <figcaption class="row wrap" ref={caption}>
+        {children}
+      </figcaption>
       <div class="chart-place" ref={place} />
     </figure>
   );

@@ -80,7 +80,7 @@ export function Dashboard() {
     <div class="dashboard">
       <TopBar>{config.value?.services.store && <a href={EXPERIMENTS}>Experiments</a>}</TopBar>
       <main>
-        <div class="page-head">
+        <div class="page-head row wrap spread">
           <div>
             <h1>Scenes</h1>
             <p class="muted" role="status">
@@ -88,8 +88,8 @@ export function Dashboard() {
               {news && ` · ${news}`}
             </p>
           </div>
-          <search class="tools">
-            <label class="search-field">
+          <search class="tools row">
+            <label class="search-field row">
               <Icon of={Search} size={16} />
               <input
                 ref={search}

@@ -43,7 +43,7 @@ export function SceneCard({ scene, added, onRendered, onRename, onDelete }: Prop
           </p>
         )}
       </div>
-      <div class="card-foot">
+      <div class="card-foot row spread">
         <span class="state" data-state={scene.state}>
           {STATES[scene.state]}
           {scene.state === "loaded" && <span class="muted"> · {bytes(scene.memory_bytes)}</span>}
@@ -110,7 +110,7 @@ export function SkeletonCard() {
       <div class="thumbnail" data-state="waiting" />
       <div class="card-body">
         <span class="bone" />
-        <span class="bone short" />
+        <span class="bone" />
       </div>
     </li>
   );

@@ -31,7 +31,7 @@ export function LocalSamples({ store, onUploaded }: Props) {
   };
   if (runs.length === 0) return null;
   return (
-    <section class="local-samples" aria-labelledby="local-samples">
+    <section class="local-samples stack" aria-labelledby="local-samples">
       <h2 id="local-samples">Samples in this browser</h2>
       <p class="muted">Shown frames that experiments kept here, and that no store has yet.</p>
       <Notice>{problem.value}</Notice>

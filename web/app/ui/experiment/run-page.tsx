@@ -27,7 +27,7 @@ export function RunPage({ id }: { id: string }) {
         <a href={EXPERIMENTS}>Experiments</a>
       </TopBar>
       {base !== undefined && <Performing id={id} store={base} shaper={config.value?.services.shaper} />}
-      {config.value && base === undefined && <p class="run-message">This server has no store of experiments.</p>}
+      {config.value && base === undefined && <p>This server has no store of experiments.</p>}
     </div>
   );
 }
@@ -155,7 +155,7 @@ interface EndProps {
 
 function EndPanel({ id, store, ending: { problem, refused, missing, sampled }, attempt }: EndProps) {
   return (
-    <section class="run-end" aria-label="Experiment">
+    <section class="run-end row wrap" aria-label="Experiment">
       <p role="status">{problem ?? (missing === 0 ? "All runs are complete." : `${missing} runs are incomplete.`)}</p>
       {missing !== 0 && (
         <button type="button" class="button quiet" onClick={() => attempt.value++}>

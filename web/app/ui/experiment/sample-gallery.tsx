@@ -39,8 +39,8 @@ export function SampleGallery({ samples, load }: Props) {
     </button>
   );
   return (
-    <section class="sample-gallery" aria-label="Samples">
-      <div class="sample-choice">
+    <section class="sample-gallery stack" aria-label="Samples">
+      <div class="sample-choice row wrap">
         {step("Previous", index - 1)}
         <label>
           Sample{" "}
@@ -83,7 +83,7 @@ function Pictures({ sample, load }: { sample: SampleRow; load: Props["load"] }) 
       <Notice>{problem}</Notice>
       <p class="small muted">{about(sample)}</p>
       <Remarks sample={sample} />
-      <div class="sample-choice">
+      <div class="sample-choice row wrap">
         {choose("Left", left, setLeft)}
         {choose("Right", right, setRight)}
       </div>

@@ -42,7 +42,7 @@ function Samples({ base, id }: { base: string; id: string }) {
   const run = runs.find(({ folder }) => folder === chosen) ?? runs[0];
   return (
     <>
-      <div class="page-head">
+      <div class="page-head row wrap spread">
         <h1>{experiment?.name ?? "Samples"}</h1>
         <Rendering store={store} id={id} attempt={rendering.attempt} onProgress={refresh} />
       </div>
@@ -93,7 +93,7 @@ function Rendering({ store, id, attempt, onProgress }: RenderingProps) {
   if (state.value === null || state.value.total === 0) return null;
   const { done, total } = state.value;
   return (
-    <div class="sample-choice">
+    <div class="sample-choice row wrap">
       {running ? (
         <>
           <progress max={total} value={done} aria-label="Samples that are rendered again" />

@@ -13,7 +13,7 @@ export function Table({ columns, kind = "", children }: Props) {
   return (
     <div class={`experiment-list ${kind}`}>
       <table>
-        <thead>
+        <thead class="muted">
           <tr>
             {columns.map((name) => (
               <th key={name} scope="col">

@@ -23,7 +23,7 @@ export function LinkForm({ link, onLink }: Props) {
   };
   const wrong = LINK_FIELDS.flatMap(({ name }) => problems[name] ?? []);
   return (
-    <form class="link-form" aria-label="Constant link" noValidate onSubmit={submit}>
+    <form class="link-form stack" aria-label="Constant link" noValidate onSubmit={submit}>
       <div class="fields">
         {LINK_FIELDS.map(({ name, label, unit }) => (
           <TextField

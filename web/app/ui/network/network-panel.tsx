@@ -47,7 +47,7 @@ function Link({ shaper, session }: { shaper: Shaper; session: ViewerSession }) {
   if (connectionError) return <Notice>{connectionError}</Notice>;
   if (!status) return <p class="muted small">Asking the shaper …</p>;
   return (
-    <div class="network">
+    <div class="network stack">
       <Notice>{status.closed}</Notice>
       <Notice>{shaper.actionError.value}</Notice>
       <LiveChart name="Rate towards this page" quantities={RATES} columns={shaper.rates} />
@@ -137,7 +137,7 @@ function traceRow({ name, error, mean_down_kbps = 0, duration_ms = 0 }: TraceSum
     title: (
       <>
         {name}
-        <span class="muted">{error ?? `${bitrate(mean_down_kbps * 1000)} · ${clock(duration_ms)}`}</span>
+        <span class="muted small">{error ?? `${bitrate(mean_down_kbps * 1000)} · ${clock(duration_ms)}`}</span>
       </>
     ),
     detail: (
@@ -173,7 +173,7 @@ function Position({ shaper, status }: { shaper: Shaper; status: ShaperStatus }) 
 function Directions({ status }: { status: ShaperStatus }) {
   return (
     <table class="directions">
-      <thead>
+      <thead class="muted">
         <tr>
           {["Mbit/s", "Target", "Delivered", "Queue", "Drops"].map((name) => (
             <th key={name} scope="col">

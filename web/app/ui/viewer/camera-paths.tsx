@@ -69,7 +69,7 @@ function Paths({ session, scene }: Props & { readonly scene: SceneInfo }) {
   };
   const ready = stopsOf(draft).length > 1;
   return (
-    <div class="camera-paths">
+    <div class="camera-paths stack">
       {Object.keys(paths).length > 0 && (
         <RadioList
           name="path"

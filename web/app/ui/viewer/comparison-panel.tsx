@@ -44,7 +44,7 @@ function Charts({ names, comparison }: Props) {
           local={kindsShown(settings.value).map(({ drawsHere }) => drawsHere)}
         />
       )}
-      <div class="comparison">
+      <div class="stack">
         <h4>Motion to photon</h4>
         <DistributionChart name="Motion to photon" labels={names} columns={history.latency} />
         {charts.map(({ name, quantities, columns }) => (

@@ -15,7 +15,7 @@ export function EnhancementPanel({ session }: { session: ViewerSession }) {
   const stats = source?.stats.value;
   return (
     <>
-      <div class="models">
+      <div class="stack">
         {KINDS.map((kind) => (
           <Choice key={kind} name={kind} disabled={missing !== null} />
         ))}

@@ -60,9 +60,9 @@ export function HelpDialog({ onClose }: { onClose: () => void }) {
       <div>
         <dl class="keys">
           {MOVES.filter(([what]) => what !== "Fullscreen" || document.fullscreenEnabled).map(([what, keys]) => (
-            <div key={what}>
+            <div key={what} class="row spread">
               <dt>{what}</dt>
-              <dd>
+              <dd class="row">
                 {keys.map((key) => (
                   <kbd key={key}>{label(key)}</kbd>
                 ))}
@@ -87,7 +87,7 @@ function Meanings({ of }: { readonly of: readonly (readonly [string, string])[] 
       {of.map(([what, meaning]) => (
         <div key={what}>
           <dt>{what}</dt>
-          <dd>{meaning}</dd>
+          <dd class="muted">{meaning}</dd>
         </div>
       ))}
     </dl>

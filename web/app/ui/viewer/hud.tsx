@@ -80,7 +80,7 @@ export function Rows({ of }: { readonly of: readonly FigureRow[] }) {
     <>
       {of.map(([name, label, value]) => (
         <div key={name} title={EXPLANATIONS[name]}>
-          <dt>{label}</dt>
+          <dt class="muted">{label}</dt>
           <dd data-stat={name}>{value ?? NONE}</dd>
         </div>
       ))}

@@ -32,7 +32,7 @@ interface Props {
 
 export function LastWalk({ names, walk, quality, local }: Props) {
   return (
-    <section class="last-walk" aria-label="The last walk">
+    <section class="last-walk stack" aria-label="The last walk">
       <h4>The last walk</h4>
       {walk === null ? (
         <p class="muted small">Walk for a few seconds and stand still: a summary of each side appears here.</p>
@@ -110,7 +110,9 @@ function Table({ walk: { duration, sides }, names, quality }: Omit<Props, "walk"
 function Row({ label, title, children }: { label: string; title?: string; children: ComponentChildren }) {
   return (
     <tr title={title}>
-      <th scope="row">{label}</th>
+      <th scope="row" class="muted">
+        {label}
+      </th>
       {children}
     </tr>
   );

@@ -32,7 +32,7 @@ export function MovementTrace({ deck, scene }: Props) {
   const problem = deck.problem.value ?? silence;
   const recording = deck.state.value === "recording";
   return (
-    <div class="movement">
+    <div class="movement stack">
       <Choice deck={deck} store={store} listed={listed} />
       <FileButton
         label="Movement file"
@@ -121,7 +121,7 @@ function About({ movement: { trace }, scene }: { movement: NamedMovement; scene:
   const begins = trace.anchor === "start" ? "begins at the scene's start view" : "stands where it is in its scene";
   return (
     <>
-      {description && <p class="small movement-about">{description}</p>}
+      {description && <p class="small">{description}</p>}
       <p class="muted small">
         {trace.points.length.toLocaleString("en")} {trace.points.length === 1 ? "pose" : "poses"}; {begins}.
         {trace.anchor === "scene" && from && scene && from !== scene.id && ` That was “${from}”, not this scene.`}

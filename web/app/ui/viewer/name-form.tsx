@@ -33,7 +33,7 @@ export function NameForm({ label, verb, name, onName, disabled = false, refuse, 
   };
   return (
     <form
-      class="save-view"
+      class="stack"
       onSubmit={(event) => {
         event.preventDefault();
         void attempt(submit);

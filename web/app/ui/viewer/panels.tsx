@@ -86,8 +86,8 @@ interface SectionProps {
 function Section({ title, action, children }: SectionProps) {
   return (
     <section>
-      <div class="section-head">
-        <h3>{title}</h3>
+      <div class="section-head row spread">
+        <h3 class="muted">{title}</h3>
         {action}
       </div>
       {children}
@@ -121,7 +121,7 @@ function Quality({ session }: { session: ViewerSession }) {
       />
       <Toggle name="refine" />
       <Toggle name="webp" />
-      <p class="readout">
+      <p class="row spread small muted">
         <span>Resolution</span>
         <output>{frame?.width && frame.height ? `${frame.width} × ${frame.height}` : "–"}</output>
       </p>

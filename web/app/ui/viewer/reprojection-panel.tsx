@@ -26,7 +26,7 @@ export function ReprojectionPanel({ session }: { session: ViewerSession }) {
       />
       <Toggle name="depth" disabled={!reprojection || !applies("depth", settings.value)} />
       <Toggle name="surround" disabled={!reprojection || !applies("surround", settings.value)} />
-      <div class="models">
+      <div class="stack">
         <Choice
           name="overscan"
           disabled={!reprojection}

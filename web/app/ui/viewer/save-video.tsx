@@ -27,7 +27,7 @@ interface Props {
 export function SaveVideo({ session, of, name, path }: Props) {
   const making = job.value;
   return (
-    <div class="movement-video">
+    <div class="stack">
       {making?.of !== of ? (
         <QuietButton
           icon={Film}

@@ -24,7 +24,7 @@ export function SavedViews({ session }: { readonly session: ViewerSession }) {
   );
   const { what, name = "" } = asked ?? {};
   return (
-    <div class="saved-views">
+    <div class="saved-views stack">
       <SavedPlaces
         places={views}
         title="Go to this view"

@@ -40,7 +40,7 @@ function Networks({ session, id }: { session: ViewerSession; id: string }) {
   }, [running, take, session]);
   if (state.value === null && problem.value === null) return null;
   return (
-    <div class="scene-training" data-training={state.value?.state}>
+    <div class="scene-training row wrap" data-training={state.value?.state}>
       {running ? (
         <>
           <progress max={1} value={state.value?.progress} aria-label="Training" />

@@ -30,7 +30,7 @@ export function StageMessage({ session }: { session: ViewerSession }) {
         <div class="floating message tall" data-tone="danger">
           <Icon of={CircleAlert} />
           <p>{message}</p>
-          <div class="message-actions">
+          <div class="row">
             <button type="button" class="button" onClick={() => session.retry()}>
               Try again
             </button>

@@ -15,7 +15,7 @@ export function StartView({ session }: { readonly session: ViewerSession }) {
   if (scene === null || !mayEdit(scene)) return null;
   const store = (view: SceneEdit) => attempt(async () => session.rig.enter(await edit(session, scene.id, view)));
   return (
-    <div class="start-view">
+    <div class="stack">
       <QuietButton onClick={() => void store(presentView(session, scene))}>Use this view as the start view</QuietButton>
       <QuietButton
         title="Look at the sky first: the middle of the picture becomes up"
