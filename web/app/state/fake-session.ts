@@ -67,7 +67,6 @@ export const fakeStream = (phase: SourcePhase, stats: Partial<StreamStats> = {})
 export const fakeLocal = (phase: SourcePhase, stats: Partial<LocalStats> = {}) =>
   fakeSource<LocalStats>(phase, { ...NO_LOCAL_STATS, ...stats });
 
-/** A side of the stage. */
 export function fakeSide(place: Place, first: Source = fakePictures()) {
   const source = signal<Source | null>(first);
   const own = computed(() => settingsAt(place, settings.value));

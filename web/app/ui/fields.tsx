@@ -102,7 +102,6 @@ interface SelectProps {
   readonly children?: ComponentChildren;
 }
 
-/** A list to choose from. */
 export function Select({ label, swatch, bare, title, value, options, onValue, disabled, note, children }: SelectProps) {
   const list = (
     <div class="select">
@@ -169,7 +168,6 @@ interface RadioRow {
 
 interface RadioListProps {
   readonly name: string;
-  /** For assistive technology. */
   readonly label: string;
   readonly rows: readonly RadioRow[];
   /** Key of the chosen row. */

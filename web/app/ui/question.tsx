@@ -48,7 +48,6 @@ export function Question({ title, verb, action, onDone, onClose, children }: Pro
 }
 
 interface NameProps extends Omit<Props, "action" | "children"> {
-  /** The present name. */
   readonly name: string;
   readonly maxLength: number;
   /** Rejects with the reason. */

@@ -11,7 +11,6 @@ interface Props {
   readonly load: () => Promise<Draw>;
   /** Element with the swatches; by default the caption. */
   readonly legend?: RefObject<HTMLElement | null>;
-  /** The caption. */
   readonly children: ComponentChildren;
 }
 

@@ -4,7 +4,6 @@ import type uPlot from "uplot";
 import type { Columns } from "#viewer/charts/columns";
 import { createChart, filled, interactiveLine, LATENCY_AXIS_BELOW, LATENCY_SCALE, percent } from "./uplot";
 
-/** Draws into `place` until the function that it returns is called. */
 export function plotDistribution(
   place: HTMLElement,
   legend: HTMLElement,

@@ -14,7 +14,6 @@ export interface Quantity {
   readonly stepped?: boolean;
 }
 
-/** Draws into `place` until the function that it returns is called. */
 export function plotLive(
   place: HTMLElement,
   legend: HTMLElement,

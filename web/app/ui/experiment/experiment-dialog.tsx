@@ -14,7 +14,6 @@ import { useShaper } from "./use-shaper";
 
 interface Props {
   readonly session: ViewerSession;
-  /** Whether the dialog is open. */
   readonly open: Signal<boolean>;
 }
 

@@ -24,7 +24,6 @@ type Urls = Readonly<Partial<Record<Picture, string>>>;
 
 interface Props {
   readonly samples: readonly SampleRow[];
-  /** A picture by its name. */
   readonly load: (name: string) => Promise<Blob>;
 }
 

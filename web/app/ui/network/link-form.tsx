@@ -7,7 +7,6 @@ import { QuietButton } from "../button";
 import { TextField } from "../fields";
 
 interface Props {
-  /** Initial values of the fields. */
   readonly link: LinkSetting;
   readonly onLink: (setting: LinkSetting) => void;
 }

@@ -58,7 +58,6 @@ function Charts({ names, comparison }: Props) {
   );
 }
 
-/** Lines of each chart, for sides with these labels. */
 function chartsOf(names: readonly string[]) {
   const sides = names.flatMap((label, i) => (PLACES[i] ? [{ label, tone: PLACES[i], axis: "left" as const }] : []));
   return CHARTS.map(({ unit, stepped, ...chart }) => ({

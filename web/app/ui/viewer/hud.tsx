@@ -74,7 +74,6 @@ export function Hud({ session, source, stats, linkNote }: HudProps) {
 /** A figure: its name, its label, and its value, which is not known if null. */
 export type FigureRow = readonly [name: Explained, label: string, value: ComponentChildren];
 
-/** Labelled figures, explained by tooltips. */
 export function Rows({ of }: { readonly of: readonly FigureRow[] }) {
   return (
     <>

@@ -19,7 +19,6 @@ interface NameFormProps {
   readonly refuse: (name: string) => string | null;
   /** The form displays the reason if it rejects. */
   readonly save: (name: string) => Promise<unknown>;
-  /** Further buttons. */
   readonly children?: ComponentChildren;
 }
 

@@ -19,7 +19,6 @@ type Kind = "movement" | "path";
 interface Props {
   readonly session: ViewerSession;
   readonly of: Kind;
-  /** Of the file. */
   readonly name: string;
   readonly path: () => CameraPath | null;
 }

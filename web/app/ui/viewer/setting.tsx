@@ -6,7 +6,6 @@ import { Check, NumberField, type Options, Select } from "../fields";
 type NamesOf<Kind> = {
   [Name in keyof Settings]: Settings[Name] extends Kind ? Name : never;
 }[keyof Settings];
-/** Names of settings with labelled values. */
 type ChoiceName = {
   [Name in keyof Settings]: (typeof SETTINGS)[Name] extends { readonly options: object } ? Name : never;
 }[keyof Settings];
@@ -51,7 +50,6 @@ interface ListProps extends Props<LabelledName> {
   readonly value?: string;
 }
 
-/** A setting with a list of values. */
 export function Choice({ name, disabled, options, bare, tone, parse, value }: ListProps) {
   const about: { label: string; help?: string; options?: Readonly<Record<string, string>> } = SETTINGS[name];
   return (
@@ -87,7 +85,6 @@ interface SegmentListProps {
   readonly choices: readonly {
     readonly title: string;
     readonly chosen: boolean;
-    /** The settings that it changes. */
     readonly part: Partial<Settings>;
   }[];
 }

@@ -12,7 +12,6 @@ const Panels = lazy(async () => (await import("./panels")).Panels);
 interface Props {
   readonly session: ViewerSession;
   readonly actions: Pick<ViewerActions, "sidebar" | "hud" | "experiment" | "reset">;
-  /** Give the focus to the stage. */
   readonly onSkip: () => void;
 }
 

@@ -32,7 +32,6 @@ export function SidesPanel() {
   );
 }
 
-/** Explanation of a lock. */
 function LockNote() {
   const { lock } = settings.value;
   if (lock === "off") return null;

@@ -18,9 +18,7 @@ interface Props {
   /** Null while there is no scene to look at. */
   readonly session: ViewerSession | null;
   readonly actions: ViewerActions;
-  /** The lab is open. */
   readonly lab: boolean;
-  /** A picture is being saved. */
   readonly saving: boolean;
 }
 

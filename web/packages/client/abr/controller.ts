@@ -9,7 +9,6 @@ import type { Rung, ServerTiming } from "../wire/render";
 export const WAYS = ["stale", "rotation", "depth", "predicted"] as const;
 export type Way = (typeof WAYS)[number];
 
-/** Outcome of one frame. */
 export interface Observation {
   /** The rung that it was rendered at; null where the server does not say. */
   readonly profile: number | null;
@@ -39,7 +38,6 @@ export interface Controller {
   observe(observation: Observation): void;
 }
 
-/** Inputs of a controller's constructor. */
 export interface ControllerContext {
   /** The server's rungs, the best first; at least one. */
   readonly ladder: readonly Rung[];

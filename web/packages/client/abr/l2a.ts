@@ -12,7 +12,6 @@ import { bitrates, FrameBuffer, SAFETY, SEGMENT, TARGET_MS } from "./segments";
 import { projectToSimplex } from "./simplex";
 import { FrameSizes } from "./sizes";
 
-/** Free parameters. */
 export interface L2aParameters {
   /** Segments that it takes to converge. */
   readonly horizon: number;
@@ -34,7 +33,6 @@ const MIN_DURATION = 2;
 export interface LearnerState {
   readonly w: readonly number[];
   readonly q: number;
-  /** The index of the chosen bitrate. */
   readonly choice: number;
 }
 

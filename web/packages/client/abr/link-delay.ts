@@ -7,7 +7,6 @@ import { RecentMinimum } from "./recent-minimum";
 
 /** Window of the minimum, in milliseconds. */
 const SPAN = 10_000;
-/** Weight of the newest frame in the average. */
 const ALPHA = 0.3;
 /** As RFC 3550 has it. */
 const JITTER_ALPHA = 1 / 16;

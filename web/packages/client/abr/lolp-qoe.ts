@@ -6,11 +6,9 @@ import { SEGMENT } from "./segments";
 
 /** Latencies up to this are penalised mildly. */
 const COMFORTABLE_LATENCY = 1.1;
-/** Allowed values of a weight. */
 const OPTIONS = [0.2, 0.4, 0.6, 0.8, 1];
 const LEAST_REBUFFERING = 1e-5;
 
-/** Weights of throughput, latency, rebuffering and switches. */
 export type Weights = readonly [number, number, number, number];
 
 /**
@@ -28,7 +26,6 @@ export function downloadTime(bitrate: number, throughput: number): number {
   return (bitrate * SEGMENT) / throughput;
 }
 
-/** The buffer after one more segment. */
 export function nextBuffer(buffer: number, download: number): number {
   return download > SEGMENT ? buffer - SEGMENT : buffer + SEGMENT - download;
 }

@@ -8,7 +8,6 @@ export type Features = readonly [number, number, number, number];
 const NEIGHBOURHOOD = 0.1;
 const EQUAL: Features = [1, 1, 1, 1];
 
-/** The weighted distance of two points. */
 export function distance(a: Features, b: Features, weights: Features = EQUAL): number {
   return Math.sqrt(weights.reduce((sum, weight, i) => sum + weight * ((a[i] ?? 0) - (b[i] ?? 0)) ** 2, 0));
 }

@@ -12,7 +12,6 @@ import { distance, type Features, firstWeights, SelfOrganisingMap } from "./lolp
 import { bitrates, FrameBuffer, latencyOf, SAFETY, TARGET_MS } from "./segments";
 import { FrameSizes } from "./sizes";
 
-/** Free parameters. */
 export interface LolpParameters {
   /** Target latency, in milliseconds. */
   readonly target: number;

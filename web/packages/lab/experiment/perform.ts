@@ -18,7 +18,6 @@ export interface Performance {
   readonly shaper: Shaper | null;
   /** The experiment of samples, in case the page is closed. */
   readonly experiment: string;
-  /** Receives the present step. */
   readonly stage: (what: string) => void;
   readonly signal: AbortSignal;
 }

@@ -27,7 +27,6 @@ export interface RecorderStart {
   readonly atRest?: number | null;
   /** The number of the pose that is on the screen. */
   readonly pose: number;
-  /** Received bytes. */
   readonly received: number;
   /** A picture is kept at each tick of a clock while the movement lasts: so often, and first after `captureOffset`; 0 keeps none. */
   readonly captureEvery: number;
@@ -75,7 +74,6 @@ export class Recorder {
     return ticks;
   }
 
-  /** A frame is on the screen. */
   presented(frame: PresentedFrame): void {
     const at = frame.at - this.#start.startedAt;
     if (at < 0) return;
@@ -94,12 +92,10 @@ export class Recorder {
     this.#shown = Math.max(this.#shown, frame.pose);
   }
 
-  /** A request went out. */
   sent(request: SentRequest): void {
     this.#requests.push(request);
   }
 
-  /** A frame came. */
   replied({ arrival, pose, asked, profile, server, throughput }: Reply): void {
     const { startedAt } = this.#start;
     this.#replies.push({

@@ -122,7 +122,6 @@ export class Runner {
     });
   }
 
-  /** Give the camera back to the person. */
   release(): void {
     this.#session.rig.drive(null);
   }

@@ -28,7 +28,6 @@ export class ComparisonHistory {
   readonly buffered: Signal<Columns>;
   readonly #latencies: readonly TimeWindow[];
 
-  /** For this many pictures. */
   constructor(sides: number) {
     this.#latencies = Array.from({ length: sides }, () => new TimeWindow(SPAN_S * 1000));
     this.latency = signal<Columns>([LATENCY_BINS_MS, ...this.#latencies.map(() => histogram([]))]);

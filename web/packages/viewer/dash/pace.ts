@@ -16,7 +16,6 @@ export interface Playback {
   readonly position: number;
   /** End of the buffer. */
   readonly end: number;
-  /** Where the server is. */
   readonly live: number;
   /** Distance to keep between `position` and `live`. */
   readonly target: number;

@@ -15,7 +15,6 @@ export interface FeedOptions {
   /** The server's place on the media timeline, in seconds. */
   readonly live: () => number;
   readonly now: () => number;
-  /** The next bytes of the stream. */
   readonly onBytes: (bytes: Uint8Array<ArrayBuffer>) => void;
   /** The rest of the present segment will not come; another one follows. */
   readonly onInterrupted: () => void;

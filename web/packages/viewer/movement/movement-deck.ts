@@ -21,7 +21,6 @@ const TELL_EVERY = 100;
 
 /** The files and recordings of this visit, for any scene. */
 export const movements = signal<readonly NamedMovement[]>([]);
-/** Unsaved recordings. */
 export const unsaved = signal<ReadonlySet<NamedMovement>>(new Set());
 
 export class MovementDeck {

@@ -27,7 +27,6 @@ export async function listMovements(base: string, signal?: AbortSignal): Promise
   return movements;
 }
 
-/** One of them. */
 export async function fetchMovement(base: string, name: string, signal?: AbortSignal): Promise<NamedMovement> {
   const text = await ask(base, `movements/${encodeURIComponent(name)}`, (answer) => answer.text(), signal);
   return { name, origin: "store", trace: readMovement(text, name) };

@@ -10,5 +10,4 @@ export interface Predictor {
   reset(): void;
 }
 
-/** Constructor of a predictor without observations. */
 export const NOWHERE: ScenePose = { position: [0, 0, 0], quaternion: [0, 0, 0, 1] };

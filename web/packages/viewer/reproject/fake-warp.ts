@@ -9,9 +9,7 @@ export class FakeWarp implements Warper {
   readonly gpuMs = 0.5;
   taken: { readonly source: unknown; readonly view: View; readonly depth: DepthMap | null }[] = [];
   drawn: View[] = [];
-  /** Of the surround. */
   sides: View[] = [];
-  /** Number of resets. */
   forgotten = 0;
   disposed = false;
   readonly canvas: HTMLCanvasElement;

@@ -34,7 +34,6 @@ export function reprojectionNote(...sides: readonly ReprojectionStatus[]): strin
   return sides.map((status) => NOTES[status]).find((note) => note !== null) ?? null;
 }
 
-/** A picture with its view. */
 export interface Content<Frame> {
   /** Properties reported when it is on screen. */
   readonly frame: Frame;
@@ -68,9 +67,7 @@ export type Warper = Pick<Warp, "working" | "gpuMs" | "take" | "surround" | "dra
 
 export interface ReprojectorOptions {
   readonly below: HTMLElement;
-  /** How large the picture is displayed, in the screen's pixels. */
   readonly size: () => Size;
-  /** In milliseconds. */
   readonly now: () => number;
   /** The browser gives the pictures away; it always does, unless they are a video's. */
   readonly readable?: boolean;
@@ -132,7 +129,6 @@ export class Reprojector<Frame> {
     return this.#times.percentile(0.5, now);
   }
 
-  /** GPU time of a draw in milliseconds; null where it is not measured. */
   get gpuMs(): number | null {
     return this.#warp?.gpuMs ?? null;
   }
@@ -142,7 +138,6 @@ export class Reprojector<Frame> {
     return this.#drawn && this.#content;
   }
 
-  /** The sides of the surround that there are, by number. */
   get surround(): ReadonlyMap<number, View> {
     return this.#surround;
   }

@@ -103,7 +103,6 @@ export class Warp {
     timer.end();
   }
 
-  /** Discards all earlier pictures after a cut. */
   forget(): void {
     this.#frame = null;
     this.#resources?.cache.clear();

@@ -137,7 +137,6 @@ export class ViewerSession {
     return this.left.source;
   }
 
-  /** Bytes of pictures received by all modes together. */
   get receivedBytes(): number {
     return this.#receivedBefore + this.#sides.reduce((sum, { receivedBytes }) => sum + receivedBytes, 0);
   }

@@ -68,7 +68,6 @@ export class InFlightLimit {
     }
   }
 
-  /** How many requests may be in flight now. */
   get limit(): number {
     if (this.#base === undefined || this.#observedAt - this.#baseAt > BASE_MAX_AGE) return 1;
     const animationFrame = this.#clock.interval;

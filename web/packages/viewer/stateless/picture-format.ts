@@ -27,7 +27,6 @@ export class FormatChoice {
   #bytes: number | null = null;
   #encoding = { ms: LONGER - DECODING, at: Number.NEGATIVE_INFINITY };
 
-  /** Records a picture. */
   observe({ header, arrival }: Pick<FrameReply, "header" | "arrival">, now: number): void {
     const megapixels = ((header.width ?? 0) * (header.height ?? 0)) / 1e6;
     if (megapixels === 0 || header.video) return; // a video frame says nothing about pictures

@@ -27,7 +27,6 @@ export type ViewRequest = Omit<RenderRequest, "seq">;
 export interface SentRequest {
   /** On the page's clock. */
   readonly at: number;
-  /** The number of the pose. */
   readonly pose: number;
   /** The rung; null for a refinement. */
   readonly asked: number | null;
@@ -41,7 +40,6 @@ export interface DecodedFrame extends DecodedImage {
   readonly seq: number;
   /** The version of the view that it shows. */
   readonly version: number;
-  /** The number of the pose that it shows. */
   readonly pose: number;
   readonly header: FrameHeader;
   /** The request and the received image: only a reference, invalid once the frame has been shown. */
@@ -52,15 +50,12 @@ export interface DecodedFrame extends DecodedImage {
 }
 
 export interface PipelineEvents {
-  /** A request went out. */
   sent(request: SentRequest): void;
   /** A frame for pose number `pose` has arrived; it may still be decoding. */
   replied(reply: FrameReply, view: ViewRequest, pose: number): void;
   /** A refusal to show to the user; late frames are excluded. */
   refused(problem: RequestProblem): void;
-  /** A refinement failed. */
   unrefined(): void;
-  /** Format of the next picture. */
   format(): PictureFormat;
   /** Transmission time of this many bytes in milliseconds, 0 if unknown. */
   transmission(bytes: number): number;
@@ -177,7 +172,6 @@ export class FramePipeline {
     return this.#counts;
   }
 
-  /** The newest view is on the screen. */
   get settled(): boolean {
     return this.#version > 0 && this.#shown.version === this.#version;
   }

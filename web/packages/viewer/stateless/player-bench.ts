@@ -123,7 +123,6 @@ export class PlayerBench {
     }
   }
 
-  /** The last request. */
   last() {
     return this.transport.requests.at(-1)?.request;
   }

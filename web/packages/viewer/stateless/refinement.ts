@@ -27,7 +27,6 @@ const BYTES_A_PIXEL = 240_000 / (1280 * 720);
 /** A view as the page asks for it: by a pose, for a viewport. */
 export type PosedRequest = ViewRequest & View;
 
-/** Inputs of the next step. */
 export interface Circumstances {
   readonly now: number;
   /** The last requested view is on screen. */
@@ -71,7 +70,6 @@ export class Refinement {
     return this.#step;
   }
 
-  /** Records a received frame of a rung or of a step. */
   observe({ header, arrival }: Pick<FrameReply, "header" | "arrival">): void {
     const { width, height, margin_x, margin_y, profile, timing, video } = header;
     if (!width || !height) return;

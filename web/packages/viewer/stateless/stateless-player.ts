@@ -27,7 +27,6 @@ import { type Pictured, pictured, Turning } from "./turning";
 
 /** A received frame: the controllers' observation of it, and its request. */
 export interface Reply extends Observation {
-  /** The number of the pose. */
   readonly pose: number;
   /** The rung; null for a refinement, which the controller does not observe. */
   readonly asked: number | null;
@@ -53,10 +52,8 @@ export interface StatelessPlayerOptions {
   readonly depth: () => boolean;
   /** For reprojection: whether small pictures of all directions are requested. */
   readonly surround: () => boolean;
-  /** The ladder that request profiles index; empty until it is known. */
   readonly ladder: () => readonly Rung[];
   readonly rig: Rig;
-  /** Null if each answer is an independent picture. */
   readonly video: VideoFrames | null;
   /** The ladder of a video that the controller's choice indexes; null if each answer is an independent picture. */
   readonly videoSteps: () => readonly VideoStep[] | null;
@@ -65,18 +62,13 @@ export interface StatelessPlayerOptions {
   readonly refine: () => boolean;
   /** Upper bound of the received rate; null: unlimited. */
   readonly bitrateKbps: () => number | null;
-  /** Pixels of the screen along one of the viewport's. */
   readonly pixelRatio: () => number;
-  /** Predictor of the requested poses. */
   readonly prediction: () => PredictorName;
   readonly onPresented: (frame: PresentedFrame) => void;
   /** The same frame without a warp; it is on the canvas during this call. */
   readonly onShown: (frame: ShownFrame) => void;
-  /** A request went out. */
   readonly onSent: (request: SentRequest) => void;
-  /** A frame has arrived, and the controller has observed it. */
   readonly onReplied: (reply: Reply) => void;
-  /** Bytes of frames were received. */
   readonly onReceived: (bytes: number) => void;
   readonly now: () => number;
 }
@@ -183,7 +175,6 @@ export class StatelessPlayer {
     this.attach(null);
   }
 
-  /** The page was hidden for the last `gap` milliseconds; before anything else of this animation frame. */
   resumed(gap: number): void {
     this.#meter.resumed(gap);
     this.#foresight.reset();
@@ -192,7 +183,6 @@ export class StatelessPlayer {
     this.#options.reprojector.resumed();
   }
 
-  /** A lossless copy of the screen. */
   picture(): Promise<ImageBitmap> {
     return this.#options.reprojector.picture() ?? this.#options.display.picture();
   }
@@ -218,7 +208,6 @@ export class StatelessPlayer {
     onShown({ at: now, asked, header, image, enhanced });
   }
 
-  /** Called once per animation frame, after the rig was sampled; `moved` is the rig's result. */
   tick(now: number, moved: boolean): void {
     const { rig, display, video, bitrateKbps } = this.#options;
     this.#meter.sampled(rig.pose.seq, now);

@@ -13,7 +13,6 @@ export interface SurroundFeedOptions {
   /** Whether there is to be one, where frames are turned. */
   readonly surround: () => boolean;
   readonly ladder: () => readonly Rung[];
-  /** Bytes of pictures were received. */
   readonly onReceived: (bytes: number) => void;
 }
 

@@ -102,7 +102,6 @@ export class Turning {
   }
 }
 
-/** Properties of the displayed frame. */
 export function pictured({ header }: DecodedFrame, enhanced: Enhanced | null): Pictured {
   return {
     rung: header.profile ?? null,

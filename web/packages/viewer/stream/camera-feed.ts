@@ -13,9 +13,7 @@ import { widened } from "./wider";
 /** A camera at a place, with its lens in pixels of a viewport. */
 export type Camera = ScenePose & Intrinsics & Viewport;
 
-/** Content of a message. */
 export interface Told {
-  /** The number of the rig's pose. */
   readonly pose: number;
   /** When, on the page's clock. */
   readonly at: number;

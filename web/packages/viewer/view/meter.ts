@@ -32,7 +32,6 @@ export interface Figures {
   /** Buffered milliseconds of the stream; null where pictures are shown on arrival. */
   readonly buffered: number | null;
   readonly stalls: Stalls;
-  /** All new views shown so far. */
   readonly newViews: number;
   /** All frames shown so far. */
   readonly shown: number;
@@ -42,7 +41,6 @@ export interface Figures {
   readonly gpuMs: number | null;
   /** No better picture of the present view follows. */
   readonly settled: boolean;
-  /** The frame on the screen. */
   readonly picture: { readonly rung: number | null; readonly width: number; readonly height: number } | null;
 }
 
@@ -110,7 +108,6 @@ export class Meter {
     this.#stalls.moved(at);
   }
 
-  /** Counts received bytes. */
   received(bytes: number, at: number): void {
     this.#bytes.add(bytes, at);
     this.#received += bytes;
