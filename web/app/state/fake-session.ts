@@ -41,8 +41,6 @@ function fakeSource<Of extends SourceStats>(phase: SourcePhase, stats: Of): Fake
     presented: () => undefined,
     resumed: () => undefined,
     tick: () => undefined,
-    played: () => ({}),
-    status: async () => null,
     dispose: () => undefined,
   };
 }

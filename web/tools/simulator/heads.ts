@@ -93,8 +93,8 @@ export async function visit(options: HeadOptions): Promise<Visit> {
       takeSide: (_, side, view) => sides.set(side, view),
     },
     rig,
-    surround: () => options.surround,
-    ladder: () => ladder,
+    settings: { peek: () => options },
+    ladder: { peek: () => ladder },
     onReceived: (bytes) => {
       if (moving()) replies.aside += bytes;
     },

@@ -74,7 +74,7 @@ function useRepeats(source: Source | null, presence: Presence): number | null {
     const asking = new AbortController();
     let before: SessionStatus | null = null;
     const stop = presence.every(ASK_EVERY, () => {
-      void source.status(asking.signal).then((status) => {
+      void source.status?.(asking.signal).then((status) => {
         if (asking.signal.aborted) return;
         share.value = repeatedShare(before, status);
         before = status;

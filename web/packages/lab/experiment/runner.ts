@@ -276,7 +276,7 @@ export class Runner {
   /** Figures of the streams and downloads on the stage. */
   #played(startedAt: number): Pick<Required<Recording>, "dash" | "webrtc" | "local"> {
     const sources = this.#session.sources.peek();
-    return Object.assign({ dash: null, webrtc: null, local: null }, ...sources.map((one) => one.played(startedAt)));
+    return Object.assign({ dash: null, webrtc: null, local: null }, ...sources.map((one) => one.played?.(startedAt)));
   }
 
   #unturned(): string | null {

@@ -102,18 +102,6 @@ export class Side {
     return this.source.peek()?.picture() ?? null;
   }
 
-  presented(time: number): void {
-    this.source.peek()?.presented(time);
-  }
-
-  resumed(gap: number): void {
-    this.source.peek()?.resumed(gap);
-  }
-
-  tick(time: number, moved: boolean): void {
-    this.source.peek()?.tick(time, moved);
-  }
-
   dispose(): void {
     this.#stop();
   }

@@ -23,8 +23,4 @@ class Local extends LocalPlayer implements Source {
       memory: (navigator as { readonly deviceMemory?: number }).deviceMemory,
     });
   }
-
-  async status() {
-    return null;
-  }
 }
