@@ -210,7 +210,7 @@ interface SeekProps {
 /** A place in something that plays, and the way to go elsewhere. */
 export function Seek({ label, at, duration, disabled, onSeek, onRelease }: SeekProps) {
   return (
-    <div class="movement-progress">
+    <div class="movement-progress small">
       <input
         type="range"
         aria-label={label}

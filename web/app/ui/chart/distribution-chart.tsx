@@ -1,7 +1,7 @@
 /** Distribution of the latencies of the pictures on the stage, on one logarithmic axis. */
 import type { ReadonlySignal } from "@preact/signals";
 import { useCallback } from "preact/hooks";
-import type { Columns } from "#viewer/charts/columns";
+import type { Columns } from "#viewer/charts/history";
 import { PLACES } from "#viewer/state/settings";
 import { Chart } from "./chart";
 

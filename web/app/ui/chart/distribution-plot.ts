@@ -1,7 +1,7 @@
 /** Draws the distribution of latencies, with a line where interaction begins to feel slow. Loaded on demand. */
 import { effect, type ReadonlySignal } from "@preact/signals";
 import type uPlot from "uplot";
-import type { Columns } from "#viewer/charts/columns";
+import type { Columns } from "#viewer/charts/history";
 import { createChart, filled, interactiveLine, LATENCY_AXIS_BELOW, LATENCY_SCALE, percent } from "./uplot";
 
 export function plotDistribution(

@@ -1,7 +1,7 @@
 /** A chart of the last minute with its legend. */
 import type { ReadonlySignal } from "@preact/signals";
 import { useCallback } from "preact/hooks";
-import type { Columns } from "#viewer/charts/columns";
+import type { Columns } from "#viewer/charts/history";
 import { Chart } from "./chart";
 import type { Quantity } from "./live-plot";
 

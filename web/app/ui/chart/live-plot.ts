@@ -1,7 +1,7 @@
 /** Draws the last minute of some quantities. Loaded on demand, so that a page without a shaper does not pay for it. */
 import { effect, type ReadonlySignal } from "@preact/signals";
 import type uPlot from "uplot";
-import { type Columns, SPAN_S } from "#viewer/charts/columns";
+import { type Columns, SPAN_S } from "#viewer/charts/history";
 import { createChart, filled } from "./uplot";
 
 export interface Quantity {

@@ -2,7 +2,7 @@
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { INTERACTIVE_MS } from "#client/wire/figures";
-import { LATENCY_RANGE_MS } from "#viewer/charts/histogram";
+import { LATENCY_RANGE_MS } from "#viewer/charts/history";
 
 const FONT = "11px system-ui, sans-serif";
 const TICKS = [10, 30, 100, 300, 1000, 3000];

@@ -85,7 +85,7 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
 
   return (
     <form class="experiment-form" noValidate onSubmit={(event) => void submit(event)}>
-      <fieldset disabled={edited !== null} data-wide class="experiment-fields">
+      <fieldset disabled={edited !== null} data-wide class="experiment-fields columns">
         <TextField label="Name" value={draft.name} wide onValue={(typed) => set({ name: typed })} />
         <MovementChoice
           list={list}

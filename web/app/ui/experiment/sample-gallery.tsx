@@ -103,7 +103,7 @@ function Pictures({ sample, load }: { sample: SampleRow; load: Props["load"] }) 
           onInput={({ currentTarget }) => setAt(currentTarget.valueAsNumber)}
         />
       </div>
-      <div class="sample-row">
+      <div class="sample-row columns">
         {(["original", "enhanced", "truth"] as const).map(
           (name) =>
             urls[name] && (

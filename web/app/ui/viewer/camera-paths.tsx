@@ -116,7 +116,7 @@ function Keyframes({ session, draft, onChange }: Props & DraftProps) {
         <ol class="saved-places">
           {stops.map((stop, index) => (
             // biome-ignore lint/suspicious/noArrayIndexKey: keyframes have no identity but their place
-            <li key={index}>
+            <li key={index} class="row">
               <QuietButton title="Go to this view" onClick={() => goTo(session, stop)}>
                 Keyframe {index + 1} <span class="muted">{clock(stop.t_ms)}</span>
               </QuietButton>

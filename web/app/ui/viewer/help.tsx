@@ -58,7 +58,7 @@ export function HelpDialog({ onClose }: { onClose: () => void }) {
       onKeyDown={(event) => actionOf(event) === "help" && onClose()}
     >
       <div>
-        <dl class="keys">
+        <dl class="keys columns">
           {MOVES.filter(([what]) => what !== "Fullscreen" || document.fullscreenEnabled).map(([what, keys]) => (
             <div key={what} class="row spread">
               <dt>{what}</dt>
@@ -83,7 +83,7 @@ export function HelpDialog({ onClose }: { onClose: () => void }) {
 
 function Meanings({ of }: { readonly of: readonly (readonly [string, string])[] }) {
   return (
-    <dl class="meanings">
+    <dl class="meanings stack small">
       {of.map(([what, meaning]) => (
         <div key={what}>
           <dt>{what}</dt>

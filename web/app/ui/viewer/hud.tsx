@@ -78,7 +78,7 @@ export function Rows({ of }: { readonly of: readonly FigureRow[] }) {
   return (
     <>
       {of.map(([name, label, value]) => (
-        <div key={name} title={EXPLANATIONS[name]}>
+        <div key={name} class="row spread" title={EXPLANATIONS[name]}>
           <dt class="muted">{label}</dt>
           <dd data-stat={name}>{value ?? NONE}</dd>
         </div>

@@ -52,7 +52,7 @@ function Streams() {
   const compared = mode === COMPARED;
   return (
     <>
-      <h4 class="segments-name">DASH stream</h4>
+      <h4>DASH stream</h4>
       {!compared && <Segments name="dashPreset" />}
       {custom && <Custom setup={dashCustom} />}
       {!custom && (
@@ -76,7 +76,7 @@ function Streams() {
 function WebRtc() {
   return (
     <>
-      <h4 class="segments-name">WebRTC stream</h4>
+      <h4>WebRTC stream</h4>
       <Segments name="webrtcStream" />
       <p class="muted small">A video whose bit rate follows the browser’s estimate of the link.</p>
     </>

@@ -87,7 +87,7 @@ function Section({ title, action, children }: SectionProps) {
   return (
     <section>
       <div class="section-head row spread">
-        <h3 class="muted">{title}</h3>
+        <h3 class="muted small">{title}</h3>
         {action}
       </div>
       {children}

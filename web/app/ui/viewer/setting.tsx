@@ -93,7 +93,7 @@ interface SegmentListProps {
 export function SegmentList({ name, label, headed, choices }: SegmentListProps) {
   return (
     <fieldset class="segments" data-choice={name}>
-      <legend class={headed ? "segments-name" : "visually-hidden"}>{label}</legend>
+      <legend class={headed ? "segments-name small" : "visually-hidden"}>{label}</legend>
       {choices.map(({ title, chosen, part }) => (
         <label key={title}>
           <input

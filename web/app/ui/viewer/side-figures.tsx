@@ -55,7 +55,7 @@ function SideHud({ place, title, side, session }: HudProps) {
     <div class="side">
       <section class="floating side-hud" aria-label={`Measurements: ${title}`} data-side={place} data-mode={mode}>
         <div class="hud-main">
-          <h2>
+          <h2 class="small">
             <i class="swatch" data-tone={place} />
             {title}
           </h2>

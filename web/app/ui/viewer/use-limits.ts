@@ -5,7 +5,7 @@ import type { SessionStatus } from "#client/wire/dash";
 import type { ViewerSession } from "#viewer/session/session";
 import type { Side } from "#viewer/session/side";
 import type { Source } from "#viewer/sources/source";
-import { MANY_REPEATS, repeatedShare } from "#viewer/stream/repeats";
+import { MANY_REPEATS, repeatedShare } from "#viewer/stream/packager";
 import type { Presence } from "#viewer/view/presence";
 import type { Rig } from "#viewer/view/rig";
 import { type Said, serverNote } from "./notes";

@@ -2,6 +2,21 @@
 import type { Arrival } from "../transport/transport";
 import type { Rung, ServerTiming } from "../wire/render";
 
+/** Always the rung that a person chose: no adaptation. */
+export class FixedController implements Controller {
+  readonly #rung: number;
+
+  constructor(rung: number) {
+    this.#rung = rung;
+  }
+
+  decide(): number {
+    return this.#rung;
+  }
+
+  observe(): void {}
+}
+
 /**
  * How the page shows a frame older than the view: unchanged, rotated, warped by its depth, or rendered for a predicted
  * pose.

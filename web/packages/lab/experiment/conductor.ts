@@ -3,7 +3,7 @@
  * reported, and the others continue. Performing and the store are dependencies.
  */
 import { signal } from "@preact/signals";
-import { sleep } from "#client/async/sleep";
+import { sleep } from "#client/async/retry";
 import { ApiError } from "#client/http/problem";
 import type { NextRun, RunJob, RunUpload } from "#client/wire/store";
 import { ShaperError } from "../network/api";

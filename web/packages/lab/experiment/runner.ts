@@ -7,7 +7,7 @@ import { effect } from "@preact/signals";
 import type { Recording } from "#client/wire/store";
 import { KINDS, OFF } from "#viewer/enhance/model/enhancer";
 import { nameProblem } from "#viewer/enhance/registry";
-import { poseAt, type TimedPose } from "#viewer/movement/playback";
+import { poseAt, type TimedPose } from "#viewer/movement/movement";
 import { turning } from "#viewer/reproject/acceleration";
 import type { ViewerSession } from "#viewer/session/session";
 import { kindsShown, reopens } from "#viewer/sources/sides";
@@ -18,8 +18,7 @@ import type { About } from "../samples/layout";
 import { removeSampledRun } from "../samples/sampled-runs";
 import { type Sampled, Sampler } from "../samples/sampler";
 import { RunFailed } from "./errors";
-import { intervalAtRest } from "./missed";
-import { Recorder } from "./recorder";
+import { intervalAtRest, Recorder } from "./recorder";
 
 export interface RunPlan {
   /** In the order of time, in the scene's own frame. */

@@ -1,7 +1,6 @@
 /** The store of experiments (`docs/experiments.md`). Every failure is an ApiError with one sentence to show. */
 
-import { ApiError, readProblem } from "#client/http/problem";
-import { storeUnreachable } from "#client/http/reach";
+import { ApiError, readProblem, storeUnreachable } from "#client/http/problem";
 import type {
   ExperimentCreated,
   ExperimentList,

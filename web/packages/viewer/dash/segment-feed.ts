@@ -1,5 +1,5 @@
 /** Fetches a live stream segment by segment, each while it grows, with the next one already requested. */
-import { sleep } from "#client/async/sleep";
+import { sleep } from "#client/async/retry";
 import { StreamEnded } from "../stream/stream";
 import { affordable, DeliveryRate } from "./delivery-rate";
 import type { Manifest, Representation } from "./manifest";

@@ -1,5 +1,4 @@
 /** The local mode: downloads the scene and renders it in this browser, starting with the first part. */
-
 import { signal } from "@preact/signals";
 import { deferred } from "#client/async/deferred";
 import { ApiError } from "#client/http/problem";
@@ -10,10 +9,9 @@ import { type Figures, Meter, NO_FIGURES, STATS_EVERY } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
 import type { NumberedPose, Rig } from "../view/rig";
 import { download } from "./download";
-import { arrived, BrokenPly, type PlyHeader, type Prefix, prefixOf, readHeader } from "./ply";
+import { arrived, BrokenPly, nextStep, type PlyHeader, type Prefix, prefixOf, readHeader } from "./ply";
 import type { Lens, Renderer, RendererOptions } from "./renderer";
 import { fileBytes, roomProblem } from "./room";
-import { nextStep } from "./steps";
 
 export interface LocalStats extends Figures {
   readonly kind: "download";

@@ -5,8 +5,15 @@
 import { computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
 import type { NumberedPose, PoseSource, Rig } from "../view/rig";
 import type { CameraPath } from "./camera-path";
-import { MAX_POINTS, MovementError, type MovementTrace, placeInScene, toLevelFrame } from "./movement";
-import { poseAt, type TimedPose } from "./playback";
+import {
+  MAX_POINTS,
+  MovementError,
+  type MovementTrace,
+  placeInScene,
+  poseAt,
+  type TimedPose,
+  toLevelFrame,
+} from "./movement";
 
 export interface NamedMovement {
   readonly name: string;

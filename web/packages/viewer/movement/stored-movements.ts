@@ -1,8 +1,7 @@
 /** The movement traces that the store keeps: their list, and each of them. Every failure is a MovementError. */
 
 import * as v from "valibot";
-import { readProblem } from "#client/http/problem";
-import { storeUnreachable } from "#client/http/reach";
+import { readProblem, storeUnreachable } from "#client/http/problem";
 import { ANCHORS } from "#client/wire/movement";
 import type { Movement as ListedMovement } from "#client/wire/store";
 import { MovementError } from "./movement";

@@ -1,5 +1,5 @@
 /** For tests: a warp that records its calls, and a reprojector that uses it. */
-import type { DepthMap } from "#client/transport/picture";
+import type { DepthMap } from "#client/transport/transport";
 import type { Warper } from "./reprojector";
 import type { View } from "./view";
 import type { WarpOptions } from "./warp";

@@ -4,11 +4,10 @@
  * picture are unchanged. Nothing is warped across a cut: the old picture stays until a new one arrives.
  */
 import { type ReadonlySignal, signal } from "@preact/signals";
-import type { DepthMap } from "#client/transport/picture";
+import type { DepthMap } from "#client/transport/transport";
 import type { Size } from "../enhance/geometry";
 import { Overlay } from "../enhance/overlay";
-import type { ScenePose } from "../view/camera";
-import { isCut } from "../view/cut";
+import { isCut, type ScenePose } from "../view/camera";
 import type { Intrinsics, Viewport } from "../view/intrinsics";
 import { type NumberedPose, samePose } from "../view/rig";
 import { TimeWindow } from "../view/window";

@@ -4,7 +4,7 @@
 
 import { computed, effect, type ReadonlySignal, signal, untracked } from "@preact/signals";
 import { Listeners } from "#client/async/listeners";
-import { sleep } from "#client/async/sleep";
+import { sleep } from "#client/async/retry";
 import { FrameWorker } from "#client/frames/frame-worker";
 import { ApiError } from "#client/http/problem";
 import { type Connected, connect, type TransportChoice } from "#client/transport/connect";
@@ -13,7 +13,7 @@ import type { HostReport } from "#client/transport/host-report";
 import type { SceneInfo, ServerConfig } from "#client/wire/render";
 import { StageInput } from "../input/stage-input";
 import { MovementDeck } from "../movement/movement-deck";
-import { pointAt } from "../reproject/point-at";
+import { pointAt } from "../reproject/depth-of-view";
 import { SOURCES } from "../sources/registry";
 import { settingsAt } from "../sources/sides";
 import type { Source } from "../sources/source";

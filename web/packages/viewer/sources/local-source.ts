@@ -1,6 +1,6 @@
 /** A downloaded scene as a source. */
 import { signal } from "@preact/signals";
-import { hostUrl } from "#client/transport/host-url";
+import { hostUrl } from "#client/transport/host-report";
 import { LocalPlayer } from "../local/local-player";
 import type { OpenSource, Source, SourceContext } from "./source";
 

@@ -8,7 +8,7 @@ import { Enhancement } from "../enhance/enhancement";
 import { Overlay } from "../enhance/overlay";
 import { chosenEnhancers } from "../enhance/registry";
 import { Reprojector } from "../reproject/reprojector";
-import { decodesWebp } from "../stateless/decodes-webp";
+import { decodesWebp } from "../stateless/picture-format";
 import type { DecodedFrame } from "../stateless/pipeline";
 import { selectedController, videoSteps } from "../stateless/selected-controller";
 import { StatelessPlayer } from "../stateless/stateless-player";

@@ -6,19 +6,23 @@
  * newest view waits in its slot and older ones are dropped. A failed request is repeated while its view is the newest,
  * so the last view is always rendered. Showing a frame cancels all older requests.
  *
- * The pipeline keeps to the request rate announced by a busy server (request-pace.ts).
+ * The pipeline keeps to the request rate announced by a busy server (in-flight-limit.ts).
  *
  * A request without a rung refines a resting view (refinement.ts). It may be large, so it is cancelled as soon as
  * another view is wanted, is left out of the statistics, and is not repeated if it fails.
  */
 import { FrameClock } from "#client/abr/frame-clock";
-import type { DecodedImage } from "#client/transport/picture";
-import { FrameDropped, type FrameReply, type FrameTransport, RequestProblem } from "#client/transport/transport";
+import {
+  type DecodedImage,
+  FrameDropped,
+  type FrameReply,
+  type FrameTransport,
+  RequestProblem,
+} from "#client/transport/transport";
 import type { FrameHeader, RenderRequest } from "#client/wire/render";
 import type { Request } from "#client/wire/store";
-import { InFlightLimit } from "./in-flight-limit";
+import { InFlightLimit, RequestPace } from "./in-flight-limit";
 import type { PictureFormat } from "./picture-format";
-import { RequestPace } from "./request-pace";
 
 /** A request without its number. */
 export type ViewRequest = Omit<RenderRequest, "seq">;

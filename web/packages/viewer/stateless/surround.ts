@@ -7,7 +7,7 @@
  */
 
 import type { Rung } from "#client/wire/render";
-import { SIDES, sideView } from "../reproject/sides";
+import { SIDES, sideView } from "../reproject/side-pictures";
 import type { View } from "../reproject/view";
 import type { ScenePose } from "../view/camera";
 import { rotate, subtract, type Vector3 } from "../view/vector";

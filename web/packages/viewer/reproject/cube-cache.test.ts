@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
-import { FACES, facesSeen } from "./cube-faces";
+import { FACES, facesSeen } from "./cube-cache";
 import { fakeView, turned } from "./fake-view";
-import { apply } from "./matrix";
+import { apply } from "./view";
 
 const [RIGHT, LEFT, DOWN, UP, AHEAD, BEHIND] = [0, 1, 2, 3, 4, 5] as const;
 const pitched = (degrees: number) =>

@@ -1,8 +1,8 @@
 import { expect, test } from "vitest";
 import { rotate, type Vector3 } from "../view/vector";
 import { fakeView } from "./fake-view";
-import { transfer, transferred } from "./homography";
-import { SIDES, sideView } from "./sides";
+import { SIDES, sideView } from "./side-pictures";
+import { transfer, transferred } from "./view";
 
 const UP: Vector3 = [0, 0.6, 0.8];
 

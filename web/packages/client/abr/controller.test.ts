@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { FixedController } from "./fixed";
+import { FixedController } from "./controller";
 
 test("stays where it was put, whatever it hears", () => {
   const subject = new FixedController(2);

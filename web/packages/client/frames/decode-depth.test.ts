@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { readDepthSegment } from "./depth-segment";
+import { readDepthSegment } from "./decode-depth";
 import { jpegWithDepth, webpWithDepth } from "./fake-frames";
 
 const CODES = Uint8Array.of(7, 8, 9);

@@ -1,8 +1,7 @@
 import { expect, test } from "vitest";
 import type { Observation } from "./controller";
 import { observation } from "./fake-observation";
-import { PAPER_LADDER } from "./ladder";
-import { firstOffered, offering } from "./offered";
+import { firstOffered, offering, PAPER_LADDER } from "./ladder";
 
 test.each([
   [1920 * 1080, 0],

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { BEST_PSNR, psnr } from "./psnr";
+import { BEST_PSNR, psnr } from "./ground-truth";
 
 const filled = (...rgba: number[]) => Uint8ClampedArray.from([...rgba, ...rgba]);
 
