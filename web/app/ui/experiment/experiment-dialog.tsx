@@ -8,9 +8,9 @@ import type { ViewerSession } from "#viewer/session/session";
 import { config, settings } from "../../state/app";
 import { runHash } from "../../state/route";
 import { Dialog } from "../dialog";
+import { useShaper } from "../network/use-shaper";
 import { keyOf } from "../use-movements";
 import { ExperimentForm } from "./experiment-form";
-import { useShaper } from "./use-shaper";
 
 interface Props {
   readonly session: ViewerSession;

@@ -4,16 +4,17 @@ import { effect, type Signal, useSignal } from "@preact/signals";
 import { Pause, Play, Square } from "lucide";
 import { useEffect, useState } from "preact/hooks";
 import type { DirectionStatus, ShaperStatus, TracePoints, TraceSummary } from "#client/wire/shaper";
-import { frames, Shaper, stepPath } from "#lab/network/shaper";
+import { frames, type Shaper, stepPath } from "#lab/network/shaper";
 import { append, noColumns } from "#viewer/charts/history";
 import type { ViewerSession } from "#viewer/session/session";
 import { FileButton, QuietButton } from "../button";
-import { LiveChart } from "../chart/live-chart";
-import type { Quantity } from "../chart/live-plot";
+import { LiveChart } from "../chart/chart";
+import type { Quantity } from "../chart/plots";
 import { Check, RadioList, Seek } from "../fields";
 import { bitrate, clock } from "../format";
 import { Notice } from "../notice";
 import { LinkForm } from "./link-form";
+import { useShaper } from "./use-shaper";
 
 const RATES: readonly Quantity[] = [
   { label: "Target", unit: "Mbit/s", axis: "left", tone: "target", stepped: true },
@@ -28,15 +29,8 @@ const FRAMES: readonly Quantity[] = [
 const OUTLINE: [number, number] = [72, 24];
 
 export function NetworkPanel({ base, session }: { base: string; session: ViewerSession }) {
-  const shaper = useSignal<Shaper | null>(null);
-  const visible = session.presence.visible.value;
-  useEffect(() => {
-    if (!visible) return undefined;
-    const current = new Shaper(base, location.href, () => performance.now());
-    shaper.value = current;
-    return () => current.dispose();
-  }, [base, visible, shaper]);
-  return shaper.value && <Link shaper={shaper.value} session={session} />;
+  const shaper = useShaper(base, session.presence.visible.value);
+  return shaper && <Link shaper={shaper} session={session} />;
 }
 
 function Link({ shaper, session }: { shaper: Shaper; session: ViewerSession }) {

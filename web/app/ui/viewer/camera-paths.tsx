@@ -8,7 +8,7 @@ import { IconButton, QuietButton } from "../button";
 import { Check, NumberField, RadioList, Select } from "../fields";
 import { clock } from "../format";
 import { Question } from "../question";
-import { freeName, NameForm, taken } from "./name-form";
+import { edit, freeName, mayEdit, NameForm, taken } from "./name-form";
 import {
   draftOf,
   durationOf,
@@ -23,7 +23,6 @@ import {
 } from "./path-draft";
 import { SaveVideo } from "./save-video";
 import { goTo, pathOf, play, playing, presentPose } from "./saved-places";
-import { edit, mayEdit } from "./scene-edits";
 
 const EASINGS: Readonly<Record<PathDraft["easing"], string>> = {
   "ease-in-out": "Smooth",

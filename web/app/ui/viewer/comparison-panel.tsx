@@ -7,8 +7,7 @@ import type { ViewerSession } from "#viewer/session/session";
 import { kindsShown, sideTitles } from "#viewer/sources/sides";
 import { PLACES } from "#viewer/state/settings";
 import { settings } from "../../state/app";
-import { DistributionChart } from "../chart/distribution-chart";
-import { LiveChart } from "../chart/live-chart";
+import { DistributionChart, LiveChart } from "../chart/chart";
 import { LastWalk } from "./last-walk";
 
 const CHARTS = [

@@ -1,16 +1,54 @@
 /** Selects the mode and the parameters of its stream. */
-
 import { type DashPlan, type DashSetup, FRAME_RATES, planFor } from "#viewer/dash/presets";
 import type { ViewerSession } from "#viewer/session/session";
-import { SOURCES } from "#viewer/sources/registry";
-import { applies, settingsShown, titleOf } from "#viewer/sources/sides";
-import { COMPARED, MODES } from "#viewer/state/settings";
-import { changeSettings, settings } from "../../state/app";
+import { SOURCES, VARIANTS } from "#viewer/sources/registry";
+import { applies, kindsShown, settingsShown, titleOf } from "#viewer/sources/sides";
+import { COMPARED, MODES, PLACES } from "#viewer/state/settings";
+import { changeSettings, ladder, settings } from "../../state/app";
 import { NumberField } from "../fields";
 import { Notice } from "../notice";
 import { ComparisonPanel } from "./comparison-panel";
-import { SegmentList, Segments } from "./setting";
-import { SidesPanel } from "./sides-panel";
+import { Choice, NumberSetting, SegmentList, Segments } from "./setting";
+
+/** Settings of a comparison, and those shared by both sides. */
+export function SidesPanel() {
+  const { lock, lockRung } = settings.value;
+  return (
+    <>
+      <div class="fields">
+        {PLACES.map((place) => (
+          <Choice key={place} name={place} tone={place} options={VARIANTS.map(({ name, title }) => [name, title])} />
+        ))}
+        <Choice name="lock" />
+        {lock === "resolution" && (
+          <Choice
+            name="lockRung"
+            value={String(Math.min(lockRung, Math.max(0, ladder.value.length - 1)))}
+            options={ladder.value.map(({ name, width, height }, rung) => [
+              String(rung),
+              name.startsWith(`${width}×`) ? name : `${width} × ${height}, ${name}`,
+            ])}
+            parse={Number}
+          />
+        )}
+        {lock === "bitrate" && <NumberSetting name="lockKbps" whole />}
+      </div>
+      <LockNote />
+    </>
+  );
+}
+
+function LockNote() {
+  const { lock } = settings.value;
+  if (lock === "off") return null;
+  const free = kindsShown(settings.value).some(({ drawsHere }) => drawsHere);
+  return (
+    <p class="muted small">
+      {lock === "bitrate" && "A stream is encoded at this rate; of single frames, so many come as fit into it. "}
+      {free && "Neither applies to a download, which uses the whole link."}
+    </p>
+  );
+}
 
 export function ModePanel({ session }: { session: ViewerSession }) {
   const { mode } = settings.value;

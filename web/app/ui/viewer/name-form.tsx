@@ -1,10 +1,26 @@
 /** A form that saves something with the scene under a name. */
 import type { ComponentChildren } from "preact";
 import { ApiError } from "#client/http/problem";
+import type { SceneEdit, SceneInfo } from "#client/wire/render";
+import type { ViewerSession } from "#viewer/session/session";
+import { editScene } from "#viewer/state/api";
+import { config } from "../../state/app";
 import { QuietButton } from "../button";
 import { TextField } from "../fields";
 import { useAttempts } from "../hooks";
 import { Notice } from "../notice";
+
+/** Whether the server lets pages change the scene; built-in ones never change. */
+export function mayEdit(scene: SceneInfo): boolean {
+  return (config.value?.max_upload_bytes ?? null) !== null && scene.builtin === false;
+}
+
+/** Returns the changed scene. Rejects with an ApiError. */
+export async function edit(session: Pick<ViewerSession, "scene">, id: string, change: SceneEdit): Promise<SceneInfo> {
+  const changed = await editScene(id, change);
+  if (session.scene.peek()?.id === id) session.scene.value = changed;
+  return changed;
+}
 
 /** The most characters of a name. */
 export const MAX_NAME = 100;

@@ -1,5 +1,4 @@
 /** Panels of the lab: mode, quality, transport, the shaped link if there is one, movement and lens. */
-
 import type { ComponentChildren } from "preact";
 import type { Rung } from "#client/wire/render";
 import type { ViewerSession } from "#viewer/session/session";
@@ -18,9 +17,8 @@ import { ModePanel } from "./mode-panel";
 import { MovementTrace } from "./movement-trace";
 import { ReprojectionPanel } from "./reprojection-panel";
 import { SaveVideo } from "./save-video";
-import { SavedViews } from "./saved-views";
+import { SavedViews, StartView } from "./saved-views";
 import { Choice, NumberSetting, Toggle } from "./setting";
-import { StartView } from "./start-view";
 
 interface Props {
   readonly session: ViewerSession;

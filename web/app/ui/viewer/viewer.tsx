@@ -1,5 +1,4 @@
 /** The viewer: the stage with its frame, overlays, and the sidebar. */
-
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { turning } from "#viewer/reproject/acceleration";
@@ -12,12 +11,11 @@ import type { Asked } from "../../state/route";
 import { added } from "../../uploads/uploads";
 import { TOUCH, useMedia, WIDE } from "../hooks";
 import { lazy } from "../lazy";
-import { Hint } from "./hint";
 import { useFocusReturn, useFullscreen, useScreenshot, useShortcuts } from "./hooks";
 import { MovementStatus } from "./movement-status";
 import { Sidebar } from "./sidebar";
 import { Freeze, StageMessage } from "./stage-message";
-import { StatusLines } from "./status-line";
+import { Hint, StatusLines } from "./status-line";
 import { Toolbar } from "./toolbar";
 
 const ExperimentDialog = lazy(async () => (await import("../experiment/experiment-dialog")).ExperimentDialog);

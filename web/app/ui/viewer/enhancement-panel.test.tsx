@@ -8,7 +8,7 @@ import { fetchScene, training } from "#viewer/state/api";
 import { COURTYARD, serverConfig } from "#viewer/state/fake-server";
 import { config } from "../../state/app";
 import { asSession, type FakeSession, fakeSession } from "../../state/fake-session";
-import { SceneTraining } from "./scene-training";
+import { SceneTraining } from "./enhancement-panel";
 
 vi.mock("#viewer/state/api");
 
