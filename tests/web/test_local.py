@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Page, ViewportSize, expect
 
+from tests.render.scenes import made_up
 from tests.web.conftest import PATIENCE, OpenPage
 from tests.web.modes import with_settings
 from tests.web.scenes import write_antialiased_scene
@@ -72,6 +73,31 @@ def test_a_downloaded_scene_is_drawn_as_the_server_draws_it(open_page: OpenPage,
 
 
 @pytest.fixture
+def levels(tmp_path: Path) -> Iterator[RenderServer]:
+    """A render service with a scene of several levels of detail."""
+    made_up.unzip(tmp_path / "levels", "shell.streamed.zip")
+    with RenderServer("--scenes", str(tmp_path)) as running:
+        yield running
+
+
+def test_levels_of_detail_are_streamed_and_drawn_as_the_server_draws_them(
+    levels: RenderServer, open_page: OpenPage
+) -> None:
+    chosen = with_settings(levels.url, **ALONE, controller="fixed", profile=0, webp=False)
+    page = open_page("#/scene/levels", url=levels.url, viewport=SMALL, **chosen)
+    wait_for_frames(page)
+    wait_until_settled(page)
+    drawn_by_server = shown(page)
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.evaluate("tigas.settings({ mode: 'local' })")
+    wait_until_complete(page)
+    wait_until_like(page, drawn_by_server)
+    assert any("/download/streamed/" in url and url.endswith(".webp") for url in asked)
+    assert not any("/download/compressed" in url for url in asked)
+
+
+@pytest.fixture
 def sand(tmp_path: Path) -> Iterator[RenderServer]:
     """A render service with an antialiased scene."""
     write_antialiased_scene(tmp_path)
@@ -79,7 +105,9 @@ def sand(tmp_path: Path) -> Iterator[RenderServer]:
         yield running
 
 
-def test_an_antialiased_scene_that_arrives_in_parts_is_drawn_with_its_filter(sand: RenderServer, open_page: OpenPage) -> None:
+def test_an_antialiased_scene_that_arrives_in_parts_is_drawn_with_its_filter(
+    sand: RenderServer, open_page: OpenPage
+) -> None:
     chosen = with_settings(sand.url, **ALONE, controller="fixed", profile=0, webp=False)
     page = open_page("#/scene/sand", url=sand.url, viewport=SMALL, **chosen)
     wait_for_frames(page)

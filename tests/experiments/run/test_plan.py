@@ -185,9 +185,10 @@ def test_dash_alone_is_played_over_each_transport(tmp_path: Path) -> None:
 
 def test_local_runs_download_the_scene_and_change_with_nothing_that_the_server_renders(tmp_path: Path) -> None:
     several = {"controllers": ["latency", "l2a"], "dash_representations": ["r3-500"], "reprojection": [True, False]}
-    made = runs(tmp_path, modes=["local-compressed", "stateless"], **several, shuffled=False)
-    made, others = made[:1], made[1:]
-    assert [run.local for run in made] == [True]
+    made = runs(tmp_path, modes=["local-compressed", "local-streamed", "stateless"], **several, shuffled=False)
+    made, others = made[:2], made[2:]
+    assert [run.local for run in made] == [True, True]
+    assert [page_settings(run)["localForm"] for run in made] == ["compressed", "streamed"]
     assert not any(run.local for run in others)
     assert {page_settings(run)["mode"] for run in made} == {"stateless"}, "until the run begins"
     assert not any(run.reprojection for run in made)
@@ -341,7 +342,9 @@ def experiments(tmp_path: Path) -> Path:
 def test_the_experiments_that_come_along_can_be_made(experiments: Path, name: str) -> None:
     made = ExperimentPlan.read(experiments / name).runs(experiments)
     networks = [Inputs(experiments).network(run.network) for run in made]
-    ladder = "scene" if name.startswith(("motivation", "reprojection", "rivals", "loss")) else "paper"
+    ladder = (
+        "scene" if name.startswith(("motivation", "reprojection", "rivals", "loss", "huge", "simulator")) else "paper"
+    )
     assert ExperimentPlan.read(experiments / name).ladder == ladder, (
         "what the others say of the paper's rungs is to stay true"
     )
@@ -350,14 +353,22 @@ def test_the_experiments_that_come_along_can_be_made(experiments: Path, name: st
         return  # one walk, to be looked at
     blocks = {(run.network.name, run.segment, run.scene, run.movement) for run in made}
     per_network = Counter(network for network, *_ in blocks).values()
-    if name == "rivals-two-cores.toml":
+    if name in ("rivals-two-cores.toml", "simulator.toml"):
         assert sum(per_network) >= 6, "as many as an interval needs, over all networks"
         assert seconds(made) < 35 * 60
         return
     assert min(per_network) >= 6, "as many as an interval needs, per network"
     if name == "rivals.toml":
-        assert {run.mode for run in made} == set(MODES), "nobody is left out"
-    if name in ("abr-rtt.toml", "comparison.toml", "loss.toml", "rivals.toml", "rivals-webrtc.toml"):
+        assert {run.mode for run in made} == set(MODES) - {"local-streamed"}, "these scenes have no levels"
+    if name in (
+        "huge.toml",
+        "simulator.toml",
+        "abr-rtt.toml",
+        "comparison.toml",
+        "loss.toml",
+        "rivals.toml",
+        "rivals-webrtc.toml",
+    ):
         return
     generated = {"quick-turns"} if name == "reprojection.toml" else set()
     assert {run.movement for run in made if not run.movement.startswith("recorded/")} == generated

@@ -254,6 +254,7 @@ async def test_what_the_services_lack_is_told_before_the_first_run(tmp_path: Pat
             ({"scenes": ["gone"]}, "The scene 'gone' cannot be loaded"),
             ({"modes": ["stateless"], "controllers": [9]}, "There is no rung 9"),
             ({"modes": ["local-compressed"]}, "is not offered for download"),
+            ({"modes": ["local-streamed"]}, "is not offered for download"),
         ):
             experiment = await store.create(**changes)
             refused = await store.http.post(f"/experiments/{experiment}/next", json={"page": "a", "begin": True})

@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from reference.ply import write_ply
-from tests.render.scenes import plys
+from tests.render.scenes import made_up, plys
 from tigas_render.downloads.cache import AT_ONCE, OF_AN_ADDRESS
 from tigas_render.raster.instant import InstantRasterizer
 from tigas_render.scenes.directory import read_scene_file
@@ -28,6 +28,8 @@ async def service(tmp_path: Path) -> AsyncIterator[RenderService]:
         (tmp_path / name).mkdir()
     write_ply(tmp_path / "cloud" / "cloud.ply", plys.gaussians(500, sh_degree=1))
     (tmp_path / "broken" / "broken.ply").write_bytes(b"ply\n")
+    made_up.unzip(tmp_path / "levels", "shell.streamed.zip")
+    (tmp_path / "levels" / "scene.json").write_text("{}")
     settings = RenderSettings(scenes=tmp_path, cache=tmp_path / ".cache")
     async with RenderService.open(settings, InstantRasterizer()) as service:
         yield service
@@ -52,7 +54,7 @@ async def test_a_scene_is_downloaded_whole_and_then_known(client: httpx.AsyncCli
     assert (len(got), got.sh_degree) == (500, 1)
     sha256 = hashlib.sha256(answer.content).hexdigest()
     assert answer.headers["etag"] == f'"{sha256}"'
-    [known] = (await client.get("/scenes")).json()[1]["downloads"]
+    [known] = next(scene for scene in (await client.get("/scenes")).json() if scene["id"] == "cloud")["downloads"]
     assert known == {"form": "compressed", "bytes": len(answer.content), "sha256": sha256, "gaussians": 500}
     assert (await client.get("/scenes/cloud")).json()["state"] == "unloaded"  # it need not be on the device
 
@@ -84,6 +86,43 @@ async def test_refusals_are_sentences(client: httpx.AsyncClient) -> None:
     assert await refusal("nowhere") == (404, "There is no scene 'nowhere'.")
     assert await refusal("broken") == (422, "broken.ply is truncated: its header has no 'end_header'.")
     assert (await client.get("/scenes/cloud/download/ply")).status_code == 404
+
+
+async def test_a_scene_with_levels_is_streamed_file_by_file(client: httpx.AsyncClient, tmp_path: Path) -> None:
+    info = (await client.get("/scenes/levels")).json()
+    assert [download["form"] for download in info["downloads"]] == ["compressed", "streamed"]
+    meta = await client.get("/scenes/levels/download/streamed/lod-meta.json")
+    assert meta.content == (tmp_path / "levels" / "lod-meta.json").read_bytes()
+    for name in meta.json()["filenames"]:
+        part = await client.get(f"/scenes/levels/download/streamed/{name}")
+        assert part.content == (tmp_path / "levels" / name).read_bytes()
+        again = await client.get(
+            f"/scenes/levels/download/streamed/{name}", headers={"If-None-Match": part.headers["etag"]}
+        )
+        assert (again.status_code, again.content) == (304, b"")
+
+
+@pytest.mark.parametrize(
+    ("scene", "name"),
+    [
+        ("levels", "scene.json"),
+        ("levels", "nothing.webp"),
+        ("levels", ".hidden.webp"),
+        ("levels", "..%2Fcloud%2Fmeta.json"),
+        ("levels", "%2Fetc%2Fmeta.json"),
+        ("levels", ""),
+        ("cloud", "cloud.ply"),
+        ("cloud", "lod-meta.json"),
+    ],
+)
+async def test_nothing_but_the_files_of_levels_is_streamed(
+    client: httpx.AsyncClient, tmp_path: Path, scene: str, name: str
+) -> None:
+    for place in ("cloud/meta.json", "levels/.hidden.webp", "cloud/lod-meta.json"):
+        (tmp_path / place).write_text("secret")
+    refused = await client.get(f"/scenes/{scene}/download/streamed/{name}")
+    assert refused.status_code == 404
+    assert "secret" not in refused.text
 
 
 async def test_so_many_may_read_at_once(client: httpx.AsyncClient, service: RenderService) -> None:

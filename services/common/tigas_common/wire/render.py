@@ -286,14 +286,16 @@ class SavedPath(WireModel):
 
 
 class SceneDownload(WireModel):
-    """A file of the scene's Gaussians, at `/scenes/{id}/download/compressed`; made on the first request.
+    """A form of the scene's Gaussians for clients that draw them.
 
-    Its rows are ordered so that every prefix gives the best picture of its size.
+    `compressed` is one file, at `/scenes/{id}/download/compressed`, made on the first request; every prefix of it
+    gives the best picture of its size. `streamed` are the levels of detail of a streamed SOG scene, file by file, from
+    `/scenes/{id}/download/streamed/lod-meta.json` on.
     """
 
-    form: Literal["compressed"] = "compressed"
+    form: Literal["compressed", "streamed"] = "compressed"
     bytes: int | None = None
-    """Its length; null until it was made, as are the others."""
+    """The file's length; null until it was made, as are the others."""
     sha256: str | None = None
     """In hexadecimal digits; also its ETag."""
     gaussians: int | None = None

@@ -49,6 +49,7 @@ KNOWN_LOOKS = {
     "webrtc": Look("#117733", "--", "p"),
     "local-ply": Look("#8844dd", "-.", "h"),
     "local-compressed": Look("#885588", "-.", "d"),
+    "local-streamed": Look("#aa4499", "-.", "p"),
 }
 """Okabe and Ito's palette for colour blindness."""
 OTHER_COLOURS = ("#999933", "#882255", "#44aa99", "#ddcc77")

@@ -36,7 +36,7 @@ def check_services(
             raise StartError(f"There is no packager behind {target.url}, so {run.mode} cannot be measured.")
         if run.over_h3 and target.config.dash_h3_url is None:
             raise StartError(f"{target.url} offers no DASH over HTTP/3, so {run.mode} cannot be measured over it.")
-        if run.local and not scene.downloads:
+        if run.local and run.download_form not in {download.form for download in scene.downloads}:
             raise StartError(f"{run.scene} is not offered for download, so {run.mode} cannot be measured.")
         if ladder == "paper" and scene.ladder is not None:
             raise StartError(

@@ -120,7 +120,7 @@ class Environment:
         """Resources of a run, with its scene loaded and its download prepared. Raises StartError."""
         target, browser = await self._services()
         scene = await load_scene(target.url, configuration.scene)
-        if configuration.local and scene.downloads:
+        if configuration.mode == "local-compressed" and scene.downloads:
             await make_download(target.url, scene.id)
         digests = self._inputs.digests(configuration)
         key = (*_inputs(configuration), digests.movement)

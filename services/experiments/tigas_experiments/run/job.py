@@ -14,7 +14,8 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
     mode, profile = configuration.mode, configuration.profile
     chosen: dict[str, Any]
     if configuration.local:
-        chosen = {"mode": "stateless"}  # the recording includes its download
+        # The mode begins with the recording, which includes its download.
+        chosen = {"mode": "stateless", "localForm": configuration.download_form}
     elif mode == "webrtc":
         chosen = {"mode": "webrtc", "webrtcStream": "h264-30"}
     elif configuration.streamed:

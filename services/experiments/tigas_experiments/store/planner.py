@@ -99,7 +99,7 @@ class _Session:
 async def render_service(url: str, run: Configuration) -> tuple[ServerConfig, SceneInfo]:
     """The render service at a URL, with a run's scene loaded and its download prepared. Raises StartError."""
     config, scene = await read_config(url), await load_scene(url, run.scene)
-    if run.local and scene.downloads:
+    if run.mode == "local-compressed" and scene.downloads:
         await make_download(url, scene.id)
     return config, scene
 
@@ -242,7 +242,7 @@ class Planner:
         missing = tuple(session.missing.values())
         scenes = {}
         try:
-            for run in {(run.scene, run.local): run for run in missing}.values():
+            for run in {(run.scene, run.mode): run for run in missing}.values():
                 config, scenes[run.scene] = await self._services(run)
             check_services(missing, Target(self._render, config), scenes, session.experiment.plan.ladder)
         except StartError as error:

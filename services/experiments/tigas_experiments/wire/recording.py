@@ -235,7 +235,7 @@ class PlayedWebRtc(WireModel):
 class PlayedDownload(WireModel):
     """Download and rendering of the scene in the mode `local`. Times in ms; None: it never happened."""
 
-    form: Literal["compressed", "ply"]
+    form: Literal["compressed", "streamed", "ply"]
     """`ply` only in earlier records."""
     renderer: str | None = Field(max_length=100)
     """The renderer, such as `WebGL 2`."""
@@ -244,13 +244,13 @@ class PlayedDownload(WireModel):
     first_picture_ms: float | None = Field(ge=0)
     """From then until some of the scene was on the screen."""
     complete_ms: float | None = Field(ge=0)
-    """From then until all of it was on the screen."""
+    """From then until all of it was on the screen; all that the view needs, if streamed."""
     downloaded_bytes: int = Field(ge=0)
-    """Of the scene's file, by the run's end."""
+    """Of the scene's files, by the run's end."""
     bytes: int = Field(ge=0)
-    """Bytes of the file; 0 if the server never announced them."""
+    """Bytes of the file; 0 if the server never announced them, or if streamed."""
     gaussians: int | None = Field(ge=0)
-    """Gaussians of the file; None if its header never arrived."""
+    """Gaussians of the scene; None if that never became known."""
 
 
 class RecordingHead(WireModel):

@@ -18,8 +18,9 @@ PerViewMode = Literal["stateless", "video"]
 """The page requests each view, as chosen by a controller: as one JPEG, or as one frame of a video."""
 DashMode = Literal["dash-typical", "dash-tuned", "dash-edge"]
 """DASH as live services ship it, with the lowest latency that dash.js holds, or with that of a bare player."""
-LocalMode = Literal["local-ply", "local-compressed"]
-"""The page downloads the scene and draws it: from a plain PLY, as only earlier records have, or compressed."""
+LocalMode = Literal["local-ply", "local-compressed", "local-streamed"]
+"""The page draws the scene itself: downloaded as a plain PLY (only in earlier records), compressed, or streamed at
+levels of detail."""
 Mode = Literal[PerViewMode, DashMode, "webrtc", LocalMode]
 PER_VIEW: tuple[Mode, ...] = get_args(PerViewMode)
 DASH: tuple[Mode, ...] = get_args(DashMode)
@@ -34,6 +35,7 @@ MODE_NAMES: dict[Mode, str] = {
     "webrtc": "WebRTC",
     "local-ply": "Local, PLY",
     "local-compressed": "Local, compressed",
+    "local-streamed": "Local, streamed",
 }
 MODES: tuple[Mode, ...] = tuple(mode for mode in MODE_NAMES if mode != "local-ply")
 """The modes that new runs can have."""
@@ -219,6 +221,11 @@ class Configuration(WireModel):
     def local(self) -> bool:
         """Whether the page downloads the scene, and draws it itself."""
         return self.mode in LOCAL
+
+    @property
+    def download_form(self) -> str:
+        """The form of the scene that the mode downloads, as a SceneDownload has it."""
+        return self.mode.removeprefix("local-")
 
     @property
     def enhanced(self) -> bool:

@@ -33,6 +33,7 @@ from tigas_render.scenes.compressed_ply import write_compressed_ply
 from tigas_render.scenes.ply import ANTIALIASED
 from tigas_render.scenes.source import SceneSource
 from tigas_render.scenes.start_view.statistics import SceneStatistics
+from tigas_render.scenes.streamed_sog import FORMAT, streamable
 from tigas_render.single_flight import SingleFlight
 
 _log = logging.getLogger(__name__)
@@ -49,7 +50,7 @@ Make = Callable[[SceneSource, Path], SceneDownload]
 
 
 class NoSuchDownload(TigasError):
-    """The server offers no downloads."""
+    """The server offers no downloads, or not this one."""
 
     status, type, title = 404, "unknown-download", "There is no such download"
 
@@ -94,10 +95,21 @@ class DownloadCache:
         self._turns = asyncio.Lock()  # one scene at a time is in memory for it
 
     def offered(self, source: SceneSource) -> tuple[SceneDownload, ...]:
-        """The downloadable file of a scene, and its metadata once it is made. Reads files."""
+        """The downloadable forms of a scene, and the file's metadata once it is made. Reads files."""
         if not self._limit or source.open is None:
             return ()
-        return (_about(self._path(source)) or SceneDownload(),)
+        whole = _about(self._path(source)) or SceneDownload()
+        if source.format != FORMAT:
+            return (whole,)
+        return whole, SceneDownload(form="streamed", gaussians=source.gaussians)
+
+    def level(self, source: SceneSource, name: str) -> Path:
+        """One of the files of a streamed scene. Raises NoSuchDownload."""
+        if self._limit and source.folder is not None and source.format == FORMAT:
+            path = streamable(source.folder, name)
+            if path is not None:
+                return path
+        raise NoSuchDownload(f"{source.name} has no file {name[:100]!r} to stream.")
 
     async def get(self, source: SceneSource) -> MadeFile:
         """A scene's file; concurrent first requests make it once.
@@ -185,14 +197,12 @@ class Readers:
     def __init__(self) -> None:
         self.limit = ConcurrencyLimit(AT_ONCE, OF_AN_ADDRESS)
 
-    def answer(self, request: Request, source: SceneSource, made: MadeFile) -> Response:
-        """Answer with a scene's file, or a range of it. Sending it raises Overloaded beyond the limit."""
-        tag = f'"{made.about.sha256}"'
-        headers = {"ETag": tag, "Cache-Control": "no-cache"}
-        if has_already(request, tag):
+    def answer(self, request: Request, path: Path, version: str | None, **options: Any) -> Response:
+        """Answer with a file, or a range of it. Sending it raises Overloaded beyond the limit."""
+        headers = {"ETag": f'"{version}"', "Cache-Control": "no-cache"}
+        if has_already(request, headers["ETag"]):
             return Response(status_code=304, headers=headers)
-        name = f"{source.id}.compressed.ply"
-        return _Reading(self.limit, made.path, headers=headers, media_type="application/octet-stream", filename=name)
+        return _Reading(self.limit, path, headers=headers, **options)
 
 
 class _Reading(FileResponse):

@@ -201,6 +201,14 @@ def _heard(listener: Listener, done: int, count: int, total: int, share: float) 
     listener((done + count * share) / total)
 
 
+def streamable(folder: Path, name: str) -> Path | None:
+    """The file of a scene in this folder that a client reads under a name relative to it; None if there is none."""
+    path = folder / name
+    plain = all(map(PLAIN_NAME.fullmatch, name.split("/")))
+    wanted = path.suffix in (".sog", ".webp") or path.name in (META, LOD_META)
+    return path if plain and wanted and path.is_file() else None
+
+
 @contextmanager
 def _named(name: str) -> Iterator[None]:
     """Says which of the files is broken."""

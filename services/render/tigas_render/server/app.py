@@ -59,6 +59,7 @@ def create_app(service: RenderService) -> ASGIApp:
             Route("/scenes/{id}/unload", unload, methods=["POST"]),
             Route("/scenes/{id}/preview", preview),
             Route("/scenes/{id}/download/compressed", download),
+            Route("/scenes/{id}/download/streamed/{name:path}", streamed_download),
             Route("/scenes/{id}/enhance", training),
             Route("/scenes/{id}/enhance", train, methods=["POST"]),
             Route("/scenes/{id}/enhance", stop_training, methods=["DELETE"]),
@@ -153,7 +154,18 @@ async def download(request: Request) -> Response:
     service = _service(request)
     source = service.registry.source(request.path_params["id"])
     made = await service.downloads.get(source)
-    return service.readers.answer(request, source, made)
+    name = f"{source.id}.compressed.ply"
+    return service.readers.answer(request, made.path, made.about.sha256, media_type=BYTES, filename=name)
+
+
+@described(gives=(BYTES,), also=HAS_IT_ALREADY)
+async def streamed_download(request: Request) -> Response:
+    """A file of a streamed SOG scene, under its name relative to lod-meta.json."""
+    service = _service(request)
+    source = service.registry.source(request.path_params["id"])
+    path = await asyncio.to_thread(service.downloads.level, source, request.path_params["name"])
+    told = await asyncio.to_thread(path.stat)
+    return service.readers.answer(request, path, f"{told.st_mtime_ns:x}-{told.st_size:x}")
 
 
 async def training(request: Request) -> ModelResponse[Training]:

@@ -71,6 +71,7 @@ export function ModePanel({ session }: { session: ViewerSession }) {
         <>
           {applies("dashCustom", settings.value) && <Streams />}
           {applies("webrtcStream", settings.value) && <WebRtc />}
+          {applies("localForm", settings.value) && <Segments name="localForm" />}
           {mode !== COMPARED && about && <p class="muted small">{about}</p>}
         </>
       )}

@@ -133,8 +133,8 @@ export function localRows(stats: LocalStats): FigureRow[] {
           {bytes(received)} of {bytes(total)}
           <progress aria-label="Download" data-stat="download" max={total} value={received} />
         </>
-      ) : total === null ? null : (
-        bytes(total)
+      ) : (
+        bytes(total ?? received)
       ),
     ],
     [

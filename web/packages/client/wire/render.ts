@@ -164,12 +164,14 @@ export interface Rung {
   psnr_db?: number | null;
 }
 /**
- * A file of the scene's Gaussians, at `/scenes/{id}/download/compressed`; made on the first request.
+ * A form of the scene's Gaussians for clients that draw them.
  *
- * Its rows are ordered so that every prefix gives the best picture of its size.
+ * `compressed` is one file, at `/scenes/{id}/download/compressed`, made on the first request; every prefix of it
+ * gives the best picture of its size. `streamed` are the levels of detail of a streamed SOG scene, file by file, from
+ * `/scenes/{id}/download/streamed/lod-meta.json` on.
  */
 export interface SceneDownload {
-  form?: "compressed";
+  form?: "compressed" | "streamed";
   bytes?: number | null;
   sha256?: string | null;
   gaussians?: number | null;

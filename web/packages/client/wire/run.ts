@@ -2,7 +2,7 @@
 
 export const PER_VIEW = ["stateless", "video"] as const;
 export const DASH = ["dash-typical", "dash-tuned", "dash-edge"] as const;
-export const LOCAL = ["local-ply", "local-compressed"] as const;
+export const LOCAL = ["local-ply", "local-compressed", "local-streamed"] as const;
 export const MODE_NAMES = {
   stateless: "Stateless",
   video: "Video",
@@ -12,6 +12,7 @@ export const MODE_NAMES = {
   webrtc: "WebRTC",
   "local-ply": "Local, PLY",
   "local-compressed": "Local, compressed",
+  "local-streamed": "Local, streamed",
 } as const;
 export const MODES = [
   "stateless",
@@ -21,6 +22,7 @@ export const MODES = [
   "dash-edge",
   "webrtc",
   "local-compressed",
+  "local-streamed",
 ] as const;
 export const DASH_TRANSPORTS = { tcp: "TCP", h3: "HTTP/3" } as const;
 export const UNSHAPED = "unshaped";

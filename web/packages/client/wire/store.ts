@@ -88,7 +88,7 @@ export interface PlayedWebRtc {
  * Download and rendering of the scene in the mode `local`. Times in ms; None: it never happened.
  */
 export interface PlayedDownload {
-  form: "compressed" | "ply";
+  form: "compressed" | "streamed" | "ply";
   renderer: string | null;
   began_ms: number;
   first_picture_ms: number | null;
@@ -259,7 +259,15 @@ export interface Configuration {
   movement_offset_s?: number;
   network: Network;
   mode:
-    "stateless" | "video" | "dash-typical" | "dash-tuned" | "dash-edge" | "webrtc" | "local-ply" | "local-compressed";
+    | "stateless"
+    | "video"
+    | "dash-typical"
+    | "dash-tuned"
+    | "dash-edge"
+    | "webrtc"
+    | "local-ply"
+    | "local-compressed"
+    | "local-streamed";
   duration_s: number;
   width: number;
   height: number;

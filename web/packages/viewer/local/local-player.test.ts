@@ -17,11 +17,18 @@ const SIZE = { width: 640, height: 360 };
 class FakeRenderer {
   readonly backend = "WebGL 2";
   readonly shown: number[] = [];
+  readonly streamed: string[] = [];
+  streaming: Promise<void> = Promise.resolve();
   draws = 0;
   disposed = false;
   readonly options: RendererOptions;
   constructor(options: RendererOptions) {
     this.options = options;
+  }
+  async stream(url: string): Promise<void> {
+    this.streamed.push(url);
+    await this.streaming;
+    this.shown.push(0);
   }
   async show(parts: readonly Uint8Array[]): Promise<void> {
     const file = new Uint8Array(parts.flatMap((part) => [...part]));
@@ -75,6 +82,7 @@ function start(options: Partial<LocalOptions> = {}): Rig {
     pane,
     rig,
     scene: { ...COURTYARD, gaussians: 1000, file_bytes: FILE.length },
+    form: "compressed",
     url: () => "scenes/courtyard/download/compressed",
     size: () => SIZE,
     onPresented: (frame) => presented.push(frame),
@@ -168,6 +176,48 @@ test("a download that is cut off is said to be, and what is there goes on being 
   frame(rig);
   expect(renderers[0]?.draws).toBe(before + 1);
   await vi.waitFor(() => expect(asked).toHaveLength(2));
+});
+
+test("a streamed scene is drawn as it arrives, counts its bytes, and is complete once the view is", async () => {
+  let arrived: () => void = () => undefined;
+  let transferred: (name: string, bytes: number) => void = () => undefined;
+  vi.stubGlobal(
+    "PerformanceObserver",
+    class {
+      constructor(callback: (list: { getEntries: () => object[] }) => void) {
+        transferred = (name, transferSize) => callback({ getEntries: () => [{ name, transferSize }] });
+      }
+      observe(): void {}
+      disconnect(): void {}
+    },
+  );
+  const rig = start({
+    form: "streamed",
+    url: () => "http://host/scenes/courtyard/download/streamed/lod-meta.json",
+    scene: { ...COURTYARD, gaussians: 500_000_000 },
+    create: async (asks) => {
+      const streaming = new Promise<void>((resolve) => {
+        arrived = resolve;
+      });
+      renderers.push(Object.assign(new FakeRenderer(asks), { streaming, draw: () => true }));
+      return renderers.at(-1) as LocalRenderer;
+    },
+  });
+  await vi.waitFor(() =>
+    expect(renderers[0]?.streamed).toEqual(["http://host/scenes/courtyard/download/streamed/lod-meta.json"]),
+  );
+  transferred("http://host/scenes/courtyard/download/streamed/0_0/means_l.webp", 5000);
+  transferred("http://host/scenes/courtyard/preview.jpg", 70);
+  frame(rig);
+  frame(rig);
+  expect([player.phase.value.kind, received]).toEqual(["playing", 5000]);
+  expect(player.played(0).local).toMatchObject({ form: "streamed", downloaded_bytes: 5000, complete_ms: null });
+  arrived();
+  await new Promise((resolve) => setTimeout(resolve));
+  frame(rig, 1000);
+  expect(player.played(0).local).toMatchObject({ complete_ms: expect.any(Number), gaussians: 500_000_000 });
+  expect(asked).toHaveLength(0);
+  vi.unstubAllGlobals();
 });
 
 test("a scene that is too large is not asked for", async () => {

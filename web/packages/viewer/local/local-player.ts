@@ -1,10 +1,14 @@
-/** The local mode: downloads the scene and renders it in this browser, starting with the first part. */
+/**
+ * The local mode: renders the scene in this browser. It downloads all of it and starts with the first part, or lets the
+ * renderer stream levels of detail.
+ */
 import { signal } from "@preact/signals";
 import { deferred } from "#client/async/deferred";
 import { ApiError } from "#client/http/problem";
 import type { SceneInfo } from "#client/wire/render";
 import type { PlayedDownload } from "#client/wire/store";
 import type { Size } from "../enhance/geometry";
+import type { Settings } from "../state/settings";
 import { type Figures, Meter, NO_FIGURES, STATS_EVERY } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
 import type { NumberedPose, Rig } from "../view/rig";
@@ -15,7 +19,7 @@ import { fileBytes, roomProblem } from "./room";
 
 export interface LocalStats extends Figures {
   readonly kind: "download";
-  /** Received and total bytes of the scene's file; null until the server has answered. */
+  /** Received and total bytes of the scene's file; null until the server has answered, and if streamed. */
   readonly received: number;
   readonly total: number | null;
   /** Rendered and total Gaussians; null until the header has arrived. */
@@ -49,12 +53,13 @@ export type LocalPhase =
   | { readonly kind: "failed"; readonly message: string };
 
 /** The part of a `Renderer` that is used. */
-export type LocalRenderer = Pick<Renderer, "backend" | "show" | "draw" | "dispose">;
+export type LocalRenderer = Pick<Renderer, "backend" | "show" | "stream" | "draw" | "dispose">;
 
 export interface LocalOptions {
   readonly pane: HTMLElement;
   readonly rig: Rig;
   readonly scene: SceneInfo;
+  readonly form: Settings["localForm"];
   /** Where the scene's file is; in a cluster, that changes. */
   readonly url: () => string;
   readonly size: () => Size;
@@ -94,6 +99,8 @@ export class LocalPlayer {
   #total = 0;
   #received = 0;
   #header: PlyHeader | null = null;
+  /** Of the scene; null until known. */
+  #gaussians: number | null = null;
   /** Gaussians handed to the renderer. */
   #given: Prefix | null = null;
   /** Resolves when more of the file has arrived. */
@@ -123,14 +130,14 @@ export class LocalPlayer {
   played(startedAt: number): { readonly local: PlayedDownload } {
     return {
       local: {
-        form: "compressed",
+        form: this.#options.form,
         renderer: this.#renderer?.backend ?? null,
         began_ms: this.#beganAt - startedAt,
         first_picture_ms: this.#firstPictureMs,
         complete_ms: this.#completeMs,
         downloaded_bytes: this.#received,
         bytes: this.#total,
-        gaussians: this.#header?.gaussians ?? null,
+        gaussians: this.#gaussians,
       },
     };
   }
@@ -182,7 +189,7 @@ export class LocalPlayer {
       received: this.#received,
       total: this.#total || null,
       drawn: this.#given?.gaussians ?? 0,
-      gaussians: this.#header?.gaussians ?? null,
+      gaussians: this.#gaussians,
       firstPictureMs: this.#firstPictureMs,
       completeMs: this.#completeMs,
       settled: this.#completeMs !== null,
@@ -191,10 +198,25 @@ export class LocalPlayer {
   }
 
   async #run(signal: AbortSignal): Promise<void> {
-    const { scene, url, memory, onReceived, now } = this.#options;
+    await (this.#options.form === "streamed" ? this.#stream(signal) : this.#download(signal));
+  }
+
+  async #stream(signal: AbortSignal): Promise<void> {
+    const renderer = await this.#create(signal);
+    if (renderer === null) return;
+    const address = new URL(this.#options.url(), document.baseURI).href;
+    const watch = watchTransfers(new URL(".", address).href, (bytes) => this.#got(bytes));
+    signal.addEventListener("abort", () => watch.disconnect());
+    await renderer.stream(address).catch(cannotDraw);
+    this.#gaussians = this.#options.scene.gaussians;
+    this.#given = { gaussians: this.#gaussians ?? 0, whole: true };
+  }
+
+  async #download(signal: AbortSignal): Promise<void> {
+    const { scene, url, memory } = this.#options;
     const gaussians = scene.gaussians ?? 0;
     const shDegree = scene.sh_degree ?? 3;
-    const made = scene.downloads?.[0]?.bytes;
+    const made = scene.downloads?.find(({ form }) => form === "compressed")?.bytes;
     const bytes = made ?? fileBytes(gaussians, shDegree);
     const problem = roomProblem({ gaussians, shDegree, bytes }, memory);
     if (problem !== null) throw new Impossible(problem);
@@ -202,8 +224,7 @@ export class LocalPlayer {
       url,
       signal,
       onBytes: (file, received) => {
-        onReceived(received - this.#received);
-        this.#meter.received(received - this.#received, now());
+        this.#got(received - this.#received);
         this.#came(file, received);
       },
       onCut: (message) => {
@@ -214,28 +235,30 @@ export class LocalPlayer {
     await Promise.all([whole, this.#draw(signal)]);
   }
 
+  #got(bytes: number): void {
+    this.#received += bytes;
+    this.#options.onReceived(bytes);
+    this.#meter.received(bytes, this.#options.now());
+  }
+
   #came(file: Uint8Array<ArrayBuffer>, received: number): void {
     if (file !== this.#file) {
       this.#header = this.#given = null; // the server has another version by now
       this.#file = file;
       this.#total = file.length;
     }
-    this.#received = received;
     if (this.phase.peek().kind === "lost") {
       this.phase.value = this.#firstPictureMs === null ? DOWNLOADING : { kind: "playing" };
     }
     this.#header ??= readHeader(file.subarray(0, received));
+    this.#gaussians = this.#header?.gaussians ?? null;
     this.#more.resolve(undefined);
   }
 
   /** Renders more whenever enough has arrived, until everything is rendered. */
   async #draw(signal: AbortSignal): Promise<void> {
-    const renderer = await this.#create();
-    if (signal.aborted) {
-      renderer.dispose();
-      return;
-    }
-    this.#renderer = renderer;
+    const renderer = await this.#create(signal);
+    if (renderer === null) return;
     while (!this.#given?.whole && !signal.aborted) {
       this.#more = deferred<undefined>();
       const header = this.#header;
@@ -243,19 +266,19 @@ export class LocalPlayer {
       if (step === null) {
         await this.#more.promise;
       } else {
-        await renderer.show(prefixOf(header as PlyHeader, this.#file, step)).catch((error: unknown) => {
-          throw new Impossible(`The scene cannot be drawn here: ${sentence(error)}`);
-        });
+        await renderer.show(prefixOf(header as PlyHeader, this.#file, step)).catch(cannotDraw);
         this.#given = step;
       }
     }
     this.#file = new Uint8Array(0); // the rendered Gaussians are on the GPU
   }
 
-  async #create(): Promise<LocalRenderer> {
+  /** The renderer; null if the mode has been left meanwhile. */
+  async #create(signal: AbortSignal): Promise<LocalRenderer | null> {
     const { create = (await this.#load()).createRenderer, scene } = this.#options;
+    let renderer: LocalRenderer;
     try {
-      return await create({
+      renderer = await create({
         canvas: this.#canvas,
         background: scene.background,
         antialiased: scene.antialiased ?? false,
@@ -263,8 +286,15 @@ export class LocalPlayer {
       });
     } catch (error) {
       const none = error instanceof Error && error.name === "NoGraphics";
-      throw new Impossible(none ? NO_GRAPHICS : `The scene cannot be drawn here: ${sentence(error)}`);
+      if (none) throw new Impossible(NO_GRAPHICS);
+      return cannotDraw(error);
     }
+    if (signal.aborted) {
+      renderer.dispose();
+      return null;
+    }
+    this.#renderer = renderer;
+    return renderer;
   }
 
   #load(): Promise<typeof import("./renderer")> {
@@ -290,7 +320,18 @@ export class LocalPlayer {
   }
 }
 
-function sentence(error: unknown): string {
+/** Reports the bytes of each file below a URL once it has been transferred. */
+function watchTransfers(base: string, onBytes: (bytes: number) => void): PerformanceObserver {
+  const observer = new PerformanceObserver((list) => {
+    for (const entry of list.getEntries() as PerformanceResourceTiming[]) {
+      if (entry.name.startsWith(base)) onBytes(entry.transferSize);
+    }
+  });
+  observer.observe({ type: "resource" });
+  return observer;
+}
+
+function cannotDraw(error: unknown): never {
   const message = error instanceof Error ? error.message : String(error);
-  return message.endsWith(".") ? message : `${message}.`;
+  throw new Impossible(`The scene cannot be drawn here: ${message.replace(/\.?$/, ".")}`);
 }

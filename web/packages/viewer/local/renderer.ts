@@ -17,6 +17,7 @@ import {
   GSplatComponentSystem,
   GSplatHandler,
   type Mat4,
+  TextureHandler,
   TONEMAP_NONE,
 } from "playcanvas";
 import type { Size } from "../enhance/geometry";
@@ -51,6 +52,8 @@ const NEAR = 0.01;
 const FAR = 10_000;
 /** Degrees of rotation after which view-dependent colours are recomputed; PlayCanvas' default is 10. */
 const COLOUR_ANGLE = 2;
+/** Levels of detail that a streamed scene may be short of while better ones load: PlayCanvas would show nothing. */
+const ANY_LEVEL = 64;
 /** Bytes that are copied at once. */
 const COPIED = 1 << 20;
 /** A half turn about x: from a camera that looks along z with y down (ours) to one that looks along -z with y up. */
@@ -82,6 +85,9 @@ export class Renderer {
   #aim: readonly number[] = [];
   /** Called once the newest scene is in the picture. */
   #pending: (() => void) | null = null;
+  #streamed = false;
+  /** Files of a streamed scene that waited at once, at most. */
+  #mostWaiting = 0;
   /** The picture shows another scene than the last one reported. */
   #changed = false;
   /** A scene is in the picture. */
@@ -94,7 +100,7 @@ export class Renderer {
     const setup = new AppOptions();
     setup.graphicsDevice = device;
     setup.componentSystems = [CameraComponentSystem, GSplatComponentSystem];
-    setup.resourceHandlers = [GSplatHandler];
+    setup.resourceHandlers = [GSplatHandler, TextureHandler];
     this.#app = new AppBase(canvas);
     this.#app.init(setup);
     this.#app.autoRender = false;
@@ -102,6 +108,7 @@ export class Renderer {
     gsplat.minPixelSize = 0; // small Gaussians are drawn, as by the server
     gsplat.antiAlias = antialiased;
     gsplat.colorUpdateAngle = COLOUR_ANGLE;
+    gsplat.lodUnderfillLimit = ANY_LEVEL;
     this.#camera = new Entity("camera", this.#app);
     this.#scene = new Entity("scene", this.#app);
     this.#app.root.addChild(this.#camera);
@@ -119,12 +126,9 @@ export class Renderer {
     this.#app.systems.gsplat?.on("frame:request", () => {
       this.#app.renderNextFrame = true;
     });
-    this.#app.systems.gsplat?.on("frame:ready", (_camera: unknown, _layer: unknown, ready: boolean) => {
-      if (!ready || this.#pending === null) return;
-      this.#pending();
-      this.#pending = null;
-      this.#visible = this.#changed = true;
-    });
+    this.#app.systems.gsplat?.on("frame:ready", (_camera: unknown, _layer: unknown, ready: boolean, waiting: number) =>
+      this.#frameReady(ready, waiting),
+    );
     device.on("devicelost", onLost);
     this.#app.start();
     cancelAnimationFrame(this.#app.frameRequestId); // it renders on request
@@ -137,7 +141,25 @@ export class Renderer {
   async show(parts: readonly Uint8Array<ArrayBuffer>[]): Promise<void> {
     // PlayCanvas caches loaded assets by URL.
     const name = `scene-${++this.#shown}.ply`;
-    const file = { url: name, filename: name, contents: contents(parts) };
+    const before = this.#asset;
+    await this.#enter({ url: name, filename: name, contents: contents(parts) });
+    if (before === null) return;
+    this.#app.assets.remove(before);
+    before.unload();
+  }
+
+  /**
+   * Shows the scene with the lod-meta.json at a URL: the levels of detail that the view needs, of at most a million
+   * Gaussians together (PlayCanvas' default). Resolves when those of the present view are in the picture; throws if
+   * there are none.
+   */
+  async stream(url: string): Promise<void> {
+    this.#streamed = true;
+    await this.#enter({ url, filename: "lod-meta.json" });
+  }
+
+  /** Loads an asset and waits until it is in the picture. */
+  async #enter(file: { url: string; filename: string; contents?: ArrayBuffer }): Promise<void> {
     const asset = new Asset("scene", "gsplat", file);
     const loaded = new Promise<void>((resolve, reject) => {
       asset.once("load", () => resolve());
@@ -146,15 +168,21 @@ export class Renderer {
     this.#app.assets.add(asset);
     this.#app.assets.load(asset);
     await loaded;
-    const before = this.#asset;
     this.#asset = asset;
     if (this.#scene.gsplat) this.#scene.gsplat.asset = asset.id;
     await new Promise<void>((resolve) => {
       this.#pending = resolve;
     });
-    if (before === null) return;
-    this.#app.assets.remove(before);
-    before.unload();
+  }
+
+  /** `waiting`: files of a streamed scene that the view still needs. Before the first has come, it shows nothing. */
+  #frameReady(ready: boolean, waiting: number): void {
+    this.#mostWaiting = Math.max(this.#mostWaiting, waiting);
+    if (!ready || this.#pending === null || (this.#streamed && waiting === this.#mostWaiting)) return;
+    this.#visible = this.#changed = true;
+    if (waiting > 0) return;
+    this.#pending();
+    this.#pending = null;
   }
 
   /**
@@ -174,7 +202,8 @@ export class Renderer {
       this.#app.graphicsDevice.resizeCanvas(width, height);
     }
     this.#changed = false;
-    if (changed || again || this.#pending !== null) this.#app.renderNextFrame = true;
+    const starting = this.#pending !== null && this.#mostWaiting === 0; // later, what has arrived asks for frames
+    if (changed || again || starting) this.#app.renderNextFrame = true;
     this.#app.tick(now);
     cancelAnimationFrame(this.#app.frameRequestId);
     return this.#visible && (changed || this.#changed);

@@ -12,13 +12,17 @@ class Local extends LocalPlayer implements Source {
   readonly reprojection = signal("off" as const);
 
   constructor(context: SourceContext) {
-    const { scene, config } = context;
+    const { scene, config, settings } = context;
     const present = scene.peek();
     if (present === null) throw new Error("there is no scene to download yet");
-    const path = `scenes/${encodeURIComponent(present.id)}/download/compressed`;
+    const wanted = settings.peek().localForm;
+    const form = present.downloads?.some((one) => one.form === wanted) ? wanted : "compressed";
+    const name = form === "streamed" ? "streamed/lod-meta.json" : form;
+    const path = `scenes/${encodeURIComponent(present.id)}/download/${name}`;
     super({
       ...context,
       scene: present,
+      form,
       url: () => hostUrl(path, config.peek() ?? {}),
       memory: (navigator as { readonly deviceMemory?: number }).deviceMemory,
     });

@@ -3,9 +3,9 @@ import type { SourceKind } from "./source";
 
 export const LOCAL: SourceKind = {
   title: "Local",
-  about: "The compressed scene is downloaded, the most important Gaussians first; this browser draws them.",
-  settings: [],
-  reopens: [],
+  about: "This browser draws the scene: downloaded as a whole, or the levels of detail that the view needs.",
+  settings: ["localForm"],
+  reopens: ["localForm"],
   requests: false,
   drawsHere: true,
   keepsHidden: true,

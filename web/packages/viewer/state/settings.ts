@@ -133,6 +133,12 @@ export const SETTINGS = {
     "h264-30",
     { label: "WebRTC stream", linked: true, recorded: true },
   ),
+  /** What the mode "local" downloads; a scene without levels of detail is downloaded as a whole. */
+  localForm: choice({ streamed: "Levels of detail", compressed: "Whole scene" }, "streamed", {
+    label: "Download",
+    linked: true,
+    recorded: true,
+  }),
   /** Controller of the ladder's rung; "fixed": chosen by the user. */
   controller: choice(
     {

@@ -1,0 +1,101 @@
+// Compares the simulator with runs of the lab (docs/adaptation.md), and prints how far the two agree.
+import { existsSync, readdirSync, readFileSync } from "node:fs";
+import { join } from "node:path";
+import { load } from "./page-module.mjs";
+
+const USAGE = `npm run abr-lab -- EXPERIMENT
+  the folder of an experiment in the mode stateless, without reprojection and prediction, with its report
+`;
+
+async function main() {
+  const [folder] = process.argv.slice(2);
+  if (folder === undefined || folder.startsWith("-")) return process.stdout.write(USAGE);
+  const [
+    { agreement, conditionOf, conditions, MeasuredEndpoints, offered, PAIRS },
+    { simulate },
+    { controllerFactory },
+  ] = await Promise.all(["lab", "simulate", "controllers"].map((name) => load(`tools/simulator/${name}`)));
+  const figures = reported(
+    folder,
+    PAIRS.map(([name]) => name),
+  );
+  const runs = readdirSync(join(folder, "runs"))
+    .filter((name) => figures.has(name))
+    .map((name) => ({ ...read(join(folder, "runs", name)), figures: figures.get(name) }));
+  if (runs.length === 0) throw new Error(`${folder} has no complete runs in its runs.csv: make its report first.`);
+  const simulated = [];
+  for (const [i, run] of runs.entries()) {
+    const alike = runs.filter((other) => conditionOf(other) === conditionOf(run)).flatMap((other) => other.frames);
+    simulated.push({
+      ...run,
+      simulated: await simulate({
+        controller: offered(controllerFactory(run.controller), run),
+        ...conditions(run),
+        ladder: run.ladder,
+        duration: run.duration,
+        roundTrip: null,
+        endpoints: new MeasuredEndpoints(run, alike, i),
+        way: "stale",
+        seed: run.seed,
+      }),
+    });
+  }
+  const cell = (value) => value.toFixed(Math.abs(value) < 10 ? 2 : 0);
+  const rows = agreement(simulated).map(({ title, lab, simulated, error, runs, controllers }) =>
+    [title, cell(lab), cell(simulated), cell(error), runs.toFixed(2), controllers.toFixed(2)].join(" | "),
+  );
+  const header = "figure | lab | simulator | error of a run | rank correlation of runs | of controllers";
+  process.stdout.write(`${runs.length} runs\n\n| ${header} |\n|---|---:|---:|---:|---:|---:|\n`);
+  for (const row of rows) process.stdout.write(`| ${row} |\n`);
+}
+
+/** The report's figures of complete runs, by the name of their folder. */
+function reported(folder, names) {
+  const path = join(folder, "runs.csv");
+  if (!existsSync(path)) throw new Error(`There is no ${path}: make the report with tigas report ${folder}.`);
+  const [header, ...lines] = readFileSync(path, "utf8")
+    .trim()
+    .split(/\r?\n/)
+    .map((line) => line.split(","));
+  const rows = lines.map((cells) => Object.fromEntries(header.map((name, i) => [name, cells[i]])));
+  return new Map(
+    rows
+      .filter(({ status }) => status === "complete")
+      .map((row) => [row.folder, Object.fromEntries(names.map((name) => [name, Number(row[name] || Number.NaN)]))]),
+  );
+}
+
+function read(folder) {
+  const lines = (name) =>
+    readFileSync(join(folder, `${name}.ndjson`), "utf8")
+      .split("\n")
+      .filter(Boolean)
+      .map((line) => JSON.parse(line));
+  const { configuration, recording, server } = JSON.parse(readFileSync(join(folder, "run.json"), "utf8"));
+  const { network, profile, seed, reprojection, prediction } = configuration;
+  if (configuration.mode !== "stateless" || reprojection || prediction !== "off") {
+    throw new Error(`${folder} is not a run in the mode stateless without reprojection and prediction.`);
+  }
+  return {
+    network: network.trace ?? network.link,
+    roundTrip: network.rtt_ms,
+    controller: typeof profile === "number" ? `fixed:${profile}` : profile,
+    pixels: recording.lens.width * recording.lens.height,
+    seed,
+    duration: recording.duration_ms,
+    displayInterval: recording.display_interval_ms,
+    ladder: server.ladder,
+    frames: lines("replies")
+      .filter(({ server: timing, rung }) => timing && rung !== null)
+      .map(({ rung, bytes, server: { render, encode } }) => ({ rung, bytes, render, encode })),
+    link: lines("link").map(({ at, target_kbps }) => ({ at, target_kbps })),
+    points: lines("inputs").map(({ at, position, quaternion }) => ({ t_ms: at, position, quaternion })),
+  };
+}
+
+try {
+  await main();
+} catch (error) {
+  process.stderr.write(`${error.message}\n`);
+  process.exitCode = 1;
+}
