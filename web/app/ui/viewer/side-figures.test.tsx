@@ -59,7 +59,7 @@ test("the panel says what is downloaded, or that nothing is offered", () => {
   changeSettings({ mode: "local" });
   const session = fakeSession();
   render(<ModePanel session={asSession(session)} />);
-  expect(screen.getByText(/^The compressed scene is downloaded/)).toBeTruthy();
+  expect(screen.getByText(/^This browser draws the scene/)).toBeTruthy();
   expect(screen.queryByRole("alert")).toBeNull();
   cleanup();
   session.left.missing.value = "This server does not offer the scene for download";
