@@ -10,7 +10,7 @@ from hypothesis import settings
 
 from tests.prerequisites import ROOT
 
-SLOW_FOLDERS = tuple(ROOT / "tests" / name for name in ("compose", "testbed", "web"))
+SLOW_FOLDERS = tuple(f"{ROOT}/tests/{name}/" for name in ("compose", "testbed", "web"))
 """Containers, network namespaces and browsers: all tests there are slow."""
 
 
@@ -28,7 +28,7 @@ def pytest_configure() -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark whole folders as slow, before `-m` selects."""
     for item in items:
-        if any(folder in item.path.parents for folder in SLOW_FOLDERS):
+        if str(item.path).startswith(SLOW_FOLDERS):
             item.add_marker(pytest.mark.slow)
 
 

@@ -46,7 +46,7 @@ def render(models: Path) -> Iterator[RenderServer]:
 
 @pytest.fixture(scope="module")
 def packager(render: RenderServer) -> Iterator[Packager]:
-    running = Packager(idle_s=600)
+    running = Packager()
     running.render = render.url.rstrip("/")
     with running:
         yield running

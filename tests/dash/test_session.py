@@ -19,14 +19,16 @@ import pytest
 from tests.dash.conftest import PATIENCE_S, Packager, announcement, parsed_request, pose
 from tests.dash.fakes import BUSY, FakeClock, grey
 from tigas_common.render_requests import RenderClient
-from tigas_common.wire.dash import FrameShown
+from tigas_common.wire.dash import FrameShown, PoseUpdate
 from tigas_common.wire.render import DEFAULT_LADDER
+from tigas_dash.clock import Clock
 from tigas_dash.cmaf import Sample
 from tigas_dash.encoder import LadderEncoder, RawFrame
 from tigas_dash.errors import ExpiredSegment
 from tigas_dash.representation import representations
 from tigas_dash.session import MAX_UNREAD, Session
 from tigas_dash.source import ViewSource
+from tigas_dash.stream import NewestView
 
 pytestmark = pytest.mark.anyio
 RATE, PER_SEGMENT = 30, 15
@@ -190,3 +192,30 @@ async def test_a_still_camera_is_not_rendered_again(packager: Packager) -> None:
     await packager.until(session, lambda status: status["frames"] >= 30)
     assert len(packager.render.requests) == 1
     assert (await packager.status(session))["repeated"] == 0
+
+
+class Source(ViewSource):
+    """Gives frames when the test lets it."""
+
+    def __init__(self) -> None:
+        self.first_pose = PoseUpdate(seq=0, position=(0, 0, 0), quaternion=(0, 0, 0, 1))
+        self.gate = asyncio.Event()
+
+    async def frame(self, pose: PoseUpdate, within_s: float = 0) -> RawFrame:
+        await self.gate.wait()
+        return RawFrame(b"", 1, 1, pose.seq)
+
+
+@pytest.mark.parametrize("turns", range(6))
+async def test_a_stream_that_ends_just_as_a_frame_comes_does_end(turns: int) -> None:
+    source, first, clock = Source(), RawFrame(b"", 1, 1, 0), Clock()
+    views = NewestView("a", source, first, clock)
+    views.move(PoseUpdate(seq=1, position=(1, 0, 0), quaternion=(0, 0, 0, 1)))
+    waiting = asyncio.create_task(views.after(first, clock.now() + 60))
+    for turn in range(3 + turns):
+        if turn == 3:
+            source.gate.set()
+        await asyncio.sleep(0)
+    ends = waiting.cancel()
+    await asyncio.wait([waiting])
+    assert waiting.cancelled() == ends

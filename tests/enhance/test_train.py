@@ -59,7 +59,7 @@ def test_a_few_steps_beat_bicubic_enlargement(rung: int, scale: int, varied: boo
 def test_crops_lie_where_the_whole_picture_has_them(rung: int, scale: int) -> None:
     torch.manual_seed(0)
     pairs = [pair(0), pair(1)]
-    recipe = Recipe(scale, layers=3, channels=8, batch=16)
+    recipe = Recipe(scale, layers=3, channels=8, batch=6)
     network = Network(scale, 3, 8)
     crops = Crops(pairs, rung, recipe, CPU)
     low, place, target = crops.draw()

@@ -36,7 +36,7 @@ def running(models: Path, program: Sequence[str] = TIGAS) -> Iterator[Services]:
     BUILT_PAGE.require()
     CHROMIUM.require()
     write_scenes(models)
-    packager = Packager()
+    packager = Packager(idle_s=15)  # of browsers that are killed, streams are left
     with FakeShaper() as shaper:
         known = {"TIGAS_RENDER_SERVICES": json.dumps({"dash": packager.url, "shaper": shaper.url})}
         with RenderServer("--scenes", str(models), environment=known, program=program) as render:

@@ -27,6 +27,8 @@ from tests.testbed.labs import ShaperProcess
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.trace import NetworkTrace
 
+pytestmark = pytest.mark.alone
+
 SIZE = 1400
 PEAK = 40_000.0
 UDP_SEGMENT = 103

@@ -68,13 +68,13 @@ def server(models: Path) -> Iterator[RenderServer]:
         yield running
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def packager() -> Packager:
-    """Not started yet. Streams end only on request, so tests need not wait for timeouts."""
-    return Packager(idle_s=600)
+    """The one that `viewer_url` starts."""
+    return Packager()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def viewer_url(models: Path, packager: Packager) -> Iterator[str]:
     """The viewer of a render service that knows the packager; both run."""
     with streaming(models, packager) as url:

@@ -133,7 +133,8 @@ class Packager(_Service):
 
     announces = r"DASH streams .* on (http://\S+)/"
 
-    def __init__(self, *, idle_s: float = 15) -> None:
+    def __init__(self, *, idle_s: float = 60) -> None:
+        """Usually, streams end on request before a test would have waited for them in vain."""
         super().__init__("dash", environment={"TIGAS_DASH_IDLE_S": str(idle_s)})
         self._http = _free_address()
         self.url = f"http://{self._http}"

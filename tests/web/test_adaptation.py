@@ -7,16 +7,16 @@ from playwright.sync_api import expect
 
 from tests.web.conftest import OpenPage
 from tests.web.modes import with_settings
+from tests.web.server import RenderServer
 from tests.web.stage import SCENE, wait_for_frames, wait_until_settled
-
-pytestmark = pytest.mark.alone
 
 LARGE, SMALL = {"width": 1600, "height": 900}, {"width": 480, "height": 420}
 
 
-def test_a_controller_starts_low_and_climbs_while_the_link_allows(open_page: OpenPage, viewer_url: str) -> None:
-    kept = with_settings(viewer_url, controller="latency-transfer", refine=False)
-    page = open_page(SCENE, url=viewer_url, viewport=LARGE, **kept)
+@pytest.mark.alone  # controllers choose by measured times
+def test_a_controller_starts_low_and_climbs_while_the_link_allows(open_page: OpenPage, server: RenderServer) -> None:
+    kept = with_settings(server.url, controller="latency-transfer", refine=False)
+    page = open_page(SCENE, viewport=LARGE, **kept)
     wait_for_frames(page)
     wait_until_settled(page)
     expect(page.locator("[data-stat=profile]")).to_have_text("Low")
@@ -25,9 +25,10 @@ def test_a_controller_starts_low_and_climbs_while_the_link_allows(open_page: Ope
     page.keyboard.up("ArrowRight")
 
 
-def test_profiles_larger_than_the_picture_are_for_a_person_to_choose(open_page: OpenPage, viewer_url: str) -> None:
-    kept = with_settings(viewer_url, controller="latency-transfer", refine=False, hudDetails=True)
-    page = open_page(SCENE, url=viewer_url, viewport=SMALL, **kept)
+@pytest.mark.alone  # controllers choose by measured times
+def test_profiles_larger_than_the_picture_are_for_a_person_to_choose(open_page: OpenPage, server: RenderServer) -> None:
+    kept = with_settings(server.url, controller="latency-transfer", refine=False, hudDetails=True)
+    page = open_page(SCENE, viewport=SMALL, **kept)
     wait_for_frames(page)
     page.keyboard.down("ArrowRight")
     expect(page.locator("[data-stat=profile]")).to_have_text("Medium-Low", timeout=20_000)

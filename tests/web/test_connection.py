@@ -7,17 +7,14 @@ import re
 import socket
 import time
 
-import pytest
 from playwright.sync_api import Route, expect
 
 from tests.web.conftest import OpenPage
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, changes, frames, picture, wait_for_frames, wait_until_settled
 
-pytestmark = pytest.mark.alone
-
-WITHIN_S = 10
-"""Twice the usual time, for a busy machine; a connection without answers times out after 30 s."""
+WITHIN_S = 20
+"""For a busy machine; a connection without answers times out after 30 s."""
 
 
 def test_falls_back_to_fetch_where_quic_does_not_get_through(open_page: OpenPage) -> None:
@@ -60,20 +57,6 @@ def test_a_page_over_plain_http_works_and_names_the_secure_one(open_page: OpenPa
     page.unroute_all(behavior="ignoreErrors")
 
 
-def test_frames_flow_again_within_seconds_of_a_restart(open_page: OpenPage, server: RenderServer) -> None:
-    page = open_page(SCENE, expected_errors="ERR_")
-    wait_for_frames(page)
-    page.keyboard.down("ArrowRight")
-    server.kill()
-    server.start()
-    shown, started = frames(page), time.monotonic()
-    wait_for_frames(page, shown + 5)
-    assert time.monotonic() - started < WITHIN_S
-    page.keyboard.up("ArrowRight")
-    wait_until_settled(page)
-    expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams")
-
-
 def test_a_server_that_falls_silent_is_named_and_keeps_its_viewers(open_page: OpenPage, server: RenderServer) -> None:
     page = open_page(SCENE)
     wait_for_frames(page)
@@ -109,15 +92,18 @@ def test_a_full_server_is_said_to_be_full_and_the_visit_begins_by_itself(open_pa
     page.unroute_all(behavior="ignoreErrors")  # requests made while the page closes are abandoned
 
 
-def test_a_lost_server_is_announced_and_found_again(open_page: OpenPage, server: RenderServer) -> None:
+def test_a_lost_server_is_announced_and_found_again_within_seconds(open_page: OpenPage, server: RenderServer) -> None:
     page = open_page(SCENE, expected_errors="ERR_")
     wait_for_frames(page)
+    page.keyboard.down("ArrowRight")
     server.kill()
     expect(page.locator(".stage-message")).to_contain_text("Trying again")
     assert picture(page).std() > 5, "the last frame stays"
     server.start()  # at the same address, with a new certificate
-    expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams")
-    expect(page.locator(".stage-message")).to_have_text("")
-    wait_for_frames(page)
+    shown, started = frames(page), time.monotonic()
+    wait_for_frames(page, shown + 5)
+    assert time.monotonic() - started < WITHIN_S
+    page.keyboard.up("ArrowRight")
     wait_until_settled(page)
-    assert changes(page, lambda: page.keyboard.press("ArrowRight", delay=200)) > 1
+    expect(page.locator(".stage-message")).to_have_text("")
+    expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams")

@@ -15,7 +15,7 @@ from tests.web.conftest import CHROMIUM, CHROMIUM_ARGS, OpenPage
 from tests.web.modes import wait_for_stream, with_settings
 from tests.web.server import Packager, RenderServer
 from tests.web.stage import SCENE
-from tests.web.test_motion_to_photon import WALK_MS, turning
+from tests.web.test_motion_to_photon import turning
 from tigas_common.wire.render import ServerConfig
 from tigas_experiments.run.browser import http3_arguments
 
@@ -23,9 +23,10 @@ PLAIN = {"mode": "dash", "reprojection": False, "prediction": "off", "sidebar": 
 
 
 @pytest.fixture(scope="module")
-def url(models: Path, packager: Packager) -> Iterator[str]:
-    """The page of a render service that also proxies the packager."""
+def url(models: Path) -> Iterator[str]:
+    """The page of a render service that also proxies a packager."""
     BUILT_PAGE.require()
+    packager = Packager()
     known = json.dumps({"dash": packager.url})
     environment = {"TIGAS_RENDER_SERVICES": known, "TIGAS_RENDER_UPSTREAMS": known}
     with RenderServer("--scenes", str(models), environment=environment) as render:
@@ -53,7 +54,7 @@ def test_segments_come_over_the_chosen_transport(
         page = context.new_page()
         page.goto(url + SCENE)
         wait_for_stream(page, at_least=5)
-        plan = {"points": turning(), "duration_ms": WALK_MS, "capture_every_ms": 0}
+        plan = {"points": turning(), "duration_ms": 1500, "capture_every_ms": 0}
         run = page.evaluate("plan => tigas.run(plan)", plan)
     assert run["dash"]["protocols"] == [protocol]
     assert len({frame["pose"] for frame in run["frames"]}) > 3

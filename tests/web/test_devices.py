@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, ViewportSize, expect
 
 from tests.web.conftest import OpenPage
 from tests.web.stage import SCENE, changes, wait_for_frames, wait_until_settled
@@ -72,22 +72,25 @@ def test_a_phone_shows_everything_without_scrolling_sideways(open_page: OpenPage
         assert page.locator("h1").evaluate("title => title.scrollWidth <= title.clientWidth"), "the title is cut"
 
 
-@pytest.mark.parametrize("size", [(390, 844), (844, 390)])
 @pytest.mark.parametrize("compared", ["", "?left=stateless&right=video"])
-def test_a_phone_shows_pictures_rather_than_figures(open_page: OpenPage, size: tuple[int, int], compared: str) -> None:
-    width, height = size
-    page = open_page(SCENE + compared, **PHONE | {"viewport": {"width": width, "height": height}})
-    expect(page.locator("[data-stat=status]")).to_have_count(2 if compared else 1)
-    expect(page.locator(".sidebar")).to_have_count(0)
+def test_a_phone_shows_pictures_rather_than_figures(open_page: OpenPage, compared: str) -> None:
+    page = open_page(SCENE + compared, **PHONE)
     floating = page.locator(".hud, .side-hud, .status-line, .title, [role=toolbar], .pad, .rise")
-    assert floating.evaluate_all(OVERLAPPING) == []
-    areas = floating.evaluate_all("parts => parts.map((part) => part.clientWidth * part.clientHeight)")
-    assert sum(areas) < 0.4 * width * height
+    sizes: list[ViewportSize] = [{"width": 390, "height": 844}, {"width": 844, "height": 390}]
+    for size in sizes:
+        page.set_viewport_size(size)
+        expect(page.locator("[data-stat=status]")).to_have_count(2 if compared else 1)
+        expect(page.locator(".sidebar")).to_have_count(0)
+        assert floating.evaluate_all(OVERLAPPING) == []
+        areas = floating.evaluate_all("parts => parts.map((part) => part.clientWidth * part.clientHeight)")
+        assert sum(areas) < 0.4 * size["width"] * size["height"]
     page.get_by_role("button", name="Lab", exact=True).tap()
     page.get_by_role("button", name="More measurements").first.tap()
     page.get_by_role("button", name="Close lab").tap()
     expect(page.locator(".hud-details")).to_have_count(2 if compared else 1)
-    assert floating.evaluate_all(OVERLAPPING) == []
+    for size in reversed(sizes):
+        page.set_viewport_size(size)
+        assert floating.evaluate_all(OVERLAPPING) == []
 
 
 def test_fingers_look_around_pinch_and_walk(open_page: OpenPage) -> None:

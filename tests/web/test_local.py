@@ -23,6 +23,7 @@ from tests.web.modes import with_settings
 from tests.web.scenes import write_antialiased_scene
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, wait_for_frames, wait_until_settled
+from tests.web.warp.views import psnr
 from tigas_experiments.wire.recording import Recording
 
 SMALL: ViewportSize = {"width": 320, "height": 240}
@@ -171,8 +172,3 @@ def pixels(encoded: bytes) -> NDArray[np.float64]:
     """A picture's pixels, 0 to 255: [height, width, 3]."""
     with Image.open(io.BytesIO(encoded)) as image:
         return np.asarray(image.convert("RGB"), dtype=np.float64)
-
-
-def psnr(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """In dB."""
-    return float(10 * np.log10(255**2 / np.mean((a - b) ** 2)))

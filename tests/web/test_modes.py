@@ -16,8 +16,6 @@ from tests.web.modes import wait_for_sessions, wait_for_stream, with_settings
 from tests.web.server import Packager
 from tests.web.stage import SCENE, stat, wait_for_frames, wait_until_settled
 
-pytestmark = pytest.mark.alone
-
 WINDOW = {"width": 1000, "height": 700}
 ALIKE = 10
 """Two pictures of one view, encoded differently, differ by less (0 to 255)."""

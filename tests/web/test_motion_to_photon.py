@@ -27,9 +27,9 @@ VIDEO_FRAME_MS = 1000 / 30
 
 
 @pytest.fixture(scope="module")
-def viewer_url(models: Path, packager: Packager) -> Iterator[str]:
+def viewer_url(models: Path) -> Iterator[str]:
     """The viewer of services with pictures that encode the camera's heading."""
-    with streaming(models, packager, STAMPING) as url:
+    with streaming(models, Packager(), STAMPING) as url:
         yield url
 
 

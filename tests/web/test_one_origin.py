@@ -29,9 +29,10 @@ duration_s = 1.5
 
 
 @pytest.fixture(scope="module")
-def secure_url(models: Path, packager: Packager, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+def secure_url(models: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """The page over HTTPS, of a render service with a packager and a store behind it."""
     BUILT_PAGE.require()
+    packager = Packager()
     with Store("--results", str(tmp_path_factory.mktemp("results"))) as store:
         known = {"dash": packager.url, "store": store.url}
         behind = {name: f":{urlsplit(url).port}" for name, url in known.items()}

@@ -14,7 +14,7 @@ from tests.web.modes import with_settings
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, frames, stat, wait_for_frames, wait_until_settled
 
-pytestmark = pytest.mark.alone
+pytestmark = pytest.mark.alone  # a server that is slow at the moment refuses such large frames
 
 STAGE = (700, 400)
 SHARP = f"{2 * STAGE[0]} × {2 * STAGE[1]}"

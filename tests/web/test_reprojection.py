@@ -19,8 +19,6 @@ from tests.web.modes import with_settings
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, frames, picture, stat, wait_for_frames, wait_until_settled
 
-pytestmark = pytest.mark.alone
-
 SMALL: ViewportSize = {"width": 320, "height": 180}
 DELAY_MS = 300
 SETTINGS = {

@@ -25,6 +25,7 @@ TURN = [
 def test_a_walk_over_webrtc_is_measured_frame_by_frame(
     viewer_url: str, packager: Packager, open_page: OpenPage
 ) -> None:
+    others = names(packager)
     page = open_page(SCENE, url=viewer_url, viewport=SMALL, **with_settings(viewer_url, mode="webrtc", **PLAIN))
     wait_for_stream(page, at_least=5)
     plan = {"points": TURN, "duration_ms": TURN_MS, "capture_every_ms": 400, "sample_stride": 0}
@@ -38,5 +39,11 @@ def test_a_walk_over_webrtc_is_measured_frame_by_frame(
     assert recording.traffic[-1].bytes > 1000
     assert recording.captures
     expect(page.locator('[data-stat="codec"]')).to_contain_text("H.264")
+    (stream,) = names(packager) - others
     page.evaluate("tigas.settings({ mode: 'stateless' })")
-    wait_for_sessions(packager, lambda sessions: not sessions)
+    wait_for_sessions(packager, lambda sessions: stream not in {one["id"] for one in sessions})
+
+
+def names(packager: Packager) -> set[str]:
+    """Its streams' names."""
+    return {one["id"] for one in packager.sessions()}

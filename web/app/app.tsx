@@ -3,8 +3,8 @@ import { unsaved } from "#viewer/movement/movement-deck";
 import { outdated, route } from "./state/app";
 import type { Route } from "./state/route";
 import { Dashboard } from "./ui/dashboard/dashboard";
+import { useLeavingWarning } from "./ui/hooks";
 import { lazy } from "./ui/lazy";
-import { useLeavingWarning } from "./ui/use-leaving-warning";
 import { Viewer } from "./ui/viewer/viewer";
 import { isUploading } from "./uploads/uploads";
 

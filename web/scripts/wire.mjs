@@ -8,15 +8,19 @@ import { compile } from "json-schema-to-typescript";
 /** `packages/client/wire/NAME.ts` is generated from `wire/NAME.py` of a package, whose `wire.schema` prints schemas and constants. */
 const NAMES = { render: "common", dash: "common", shaper: "common", store: "experiments" };
 
+/** Definitions whose fields no page reads. */
+const UNREAD = ["Figures"];
+/** A generated definition with its comment. */
+const DEFINITION = /(?:\/\*\*\n(?: \*.*\n)+)?export (?:interface|type) (\w+)(?: = .*;\n| {\n[\s\S]*?\n}\n)/g;
+
 const venv = fileURLToPath(new URL("../../.venv/bin/python", import.meta.url));
 const python = process.env.PYTHON ?? (existsSync(venv) ? venv : "python3");
 
+/** The module that defines a type, by its definition. */
+const homes = new Map();
 for (const [name, owner] of Object.entries(NAMES)) {
-  const generated = await compile(schemaOf(name, owner), name, {
-    additionalProperties: false,
-    bannerComment: banner(name, owner),
-  });
-  keep(`web/packages/client/wire/${name}.ts`, generated.replace(/export interface Messages {.*?\n}\n/s, ""));
+  const generated = await compile(schemaOf(name, owner), name, { additionalProperties: false, bannerComment: "" });
+  keep(`web/packages/client/wire/${name}.ts`, `${banner(name, owner)}\n\n${definitionsOf(generated, name)}`);
 }
 for (const [name, constants] of Object.entries(JSON.parse(print("constants", "experiments")))) {
   const lines = Object.entries(constants).map(([constant, value]) => `export const ${constant} = ${literal(value)};\n`);
@@ -40,6 +44,23 @@ function keep(file, generated) {
     process.stderr.write(`${file} does not match the Python wire types: run \`npm run wire\` and commit the result.\n`);
     process.exitCode = 1;
   }
+}
+
+/** The definitions of a module; those that an earlier one has are imported from there. */
+function definitionsOf(generated, name) {
+  const plain = generated
+    .replace(/export interface Messages {.*?\n}\n/s, "")
+    .replaceAll(/ *\/\*\*\n(?: *\* @m(?:in|ax)Items \d+\n)+ *\*\/\n/g, "");
+  const definitions = [...plain.matchAll(DEFINITION)];
+  const own = definitions.filter(([definition]) => !homes.has(definition));
+  const text = own.map(([definition]) => definition).join("");
+  const used = definitions.filter(([definition, type]) => homes.has(definition) && text.match(`\\b${type}\\b`));
+  const imports = [...new Set(used.map(([definition]) => homes.get(definition)))].map((home) => {
+    const types = used.filter(([definition]) => homes.get(definition) === home).map(([, type]) => type);
+    return `import type { ${types.toSorted().join(", ")} } from "./${home}";\n`;
+  });
+  for (const [definition] of own) homes.set(definition, name);
+  return imports.length > 0 ? `${imports.join("")}\n${text}` : text;
 }
 
 /** A constant, of a literal type. */
@@ -73,9 +94,14 @@ function print(name, owner) {
   return execFileSync(python, ["-m", `tigas_${owner}.wire.schema`, name], { encoding: "utf8" });
 }
 
-// Pydantic writes draft 2020-12, the generator reads draft 4: a tuple's members are called `items` there.
+// Pydantic writes draft 2020-12, the generator reads draft 4: a tuple's members are called `items` there. The generator would
+// list the possible lengths of other arrays.
 function schemaOf(name, owner) {
-  return JSON.parse(print(name, owner), (_, value) =>
-    value?.prefixItems ? { ...value, items: value.prefixItems, prefixItems: undefined } : value,
-  );
+  return JSON.parse(print(name, owner), (key, value) => {
+    if (UNREAD.includes(key)) return value.type === "object" ? {} : value;
+    if (value?.prefixItems) return { ...value, items: value.prefixItems, prefixItems: undefined };
+    if (value?.type !== "array") return value;
+    const { minItems: _, maxItems: __, ...any } = value;
+    return any;
+  });
 }

@@ -137,8 +137,10 @@ class NewestView:
             task.add_done_callback(self._requests.discard)
         if self.newest is shown and self._requests:
             self._arrived.clear()
+            # Not wait_for, which in Python 3.11 forgets a cancellation that comes together with the view.
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._arrived.wait(), max(0.0, until - self._clock.now()))
+                async with asyncio.timeout(until - self._clock.now()):
+                    await self._arrived.wait()
         return self.newest
 
     def close(self) -> None:

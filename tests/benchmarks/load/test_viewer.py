@@ -11,7 +11,8 @@ import pytest
 
 from benchmarks.load.plan import Plan, Transport
 from benchmarks.load.viewer import IN_FLIGHT, Viewer
-from tests.render.transport.client import FakeFrames, eventually
+from tests.eventually import eventually
+from tests.render.transport.client import FakeFrames
 from tests.render.transport.serving import served
 from tigas_common.errors import Overloaded, Superseded
 from tigas_render.transport.server import Http3Server

@@ -77,7 +77,8 @@ def test_every_mode_is_measured_over_the_same_link_and_movement(services: Servic
         assert min(stream["targets_ms"]) >= stream["target_latency_ms"], "what was in force"
         assert stream["representations"]
         assert all(one["bitrate_kbps"] > 100 and one["codecs"].startswith("avc1.") for one in stream["representations"])
-        assert f"{stream['player']} over http/1.1; 30 frames/s" in (out / "report.html").read_text(), "citable"
+        cited = f"{stream['player']} over http/1.1; 30 frames/s"
+        assert cited in (out / "report.html").read_text(), "what can be cited"
     requests, *others = (run["figures"]["requests"] for run in runs)
     assert requests["sent"] >= requests["shown"] > 5
     assert others == [None] * 3, "a stream has no requests of its own"

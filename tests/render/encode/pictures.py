@@ -1,4 +1,4 @@
-"""Pictures to encode, and how much of them is left."""
+"""Pictures to encode."""
 
 from __future__ import annotations
 
@@ -13,8 +13,3 @@ def gradient(width: int, height: int) -> Pixels:
     y, x = np.mgrid[0:height, 0:width]
     channels = (255 * x / max(1, width - 1), 255 * y / max(1, height - 1), 255 - 127 * (x + y) / (width + height))
     return np.stack(channels, -1).astype(np.uint8)
-
-
-def psnr(a: Pixels, b: Pixels) -> float:
-    """Peak signal-to-noise ratio in dB."""
-    return float(10 * np.log10(255**2 / max(1e-9, np.mean((a.astype(float) - b.astype(float)) ** 2))))

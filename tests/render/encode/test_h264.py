@@ -6,6 +6,7 @@ import av
 import numpy as np
 import pytest
 
+from tests.render.raster.views import psnr
 from tigas_render.encode.h264 import Encoded, H264Encoder, nal_units
 from tigas_render.encode.images import encode_yuv420p
 
@@ -32,18 +33,12 @@ def decoded(frames: list[Encoded]) -> list[av.VideoFrame]:
     return [found[0] for found in pictures]
 
 
-def psnr(frame: av.VideoFrame, planes: bytes) -> float:
-    wanted = np.frombuffer(planes, np.uint8).astype(float)
-    error = np.mean((frame.to_ndarray().astype(float).ravel() - wanted) ** 2)
-    return float(10 * np.log10(255**2 / error))
-
-
 def test_each_picture_can_be_shown_at_once_and_is_the_one_that_went_in() -> None:
     encoder = H264Encoder(WIDTH, HEIGHT, 120_000)
     frames = [encoder.encode(picture(number), 150_000, key=number == 3) for number in range(6)]
     for number, shown in enumerate(decoded(frames)):
         assert (shown.width, shown.height) == (WIDTH, HEIGHT)
-        assert psnr(shown, picture(number)) > 30
+        assert psnr(shown.to_ndarray().astype(np.uint8).ravel(), np.frombuffer(picture(number), np.uint8)) > 30
 
 
 def test_only_key_frames_have_parameter_sets_and_nothing_has_comments() -> None:

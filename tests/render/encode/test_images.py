@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
-from tests.render.encode.pictures import Pixels, gradient, psnr
+from tests.render.encode.pictures import Pixels, gradient
+from tests.render.raster.views import psnr
 from tigas_render.encode.images import encode_jpeg, encode_png, encode_webp, encode_yuv420p
 
 

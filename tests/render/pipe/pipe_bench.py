@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from tests.eventually import eventually
 from tests.render.fakes import render_request
-from tests.render.transport.client import FakeFrames, eventually
+from tests.render.transport.client import FakeFrames
 from tigas_common.wire.render import RenderRequest, VideoRequest
 from tigas_render.frame import Client, Frame, FrameSource
 from tigas_render.pipe.client import PipeClient

@@ -10,9 +10,10 @@ from dataclasses import replace
 
 import pytest
 
+from tests.eventually import eventually
 from tests.render.fakes import render_request
 from tests.render.pipe.pipe_bench import VIEWER, Edge, Engine, Pipe, video_request
-from tests.render.transport.client import TIMING, FakeFrames, eventually
+from tests.render.transport.client import TIMING, FakeFrames
 from tigas_common.errors import Overloaded, TigasError
 from tigas_common.wire.render import RenderRequest
 from tigas_render.frame import Client, Frame

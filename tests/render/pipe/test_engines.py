@@ -12,8 +12,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.eventually import eventually
 from tests.render.fakes import render_request
-from tests.render.transport.client import FakeFrames, eventually
+from tests.render.transport.client import FakeFrames
 from tigas_common.errors import (
     BrokenScene,
     DeviceLost,

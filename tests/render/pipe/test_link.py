@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.render.transport.client import eventually
+from tests.eventually import eventually
 from tigas_render.pipe.link import BadMessage, Kind, Link, Splitter, framed
 
 pytestmark = pytest.mark.anyio

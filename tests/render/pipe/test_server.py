@@ -15,10 +15,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.eventually import eventually
 from tests.render.engine_bench import Bench, busy
 from tests.render.fakes import render_request
 from tests.render.pipe.pipe_bench import VIEWER, Edge, Engine, Pipe
-from tests.render.transport.client import FakeFrames, eventually
+from tests.render.transport.client import FakeFrames
 from tigas_common.errors import Overloaded
 from tigas_render.pipe import link, messages
 from tigas_render.pipe import server as server_module

@@ -6,6 +6,7 @@ import asyncio
 import gc
 import io
 import math
+import struct
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -24,9 +25,9 @@ pytestmark = pytest.mark.anyio
 SOURCE = SceneSource("garden", SceneMetadata(), "1", None)
 
 
-def image(format: str = "JPEG", colour: str = "red", size: tuple[int, int] = (64, 36), mode: str = "RGB") -> bytes:
+def image(format: str = "JPEG", colour: str = "red", size: tuple[int, int] = (64, 36)) -> bytes:
     file = io.BytesIO()
-    Image.new(mode, size, colour).save(file, format)
+    Image.new("RGB", size, colour).save(file, format)
     return file.getvalue()
 
 
@@ -138,9 +139,16 @@ async def test_a_scene_may_bring_its_own(
     assert renderer.calls == []
 
 
+def vast() -> bytes:
+    """A picture whose header promises 400 million pixels."""
+    content = image()
+    size = content.index(b"\xff\xc0") + 5  # of the frame (ITU-T T.81, B.2.2)
+    return content[:size] + struct.pack(">HH", 20_000, 20_000) + content[size + 4 :]
+
+
 @pytest.mark.parametrize(
     "content",
-    [b"<svg onload=alert(1)>", image("GIF"), image() + bytes(MAX_BYTES), image("PNG", "white", (20_000, 20_000), "1")],
+    [b"<svg onload=alert(1)>", image("GIF"), image() + bytes(MAX_BYTES), vast()],
     ids=["another type", "GIF", "too large", "too many pixels"],
 )
 async def test_a_bad_one_is_replaced(

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
 from datetime import UTC, datetime
 from functools import partial
-from inspect import iscoroutine
 from typing import Any
 
 from aioquic.h3.events import DatagramReceived, H3Event
@@ -17,6 +16,7 @@ from aioquic.quic.connection import QuicConnection
 from aioquic.quic.events import ConnectionTerminated, HandshakeCompleted, QuicEvent
 from aioquic.tls import SessionTicket
 
+from tests.eventually import eventually
 from tests.render.fakes import render_request
 from tigas import http3
 from tigas.http3 import Http3Connection, Response, configuration, split_frame
@@ -27,16 +27,6 @@ from tigas_render.transport.certificate import Certificate
 
 CERTIFICATE = Certificate.create([], datetime.now(UTC))
 TIMING = ServerTiming(queue=1.0, render=2.0, encode=3.0)
-
-
-async def eventually(condition: Callable[[], object]) -> None:
-    """Wait for an effect that has no event to wait for, or that has to be asked for."""
-    async with asyncio.timeout(30):
-        while True:
-            result = condition()
-            if await result if iscoroutine(result) else result:
-                return
-            await asyncio.sleep(0.002)
 
 
 class Client(Http3Connection):

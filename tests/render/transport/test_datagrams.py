@@ -9,7 +9,8 @@ from typing import Any, cast
 
 import pytest
 
-from tests.render.transport.client import FakeFrames, eventually, request_body
+from tests.eventually import eventually
+from tests.render.transport.client import FakeFrames, request_body
 from tests.render.transport.serving import assemble, in_datagrams, in_session
 from tigas.http3 import split_frame
 from tigas_common.errors import InvalidRequest

@@ -10,7 +10,8 @@ import time
 
 import pytest
 
-from tests.render.transport.client import FakeFrames, connect, eventually, request_body
+from tests.eventually import eventually
+from tests.render.transport.client import FakeFrames, connect, request_body
 from tests.render.transport.serving import in_datagrams, in_session
 from tigas.http3 import split_frame
 from tigas_common.errors import UnknownScene

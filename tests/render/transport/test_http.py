@@ -14,8 +14,9 @@ import pytest
 from starlette.responses import StreamingResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from tests.eventually import eventually
 from tests.render.transport import serving
-from tests.render.transport.client import Client, connect, eventually
+from tests.render.transport.client import Client, connect
 from tigas_common.web import ARRIVED
 from tigas_render.admission.limits import Limits
 from tigas_render.transport.server import Http3Server

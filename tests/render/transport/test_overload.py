@@ -8,8 +8,9 @@ from contextlib import AsyncExitStack
 
 import pytest
 
+from tests.eventually import eventually
 from tests.render.admission.chosen_load import ChosenLoad
-from tests.render.transport.client import FakeFrames, connect, eventually, request_body
+from tests.render.transport.client import FakeFrames, connect, request_body
 from tests.render.transport.serving import served
 from tests.render.transport.test_server_limits import OTHER, refusal
 from tigas_render.admission.limits import Limits

@@ -9,8 +9,8 @@ from aioquic.h3.connection import ErrorCode, FrameType, StreamType, encode_frame
 from aioquic.quic.events import QuicEvent, StreamReset
 from starlette.types import Receive, Scope, Send
 
+from tests.eventually import eventually
 from tests.render.transport.aioquic_ext.test_h3 import frame_header, section
-from tests.render.transport.client import eventually
 from tests.render.transport.simulated import Simulation
 from tigas_render.admission.connections import Usage
 from tigas_render.admission.limits import Limits

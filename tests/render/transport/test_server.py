@@ -13,7 +13,8 @@ import pytest
 from aioquic.tls import SessionTicket
 from starlette.types import Receive, Scope, Send
 
-from tests.render.transport.client import CERTIFICATE, FakeFrames, connect, eventually, request_body
+from tests.eventually import eventually
+from tests.render.transport.client import CERTIFICATE, FakeFrames, connect, request_body
 from tests.render.transport.serving import hello, served
 from tigas_render.admission.limits import Limits
 from tigas_render.transport.certificate import Certificate

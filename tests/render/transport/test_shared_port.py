@@ -13,7 +13,8 @@ from datetime import UTC, datetime
 import pytest
 from aioquic.tls import CipherSuite, SessionTicket
 
-from tests.render.transport.client import CERTIFICATE, FakeFrames, connect, eventually, request_body
+from tests.eventually import eventually
+from tests.render.transport.client import CERTIFICATE, FakeFrames, connect, request_body
 from tests.render.transport.serving import hello
 from tigas_render.admission.limits import Limits
 from tigas_render.transport.edge_counts import MOST_AHEAD, EdgeCounts, counts_file

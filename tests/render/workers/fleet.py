@@ -22,7 +22,8 @@ import psutil
 import pytest
 from aioquic.quic.events import ConnectionTerminated
 
-from tests.render.transport.client import Client, connect, eventually, request_body
+from tests.eventually import eventually
+from tests.render.transport.client import Client, connect, request_body
 from tigas.http3 import split_frame
 
 TIGAS = (str(Path(sys.executable).parent / "tigas"),)

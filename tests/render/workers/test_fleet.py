@@ -14,7 +14,8 @@ import httpx
 import pytest
 from aioquic.tls import SessionTicket
 
-from tests.render.transport.client import Client, connect, eventually
+from tests.eventually import eventually
+from tests.render.transport.client import Client, connect
 from tests.render.workers import without_steering
 from tests.render.workers.fleet import ASK, Fleet, Viewer, gap, serving, session, status, watching
 

@@ -13,7 +13,8 @@ import httpx
 import pytest
 
 from reference.ply import write_ply
-from tests.render.transport.client import eventually, request_body
+from tests.eventually import eventually
+from tests.render.transport.client import request_body
 from tests.render.workers.fleet import ASK, Fleet, Viewer, gap, nothing_left, serving, watching
 from tigas_common.placement import ranked
 from tigas_render.raster.base import one_gaussian
@@ -104,6 +105,7 @@ async def each_device_has_made(http: httpx.AsyncClient, more: int) -> None:
     await eventually(has_made)
 
 
+@pytest.mark.alone  # a busy engine refuses frames of anybody
 @pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
 async def test_an_engine_that_stops_costs_its_viewers_two_seconds_and_others_nothing(
     fleet: Fleet, http: httpx.AsyncClient, number: signal.Signals
@@ -126,6 +128,7 @@ async def test_an_engine_that_stops_costs_its_viewers_two_seconds_and_others_not
             await fleet.started_again("engine 0", engine.pid)
 
 
+@pytest.mark.alone  # engines must be able to make as many frames as viewers ask for
 async def test_a_popular_scene_gets_both_devices(fleet: Fleet, http: httpx.AsyncClient) -> None:
     viewers = [Viewer(fleet, asking_for(SCENES[0])) for _ in range(8)]
     async with watching(viewers):

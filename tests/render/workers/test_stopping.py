@@ -21,6 +21,7 @@ pytestmark = pytest.mark.slow
 STARTS = 20
 
 
+@pytest.mark.alone
 @pytest.mark.anyio
 @pytest.mark.parametrize(
     ("number", "device"),

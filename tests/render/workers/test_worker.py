@@ -13,7 +13,7 @@ from typing import Any, cast
 
 import pytest
 
-from tests.render.transport.client import eventually
+from tests.eventually import eventually
 from tigas_common.errors import StartError
 from tigas_common.processes import BackOff
 from tigas_render.workers import worker as worker_module

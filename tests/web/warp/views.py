@@ -125,7 +125,7 @@ def depth_of(inverse_depths: Floats, nearest: float) -> dict[str, Any]:
     return {"width": width, "height": height, "nearest": nearest, "codes": base64.b64encode(codes.tobytes()).decode()}
 
 
-def psnr(shown: Pixels, expected: Pixels, where: NDArray[np.bool_] | None = None) -> float:
+def psnr(shown: NDArray[Any], expected: NDArray[Any], where: NDArray[np.bool_] | None = None) -> float:
     """In dB, over the pixels [height, width] that are asked about."""
     difference = shown[..., :3].astype(np.float64) - expected
     error = float(np.mean((difference if where is None else difference[where]) ** 2))

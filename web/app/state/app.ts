@@ -63,7 +63,6 @@ export async function setSceneLoaded(scene: SceneInfo, loaded: boolean): Promise
   }
 }
 
-/** Updates a scene in the list. */
 export function replaceScene(scene: SceneInfo): void {
   scenes.value = scenes.value?.map((other) => (other.id === scene.id ? scene : other)) ?? null;
 }

@@ -41,8 +41,6 @@ function fakeSource<Of extends SourceStats>(phase: SourcePhase, stats: Of): Fake
     presented: () => undefined,
     resumed: () => undefined,
     tick: () => undefined,
-    played: () => ({}),
-    status: async () => null,
     dispose: () => undefined,
   };
 }
@@ -67,7 +65,6 @@ export const fakeStream = (phase: SourcePhase, stats: Partial<StreamStats> = {})
 export const fakeLocal = (phase: SourcePhase, stats: Partial<LocalStats> = {}) =>
   fakeSource<LocalStats>(phase, { ...NO_LOCAL_STATS, ...stats });
 
-/** A side of the stage. */
 export function fakeSide(place: Place, first: Source = fakePictures()) {
   const source = signal<Source | null>(first);
   const own = computed(() => settingsAt(place, settings.value));

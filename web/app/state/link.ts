@@ -1,10 +1,18 @@
 /** Links to a view: the camera pose, and the settings that affect the view. Pure. */
 
 import type { SceneInfo } from "#client/wire/render";
-import { COMPARED, DEFAULT_SETTINGS, LINKED, type LinkedName, type Settings, settingOf } from "#viewer/state/settings";
+import {
+  COMPARED,
+  choicesOf,
+  DEFAULT_SETTINGS,
+  LINKED,
+  type LinkedName,
+  type Settings,
+  settingOf,
+} from "#viewer/state/settings";
 import type { ScenePose } from "#viewer/view/camera";
 import { poseOf, poseText } from "#viewer/view/pose-text";
-import { type Asked, sceneHash } from "./route";
+import { ASKABLE, type Asked, sceneHash } from "./route";
 
 /** The hash of a link to a view: settings that are not the usual ones, and the mode in any case. */
 export function viewHash(scene: string, pose: ScenePose, settings: Settings): string {
@@ -24,6 +32,24 @@ export function linkedSettings(asked: Asked): Partial<Settings> {
 /** The pose of a link, from `at=x,y,z,qx,qy,qz,qw` or the name of a saved view; null without one. */
 export function linkedPose({ at, view = "" }: Asked, views: SceneInfo["views"] = {}): ScenePose | null {
   return poseOf(at ?? "") ?? (Object.hasOwn(views, view) ? (views[view] ?? null) : null);
+}
+
+/** One sentence on invalid settings in a link, which have no effect; null if all are valid. */
+export function linkNote(asked: Asked, unknown: readonly string[] = [], scene?: SceneInfo | null): string | null {
+  if (unknown.length > 0) {
+    return `The link names “${unknown.join("”, “")}”, which means nothing here; it may name ${ASKABLE.join(", ")}.`;
+  }
+  if (asked.at !== undefined && linkedPose({ at: asked.at }) === null) {
+    return "The link's place cannot be read: “at” takes seven numbers, x, y, z and a quaternion.";
+  }
+  if (asked.view !== undefined && scene && linkedPose({ view: asked.view }, scene.views) === null) {
+    return `This scene has no saved view “${asked.view}”.`;
+  }
+  const wrong = LINKED.find((name) => asked[name] !== undefined && settingOf(name, asked[name]) === undefined);
+  if (wrong === undefined) return null;
+  const choices = choicesOf(wrong);
+  const hint = choices ? `; choose one of ${choices.join(", ")}` : "";
+  return `The link sets ${wrong} to “${asked[wrong]}”, which it cannot be${hint}.`;
 }
 
 function inText(value: Settings[LinkedName]): string {

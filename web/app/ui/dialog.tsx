@@ -2,7 +2,7 @@
 import { X } from "lucide";
 import type { ComponentChildren, KeyboardEventHandler } from "preact";
 import { useEffect, useId, useRef } from "preact/hooks";
-import { IconButton } from "./icon-button";
+import { IconButton } from "./button";
 
 interface Props {
   readonly title: string;

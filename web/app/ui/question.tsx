@@ -1,13 +1,15 @@
 /** Dialogs that confirm an action or ask for a name; if the action fails, they stay open with the reason. */
-import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { ApiError } from "#client/http/problem";
+import { useState } from "preact/hooks";
 import { Dialog } from "./dialog";
+import { TextField } from "./fields";
+import { useAttempts } from "./hooks";
+import { Notice } from "./notice";
 
 interface Props {
   readonly title: string;
   readonly verb: string;
-  /** Rejects with an ApiError. */
+  /** Rejects with the reason. */
   readonly action: () => Promise<unknown>;
   /** It has been done; the question is closed by then. */
   readonly onDone?: () => void;
@@ -16,20 +18,11 @@ interface Props {
 }
 
 export function Question({ title, verb, action, onDone, onClose, children }: Props) {
-  const busy = useSignal(false);
-  const problem = useSignal<string | null>(null);
+  const { busy, problem, attempt } = useAttempts();
   const act = async () => {
-    busy.value = true;
-    try {
-      await action();
-      onClose();
-      onDone?.();
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      problem.value = error.message;
-    } finally {
-      busy.value = false;
-    }
+    if (!(await attempt(action))) return;
+    onClose();
+    onDone?.();
   };
   return (
     <Dialog title={title} kind="question" onClose={onClose}>
@@ -40,11 +33,7 @@ export function Question({ title, verb, action, onDone, onClose, children }: Pro
         }}
       >
         {children}
-        {problem.value && (
-          <p class="notice" role="alert">
-            {problem.value}
-          </p>
-        )}
+        <Notice>{problem.value}</Notice>
         <footer>
           <button type="button" class="button quiet" onClick={onClose}>
             Cancel
@@ -59,31 +48,26 @@ export function Question({ title, verb, action, onDone, onClose, children }: Pro
 }
 
 interface NameProps extends Omit<Props, "action" | "children"> {
-  /** The present name. */
   readonly name: string;
   readonly maxLength: number;
-  /** Rejects with an ApiError. */
+  /** Rejects with the reason. */
   readonly action: (name: string) => Promise<unknown>;
   readonly children?: ComponentChildren;
 }
 
 export function NameQuestion({ name, maxLength, action, children, ...question }: NameProps) {
-  const typed = useSignal(name);
+  const [typed, setTyped] = useState(name);
   return (
-    <Question {...question} action={() => action(typed.value.trim())}>
-      <label class="number-field">
-        <span>New name</span>
-        <input
-          autofocus
-          required
-          maxLength={maxLength}
-          value={typed.value}
-          onFocus={(event) => event.currentTarget.select()}
-          onInput={(event) => {
-            typed.value = event.currentTarget.value;
-          }}
-        />
-      </label>
+    <Question {...question} action={() => action(typed.trim())}>
+      <TextField
+        label="New name"
+        autofocus
+        required
+        maxLength={maxLength}
+        value={typed}
+        onFocus={(event) => event.currentTarget.select()}
+        onValue={setTyped}
+      />
       {children}
     </Question>
   );

@@ -3,7 +3,7 @@
 import { Monitor, Moon, Sun } from "lucide";
 import type { Settings } from "#viewer/state/settings";
 import { changeSettings, settings } from "../state/app";
-import { IconButton } from "./icon-button";
+import { IconButton } from "./button";
 
 const NEXT: Record<Settings["theme"], Settings["theme"]> = { system: "light", light: "dark", dark: "system" };
 const ICONS = { system: Monitor, light: Sun, dark: Moon };

@@ -4,12 +4,12 @@ import { ThemeButton } from "./theme-button";
 
 export function TopBar({ children }: { children: ComponentChildren }) {
   return (
-    <header class="top-bar">
-      <a class="brand" href="#/">
+    <header class="top-bar row spread">
+      <a class="brand row" href="#/">
         <img src="icon.svg" alt="" width="26" height="26" />
         TIGAS
       </a>
-      <div class="top-links">
+      <div class="row">
         {children}
         <ThemeButton />
       </div>

@@ -11,7 +11,7 @@ import type { ScenePose } from "./view/camera";
 export type { ViewerErrorCode, ViewerEvents } from "./control/viewer-control";
 export type { ViewerSettings } from "./control/viewer-settings";
 export type { Easing } from "./movement/camera-path";
-export type { TimedPose } from "./movement/playback";
+export type { TimedPose } from "./movement/movement";
 export type { ScenePose } from "./view/camera";
 
 export interface ViewerOptions {

@@ -5,7 +5,7 @@
 import { createViewer, type Viewer, type ViewerEvents } from "./create-viewer";
 import { attributePose, attributeSettings, posterUrl, serverUrl } from "./embed/attributes";
 import styles from "./embed/element.css?inline";
-import { shadowOf } from "./embed/shadow";
+import { shadowOf } from "./embed/stage";
 import { toolbar } from "./embed/toolbar";
 
 const TAG = "tigas-viewer";

@@ -1,8 +1,7 @@
 /**
  * Controllers for the simulator: the registry's, a fixed rung, or LoL+, L2A and Latency with other parameters.
  */
-import type { ControllerFactory } from "#client/abr/controller";
-import { FixedController } from "#client/abr/fixed";
+import { type ControllerFactory, FixedController } from "#client/abr/controller";
 import { L2A, L2aController } from "#client/abr/l2a";
 import { LatencyController, perRequest, perTransfer } from "#client/abr/latency";
 import { LOLP, LolpController } from "#client/abr/lolp";

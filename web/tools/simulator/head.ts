@@ -1,5 +1,5 @@
 /** How the simulated camera turns: as somebody's head did. */
-import { poseAt, type TimedPose } from "#viewer/movement/playback";
+import { poseAt, type TimedPose } from "#viewer/movement/movement";
 import { angleBetween } from "#viewer/view/vector";
 
 /** Window of the speeds, in milliseconds. */

@@ -3,7 +3,7 @@ import type { ControllerFactory } from "#client/abr/controller";
 import { PAPER_LADDER } from "#client/abr/ladder";
 import { SeenController } from "#client/abr/seen";
 import type { Rung } from "#client/wire/render";
-import type { TimedPose } from "#viewer/movement/playback";
+import type { TimedPose } from "#viewer/movement/movement";
 import { orientation } from "#viewer/view/camera";
 import { PaperEndpoints } from "./endpoints";
 import { type HeadOptions, type Visit, visit } from "./heads";

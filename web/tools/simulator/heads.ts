@@ -6,17 +6,16 @@
 import type { ControllerFactory } from "#client/abr/controller";
 import { seeded } from "#client/abr/random";
 import { ThroughputEstimator } from "#client/abr/throughput";
-import type { DecodedImage } from "#client/transport/picture";
-import type { FrameReply } from "#client/transport/transport";
+import type { DecodedImage, FrameReply } from "#client/transport/transport";
 import type { Rung, SceneInfo } from "#client/wire/render";
-import { poseAt, type TimedPose } from "#viewer/movement/playback";
+import { poseAt, type TimedPose } from "#viewer/movement/movement";
 import { Foresight } from "#viewer/predict/foresight";
 import { AutoOverscan } from "#viewer/reproject/overscan";
 import type { View } from "#viewer/reproject/view";
 import { type DecodedFrame, FramePipeline } from "#viewer/stateless/pipeline";
-import { Rest } from "#viewer/stateless/rest";
+import { Rest } from "#viewer/stateless/refinement";
 import { SurroundFeed } from "#viewer/stateless/surround-feed";
-import { widened } from "#viewer/stream/wider";
+import { widened } from "#viewer/stream/camera-feed";
 import { viewDistance } from "#viewer/view/camera";
 import { NO_INPUT } from "#viewer/view/motion";
 import { Rig } from "#viewer/view/rig";
@@ -93,8 +92,8 @@ export async function visit(options: HeadOptions): Promise<Visit> {
       takeSide: (_, side, view) => sides.set(side, view),
     },
     rig,
-    surround: () => options.surround,
-    ladder: () => ladder,
+    settings: { peek: () => options },
+    ladder: { peek: () => ladder },
     onReceived: (bytes) => {
       if (moving()) replies.aside += bytes;
     },

@@ -1,9 +1,9 @@
 /** Runs of the lab in the simulator: the same link, head movement and controller, with the server and page of the run. */
 import type { ControllerFactory } from "#client/abr/controller";
-import { firstOffered, offering } from "#client/abr/offered";
+import { firstOffered, offering } from "#client/abr/ladder";
 import { seeded } from "#client/abr/random";
 import type { Rung } from "#client/wire/render";
-import type { TimedPose } from "#viewer/movement/playback";
+import type { TimedPose } from "#viewer/movement/movement";
 import { ANIMATION_FRAME, type Endpoints, PaperEndpoints } from "./endpoints";
 import { Head } from "./head";
 import type { Figures } from "./tally";

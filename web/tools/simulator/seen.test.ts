@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { fakeView, turned } from "#viewer/reproject/fake-view";
-import { SIDES, sideView } from "#viewer/reproject/sides";
+import { SIDES, sideView } from "#viewer/reproject/side-pictures";
 import type { View } from "#viewer/reproject/view";
 import { Seen } from "./seen";
 

@@ -1,10 +1,7 @@
 /** The seen part of all directions on a coarse grid, as shown by the page's warp: marks the rendered ones. */
-import { FAR } from "#viewer/reproject/cube-cache";
-import { FACES } from "#viewer/reproject/cube-faces";
-import { directionOfPixel, pixelOfDirection } from "#viewer/reproject/homography";
-import { apply } from "#viewer/reproject/matrix";
+import { FACES, FAR } from "#viewer/reproject/cube-cache";
 import { FARTHEST } from "#viewer/reproject/side-pictures";
-import type { View } from "#viewer/reproject/view";
+import { apply, directionOfPixel, pixelOfDirection, type View } from "#viewer/reproject/view";
 import { add, subtract, type Vector3 } from "#viewer/view/vector";
 
 /** Grid size of a side of the cube, and of a view. */

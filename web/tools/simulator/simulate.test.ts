@@ -3,7 +3,7 @@ import type { Way } from "#client/abr/controller";
 import { PAPER_LADDER } from "#client/abr/ladder";
 import { seenOfRung } from "#client/abr/seen-error";
 import type { Rung } from "#client/wire/render";
-import type { TimedPose } from "#viewer/movement/playback";
+import type { TimedPose } from "#viewer/movement/movement";
 import courtyard from "../../../services/render/tigas_render/scenes/demo/ladder.json";
 import { controllerFactory } from "./controllers";
 import { PaperEndpoints, type PaperOptions } from "./endpoints";

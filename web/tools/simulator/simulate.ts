@@ -7,8 +7,7 @@ import { type ControllerFactory, responseTime, type Way } from "#client/abr/cont
 import { seeded } from "#client/abr/random";
 import { type Seen, seenLate, seenOfRung, together } from "#client/abr/seen-error";
 import { ThroughputEstimator } from "#client/abr/throughput";
-import type { DecodedImage } from "#client/transport/picture";
-import type { FrameReply } from "#client/transport/transport";
+import type { DecodedImage, FrameReply } from "#client/transport/transport";
 import type { Rung } from "#client/wire/render";
 import { FramePipeline } from "#viewer/stateless/pipeline";
 import { Meter } from "#viewer/view/meter";

@@ -1,21 +1,20 @@
-/** A chart under its caption. The drawing code is loaded with the first chart. */
-import type { ComponentChildren, RefObject } from "preact";
-import { useEffect, useRef } from "preact/hooks";
-
-/** Draws into `place`, in the colours of the legend's swatches, until the function that it returns is called. */
-export type Draw = (place: HTMLElement, legend: HTMLElement) => () => void;
+/** Charts under their captions. The drawing code is loaded with the first chart. */
+import type { ReadonlySignal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
+import { useCallback, useEffect, useRef } from "preact/hooks";
+import type { Columns } from "#viewer/charts/history";
+import { PLACES } from "#viewer/state/settings";
+import { milliseconds } from "../format";
+import type { Quantity } from "./plots";
 
 interface Props {
   readonly name: string;
-  /** Another one has it drawn anew. */
-  readonly load: () => Promise<Draw>;
-  /** Element with the swatches; by default the caption. */
-  readonly legend?: RefObject<HTMLElement | null>;
-  /** The caption. */
+  /** Resolves with what draws into `place`, in the colours of the legend's swatches, until its result is called. */
+  readonly load: () => Promise<(place: HTMLElement, legend: HTMLElement) => () => void>;
   readonly children: ComponentChildren;
 }
 
-export function Chart({ name, load, legend, children }: Props) {
+function Chart({ name, load, children }: Props) {
   const place = useRef<HTMLDivElement>(null);
   const caption = useRef<HTMLElement>(null);
   useEffect(() => {
@@ -23,8 +22,7 @@ export function Chart({ name, load, legend, children }: Props) {
     let gone = false;
     load().then(
       (draw) => {
-        const swatches = (legend ?? caption).current;
-        if (!gone && place.current && swatches) stop = draw(place.current, swatches);
+        if (!gone && place.current && caption.current) stop = draw(place.current, caption.current);
       },
       () => undefined, // the page reports that it is outdated
     );
@@ -32,11 +30,63 @@ export function Chart({ name, load, legend, children }: Props) {
       gone = true;
       stop?.();
     };
-  }, [load, legend]);
+  }, [load]);
   return (
     <figure class="chart" aria-label={name}>
-      <figcaption ref={caption}>{children}</figcaption>
+      <figcaption class="row wrap" ref={caption}>
+        {children}
+      </figcaption>
       <div class="chart-place" ref={place} />
     </figure>
+  );
+}
+
+interface LiveProps {
+  readonly name: string;
+  readonly quantities: readonly Quantity[];
+  readonly columns: ReadonlySignal<Columns>;
+}
+
+/** The last minute of some quantities. */
+export function LiveChart({ name, quantities, columns }: LiveProps) {
+  const load = useCallback(async () => {
+    const { plotLive } = await import("./plots");
+    return (place: HTMLElement, legend: HTMLElement) => plotLive(place, legend, quantities, columns);
+  }, [quantities, columns]);
+  return (
+    <Chart name={name} load={load}>
+      {quantities.map(({ label, unit, tone }, i) => (
+        <span key={label}>
+          <i class="swatch" data-tone={tone} />
+          {label} <output>{milliseconds(columns.value[i + 1]?.at(-1))}</output> {unit}
+        </span>
+      ))}
+    </Chart>
+  );
+}
+
+interface DistributionProps {
+  readonly name: string;
+  /** Labels of the sides, from left to right. */
+  readonly labels: readonly string[];
+  readonly columns: ReadonlySignal<Columns>;
+}
+
+/** Distribution of the latencies of the pictures on the stage, on one logarithmic axis. */
+export function DistributionChart({ name, labels, columns }: DistributionProps) {
+  const load = useCallback(async () => {
+    const { plotDistribution } = await import("./plots");
+    return (place: HTMLElement, legend: HTMLElement) => plotDistribution(place, legend, columns);
+  }, [columns]);
+  return (
+    <Chart name={name} load={load}>
+      {labels.map((label, i) => (
+        <span key={PLACES[i]}>
+          <i class="swatch" data-tone={PLACES[i]} />
+          {label}
+        </span>
+      ))}
+      <span class="muted">share of inputs</span>
+    </Chart>
   );
 }

@@ -1,15 +1,14 @@
 /** All scenes of the server: find one, load it, open it. */
-import { useSignal } from "@preact/signals";
 import { RefreshCw, Search, Upload } from "lucide";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect, useRef, useState } from "preact/hooks";
 import type { SceneInfo } from "#client/wire/render";
 import { config, refreshScenes, scenes, scenesError, settings } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
 import { added, addFiles, uploads } from "../../uploads/uploads";
-import { Icon } from "../icon";
-import { IconButton } from "../icon-button";
-import { InsecureHint } from "../insecure-hint";
+import { Icon, IconButton } from "../button";
+import { usePage, useWindowEvent } from "../hooks";
 import { lazy } from "../lazy";
+import { InsecureHint, Notice } from "../notice";
 import { TopBar } from "../top-bar";
 import { DropZone } from "./drop-zone";
 import { filterScenes } from "./filter";
@@ -28,81 +27,69 @@ const REFRESH_EVERY = 1000;
 const NEWS_FOR = 10_000;
 
 export function Dashboard() {
-  const filter = useSignal("");
-  const scanning = useSignal(false);
-  const news = useSignal("");
-  const question = useSignal<{ readonly kind: "rename" | "delete"; readonly scene: SceneInfo } | null>(null);
+  const [filter, setFilter] = useState("");
+  const [scanning, setScanning] = useState(false);
+  const [news, setNews] = useState("");
+  const [question, setQuestion] = useState<{ readonly kind: "rename" | "delete"; readonly scene: SceneInfo }>();
   const search = useRef<HTMLInputElement>(null);
   const files = useRef<HTMLInputElement>(null);
   /** A scene was loaded for its picture since the list was read. */
   const stale = useRef(false);
 
+  usePage("Scenes");
   useEffect(() => {
-    document.title = "Scenes · TIGAS";
-    void refreshScenes();
     const timer = setInterval(() => {
       const waiting = scenesError.value !== null || scenes.value?.some(({ state }) => state === "loading");
       if (waiting || stale.current) void refreshScenes();
       stale.current = false;
     }, REFRESH_EVERY);
-    const focusSearch = (event: KeyboardEvent) => {
-      if (event.key !== "/" || event.target instanceof HTMLInputElement || !settings.peek().shortcuts) return;
-      event.preventDefault();
-      search.current?.focus();
-    };
-    addEventListener("keydown", focusSearch);
-    return () => {
-      clearInterval(timer);
-      removeEventListener("keydown", focusSearch);
-    };
+    return () => clearInterval(timer);
   }, []);
+  useWindowEvent("keydown", (event) => {
+    if (event.key !== "/" || event.target instanceof HTMLInputElement || !settings.peek().shortcuts) return;
+    event.preventDefault();
+    search.current?.focus();
+  });
 
   useEffect(() => {
-    if (news.value === "") return undefined;
-    const timer = setTimeout(() => {
-      news.value = "";
-    }, NEWS_FOR);
+    if (news === "") return undefined;
+    const timer = setTimeout(() => setNews(""), NEWS_FOR);
     return () => clearTimeout(timer);
-  }, [news.value, news]);
+  }, [news]);
 
   const rescan = async () => {
     const before = scenes.peek();
-    scanning.value = true;
+    setScanning(true);
     await refreshScenes({ scan: true });
-    scanning.value = false;
-    news.value = before && scenes.value && !scenesError.value ? whatIsNew(before, scenes.value) : "";
+    setScanning(false);
+    setNews(before && scenes.value && !scenesError.value ? whatIsNew(before, scenes.value) : "");
   };
 
   const limit = config.value?.max_upload_bytes ?? null;
   const add = (chosen: Iterable<File>) => limit !== null && addFiles([...chosen], limit);
   const ask = (kind: "rename" | "delete", scene: SceneInfo) => {
-    if (limit === null || scene.builtin) return null;
-    return () => {
-      question.value = { kind, scene };
-    };
+    return limit === null || scene.builtin ? null : () => setQuestion({ kind, scene });
   };
-  const answered = () => {
-    question.value = null;
-  };
+  const answered = () => setQuestion(undefined);
 
   const all = scenes.value;
   const isAdded = ({ id }: SceneInfo) => added.value.has(id);
-  const found = all && filterScenes(all, filter.value).toSorted((a, b) => Number(isAdded(b)) - Number(isAdded(a)));
+  const found = all && filterScenes(all, filter).toSorted((a, b) => Number(isAdded(b)) - Number(isAdded(a)));
 
   return (
     <div class="dashboard">
       <TopBar>{config.value?.services.store && <a href={EXPERIMENTS}>Experiments</a>}</TopBar>
       <main>
-        <div class="page-head">
+        <div class="page-head row wrap spread">
           <div>
             <h1>Scenes</h1>
             <p class="muted" role="status">
               {summary(all?.length, found?.length)}
-              {news.value && ` · ${news.value}`}
+              {news && ` · ${news}`}
             </p>
           </div>
-          <search class="tools">
-            <label class="search-field">
+          <search class="tools row">
+            <label class="search-field row">
               <Icon of={Search} size={16} />
               <input
                 ref={search}
@@ -110,10 +97,8 @@ export function Dashboard() {
                 aria-label="Filter scenes by name"
                 aria-keyshortcuts="/"
                 placeholder="Filter scenes"
-                value={filter.value}
-                onInput={(event) => {
-                  filter.value = event.currentTarget.value;
-                }}
+                value={filter}
+                onInput={(event) => setFilter(event.currentTarget.value)}
               />
               <kbd>/</kbd>
             </label>
@@ -138,18 +123,14 @@ export function Dashboard() {
             <IconButton
               icon={RefreshCw}
               label="Rescan folder"
-              busy={scanning.value}
-              disabled={scanning.value}
+              busy={scanning}
+              disabled={scanning}
               onClick={() => void rescan()}
             />
           </search>
         </div>
         <InsecureHint />
-        {scenesError.value && (
-          <p class="notice" role="alert">
-            {scenesError.value}
-          </p>
-        )}
+        <Notice>{scenesError.value}</Notice>
         {uploads.value.length > 0 && (
           <ul class="scene-grid uploads" aria-label="Uploads">
             {uploads.value.map((upload) => (
@@ -161,7 +142,7 @@ export function Dashboard() {
           all?.length === 0 ? (
             <NoScenes editable={limit !== null} />
           ) : (
-            <NoMatch filter={filter.value} />
+            <NoMatch filter={filter} />
           )
         ) : (
           <ul class="scene-grid" aria-busy={all === null}>
@@ -183,8 +164,8 @@ export function Dashboard() {
         )}
       </main>
       <DropZone allowed={limit !== null} onFiles={add} />
-      {question.value?.kind === "rename" && <RenameQuestion scene={question.value.scene} onClose={answered} />}
-      {question.value?.kind === "delete" && <DeleteQuestion scene={question.value.scene} onClose={answered} />}
+      {question?.kind === "rename" && <RenameQuestion scene={question.scene} onClose={answered} />}
+      {question?.kind === "delete" && <DeleteQuestion scene={question.scene} onClose={answered} />}
       <footer class="muted">{config.value && `TIGAS ${config.value.version}`}</footer>
     </div>
   );

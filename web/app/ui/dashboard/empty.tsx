@@ -1,6 +1,6 @@
 /** Placeholder of the empty list of scenes. */
 import { Box, SearchX } from "lucide";
-import { Icon } from "../icon";
+import { Icon } from "../button";
 
 export function NoScenes({ editable }: { editable: boolean }) {
   return (

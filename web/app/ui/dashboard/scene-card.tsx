@@ -1,12 +1,11 @@
 /** One scene in the list: its picture, facts about it, and whether it is in memory. */
-import { useSignal } from "@preact/signals";
 import { ImageOff, Pencil, Trash2 } from "lucide";
+import { useState } from "preact/hooks";
 import type { SceneInfo } from "#client/wire/render";
 import { setSceneLoaded } from "../../state/app";
 import { sceneHash } from "../../state/route";
+import { Icon, IconButton, QuietButton } from "../button";
 import { bytes, count } from "../format";
-import { Icon } from "../icon";
-import { IconButton } from "../icon-button";
 
 const STATES: Record<SceneInfo["state"], string> = {
   unloaded: "Not loaded",
@@ -44,7 +43,7 @@ export function SceneCard({ scene, added, onRendered, onRename, onDelete }: Prop
           </p>
         )}
       </div>
-      <div class="card-foot">
+      <div class="card-foot row spread">
         <span class="state" data-state={scene.state}>
           {STATES[scene.state]}
           {scene.state === "loaded" && <span class="muted"> · {bytes(scene.memory_bytes)}</span>}
@@ -62,24 +61,22 @@ function LoadButton({ scene }: { scene: SceneInfo }) {
   const loaded = scene.state === "loaded";
   const verb = loaded ? "Unload" : scene.state === "broken" ? "Try again" : "Load";
   return (
-    <button
-      type="button"
-      class="quiet-button"
+    <QuietButton
       aria-label={`${verb}: ${scene.name}`}
       disabled={scene.state === "loading"}
       onClick={() => void setSceneLoaded(scene, !loaded)}
     >
       {verb}
-    </button>
+    </QuietButton>
   );
 }
 
 /** The preview; the server may take seconds to render it the first time. */
 function Thumbnail({ scene, onRendered }: Pick<Props, "scene" | "onRendered">) {
-  const state = useSignal<"waiting" | "there" | "missing">(scene.state === "broken" ? "missing" : "waiting");
+  const [state, setState] = useState<"waiting" | "there" | "missing">(scene.state === "broken" ? "missing" : "waiting");
   return (
-    <div class="thumbnail" data-state={state.value}>
-      {state.value === "missing" ? (
+    <div class="thumbnail" data-state={state}>
+      {state === "missing" ? (
         <Icon of={ImageOff} size={28} />
       ) : (
         <img
@@ -88,12 +85,10 @@ function Thumbnail({ scene, onRendered }: Pick<Props, "scene" | "onRendered">) {
           loading="lazy"
           decoding="async"
           onLoad={() => {
-            state.value = "there";
+            setState("there");
             onRendered();
           }}
-          onError={() => {
-            state.value = "missing";
-          }}
+          onError={() => setState("missing")}
         />
       )}
     </div>
@@ -115,7 +110,7 @@ export function SkeletonCard() {
       <div class="thumbnail" data-state="waiting" />
       <div class="card-body">
         <span class="bone" />
-        <span class="bone short" />
+        <span class="bone" />
       </div>
     </li>
   );

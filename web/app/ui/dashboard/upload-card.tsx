@@ -1,6 +1,7 @@
 /** A file being uploaded and checked: its progress, or its problem. */
 import type { SceneUpload } from "../../uploads/scene-upload";
 import { dismiss } from "../../uploads/uploads";
+import { QuietButton } from "../button";
 import { bytes } from "../format";
 
 export function UploadCard({ upload }: { upload: SceneUpload }) {
@@ -30,18 +31,13 @@ export function UploadCard({ upload }: { upload: SceneUpload }) {
           </>
         )}
       </div>
-      <div class="card-foot">
+      <div class="card-foot row spread">
         <span class="state" data-state={failed ? "broken" : "loading"}>
           {failed ? "Not added" : "Uploading"}
         </span>
-        <button
-          type="button"
-          class="quiet-button"
-          aria-label={`${failed ? "Dismiss" : "Cancel"}: ${file.name}`}
-          onClick={() => dismiss(upload)}
-        >
+        <QuietButton aria-label={`${failed ? "Dismiss" : "Cancel"}: ${file.name}`} onClick={() => dismiss(upload)}>
           {failed ? "Dismiss" : "Cancel"}
-        </button>
+        </QuietButton>
       </div>
     </li>
   );

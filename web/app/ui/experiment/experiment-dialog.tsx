@@ -8,13 +8,12 @@ import type { ViewerSession } from "#viewer/session/session";
 import { config, settings } from "../../state/app";
 import { runHash } from "../../state/route";
 import { Dialog } from "../dialog";
+import { useShaper } from "../network/use-shaper";
+import { keyOf } from "../use-movements";
 import { ExperimentForm } from "./experiment-form";
-import { keyOf } from "./experiment-movement";
-import { useShaper } from "./use-shaper";
 
 interface Props {
   readonly session: ViewerSession;
-  /** Whether the dialog is open. */
   readonly open: Signal<boolean>;
 }
 

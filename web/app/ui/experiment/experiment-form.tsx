@@ -1,10 +1,9 @@
 /** Setup of an experiment: a short form that writes its file, which the store expands. */
 
 import { useSignal } from "@preact/signals";
-import type { ComponentChildren, TargetedSubmitEvent } from "preact";
-import { useEffect, useMemo } from "preact/hooks";
+import type { TargetedSubmitEvent } from "preact";
+import { useEffect, useMemo, useState } from "preact/hooks";
 import { CONTROLLER_NAMES, CONTROLLERS } from "#client/abr/registry";
-import { ApiError } from "#client/http/problem";
 import { MODE_NAMES, MODES } from "#client/wire/run";
 import type { ExperimentRequest } from "#client/wire/store";
 import { type Draft, experimentFile, isPerView, isStreamed, type Profile, toggled } from "#lab/experiment/file";
@@ -12,12 +11,15 @@ import { presentNetwork } from "#lab/experiment/link";
 import type { StoreApi } from "#lab/experiment/store-api";
 import type { Shaper } from "#lab/network/shaper";
 import type { ViewerSession } from "#viewer/session/session";
+import { SETTINGS } from "#viewer/state/settings";
 import { config, ladder, settings } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
+import { QuietButton } from "../button";
+import { Check, Select, TextField } from "../fields";
 import { bitrate } from "../format";
-import { PredictionOptions } from "../predictions";
-import { Select, TextField } from "./experiment-fields";
-import { MovementChoice, movementFile, useMovements } from "./experiment-movement";
+import { reason } from "../hooks";
+import { useMovements } from "../use-movements";
+import { MovementChoice, movementFile } from "./experiment-movement";
 
 interface Props {
   readonly session: ViewerSession;
@@ -33,15 +35,15 @@ interface Props {
 const EXPAND_AFTER = 300;
 
 export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart }: Props) {
-  const problem = useSignal<string | null>(null);
-  const busy = useSignal(false);
+  const [problem, setProblem] = useState<string | null>(null);
+  const [busy, setBusy] = useState(false);
   /** An edited file, which replaces the form's. */
-  const edited = useSignal<string | null>(null);
+  const [edited, setEdited] = useState<string | null>(null);
   const list = useMovements(store.base);
   const movement = list.listed.find(({ key }) => key === draft.movement) ?? list.listed[0];
   const set = (part: Partial<Draft>) => {
     onDraft({ ...draft, ...part });
-    problem.value = null;
+    setProblem(null);
   };
   const present = presentNetwork(shaper);
   const { name = "", text = null } = movement ? movementFile(movement) : {};
@@ -52,14 +54,14 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
     settings: settings.value,
     viewport: { width: innerWidth, height: innerHeight },
   });
-  const file = edited.value ?? written;
+  const file = edited ?? written;
   const request: ExperimentRequest = {
     file,
     movements: text === null ? {} : { [name]: text },
     traces_s: traceDurations(shaper),
   };
   const obstacle =
-    edited.value !== null
+    edited !== null
       ? null
       : movement === undefined
         ? "Choose a movement."
@@ -70,30 +72,26 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
 
   const submit = async (event: TargetedSubmitEvent<HTMLFormElement>) => {
     event.preventDefault();
-    problem.value = obstacle;
+    setProblem(obstacle);
     if (obstacle !== null) return;
-    busy.value = true;
+    setBusy(true);
     try {
       onStart(await store.create(request));
     } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      problem.value = error.message;
-    } finally {
-      busy.value = false;
+      setProblem(reason(error));
     }
+    setBusy(false);
   };
 
   return (
     <form class="experiment-form" noValidate onSubmit={(event) => void submit(event)}>
-      <fieldset disabled={edited.value !== null} data-wide class="experiment-fields">
+      <fieldset disabled={edited !== null} data-wide class="experiment-fields columns">
         <TextField label="Name" value={draft.name} wide onValue={(typed) => set({ name: typed })} />
         <MovementChoice
           list={list}
           chosen={movement?.key ?? null}
           onChoose={(movement) => set({ movement })}
-          onProblem={(sentence) => {
-            problem.value = sentence;
-          }}
+          onProblem={setProblem}
         />
         <NetworkChoice shaper={shaper} draft={draft} onChange={set} />
         <ConditionChoice draft={draft} onChange={set} />
@@ -128,36 +126,26 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
           rows={12}
           value={file}
           onInput={({ currentTarget }) => {
-            edited.value = currentTarget.value;
-            problem.value = null;
+            setEdited(currentTarget.value);
+            setProblem(null);
           }}
         />
         <p class="muted small">
           TOML or JSON, as for <code>tigas experiment run</code>.{" "}
-          {edited.value !== null && (
-            <button
-              type="button"
-              class="quiet-button"
-              onClick={() => {
-                edited.value = null;
-              }}
-            >
-              Back to the form
-            </button>
-          )}
+          {edited !== null && <QuietButton onClick={() => setEdited(null)}>Back to the form</QuietButton>}
         </p>
       </details>
       <footer>
         <div class="problems" role="alert">
-          {problem.value && <p>{problem.value}</p>}
+          {problem && <p>{problem}</p>}
         </div>
         <p class="muted small" data-experiment="estimate">
-          {problem.value === null && summary}
+          {problem === null && summary}
         </p>
         <a class="button quiet" href={EXPERIMENTS}>
           All experiments
         </a>
-        <button type="submit" class="button" disabled={busy.value}>
+        <button type="submit" class="button" disabled={busy}>
           Start
         </button>
       </footer>
@@ -178,9 +166,7 @@ function useSummary(store: StoreApi, request: ExperimentRequest | null): string 
         const { runs, lasting, problem } = await store.summary(JSON.parse(key) as ExperimentRequest, outdated.signal);
         said.value = problem ?? `${runs} ${runs === 1 ? "run" : "runs"}, about ${lasting}.`;
       } catch (error) {
-        if (outdated.signal.aborted) return;
-        if (!(error instanceof ApiError)) throw error;
-        said.value = error.message;
+        if (!outdated.signal.aborted) said.value = reason(error);
       }
     };
     const timer = setTimeout(() => void expand(), EXPAND_AFTER);
@@ -212,17 +198,16 @@ function NetworkChoice({ shaper, draft, onChange }: PartProps & { readonly shape
       <Select
         label="Network"
         value={draft.trace ?? ""}
+        options={[
+          ["", "Current link"],
+          ...(known ? [] : [[draft.trace ?? "", draft.trace ?? ""] as const]),
+          ...traces.map(
+            ({ name, mean_down_kbps = 0 }) => [name, `${name} · ${bitrate(mean_down_kbps * 1000)}`] as const,
+          ),
+        ]}
         onValue={(value) => onChange({ trace: value === "" ? null : value })}
-        note={shaper?.connectionError.value ?? (shaper === null ? "There is no shaper behind this page." : undefined)}
-      >
-        <option value="">Current link</option>
-        {!known && <option value={draft.trace ?? ""}>{draft.trace}</option>}
-        {traces.map(({ name, mean_down_kbps = 0 }) => (
-          <option key={name} value={name}>
-            {name} · {bitrate(mean_down_kbps * 1000)}
-          </option>
-        ))}
-      </Select>
+        note={shaper === null ? "There is no shaper behind this page." : shaper.connectionError.value}
+      />
       <TextField
         label="Round trip"
         unit="ms"
@@ -273,10 +258,9 @@ function ConditionChoice({ draft, onChange }: PartProps) {
       <Select
         label="Prediction"
         value={draft.prediction}
+        options={Object.entries(SETTINGS.prediction.options)}
         onValue={(name) => onChange({ prediction: name as Draft["prediction"] })}
-      >
-        <PredictionOptions />
-      </Select>
+      />
     </>
   );
 }
@@ -284,20 +268,4 @@ function ConditionChoice({ draft, onChange }: PartProps) {
 function titleOf(controller: Profile): string {
   if (typeof controller === "number") return `Fixed: ${ladder.value[controller]?.name ?? `profile ${controller}`}`;
   return (CONTROLLERS as Readonly<Record<string, { readonly title: string }>>)[controller]?.title ?? controller;
-}
-
-interface CheckProps {
-  readonly checked: boolean;
-  readonly disabled?: boolean;
-  readonly onChange: () => void;
-  readonly children: ComponentChildren;
-}
-
-function Check({ checked, disabled, onChange, children }: CheckProps) {
-  return (
-    <label class="check">
-      <input type="checkbox" checked={checked} disabled={disabled} onChange={onChange} />
-      <span>{children}</span>
-    </label>
-  );
 }

@@ -1,27 +1,24 @@
 /** All experiments that the store keeps, the newest first, with their reports and archives. */
 
-import { useSignal } from "@preact/signals";
 import { Download, FileText, Images, Play, Trash2 } from "lucide";
-import { useCallback, useEffect } from "preact/hooks";
-import { ApiError } from "#client/http/problem";
+import { useCallback, useEffect, useState } from "preact/hooks";
 import type { ExperimentSummary } from "#client/wire/store";
 import { StoreApi } from "#lab/experiment/store-api";
-import { config, refreshScenes } from "../../state/app";
+import { config } from "../../state/app";
 import { runHash, samplesHash } from "../../state/route";
-import { Icon } from "../icon";
-import { IconButton } from "../icon-button";
+import { Icon, IconButton } from "../button";
+import { useAttempts, usePage } from "../hooks";
+import { Notice } from "../notice";
 import { Question } from "../question";
 import { TopBar } from "../top-bar";
 import { LocalSamples } from "./local-samples";
+import { dateOf, Table } from "./table";
 
 export function ExperimentList() {
   const base = config.value?.services.store;
   /** Counter of samples uploaded to the store. */
-  const uploads = useSignal(0);
-  useEffect(() => {
-    document.title = "Experiments · TIGAS";
-    void refreshScenes();
-  }, []);
+  const [uploads, setUploads] = useState(0);
+  usePage("Experiments");
   return (
     <div class="dashboard">
       <TopBar>
@@ -32,15 +29,13 @@ export function ExperimentList() {
           <h1>Experiments</h1>
         </div>
         {base ? (
-          <StoredExperiments key={uploads.value} base={base} />
+          <StoredExperiments key={uploads} base={base} />
         ) : (
           config.value && <p>This server has no store of experiments.</p>
         )}
         <LocalSamples
           store={base === undefined ? null : new StoreApi(base)}
-          onUploaded={() => {
-            uploads.value++;
-          }}
+          onUploaded={() => setUploads((count) => count + 1)}
         />
       </main>
     </div>
@@ -48,46 +43,31 @@ export function ExperimentList() {
 }
 
 function StoredExperiments({ base }: { base: string }) {
-  const list = useSignal<readonly ExperimentSummary[] | null>(null);
-  const problem = useSignal<string | null>(null);
-  const unwanted = useSignal<ExperimentSummary | null>(null);
+  const [list, setList] = useState<readonly ExperimentSummary[]>();
+  const [unwanted, setUnwanted] = useState<ExperimentSummary>();
+  const { problem, attempt } = useAttempts();
   const store = new StoreApi(base);
-  const look = useCallback(async () => {
-    try {
-      list.value = await new StoreApi(base).list();
-      problem.value = null;
-    } catch (error) {
-      problem.value = error instanceof ApiError ? error.message : "The list cannot be read.";
-    }
-  }, [base, list, problem]);
+  const look = useCallback(() => attempt(async () => setList(await new StoreApi(base).list())), [base, attempt]);
   useEffect(() => void look(), [look]);
-  if (list.value === null && problem.value === null) return <p class="muted">Asking the store…</p>;
-  if (list.value?.length === 0)
+  if (list === undefined && problem.value === null) return <p class="muted">Asking the store…</p>;
+  if (list?.length === 0)
     return <p>No experiments yet. To start one, open a scene and choose Experiment in the toolbar, or press X.</p>;
   return (
     <>
-      {problem.value && (
-        <p class="notice" role="alert">
-          {problem.value}
-        </p>
+      <Notice>{problem.value}</Notice>
+      {list && (
+        <Table columns={["Name", "Complete runs", null]}>
+          {list.map((one) => (
+            <Row key={one.id} store={store} experiment={one} onDelete={setUnwanted} />
+          ))}
+        </Table>
       )}
-      {list.value && (
-        <Table
-          store={store}
-          list={list.value}
-          onDelete={(experiment) => {
-            unwanted.value = experiment;
-          }}
-        />
-      )}
-      {unwanted.value && (
+      {unwanted && (
         <DeleteQuestion
           store={store}
-          experiment={unwanted.value}
+          experiment={unwanted}
           onDone={() => void look()}
-          onClose={() => {
-            unwanted.value = null;
-          }}
+          onClose={() => setUnwanted(undefined)}
         />
       )}
     </>
@@ -116,39 +96,6 @@ function DeleteQuestion({ store, experiment, onDone, onClose }: DeleteProps) {
         server’s disk. This cannot be undone.
       </p>
     </Question>
-  );
-}
-
-function dateOf(created: string): string {
-  return new Date(created).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" });
-}
-
-interface TableProps {
-  readonly store: StoreApi;
-  readonly list: readonly ExperimentSummary[];
-  readonly onDelete: (experiment: ExperimentSummary) => void;
-}
-
-function Table({ store, list, onDelete }: TableProps) {
-  return (
-    <div class="experiment-list">
-      <table>
-        <thead>
-          <tr>
-            <th scope="col">Name</th>
-            <th scope="col">Complete runs</th>
-            <th scope="col">
-              <span class="visually-hidden">Files</span>
-            </th>
-          </tr>
-        </thead>
-        <tbody>
-          {list.map((one) => (
-            <Row key={one.id} store={store} experiment={one} onDelete={onDelete} />
-          ))}
-        </tbody>
-      </table>
-    </div>
   );
 }
 

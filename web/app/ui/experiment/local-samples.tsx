@@ -1,14 +1,15 @@
 /** Samples that only this browser has: uploaded later, or deleted. */
-import { useSignal } from "@preact/signals";
 import { Trash2, Upload } from "lucide";
-import { useCallback, useEffect, useRef } from "preact/hooks";
-import { ApiError } from "#client/http/problem";
+import { useCallback, useEffect, useRef, useState } from "preact/hooks";
 import { deleteSamples, uploadSamples } from "#lab/experiment/sample-upload";
 import type { StoreApi } from "#lab/experiment/store-api";
 import { listSampledRuns, type SampledRun } from "#lab/samples/sampled-runs";
+import { QuietButton } from "../button";
 import { bytes } from "../format";
-import { Icon } from "../icon";
+import { useAttempts, useWindowEvent } from "../hooks";
+import { Notice } from "../notice";
 import { Question } from "../question";
+import { dateOf, Table } from "./table";
 
 interface Props {
   /** Null without a store. */
@@ -18,69 +19,28 @@ interface Props {
 }
 
 export function LocalSamples({ store, onUploaded }: Props) {
-  const runs = useSignal<readonly SampledRun[]>([]);
-  const problem = useSignal<string | null>(null);
-  const unwanted = useSignal<SampledRun | null>(null);
-  const look = useCallback(async () => {
-    runs.value = await listSampledRuns();
-  }, [runs]);
-  useEffect(() => {
-    void look();
-    const onFocus = () => void look(); // another tab may have deleted or uploaded some
-    addEventListener("focus", onFocus);
-    return () => removeEventListener("focus", onFocus);
-  }, [look]);
+  const [runs, setRuns] = useState<readonly SampledRun[]>([]);
+  const [unwanted, setUnwanted] = useState<SampledRun>();
+  const { problem, attempt } = useAttempts();
+  const look = useCallback(async () => setRuns(await listSampledRuns()), []);
+  useEffect(() => void look(), [look]);
+  useWindowEvent("focus", () => void look()); // another tab may have deleted or uploaded some
   const done = async (work: Promise<void>) => {
-    problem.value = null;
-    try {
-      await work;
-      onUploaded();
-    } catch (error) {
-      problem.value = error instanceof ApiError ? error.message : `The page failed: ${error}`;
-    }
+    if (await attempt(() => work)) onUploaded();
     await look();
   };
-  const answered = () => {
-    unwanted.value = null;
-  };
-  if (runs.value.length === 0) return null;
+  if (runs.length === 0) return null;
   return (
-    <section class="local-samples" aria-labelledby="local-samples">
+    <section class="local-samples stack" aria-labelledby="local-samples">
       <h2 id="local-samples">Samples in this browser</h2>
       <p class="muted">Shown frames that experiments kept here, and that no store has yet.</p>
-      {problem.value && (
-        <p class="notice" role="alert">
-          {problem.value}
-        </p>
-      )}
-      <div class="experiment-list">
-        <table>
-          <thead>
-            <tr>
-              <th scope="col">Run</th>
-              <th scope="col">Samples</th>
-              <th scope="col">Size</th>
-              <th scope="col">
-                <span class="visually-hidden">Actions</span>
-              </th>
-            </tr>
-          </thead>
-          <tbody>
-            {runs.value.map((run) => (
-              <Row
-                key={run.key}
-                run={run}
-                store={store}
-                onDone={done}
-                onDelete={() => {
-                  unwanted.value = run;
-                }}
-              />
-            ))}
-          </tbody>
-        </table>
-      </div>
-      {unwanted.value && <DeleteQuestion run={unwanted.value} onDone={done} onClose={answered} />}
+      <Notice>{problem.value}</Notice>
+      <Table columns={["Run", "Samples", "Size", null]}>
+        {runs.map((run) => (
+          <Row key={run.key} run={run} store={store} onDone={done} onDelete={() => setUnwanted(run)} />
+        ))}
+      </Table>
+      {unwanted && <DeleteQuestion run={unwanted} onDone={done} onClose={() => setUnwanted(undefined)} />}
     </section>
   );
 }
@@ -111,17 +71,14 @@ interface RowProps {
 
 function Row({ run, store, onDone, onDelete }: RowProps) {
   const { key, about, samples, busy } = run;
-  const sent = useSignal<number | null>(null);
+  const [sent, setSent] = useState<number | null>(null);
   const leaving = useRef(new AbortController());
   useEffect(() => () => leaving.current.abort(), []);
   const upload = async () => {
     if (store === null) return;
-    sent.value = 0;
-    const progress = (now: number) => {
-      sent.value = now;
-    };
-    await onDone(uploadSamples({ key, store, progress, signal: leaving.current.signal }));
-    sent.value = null;
+    setSent(0);
+    await onDone(uploadSamples({ key, store, progress: setSent, signal: leaving.current.signal }));
+    setSent(null);
   };
   return (
     <tr>
@@ -129,27 +86,27 @@ function Row({ run, store, onDone, onDelete }: RowProps) {
         {nameOf(run)}
         {about && (
           <time class="muted small" dateTime={new Date(about.started_unix_ms).toISOString()}>
-            {new Date(about.started_unix_ms).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" })}
+            {dateOf(about.started_unix_ms)}
           </time>
         )}
       </th>
       <td>{samples.length}</td>
       <td>{bytes(run.bytes)}</td>
       <td>
-        {sent.value !== null ? (
-          <progress max={Math.max(1, run.bytes)} value={sent.value} aria-label="Uploaded" />
+        {sent !== null ? (
+          <progress max={Math.max(1, run.bytes)} value={sent} aria-label="Uploaded" />
         ) : busy ? (
           <span class="muted">In use by another tab</span>
         ) : (
           <>
             {store && about && (
-              <button type="button" class="quiet-button with-icon" onClick={() => void upload()}>
-                <Icon of={Upload} size={14} /> Upload
-              </button>
+              <QuietButton icon={Upload} onClick={() => void upload()}>
+                Upload
+              </QuietButton>
             )}
-            <button type="button" class="quiet-button with-icon" onClick={onDelete}>
-              <Icon of={Trash2} size={14} /> Delete
-            </button>
+            <QuietButton icon={Trash2} onClick={onDelete}>
+              Delete
+            </QuietButton>
           </>
         )}
       </td>

@@ -11,26 +11,23 @@ import { StoreApi } from "#lab/experiment/store-api";
 import { Shaper } from "#lab/network/shaper";
 import { ViewerSession } from "#viewer/session/session";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
-import { config, page, refreshScenes, settings, settingsOverridden } from "../../state/app";
+import { config, page, settings, settingsOverridden } from "../../state/app";
 import { EXPERIMENTS, samplesHash } from "../../state/route";
+import { Icon, QuietButton } from "../button";
 import { clock } from "../format";
-import { Icon } from "../icon";
+import { useLeavingWarning, usePage } from "../hooks";
 import { TopBar } from "../top-bar";
-import { useLeavingWarning } from "../use-leaving-warning";
 
 export function RunPage({ id }: { id: string }) {
   const base = config.value?.services.store;
-  useEffect(() => {
-    document.title = "Experiment · TIGAS";
-    void refreshScenes();
-  }, []);
+  usePage("Experiment");
   return (
     <div class="run-page">
       <TopBar>
         <a href={EXPERIMENTS}>Experiments</a>
       </TopBar>
       {base !== undefined && <Performing id={id} store={base} shaper={config.value?.services.shaper} />}
-      {config.value && base === undefined && <p class="run-message">This server has no store of experiments.</p>}
+      {config.value && base === undefined && <p>This server has no store of experiments.</p>}
     </div>
   );
 }
@@ -143,9 +140,7 @@ function ProgressPanel({ conductor }: { conductor: Conductor }) {
         <small class="muted">{stage}</small>
       </p>
       <output>about {clock(remaining_s * 1000)} left</output>
-      <button type="button" class="quiet-button" onClick={() => conductor.cancel()}>
-        Cancel
-      </button>
+      <QuietButton onClick={() => conductor.cancel()}>Cancel</QuietButton>
       <progress max={Math.max(1, planned)} value={done} aria-label="Progress of the experiment" />
     </section>
   );
@@ -160,7 +155,7 @@ interface EndProps {
 
 function EndPanel({ id, store, ending: { problem, refused, missing, sampled }, attempt }: EndProps) {
   return (
-    <section class="run-end" aria-label="Experiment">
+    <section class="run-end row wrap" aria-label="Experiment">
       <p role="status">{problem ?? (missing === 0 ? "All runs are complete." : `${missing} runs are incomplete.`)}</p>
       {missing !== 0 && (
         <button type="button" class="button quiet" onClick={() => attempt.value++}>

@@ -2,9 +2,10 @@
  * The samples of a run: received frame, shown frame and ground truth in a row, a slider between two, and differences.
  */
 import { useSignal } from "@preact/signals";
-import { useEffect, useMemo } from "preact/hooks";
-import { ApiError } from "#client/http/problem";
+import { useEffect, useMemo, useState } from "preact/hooks";
 import type { SampleRow } from "#client/wire/store";
+import { reason } from "../hooks";
+import { Notice } from "../notice";
 
 const PICTURES = {
   original: "Received",
@@ -23,31 +24,26 @@ type Urls = Readonly<Partial<Record<Picture, string>>>;
 
 interface Props {
   readonly samples: readonly SampleRow[];
-  /** A picture by its name. */
   readonly load: (name: string) => Promise<Blob>;
 }
 
 export function SampleGallery({ samples, load }: Props) {
-  const chosen = useSignal(0);
-  const sample = samples[Math.min(chosen.value, samples.length - 1)];
+  const [chosen, setChosen] = useState(0);
+  const index = Math.min(chosen, samples.length - 1);
+  const sample = samples[index];
   if (sample === undefined) return <p>It has no samples.</p>;
-  const step = (by: number) => {
-    chosen.value = Math.max(0, Math.min(samples.length - 1, chosen.value + by));
-  };
+  const step = (label: string, to: number) => (
+    <button type="button" class="button quiet" disabled={samples[to] === undefined} onClick={() => setChosen(to)}>
+      {label}
+    </button>
+  );
   return (
-    <section class="sample-gallery" aria-label="Samples">
-      <div class="sample-choice">
-        <button type="button" class="button quiet" disabled={chosen.value === 0} onClick={() => step(-1)}>
-          Previous
-        </button>
+    <section class="sample-gallery stack" aria-label="Samples">
+      <div class="sample-choice row wrap">
+        {step("Previous", index - 1)}
         <label>
           Sample{" "}
-          <select
-            value={sample.seq}
-            onChange={({ currentTarget }) => {
-              chosen.value = currentTarget.selectedIndex;
-            }}
-          >
+          <select value={sample.seq} onChange={({ currentTarget }) => setChosen(currentTarget.selectedIndex)}>
             {samples.map(({ seq, at }) => (
               <option key={seq} value={seq}>
                 {seq}, at {(at / 1000).toFixed(1)} s
@@ -55,14 +51,7 @@ export function SampleGallery({ samples, load }: Props) {
             ))}
           </select>
         </label>
-        <button
-          type="button"
-          class="button quiet"
-          disabled={chosen.value >= samples.length - 1}
-          onClick={() => step(1)}
-        >
-          Next
-        </button>
+        {step("Next", index + 1)}
       </div>
       <Pictures key={sample.seq} sample={sample} load={load} />
     </section>
@@ -71,23 +60,15 @@ export function SampleGallery({ samples, load }: Props) {
 
 function Pictures({ sample, load }: { sample: SampleRow; load: Props["load"] }) {
   const { urls, problem } = useUrls(sample, load);
-  const left = useSignal<View>(sample.enhanced ? "enhanced" : "original");
-  const right = useSignal<View>("truth");
-  const at = useSignal(50);
+  const [left, setLeft] = useState<View>(sample.enhanced ? "enhanced" : "original");
+  const [right, setRight] = useState<View>("truth");
+  const [at, setAt] = useState(50);
   const views = useMemo(() => viewsOf(sample), [sample]);
-  const ratio = useSignal(16 / 9);
-  const measure = ({ currentTarget }: { currentTarget: HTMLImageElement }) => {
-    ratio.value = currentTarget.naturalWidth / currentTarget.naturalHeight;
-  };
-  const choose = (label: string, view: typeof left) => (
+  const [ratio, setRatio] = useState(16 / 9);
+  const choose = (label: string, view: View, set: (view: View) => void) => (
     <label>
       {label}{" "}
-      <select
-        value={view.value}
-        onChange={({ currentTarget }) => {
-          view.value = currentTarget.value as View;
-        }}
-      >
+      <select value={view} onChange={({ currentTarget }) => set(currentTarget.value as View)}>
         {views.map((name) => (
           <option key={name} value={name}>
             {VIEWS[name]}
@@ -98,22 +79,18 @@ function Pictures({ sample, load }: { sample: SampleRow; load: Props["load"] }) 
   );
   return (
     <>
-      {problem && (
-        <p class="notice" role="alert">
-          {problem}
-        </p>
-      )}
+      <Notice>{problem}</Notice>
       <p class="small muted">{about(sample)}</p>
       <Remarks sample={sample} />
-      <div class="sample-choice">
-        {choose("Left", left)}
-        {choose("Right", right)}
+      <div class="sample-choice row wrap">
+        {choose("Left", left, setLeft)}
+        {choose("Right", right, setRight)}
       </div>
-      <div class="wipe-box" style={{ "--at": `${at.value}%`, "--ratio": ratio.value }}>
+      <div class="wipe-box" style={{ "--at": `${at}%`, "--ratio": ratio }}>
         <div class="wipe">
-          <Layer view={right.value} urls={urls} />
+          <Layer view={right} urls={urls} />
           <div class="wipe-left">
-            <Layer view={left.value} urls={urls} />
+            <Layer view={left} urls={urls} />
           </div>
         </div>
         <input
@@ -121,19 +98,21 @@ function Pictures({ sample, load }: { sample: SampleRow; load: Props["load"] }) 
           min="0"
           max="100"
           step="0.5"
-          value={at.value}
+          value={at}
           aria-label="How much of the left picture"
-          onInput={({ currentTarget }) => {
-            at.value = currentTarget.valueAsNumber;
-          }}
+          onInput={({ currentTarget }) => setAt(currentTarget.valueAsNumber)}
         />
       </div>
-      <div class="sample-row">
+      <div class="sample-row columns">
         {(["original", "enhanced", "truth"] as const).map(
           (name) =>
             urls[name] && (
               <figure key={name}>
-                <img src={urls[name]} alt={PICTURES[name]} onLoad={measure} />
+                <img
+                  src={urls[name]}
+                  alt={PICTURES[name]}
+                  onLoad={({ currentTarget }) => setRatio(currentTarget.naturalWidth / currentTarget.naturalHeight)}
+                />
                 <figcaption class="small muted">{PICTURES[name]}</figcaption>
               </figure>
             ),
@@ -188,14 +167,11 @@ function useUrls(sample: SampleRow, load: Props["load"]): { urls: Urls; problem:
         made.push(url);
         urls.value = { ...urls.value, [picture]: url };
       } catch (error) {
-        if (!(error instanceof ApiError)) throw error;
-        problem.value = error.message;
+        problem.value = reason(error);
       }
     };
-    void take("original", original);
-    void take("enhanced", enhanced);
-    void take("truth", truth);
-    void take("replayed", replayed);
+    const names = { original, enhanced, truth, replayed };
+    for (const picture of Object.keys(PICTURES) as Picture[]) void take(picture, names[picture]);
     return () => {
       gone = true;
       for (const url of made) URL.revokeObjectURL(url);

@@ -1,23 +1,23 @@
 /** The samples of an experiment that the store keeps: rendered again when asked, run by run, with their pictures. */
-import { type Signal, useSignal } from "@preact/signals";
-import { useCallback, useEffect, useMemo } from "preact/hooks";
+import { useSignal } from "@preact/signals";
+import { useCallback, useEffect, useMemo, useState } from "preact/hooks";
 import { ApiError } from "#client/http/problem";
 import type { Materialisation, RunRow, SampleList, Experiment as StoredExperiment } from "#client/wire/store";
 import { StoreApi } from "#lab/experiment/store-api";
-import { config, refreshScenes } from "../../state/app";
+import { config } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
+import { useAttempts, usePage } from "../hooks";
+import { Notice } from "../notice";
 import { TopBar } from "../top-bar";
 import { SampleGallery } from "./sample-gallery";
+import { Table } from "./table";
 
 /** Polling interval of the store's progress, in milliseconds. */
 const ASK_EVERY = 1000;
 
 export function SamplesPage({ id }: { id: string }) {
   const base = config.value?.services.store;
-  useEffect(() => {
-    document.title = "Samples · TIGAS";
-    void refreshScenes();
-  }, []);
+  usePage("Samples");
   return (
     <div class="dashboard">
       <TopBar>
@@ -32,42 +32,26 @@ export function SamplesPage({ id }: { id: string }) {
 
 function Samples({ base, id }: { base: string; id: string }) {
   const store = useMemo(() => new StoreApi(base), [base]);
-  const experiment = useSignal<StoredExperiment | null>(null);
-  const problem = useSignal<string | null>(null);
-  const chosen = useSignal<string | null>(null);
-  const attempt = useAttempt(problem);
-  const refresh = useCallback(
-    () =>
-      attempt(async () => {
-        experiment.value = await store.get(id);
-      }),
-    [attempt, store, id, experiment],
-  );
+  const [experiment, setExperiment] = useState<StoredExperiment>();
+  const [chosen, setChosen] = useState<string>();
+  const { problem, attempt } = useAttempts();
+  const rendering = useAttempts();
+  const refresh = useCallback(() => attempt(async () => setExperiment(await store.get(id))), [attempt, store, id]);
   useEffect(() => void refresh(), [refresh]);
-  const runs = experiment.value?.runs.filter(({ samples }) => samples !== null) ?? [];
-  const run = runs.find(({ folder }) => folder === chosen.value) ?? runs[0];
+  const runs = experiment?.runs.filter(({ samples }) => samples !== null) ?? [];
+  const run = runs.find(({ folder }) => folder === chosen) ?? runs[0];
   return (
     <>
-      <div class="page-head">
-        <h1>{experiment.value?.name ?? "Samples"}</h1>
-        <Rendering store={store} id={id} problem={problem} onProgress={refresh} />
+      <div class="page-head row wrap spread">
+        <h1>{experiment?.name ?? "Samples"}</h1>
+        <Rendering store={store} id={id} attempt={rendering.attempt} onProgress={refresh} />
       </div>
-      {problem.value && (
-        <p class="notice" role="alert">
-          {problem.value}
-        </p>
-      )}
-      {experiment.value && runs.length === 0 && <p>No run of this experiment has samples.</p>}
+      <Notice>{problem.value ?? rendering.problem.value}</Notice>
+      {experiment && runs.length === 0 && <p>No run of this experiment has samples.</p>}
       {run && (
         <>
           <p class="small muted">Each frame was requested again; identical frames match byte for byte.</p>
-          <Runs
-            runs={runs}
-            chosen={run.folder}
-            onChoose={(folder) => {
-              chosen.value = folder;
-            }}
-          />
+          <Runs runs={runs} chosen={run.folder} onChoose={setChosen} />
           <Run key={run.folder} run={run} store={store} id={id} />
         </>
       )}
@@ -78,25 +62,24 @@ function Samples({ base, id }: { base: string; id: string }) {
 interface RenderingProps {
   readonly store: StoreApi;
   readonly id: string;
-  readonly problem: Signal<string | null>;
+  readonly attempt: ReturnType<typeof useAttempts>["attempt"];
   /** Whenever more is rendered. */
-  readonly onProgress: () => Promise<void>;
+  readonly onProgress: () => Promise<unknown>;
 }
 
 /** How far rendering the samples again is, with the buttons that begin and end it. */
-function Rendering({ store, id, problem, onProgress }: RenderingProps) {
+function Rendering({ store, id, attempt, onProgress }: RenderingProps) {
   const state = useSignal<Materialisation | null>(null);
-  const attempt = useAttempt(problem);
   const take = useCallback(
     (ask: () => Promise<Materialisation>) =>
       attempt(async () => {
         const before = state.value;
         const told = await ask();
         state.value = told;
-        if (told.problem) problem.value = told.problem;
+        if (told.problem) throw new ApiError(told.problem, false);
         if (before && (before.done !== told.done || before.state !== told.state)) await onProgress();
       }),
-    [attempt, state, problem, onProgress],
+    [attempt, state, onProgress],
   );
   const running = state.value?.state === "running";
   useEffect(() => {
@@ -110,7 +93,7 @@ function Rendering({ store, id, problem, onProgress }: RenderingProps) {
   if (state.value === null || state.value.total === 0) return null;
   const { done, total } = state.value;
   return (
-    <div class="sample-choice">
+    <div class="sample-choice row wrap">
       {running ? (
         <>
           <progress max={total} value={done} aria-label="Samples that are rendered again" />
@@ -127,14 +110,7 @@ function Rendering({ store, id, problem, onProgress }: RenderingProps) {
             {done} of {total} have ground truth
           </span>
           {done < total && (
-            <button
-              type="button"
-              class="button"
-              onClick={() => {
-                problem.value = null;
-                void take(() => store.materialise(id));
-              }}
-            >
+            <button type="button" class="button" onClick={() => void take(() => store.materialise(id))}>
               Render ground truth
             </button>
           )}
@@ -144,88 +120,50 @@ function Rendering({ store, id, problem, onProgress }: RenderingProps) {
   );
 }
 
-function Runs({
-  runs,
-  chosen,
-  onChoose,
-}: {
-  runs: readonly RunRow[];
-  chosen: string;
-  onChoose: (folder: string) => void;
-}) {
+interface RunsProps {
+  readonly runs: readonly RunRow[];
+  readonly chosen: string;
+  readonly onChoose: (folder: string) => void;
+}
+
+function Runs({ runs, chosen, onChoose }: RunsProps) {
   return (
-    <div class="experiment-list sampled-runs">
-      <table>
-        <thead>
-          <tr>
-            <th scope="col">Run</th>
-            <th scope="col">Samples</th>
-            <th scope="col">Identical</th>
-            <th scope="col">Different</th>
-            <th scope="col">Incomplete</th>
-          </tr>
-        </thead>
-        <tbody>
-          {runs.map(
-            ({ folder, samples }) =>
-              samples && (
-                <tr key={folder}>
-                  <th scope="row">
-                    <label>
-                      <input type="radio" name="run" checked={folder === chosen} onChange={() => onChoose(folder)} />{" "}
-                      {folder}
-                    </label>
-                  </th>
-                  <td>{samples.samples}</td>
-                  <td>{samples.identical}</td>
-                  <td class={samples.different > 0 ? "sample-warning" : undefined}>{samples.different}</td>
-                  <td>{samples.missing}</td>
-                </tr>
-              ),
-          )}
-        </tbody>
-      </table>
-    </div>
+    <Table kind="sampled-runs" columns={["Run", "Samples", "Identical", "Different", "Incomplete"]}>
+      {runs.map(
+        ({ folder, samples }) =>
+          samples && (
+            <tr key={folder}>
+              <th scope="row">
+                <label>
+                  <input type="radio" name="run" checked={folder === chosen} onChange={() => onChoose(folder)} />{" "}
+                  {folder}
+                </label>
+              </th>
+              <td>{samples.samples}</td>
+              <td>{samples.identical}</td>
+              <td class={samples.different > 0 ? "sample-warning" : undefined}>{samples.different}</td>
+              <td>{samples.missing}</td>
+            </tr>
+          ),
+      )}
+    </Table>
   );
 }
 
 function Run({ run: { folder, samples }, store, id }: { run: RunRow; store: StoreApi; id: string }) {
-  const list = useSignal<SampleList | null>(null);
-  const problem = useSignal<string | null>(null);
-  const attempt = useAttempt(problem);
+  const [list, setList] = useState<SampleList>();
+  const { problem, attempt } = useAttempts();
   const load = useCallback((name: string) => store.picture(id, folder, name), [store, id, folder]);
   // A change of the counts means new figures.
   const known = JSON.stringify(samples);
   // biome-ignore lint/correctness/useExhaustiveDependencies: asked again when `known` changes
   useEffect(() => {
-    void attempt(async () => {
-      list.value = await store.samples(id, folder);
-    });
-  }, [known, store, id, folder, attempt, list]);
-  const said = problem.value ?? list.value?.problem;
+    void attempt(async () => setList(await store.samples(id, folder)));
+  }, [known, store, id, folder, attempt]);
   return (
     <>
-      {said && (
-        <p class="notice" role="alert">
-          {said}
-        </p>
-      )}
-      {list.value && <SampleGallery samples={list.value.samples} load={load} />}
+      <Notice>{problem.value ?? list?.problem}</Notice>
+      {list && <SampleGallery samples={list.samples} load={load} />}
     </>
-  );
-}
-
-/** Runs something, and keeps the sentence of an ApiError. */
-function useAttempt(problem: Signal<string | null>): (what: () => Promise<void>) => Promise<void> {
-  return useCallback(
-    async (what) => {
-      try {
-        await what();
-      } catch (error) {
-        if (!(error instanceof ApiError)) throw error;
-        problem.value = error.message;
-      }
-    },
-    [problem],
   );
 }

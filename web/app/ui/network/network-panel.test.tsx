@@ -6,7 +6,7 @@ import type { ShaperStatus } from "#client/wire/shaper";
 import { asSession, fakeSession } from "../../state/fake-session";
 import { NetworkPanel } from "./network-panel";
 
-vi.mock("../chart/live-plot", () => ({ plotLive: () => () => undefined }));
+vi.mock("../chart/plots", () => ({ plotLive: () => () => undefined }));
 
 const LINK = { down_kbps: 20_000, up_kbps: 10_000, delay_ms: 10, jitter_ms: 0, loss_pct: 0 };
 const DOWN = { target_kbps: 20_000, delivered_kbps: 12_340, queue_bytes: 0, queue_ms: 7.6, drops: 3 };

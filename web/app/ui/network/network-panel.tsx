@@ -1,19 +1,20 @@
 /** The shaped link: its trace, its load, and the frames' delays. */
 
 import { effect, type Signal, useSignal } from "@preact/signals";
-import { FolderOpen, Pause, Play, Square } from "lucide";
-import { useEffect, useRef } from "preact/hooks";
-import type { DirectionStatus, ShaperStatus } from "#client/wire/shaper";
-import { frames } from "#lab/network/series";
-import { Shaper } from "#lab/network/shaper";
-import { append, noColumns } from "#viewer/charts/columns";
+import { Pause, Play, Square } from "lucide";
+import { useEffect, useState } from "preact/hooks";
+import type { DirectionStatus, ShaperStatus, TracePoints, TraceSummary } from "#client/wire/shaper";
+import { frames, type Shaper, stepPath } from "#lab/network/shaper";
+import { append, noColumns } from "#viewer/charts/history";
 import type { ViewerSession } from "#viewer/session/session";
-import { LiveChart } from "../chart/live-chart";
-import type { Quantity } from "../chart/live-plot";
-import { clock } from "../format";
-import { Icon } from "../icon";
+import { FileButton, QuietButton } from "../button";
+import { LiveChart } from "../chart/chart";
+import type { Quantity } from "../chart/plots";
+import { Check, RadioList, Seek } from "../fields";
+import { bitrate, clock } from "../format";
+import { Notice } from "../notice";
 import { LinkForm } from "./link-form";
-import { TraceList } from "./trace-list";
+import { useShaper } from "./use-shaper";
 
 const RATES: readonly Quantity[] = [
   { label: "Target", unit: "Mbit/s", axis: "left", tone: "target", stepped: true },
@@ -24,19 +25,12 @@ const FRAMES: readonly Quantity[] = [
   { label: "Round trip", unit: "ms", axis: "right", tone: "second" },
 ];
 
-/** How many steps the arrow keys need from a trace's start to its end. */
-const STEPS = 200;
+/** Of a trace's outline, in pixels. */
+const OUTLINE: [number, number] = [72, 24];
 
 export function NetworkPanel({ base, session }: { base: string; session: ViewerSession }) {
-  const shaper = useSignal<Shaper | null>(null);
-  const visible = session.presence.visible.value;
-  useEffect(() => {
-    if (!visible) return undefined;
-    const current = new Shaper(base, location.href, () => performance.now());
-    shaper.value = current;
-    return () => current.dispose();
-  }, [base, visible, shaper]);
-  return shaper.value && <Link shaper={shaper.value} session={session} />;
+  const shaper = useShaper(base, session.presence.visible.value);
+  return shaper && <Link shaper={shaper} session={session} />;
 }
 
 function Link({ shaper, session }: { shaper: Shaper; session: ViewerSession }) {
@@ -46,9 +40,9 @@ function Link({ shaper, session }: { shaper: Shaper; session: ViewerSession }) {
   if (connectionError) return <Notice>{connectionError}</Notice>;
   if (!status) return <p class="muted small">Asking the shaper …</p>;
   return (
-    <div class="network">
-      {status.closed && <Notice>{status.closed}</Notice>}
-      {shaper.actionError.value && <Notice>{shaper.actionError.value}</Notice>}
+    <div class="network stack">
+      <Notice>{status.closed}</Notice>
+      <Notice>{shaper.actionError.value}</Notice>
       <LiveChart name="Rate towards this page" quantities={RATES} columns={shaper.rates} />
       <Directions status={status} />
       <LiveChart name="Our frames" quantities={FRAMES} columns={frameColumns} />
@@ -58,72 +52,69 @@ function Link({ shaper, session }: { shaper: Shaper; session: ViewerSession }) {
   );
 }
 
-function Notice({ children }: { children: string }) {
-  return (
-    <p class="notice" role="alert">
-      {children}
-    </p>
-  );
-}
-
 function Playing({ shaper, status }: { shaper: Shaper; status: ShaperStatus }) {
-  const picked = useSignal<string | null>(null);
-  const loopAtStart = useSignal(true);
+  const [picked, setPicked] = useState<string | null>(null);
+  const [loopAtStart, setLoopAtStart] = useState(true);
+  const [uploading, setUploading] = useState(false);
   const traces = shaper.traces.value;
-  const chosen = picked.value ?? status.trace ?? traces.find(({ error }) => !error)?.name ?? null;
-  const loop = status.trace === null ? loopAtStart.value : status.loop;
+  const chosen = picked ?? status.trace ?? traces.find(({ error }) => !error)?.name ?? null;
+  const loop = status.trace === null ? loopAtStart : status.loop;
   const paused = status.mode === "paused";
   const setLoop = () => {
-    loopAtStart.value = !loop;
+    setLoopAtStart(!loop);
     if (status.trace !== null) void shaper.act((api) => api.loop(!loop));
+  };
+  const upload = async (file: File) => {
+    setUploading(true);
+    const name = await shaper.upload(file);
+    setUploading(false);
+    if (name !== null) setPicked(name);
   };
   return (
     <>
-      <TraceList
-        traces={traces}
-        plots={shaper.plots.value}
+      <RadioList
+        name="trace"
+        label="Trace"
+        boxed
+        rows={traces.map((trace) => traceRow(trace, shaper.plots.value.get(trace.name)))}
         chosen={chosen}
-        onChoose={(name) => {
-          picked.value = name;
-        }}
+        onChoose={setPicked}
       />
-      <OpenTrace
-        shaper={shaper}
-        onKept={(name) => {
-          picked.value = name;
-        }}
-      />
+      <FileButton
+        label="Trace file"
+        title="A CSV of this project, or a log or trace that tigas trace import reads; the shaper keeps it until it stops"
+        disabled={uploading}
+        onFile={(file) => void upload(file)}
+      >
+        {uploading ? "Uploading…" : "Upload a trace…"}
+      </FileButton>
       {status.trace !== null && <Position shaper={shaper} status={status} />}
       <div class="playing">
-        <button
-          type="button"
-          class="quiet-button"
+        <QuietButton
+          icon={Play}
           disabled={chosen === null}
           onClick={() => chosen !== null && void shaper.act((api) => api.start({ trace: chosen, loop }))}
         >
-          <Icon of={Play} size={14} /> Play
-        </button>
-        <button
-          type="button"
-          class="quiet-button"
+          Play
+        </QuietButton>
+        <QuietButton
+          icon={paused ? Play : Pause}
           disabled={!paused && status.mode !== "playing"}
           onClick={() => void shaper.act((api) => (paused ? api.resume() : api.pause()))}
         >
-          <Icon of={paused ? Play : Pause} size={14} /> {paused ? "Resume" : "Pause"}
-        </button>
-        <button
-          type="button"
-          class="quiet-button"
+          {paused ? "Resume" : "Pause"}
+        </QuietButton>
+        <QuietButton
+          icon={Square}
           title="Go back to the rate that the shaper has when nothing plays"
           onClick={() => void shaper.act((api) => api.stop())}
         >
-          <Icon of={Square} size={14} /> Stop
-        </button>
+          Stop
+        </QuietButton>
       </div>
-      <label class="check">
-        <input type="checkbox" checked={loop} onChange={setLoop} />
+      <Check checked={loop} onChange={setLoop}>
         Start again at the end
-      </label>
+      </Check>
       <p class="muted small" data-network="mode">
         {describe(status)}
       </p>
@@ -131,85 +122,57 @@ function Playing({ shaper, status }: { shaper: Shaper; status: ShaperStatus }) {
   );
 }
 
-/** A trace of a person's own. */
-function OpenTrace({ shaper, onKept }: { shaper: Shaper; onKept: (name: string) => void }) {
-  const input = useRef<HTMLInputElement>(null);
-  const busy = useSignal(false);
-  const upload = async (file: File) => {
-    busy.value = true;
-    const name = await shaper.upload(file);
-    busy.value = false;
-    if (name !== null) onKept(name);
+/** A trace's row in the list, with a small plot of its rate towards the client. */
+function traceRow({ name, error, mean_down_kbps = 0, duration_ms = 0 }: TraceSummary, points?: TracePoints) {
+  const [width, height] = OUTLINE;
+  return {
+    key: name,
+    title: (
+      <>
+        {name}
+        <span class="muted small">{error ?? `${bitrate(mean_down_kbps * 1000)} · ${clock(duration_ms)}`}</span>
+      </>
+    ),
+    detail: (
+      <svg class="trace-plot" aria-hidden="true" viewBox={`0 -1 ${width} ${height + 2}`} width={width} height={height}>
+        {points && <path d={stepPath(points.times_ms, points.down_kbps, points.duration_ms, OUTLINE)} />}
+      </svg>
+    ),
+    tooltip: error ?? undefined,
+    disabled: Boolean(error),
   };
-  return (
-    <>
-      <button
-        type="button"
-        class="quiet-button with-icon"
-        title="A CSV of this project, or a log or trace that tigas trace import reads; the shaper keeps it until it stops"
-        disabled={busy.value}
-        onClick={() => input.current?.click()}
-      >
-        <Icon of={FolderOpen} size={14} /> {busy.value ? "Uploading…" : "Upload a trace…"}
-      </button>
-      <input
-        ref={input}
-        type="file"
-        hidden
-        aria-label="Trace file"
-        onChange={({ currentTarget }) => {
-          const [file] = currentTarget.files ?? [];
-          if (file) void upload(file);
-          currentTarget.value = ""; // the same file may be chosen again
-        }}
-      />
-    </>
-  );
 }
 
 /** Where in its trace the link is, and the way to go elsewhere. */
 function Position({ shaper, status }: { shaper: Shaper; status: ShaperStatus }) {
   /** While a person drags it. */
-  const wanted = useSignal<number | null>(null);
-  const { position_ms, duration_ms } = status;
-  const at = wanted.value ?? position_ms ?? 0;
+  const [wanted, setWanted] = useState<number | null>(null);
   const go = async (position: number) => {
     await shaper.act((api) => api.seek(position));
-    wanted.value = null;
+    setWanted(null);
   };
   return (
-    <div class="movement-progress">
-      <input
-        type="range"
-        aria-label="Place in the trace"
-        aria-valuetext={`${clock(at)} of ${clock(duration_ms ?? 0)}`}
-        min={0}
-        max={duration_ms ?? 0}
-        step={(duration_ms ?? 0) / STEPS}
-        value={at}
-        disabled={status.mode === "ended"}
-        onInput={({ currentTarget }) => {
-          wanted.value = currentTarget.valueAsNumber;
-        }}
-        onChange={({ currentTarget }) => void go(currentTarget.valueAsNumber)}
-      />
-      <output>
-        {clock(at)} / {clock(duration_ms ?? 0)}
-      </output>
-    </div>
+    <Seek
+      label="Place in the trace"
+      at={wanted ?? status.position_ms ?? 0}
+      duration={status.duration_ms ?? 0}
+      disabled={status.mode === "ended"}
+      onSeek={setWanted}
+      onRelease={(position) => void go(position)}
+    />
   );
 }
 
 function Directions({ status }: { status: ShaperStatus }) {
   return (
     <table class="directions">
-      <thead>
+      <thead class="muted">
         <tr>
-          <th scope="col">Mbit/s</th>
-          <th scope="col">Target</th>
-          <th scope="col">Delivered</th>
-          <th scope="col">Queue</th>
-          <th scope="col">Drops</th>
+          {["Mbit/s", "Target", "Delivered", "Queue", "Drops"].map((name) => (
+            <th key={name} scope="col">
+              {name}
+            </th>
+          ))}
         </tr>
       </thead>
       <tbody>

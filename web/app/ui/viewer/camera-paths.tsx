@@ -1,14 +1,14 @@
 /** Camera paths that are saved with the scene: add keyframes, play a path, save it, and make a video of it. */
-import { signal, useSignal } from "@preact/signals";
-import { ChevronDown, Play, Plus, Square, X } from "lucide";
-import type { SavedPath, SceneInfo } from "#client/wire/render";
+import { signal } from "@preact/signals";
+import { Play, Plus, Square, X } from "lucide";
+import { useState } from "preact/hooks";
+import type { SceneInfo } from "#client/wire/render";
 import type { ViewerSession } from "#viewer/session/session";
+import { IconButton, QuietButton } from "../button";
+import { Check, NumberField, RadioList, Select } from "../fields";
 import { clock } from "../format";
-import { Icon } from "../icon";
-import { IconButton } from "../icon-button";
 import { Question } from "../question";
-import { freeName, NameForm, taken } from "./name-form";
-import { NumberField } from "./number-field";
+import { edit, freeName, mayEdit, NameForm, taken } from "./name-form";
 import {
   draftOf,
   durationOf,
@@ -23,7 +23,6 @@ import {
 } from "./path-draft";
 import { SaveVideo } from "./save-video";
 import { goTo, pathOf, play, playing, presentPose } from "./saved-places";
-import { edit, mayEdit } from "./scene-edits";
 
 const EASINGS: Readonly<Record<PathDraft["easing"], string>> = {
   "ease-in-out": "Smooth",
@@ -69,9 +68,20 @@ function Paths({ session, scene }: Props & { readonly scene: SceneInfo }) {
   };
   const ready = stopsOf(draft).length > 1;
   return (
-    <div class="camera-paths">
+    <div class="camera-paths stack">
       {Object.keys(paths).length > 0 && (
-        <PathList paths={paths} chosen={saved ? chosen : NEW} drafts={drafts} onChoose={choose} />
+        <RadioList
+          name="path"
+          label="Camera path"
+          boxed
+          rows={[...Object.keys(paths), NEW].map((name) => ({
+            key: name,
+            title: name === NEW ? "New path" : name,
+            detail: drafts.has(name) ? "not saved" : paths[name] && clock(paths[name].keyframes.at(-1)?.t_ms ?? 0),
+          }))}
+          chosen={saved ? chosen : NEW}
+          onChoose={choose}
+        />
       )}
       <Keyframes session={session} draft={draft} onChange={change} />
       {ready && <Timing draft={draft} onChange={change} />}
@@ -87,36 +97,8 @@ function Paths({ session, scene }: Props & { readonly scene: SceneInfo }) {
           onLeave={leave}
         />
       )}
-      {drafts.has(chosen) && (
-        <button type="button" class="quiet-button" onClick={() => leave(saved ? chosen : NEW)}>
-          Discard changes
-        </button>
-      )}
+      {drafts.has(chosen) && <QuietButton onClick={() => leave(saved ? chosen : NEW)}>Discard changes</QuietButton>}
     </div>
-  );
-}
-
-interface PathListProps {
-  readonly paths: Readonly<Record<string, SavedPath>>;
-  readonly chosen: string;
-  readonly drafts: ReadonlyMap<string, PathDraft>;
-  readonly onChoose: (name: string) => void;
-}
-
-function PathList({ paths, chosen, drafts, onChoose }: PathListProps) {
-  return (
-    <fieldset class="rungs traces">
-      <legend class="visually-hidden">Camera path</legend>
-      {[...Object.keys(paths), NEW].map((name) => (
-        <label key={name}>
-          <input type="radio" name="path" checked={name === chosen} onChange={() => onChoose(name)} />
-          <span class="trace-name">{name === NEW ? "New path" : name}</span>
-          <span class="muted">
-            {drafts.has(name) ? "not saved" : paths[name] && clock(paths[name].keyframes.at(-1)?.t_ms ?? 0)}
-          </span>
-        </label>
-      ))}
-    </fieldset>
   );
 }
 
@@ -133,10 +115,10 @@ function Keyframes({ session, draft, onChange }: Props & DraftProps) {
         <ol class="saved-places">
           {stops.map((stop, index) => (
             // biome-ignore lint/suspicious/noArrayIndexKey: keyframes have no identity but their place
-            <li key={index}>
-              <button type="button" class="quiet-button" title="Go to this view" onClick={() => goTo(session, stop)}>
+            <li key={index} class="row">
+              <QuietButton title="Go to this view" onClick={() => goTo(session, stop)}>
                 Keyframe {index + 1} <span class="muted">{clock(stop.t_ms)}</span>
-              </button>
+              </QuietButton>
               <IconButton
                 icon={X}
                 label={`Remove keyframe ${index + 1}`}
@@ -146,14 +128,13 @@ function Keyframes({ session, draft, onChange }: Props & DraftProps) {
           ))}
         </ol>
       )}
-      <button
-        type="button"
-        class="quiet-button with-icon"
+      <QuietButton
+        icon={Plus}
         disabled={draft.keyframes.length >= MAX_KEYFRAMES}
         onClick={() => onChange(withStop(draft, presentPose(session)))}
       >
-        <Icon of={Plus} size={14} /> Add this view as a keyframe
-      </button>
+        Add this view as a keyframe
+      </QuietButton>
       {stops.length < 2 && (
         <p class="muted small">The camera flies through the views that you add, two or more, in their order.</p>
       )}
@@ -176,34 +157,20 @@ function Timing({ draft, onChange }: DraftProps) {
           value={Math.round(durationOf(draft) / 10) / 100}
           onValue={(seconds) => onChange(withDuration(draft, 1000 * seconds))}
         />
-        <label class="number-field">
-          <span>Speed</span>
-          <div class="select">
-            <select
-              value={draft.easing}
-              onChange={({ currentTarget }) =>
-                onChange({ ...draft, easing: currentTarget.value as PathDraft["easing"] })
-              }
-            >
-              {Object.entries(EASINGS).map(([name, title]) => (
-                <option key={name} value={name}>
-                  {title}
-                </option>
-              ))}
-            </select>
-            <Icon of={ChevronDown} size={16} />
-          </div>
-        </label>
-      </div>
-      <label class="check">
-        <input
-          type="checkbox"
-          checked={draft.loop}
-          disabled={!draft.loop && draft.keyframes.length >= MAX_KEYFRAMES}
-          onChange={() => onChange(withLoop(draft, !draft.loop))}
+        <Select
+          label="Speed"
+          value={draft.easing}
+          options={Object.entries(EASINGS)}
+          onValue={(easing) => onChange({ ...draft, easing: easing as PathDraft["easing"] })}
         />
+      </div>
+      <Check
+        checked={draft.loop}
+        disabled={!draft.loop && draft.keyframes.length >= MAX_KEYFRAMES}
+        onChange={() => onChange(withLoop(draft, !draft.loop))}
+      >
         Loop back to the start
-      </label>
+      </Check>
     </>
   );
 }
@@ -211,13 +178,12 @@ function Timing({ draft, onChange }: DraftProps) {
 function PlayButton({ session, draft }: Props & { readonly draft: PathDraft }) {
   const plays = playing.value === session;
   return (
-    <button
-      type="button"
-      class="quiet-button with-icon"
+    <QuietButton
+      icon={plays ? Square : Play}
       onClick={() => (plays ? session.rig.takeOver() : void play(session, draft))}
     >
-      <Icon of={plays ? Square : Play} size={14} /> {plays ? "Stop path" : "Play path"}
-    </button>
+      {plays ? "Stop path" : "Play path"}
+    </QuietButton>
   );
 }
 
@@ -230,7 +196,7 @@ interface SavePathProps extends Props, DraftProps {
 }
 
 function SavePath({ session, scene, saved, draft, onChange, onLeave }: SavePathProps) {
-  const deleting = useSignal(false);
+  const [deleting, setDeleting] = useState(false);
   const save = async (name: string) => {
     const { easing, loop } = draft;
     const path = { keyframes: [...draft.keyframes], easing, loop };
@@ -249,27 +215,15 @@ function SavePath({ session, scene, saved, draft, onChange, onLeave }: SavePathP
         refuse={(name) => (name !== saved && Object.hasOwn(scene.paths ?? {}, name) ? taken("path", name) : null)}
         save={save}
       >
-        {saved !== undefined && (
-          <button
-            type="button"
-            class="quiet-button"
-            onClick={() => {
-              deleting.value = true;
-            }}
-          >
-            Delete path
-          </button>
-        )}
+        {saved !== undefined && <QuietButton onClick={() => setDeleting(true)}>Delete path</QuietButton>}
       </NameForm>
-      {saved !== undefined && deleting.value && (
+      {saved !== undefined && deleting && (
         <Question
           title={`Delete “${saved}”?`}
           verb="Delete"
           action={() => edit(session, scene.id, { paths: { [saved]: null } })}
           onDone={() => onLeave(NEW)}
-          onClose={() => {
-            deleting.value = false;
-          }}
+          onClose={() => setDeleting(false)}
         >
           <p>The path is deleted for everyone. This cannot be undone.</p>
         </Question>

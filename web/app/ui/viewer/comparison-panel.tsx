@@ -7,8 +7,7 @@ import type { ViewerSession } from "#viewer/session/session";
 import { kindsShown, sideTitles } from "#viewer/sources/sides";
 import { PLACES } from "#viewer/state/settings";
 import { settings } from "../../state/app";
-import { DistributionChart } from "../chart/distribution-chart";
-import { LiveChart } from "../chart/live-chart";
+import { DistributionChart, LiveChart } from "../chart/chart";
 import { LastWalk } from "./last-walk";
 
 const CHARTS = [
@@ -44,7 +43,7 @@ function Charts({ names, comparison }: Props) {
           local={kindsShown(settings.value).map(({ drawsHere }) => drawsHere)}
         />
       )}
-      <div class="comparison">
+      <div class="stack">
         <h4>Motion to photon</h4>
         <DistributionChart name="Motion to photon" labels={names} columns={history.latency} />
         {charts.map(({ name, quantities, columns }) => (
@@ -58,7 +57,6 @@ function Charts({ names, comparison }: Props) {
   );
 }
 
-/** Lines of each chart, for sides with these labels. */
 function chartsOf(names: readonly string[]) {
   const sides = names.flatMap((label, i) => (PLACES[i] ? [{ label, tone: PLACES[i], axis: "left" as const }] : []));
   return CHARTS.map(({ unit, stepped, ...chart }) => ({

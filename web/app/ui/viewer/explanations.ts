@@ -39,5 +39,4 @@ export const EXPLANATIONS = {
   renderer: "The graphics interface this browser draws with.",
 } as const satisfies Readonly<Record<string, string>>;
 
-/** The name of a figure with an explanation. */
 export type Explained = keyof typeof EXPLANATIONS;

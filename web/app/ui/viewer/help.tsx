@@ -3,8 +3,8 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Dialog } from "../dialog";
 import { EXPLANATIONS } from "./explanations";
+import { actionOf } from "./hooks";
 import { Toggle } from "./setting";
-import { actionOf } from "./use-shortcuts";
 
 const MOVES: readonly (readonly [string, readonly string[]])[] = [
   ["Look around", ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"]],
@@ -58,11 +58,11 @@ export function HelpDialog({ onClose }: { onClose: () => void }) {
       onKeyDown={(event) => actionOf(event) === "help" && onClose()}
     >
       <div>
-        <dl class="keys">
+        <dl class="keys columns">
           {MOVES.filter(([what]) => what !== "Fullscreen" || document.fullscreenEnabled).map(([what, keys]) => (
-            <div key={what}>
+            <div key={what} class="row spread">
               <dt>{what}</dt>
-              <dd>
+              <dd class="row">
                 {keys.map((key) => (
                   <kbd key={key}>{label(key)}</kbd>
                 ))}
@@ -83,11 +83,11 @@ export function HelpDialog({ onClose }: { onClose: () => void }) {
 
 function Meanings({ of }: { readonly of: readonly (readonly [string, string])[] }) {
   return (
-    <dl class="meanings">
+    <dl class="meanings stack small">
       {of.map(([what, meaning]) => (
         <div key={what}>
           <dt>{what}</dt>
-          <dd>{meaning}</dd>
+          <dd class="muted">{meaning}</dd>
         </div>
       ))}
     </dl>

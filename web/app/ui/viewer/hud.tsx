@@ -8,9 +8,8 @@ import { SETTINGS } from "#viewer/state/settings";
 import type { Stats } from "#viewer/stateless/stats";
 import { ladder } from "../../state/app";
 import { bitrate, bytes, milliseconds, NONE } from "../format";
-import { DetailsButton } from "./details-button";
 import { EXPLANATIONS, type Explained } from "./explanations";
-import { enhancementNote, Notes, serverNote } from "./notes";
+import { DetailsButton, enhancementNote, Notes, serverNote } from "./notes";
 
 interface HudProps {
   readonly session: ViewerSession;
@@ -72,92 +71,71 @@ export function Hud({ session, source, stats, linkNote }: HudProps) {
   );
 }
 
-/** The time it takes to turn a picture. */
-export function ReprojectionRow({ stats }: { stats: Pick<Stats, "turned" | "warpMs" | "gpuMs"> }) {
-  return (
-    stats.turned && (
-      <Row name="reprojection-time" label="Reprojection · GPU">
-        {[stats.warpMs, stats.gpuMs].map(withUnit).join(" · ")}
-      </Row>
-    )
-  );
-}
+/** A figure: its name, its label, and its value, which is not known if null. */
+export type FigureRow = readonly [name: Explained, label: string, value: ComponentChildren];
 
-/** The enhancement of the newest frame: not every model covers every rung, and refinements are not enhanced. */
-export function EnhancementRow({ status, stats }: { status: EnhancementStatus; stats: Stats }) {
-  if (status.kind !== "on") return null;
-  const rung = stats.frame?.profile;
+export function Rows({ of }: { readonly of: readonly FigureRow[] }) {
   return (
     <>
-      <Row name="enhancement" label="Enhanced by">
-        {(rung != null && status.labels[rung]) || "nothing at this size"}
-      </Row>
-      <Row name="enhancement-time" label="Enhancement">
-        {withUnit(stats.enhanceMs)}
-      </Row>
+      {of.map(([name, label, value]) => (
+        <div key={name} class="row spread" title={EXPLANATIONS[name]}>
+          <dt class="muted">{label}</dt>
+          <dd data-stat={name}>{value ?? NONE}</dd>
+        </div>
+      ))}
     </>
   );
 }
 
-function Details({ stats, enhancement }: { stats: Stats; enhancement: EnhancementStatus }) {
-  const { server, frame, counts } = stats;
-  const rung = frame?.profile == null ? undefined : ladder.value[frame.profile];
-  const total = server && server.queue + server.render + server.encode;
-  return (
-    <dl class="hud-details">
-      <Row name="motion-to-photon-p95" label={stats.turned ? "View latency, p95" : "Motion to photon, p95"}>
-        {withUnit(stats.motionToPhoton?.p95)}
-      </Row>
-      <Row name="round-trip" label="Response time">
-        {withUnit(stats.roundTrip)}
-      </Row>
-      <Row name="server" label="Server">
-        {withUnit(total)}
-      </Row>
-      <Row name="server-parts" label="Queue · render · encode">
-        {server ? [server.queue, server.render, server.encode].map(milliseconds).join(" · ") : NONE}
-      </Row>
-      <Row name="throughput" label="Throughput">
-        {stats.throughput === null ? NONE : bitrate(stats.throughput)}
-      </Row>
-      <Row name="frame" label="Frame">
-        {frame ? `${bytes(frame.bytes)}${frame.webp ? " WebP" : ""}` : NONE}
-      </Row>
-      {stats.video && (
-        <>
-          <Row name="bitrate" label="Bit rate">
-            {bitrate(stats.video.bitrate)}
-          </Row>
-          <Row name="key-frames" label="Key frames">
-            {stats.video.keyFrames}
-          </Row>
-        </>
-      )}
-      <Row name="resolution" label="Resolution">
-        {frame?.width && frame.height ? `${frame.width} × ${frame.height}` : NONE}
-      </Row>
-      <Row name="profile" label="Profile">
-        {rung?.name ?? (frame ? "Refined" : NONE)}
-      </Row>
-      <EnhancementRow status={enhancement} stats={stats} />
-      <ReprojectionRow stats={stats} />
-      <Row name="requests" label="In flight">
-        {stats.inFlight}
-      </Row>
-      <Row name="overtaken" label="Cancelled · dropped">
-        {counts.cancelled} · {counts.dropped}
-      </Row>
-    </dl>
-  );
+/** The time it takes to turn a picture. */
+export function reprojectionRow({ turned, warpMs, gpuMs }: Pick<Stats, "turned" | "warpMs" | "gpuMs">): FigureRow[] {
+  return turned ? [["reprojection-time", "Reprojection · GPU", [warpMs, gpuMs].map(withUnit).join(" · ")]] : [];
 }
 
-/** A labelled figure of the HUD, explained by a tooltip. */
-export function Row({ name, label, children }: { name: Explained; label: string; children: ComponentChildren }) {
+/** The enhancement of the newest frame: not every model covers every rung, and refinements are not enhanced. */
+export function enhancementRows(status: EnhancementStatus, { frame, enhanceMs }: Stats): FigureRow[] {
+  if (status.kind !== "on") return [];
+  const label = frame?.profile == null ? undefined : status.labels[frame.profile];
+  return [
+    ["enhancement", "Enhanced by", label || "nothing at this size"],
+    ["enhancement-time", "Enhancement", withUnit(enhanceMs)],
+  ];
+}
+
+function Details({ stats, enhancement }: { stats: Stats; enhancement: EnhancementStatus }) {
+  const { server, frame, counts, video, turned } = stats;
+  const rung = frame?.profile == null ? undefined : ladder.value[frame.profile];
+  const total = server && server.queue + server.render + server.encode;
+  const parts = server && [server.queue, server.render, server.encode].map(milliseconds).join(" · ");
+  const videoRows: FigureRow[] = video
+    ? [
+        ["bitrate", "Bit rate", bitrate(video.bitrate)],
+        ["key-frames", "Key frames", video.keyFrames],
+      ]
+    : [];
+  const rows: FigureRow[] = [
+    [
+      "motion-to-photon-p95",
+      turned ? "View latency, p95" : "Motion to photon, p95",
+      withUnit(stats.motionToPhoton?.p95),
+    ],
+    ["round-trip", "Response time", withUnit(stats.roundTrip)],
+    ["server", "Server", withUnit(total)],
+    ["server-parts", "Queue · render · encode", parts],
+    ["throughput", "Throughput", stats.throughput === null ? null : bitrate(stats.throughput)],
+    ["frame", "Frame", frame && `${bytes(frame.bytes)}${frame.webp ? " WebP" : ""}`],
+    ...videoRows,
+    ["resolution", "Resolution", frame?.width && frame.height ? `${frame.width} × ${frame.height}` : null],
+    ["profile", "Profile", rung?.name ?? (frame && "Refined")],
+    ...enhancementRows(enhancement, stats),
+    ...reprojectionRow(stats),
+    ["requests", "In flight", stats.inFlight],
+    ["overtaken", "Cancelled · dropped", `${counts.cancelled} · ${counts.dropped}`],
+  ];
   return (
-    <div title={EXPLANATIONS[name]}>
-      <dt>{label}</dt>
-      <dd data-stat={name}>{children}</dd>
-    </div>
+    <dl class="hud-details">
+      <Rows of={rows} />
+    </dl>
   );
 }
 

@@ -3,7 +3,10 @@
 import type { ComponentChildren } from "preact";
 import type { Unmeasured, Walk, WalkedSide } from "#viewer/charts/walk";
 import type { SeenQuality } from "#viewer/session/comparison";
+import type { ViewerSession } from "#viewer/session/session";
+import { sideTitles } from "#viewer/sources/sides";
 import { PLACES } from "#viewer/state/settings";
+import { settings } from "../../state/app";
 import { bitrate, bytes } from "../format";
 
 /** Smaller differences are one frame of the display (ms). */
@@ -29,7 +32,7 @@ interface Props {
 
 export function LastWalk({ names, walk, quality, local }: Props) {
   return (
-    <section class="last-walk" aria-label="The last walk">
+    <section class="last-walk stack" aria-label="The last walk">
       <h4>The last walk</h4>
       {walk === null ? (
         <p class="muted small">Walk for a few seconds and stand still: a summary of each side appears here.</p>
@@ -41,6 +44,18 @@ export function LastWalk({ names, walk, quality, local }: Props) {
       )}
       <p class="muted small">{renderers(names, local)}</p>
     </section>
+  );
+}
+
+/** Over the stage, while the settings are closed: the last walk in one sentence, which opens all of its figures. */
+export function WalkVerdict({ session, onOpen }: { session: ViewerSession; onOpen: () => void }) {
+  const comparison = session.comparison.value;
+  const walk = comparison?.walks.last.value;
+  if (!comparison || !walk || comparison.sides.length < 2) return null;
+  return (
+    <button type="button" class="floating walk-verdict" title="All figures of the walk" onClick={onOpen}>
+      <span role="status">{verdict(walk, sideTitles(settings.value), comparison.quality.value)}</span>
+    </button>
   );
 }
 
@@ -95,7 +110,9 @@ function Table({ walk: { duration, sides }, names, quality }: Omit<Props, "walk"
 function Row({ label, title, children }: { label: string; title?: string; children: ComponentChildren }) {
   return (
     <tr title={title}>
-      <th scope="row">{label}</th>
+      <th scope="row" class="muted">
+        {label}
+      </th>
       {children}
     </tr>
   );

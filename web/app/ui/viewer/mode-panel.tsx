@@ -1,15 +1,54 @@
 /** Selects the mode and the parameters of its stream. */
-
 import { type DashPlan, type DashSetup, FRAME_RATES, planFor } from "#viewer/dash/presets";
 import type { ViewerSession } from "#viewer/session/session";
-import { SOURCES } from "#viewer/sources/registry";
-import { applies, settingsShown, titleOf } from "#viewer/sources/sides";
-import { COMPARED, MODES } from "#viewer/state/settings";
-import { changeSettings, settings } from "../../state/app";
+import { SOURCES, VARIANTS } from "#viewer/sources/registry";
+import { applies, kindsShown, settingsShown, titleOf } from "#viewer/sources/sides";
+import { COMPARED, MODES, PLACES } from "#viewer/state/settings";
+import { changeSettings, ladder, settings } from "../../state/app";
+import { NumberField } from "../fields";
+import { Notice } from "../notice";
 import { ComparisonPanel } from "./comparison-panel";
-import { NumberField } from "./number-field";
-import { Segment, SegmentList, Segments } from "./setting";
-import { SidesPanel } from "./sides-panel";
+import { Choice, NumberSetting, SegmentList, Segments } from "./setting";
+
+/** Settings of a comparison, and those shared by both sides. */
+export function SidesPanel() {
+  const { lock, lockRung } = settings.value;
+  return (
+    <>
+      <div class="fields">
+        {PLACES.map((place) => (
+          <Choice key={place} name={place} tone={place} options={VARIANTS.map(({ name, title }) => [name, title])} />
+        ))}
+        <Choice name="lock" />
+        {lock === "resolution" && (
+          <Choice
+            name="lockRung"
+            value={String(Math.min(lockRung, Math.max(0, ladder.value.length - 1)))}
+            options={ladder.value.map(({ name, width, height }, rung) => [
+              String(rung),
+              name.startsWith(`${width}×`) ? name : `${width} × ${height}, ${name}`,
+            ])}
+            parse={Number}
+          />
+        )}
+        {lock === "bitrate" && <NumberSetting name="lockKbps" whole />}
+      </div>
+      <LockNote />
+    </>
+  );
+}
+
+function LockNote() {
+  const { lock } = settings.value;
+  if (lock === "off") return null;
+  const free = kindsShown(settings.value).some(({ drawsHere }) => drawsHere);
+  return (
+    <p class="muted small">
+      {lock === "bitrate" && "A stream is encoded at this rate; of single frames, so many come as fit into it. "}
+      {free && "Neither applies to a download, which uses the whole link."}
+    </p>
+  );
+}
 
 export function ModePanel({ session }: { session: ViewerSession }) {
   const { mode } = settings.value;
@@ -18,18 +57,16 @@ export function ModePanel({ session }: { session: ViewerSession }) {
   const { about } = session.left.kind.value;
   return (
     <>
-      <SegmentList name="mode" label="Mode">
-        {MODES.map((each) => (
-          <Segment key={each} name="mode" checked={mode === each} onChoose={() => changeSettings({ mode: each })}>
-            {titleOf(each)}
-          </Segment>
-        ))}
-      </SegmentList>
+      <SegmentList
+        name="mode"
+        label="Mode"
+        choices={MODES.map((each) => ({ title: titleOf(each), chosen: mode === each, part: { mode: each } }))}
+      />
       {mode === COMPARED && <SidesPanel />}
       {problem ? (
-        <p class="notice" role="alert">
+        <Notice>
           {problem.missing.value}. {problem.kind.value.remedy}
-        </p>
+        </Notice>
       ) : (
         <>
           {applies("dashCustom", settings.value) && <Streams />}
@@ -54,22 +91,19 @@ function Streams() {
   const compared = mode === COMPARED;
   return (
     <>
-      <h4 class="segments-name">DASH stream</h4>
+      <h4>DASH stream</h4>
       {!compared && <Segments name="dashPreset" />}
       {custom && <Custom setup={dashCustom} />}
       {!custom && (
-        <SegmentList name="frame-rate" label="Frame rate">
-          {FRAME_RATES.map((rate) => (
-            <Segment
-              key={rate}
-              name="frame-rate"
-              checked={rate === plan?.setup.frame_rate}
-              onChoose={() => changeSettings({ dashFrameRate: rate })}
-            >
-              {`${rate} frames/s`}
-            </Segment>
-          ))}
-        </SegmentList>
+        <SegmentList
+          name="frame-rate"
+          label="Frame rate"
+          choices={FRAME_RATES.map((rate) => ({
+            title: `${rate} frames/s`,
+            chosen: rate === plan?.setup.frame_rate,
+            part: { dashFrameRate: rate },
+          }))}
+        />
       )}
       <Segments name="dashTransport" />
       {!compared && !custom && plan && <p class="muted small">{sentence(plan)}</p>}
@@ -81,7 +115,7 @@ function Streams() {
 function WebRtc() {
   return (
     <>
-      <h4 class="segments-name">WebRTC stream</h4>
+      <h4>WebRTC stream</h4>
       <Segments name="webrtcStream" />
       <p class="muted small">A video whose bit rate follows the browser’s estimate of the link.</p>
     </>

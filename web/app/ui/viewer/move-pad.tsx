@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { ChevronDown, ChevronUp } from "lucide";
 import type { StageInput } from "#viewer/input/stage-input";
-import { Icon } from "../icon";
+import { Icon } from "../button";
 
 export function MovePad({ input }: { input: StageInput }) {
   const knob = useSignal({ x: 0, y: 0 });

@@ -1,15 +1,17 @@
 /** Over the stage, whether the settings are open or not: that a movement has the camera or is recorded, and how to stop it. */
 
 import { Circle, Pause, Play, Route, Square } from "lucide";
-import { useEffect } from "preact/hooks";
 import type { MovementDeck } from "#viewer/movement/movement-deck";
 import { changeSettings } from "../../state/app";
+import { Icon, IconButton } from "../button";
 import { clock } from "../format";
-import { Icon } from "../icon";
-import { IconButton } from "../icon-button";
+import { useWindowEvent } from "../hooks";
 
 export function MovementStatus({ deck }: { deck: MovementDeck }) {
-  useEscape(deck);
+  useWindowEvent("keydown", (event) => {
+    const plays = deck.state.peek() === "playing" || deck.state.peek() === "paused";
+    if (event.key === "Escape" && plays && !inDialog(event)) deck.stop();
+  });
   useDrop(deck);
   const state = deck.state.value;
   if (state === "stopped") return null;
@@ -43,37 +45,17 @@ export function MovementStatus({ deck }: { deck: MovementDeck }) {
   );
 }
 
-function useEscape(deck: MovementDeck): void {
-  useEffect(() => {
-    const press = (event: KeyboardEvent) => {
-      const plays = deck.state.peek() === "playing" || deck.state.peek() === "paused";
-      if (event.key === "Escape" && plays && !inDialog(event)) deck.stop();
-    };
-    addEventListener("keydown", press);
-    return () => removeEventListener("keydown", press);
-  }, [deck]);
-}
-
 /** A file may be dropped anywhere; the settings show the result. */
 function useDrop(deck: MovementDeck): void {
-  useEffect(() => {
-    const listening = new AbortController();
-    const { signal } = listening;
-    const hasFile = (event: DragEvent) => Boolean(event.dataTransfer?.types.includes("Files")) && !inDialog(event);
-    addEventListener("dragover", (event) => hasFile(event) && event.preventDefault(), { signal });
-    addEventListener(
-      "drop",
-      (event) => {
-        const [file] = event.dataTransfer?.files ?? [];
-        if (!hasFile(event) || !file) return;
-        event.preventDefault(); // the browser would show the file instead of the page
-        changeSettings({ sidebar: true });
-        void import("./movement-trace").then(({ openFile }) => openFile(deck, file));
-      },
-      { signal },
-    );
-    return () => listening.abort();
-  }, [deck]);
+  const hasFile = (event: DragEvent) => Boolean(event.dataTransfer?.types.includes("Files")) && !inDialog(event);
+  useWindowEvent("dragover", (event) => hasFile(event) && event.preventDefault());
+  useWindowEvent("drop", (event) => {
+    const [file] = event.dataTransfer?.files ?? [];
+    if (!hasFile(event) || !file) return;
+    event.preventDefault(); // the browser would show the file instead of the page
+    changeSettings({ sidebar: true });
+    void import("./movement-trace").then(({ openFile }) => openFile(deck, file));
+  });
 }
 
 function inDialog({ target }: Event): boolean {

@@ -1,7 +1,6 @@
 /** Movement traces: choose one, or record one; then the camera follows it. */
-import { useSignal } from "@preact/signals";
-import { Circle, Download, FolderOpen, Pause, Play, Square } from "lucide";
-import { useRef } from "preact/hooks";
+import { Circle, Download, Pause, Play, Square } from "lucide";
+import { useState } from "preact/hooks";
 import type { SceneInfo } from "#client/wire/render";
 import {
   addFile,
@@ -12,129 +11,107 @@ import {
   unsaved,
 } from "#viewer/movement/movement-deck";
 import { readMovementFile, writeMovement } from "#viewer/movement/movement-file";
-import { fetchMovement, type ListedMovement } from "#viewer/movement/stored-movements";
+import { fetchMovement } from "#viewer/movement/stored-movements";
 import { config } from "../../state/app";
+import { FileButton, QuietButton } from "../button";
+import { Check, RadioList, Seek } from "../fields";
 import { clock } from "../format";
-import { Icon } from "../icon";
+import { Notice } from "../notice";
 import { save } from "../save";
-import { useStoredMovements } from "../use-stored-movements";
+import { keyOf, type ListedMovement, useMovements } from "../use-movements";
 
 interface Props {
   readonly deck: MovementDeck;
   readonly scene: SceneInfo | null;
 }
 
-type Listed = readonly ListedMovement[];
-
-/** How many steps the arrow keys need from a movement's start to its end. */
-const STEPS = 200;
-
 export function MovementTrace({ deck, scene }: Props) {
   const store = config.value?.services.store;
-  const { stored, silence } = useStoredMovements(store);
+  const { listed, silence } = useMovements(store);
   const movement = deck.movement.value;
   const problem = deck.problem.value ?? silence;
+  const recording = deck.state.value === "recording";
   return (
-    <div class="movement">
-      <Choice deck={deck} store={store} listed={stored} />
-      <OpenFile deck={deck} />
-      {problem && (
-        <p class="notice" role="alert">
-          {problem}
-        </p>
-      )}
+    <div class="movement stack">
+      <Choice deck={deck} store={store} listed={listed} />
+      <FileButton
+        label="Movement file"
+        title="Or drop a file anywhere on this page"
+        accept=".csv,text/csv,text/plain"
+        disabled={recording}
+        onFile={(file) => void openFile(deck, file)}
+      >
+        Open a CSV file…
+      </FileButton>
+      <Notice>{problem}</Notice>
       {movement && <About movement={movement} scene={scene} />}
-      {movement && <Progress deck={deck} movement={movement} />}
+      {movement && (
+        <Seek
+          label="Place in the movement"
+          at={recording ? 0 : deck.position.value}
+          duration={movement.trace.duration}
+          disabled={recording || deck.busy.value}
+          onSeek={(at) => deck.seek(at)}
+        />
+      )}
       <Buttons deck={deck} ready={scene !== null} />
       {movement && (
-        <label class="check">
-          <input
-            type="checkbox"
-            checked={deck.loop.value}
-            onChange={(event) => {
-              deck.loop.value = event.currentTarget.checked;
-            }}
-          />
+        <Check
+          checked={deck.loop.value}
+          onChange={() => {
+            deck.loop.value = !deck.loop.value;
+          }}
+        >
           Start again at the end
-        </label>
+        </Check>
       )}
       <p class="muted small" data-movement={deck.state.value}>
         {describe(deck)}
       </p>
       {movement?.origin === "recording" && (
-        <button type="button" class="quiet-button with-icon" onClick={() => saveCsv(movement)}>
-          <Icon of={Download} size={14} /> Save as CSV
-          {unsaved.value.has(movement) && <span class="muted">not saved yet</span>}
-        </button>
+        <QuietButton icon={Download} onClick={() => saveCsv(movement)}>
+          Save as CSV {unsaved.value.has(movement) && <span class="muted">not saved yet</span>}
+        </QuietButton>
       )}
     </div>
   );
 }
 
-/** The store's movements, and this visit's files and recordings. */
-function Choice({ deck, store, listed }: Pick<Props, "deck"> & { store: string | undefined; listed: Listed }) {
-  /** The name of the store's that is on its way. */
-  const awaited = useSignal<string | null>(null);
-  const chosen = awaited.value === null ? deck.movement.value : null;
-  const ask = async (base: string, name: string) => {
-    awaited.value = name;
-    await deck.open((signal) => fetchMovement(base, name, signal));
-    if (awaited.value === name) awaited.value = null;
-  };
-  if (listed.length + movements.value.length === 0) return null;
-  return (
-    <fieldset class="rungs traces" disabled={deck.state.value === "recording"}>
-      <legend class="visually-hidden">Movement</legend>
-      {store !== undefined &&
-        listed.map(({ name, duration_ms, description }) => (
-          <label key={`store ${name}`} title={description}>
-            <input
-              type="radio"
-              name="movement"
-              checked={name === awaited.value || (chosen?.origin === "store" && chosen.name === name)}
-              onChange={() => void ask(store, name)}
-            />
-            <span class="trace-name">{name}</span>
-            <span class="muted">{clock(duration_ms)}</span>
-          </label>
-        ))}
-      {movements.value.map((movement) => (
-        <label key={`${movement.origin} ${movement.name}`}>
-          <input type="radio" name="movement" checked={movement === chosen} onChange={() => deck.insert(movement)} />
-          <span class="trace-name">{movement.name}</span>
-          <span class="muted">{clock(movement.trace.duration)}</span>
-        </label>
-      ))}
-    </fieldset>
-  );
+interface ChoiceProps extends Pick<Props, "deck"> {
+  readonly store: string | undefined;
+  readonly listed: readonly ListedMovement[];
 }
 
-function OpenFile({ deck }: { deck: MovementDeck }) {
-  const input = useRef<HTMLInputElement>(null);
+/** The store's movements, and this visit's files and recordings. */
+function Choice({ deck, store, listed }: ChoiceProps) {
+  /** The key of the store's movement that is on its way. */
+  const [awaited, setAwaited] = useState<string | null>(null);
+  const present = deck.movement.value;
+  const choose = async (key: string) => {
+    const stored = listed.find((one) => one.key === key && one.origin === "store");
+    const own = movements.peek().find((movement) => keyOf(movement) === key);
+    if (own) deck.insert(own);
+    if (!stored || store === undefined) return;
+    setAwaited(key);
+    await deck.open((signal) => fetchMovement(store, stored.name, signal));
+    setAwaited((newest) => (newest === key ? null : newest));
+  };
+  if (listed.length === 0) return null;
   return (
-    <>
-      <button
-        type="button"
-        class="quiet-button with-icon"
-        title="Or drop a file anywhere on this page"
-        disabled={deck.state.value === "recording"}
-        onClick={() => input.current?.click()}
-      >
-        <Icon of={FolderOpen} size={14} /> Open a CSV file…
-      </button>
-      <input
-        ref={input}
-        type="file"
-        hidden
-        aria-label="Movement file"
-        accept=".csv,text/csv,text/plain"
-        onChange={({ currentTarget }) => {
-          const [file] = currentTarget.files ?? [];
-          if (file) void openFile(deck, file);
-          currentTarget.value = ""; // the same file may be chosen again
-        }}
-      />
-    </>
+    <RadioList
+      name="movement"
+      label="Movement"
+      boxed
+      disabled={deck.state.value === "recording"}
+      rows={listed.map(({ key, name, duration, description }) => ({
+        key,
+        title: name,
+        detail: clock(duration),
+        tooltip: description,
+      }))}
+      chosen={awaited ?? (present && keyOf(present))}
+      onChoose={(key) => void choose(key)}
+    />
   );
 }
 
@@ -144,7 +121,7 @@ function About({ movement: { trace }, scene }: { movement: NamedMovement; scene:
   const begins = trace.anchor === "start" ? "begins at the scene's start view" : "stands where it is in its scene";
   return (
     <>
-      {description && <p class="small movement-about">{description}</p>}
+      {description && <p class="small">{description}</p>}
       <p class="muted small">
         {trace.points.length.toLocaleString("en")} {trace.points.length === 1 ? "pose" : "poses"}; {begins}.
         {trace.anchor === "scene" && from && scene && from !== scene.id && ` That was “${from}”, not this scene.`}
@@ -153,54 +130,24 @@ function About({ movement: { trace }, scene }: { movement: NamedMovement; scene:
   );
 }
 
-function Progress({ deck, movement }: { deck: MovementDeck; movement: NamedMovement }) {
-  const { duration } = movement.trace;
-  const recording = deck.state.value === "recording";
-  const at = recording ? 0 : deck.position.value;
-  return (
-    <div class="movement-progress">
-      <input
-        type="range"
-        aria-label="Place in the movement"
-        aria-valuetext={`${clock(at)} of ${clock(duration)}`}
-        min={0}
-        max={STEPS}
-        step={1}
-        value={duration > 0 ? (at / duration) * STEPS : 0}
-        disabled={recording || deck.busy.value}
-        onInput={(event) => deck.seek((event.currentTarget.valueAsNumber / STEPS) * duration)}
-      />
-      <output>
-        {clock(at)} / {clock(duration)}
-      </output>
-    </div>
-  );
-}
-
 function Buttons({ deck, ready }: { deck: MovementDeck; ready: boolean }) {
   const state = deck.state.value;
   const plays = state === "playing";
   return (
     <div class="playing">
-      <button
-        type="button"
-        class="quiet-button"
+      <QuietButton
+        icon={plays ? Pause : Play}
         disabled={!ready || deck.movement.value === null || state === "recording" || deck.busy.value}
         onClick={() => (plays ? deck.pause() : deck.play())}
       >
-        <Icon of={plays ? Pause : Play} size={14} /> {plays ? "Pause" : state === "paused" ? "Resume" : "Play"}
-      </button>
-      <button type="button" class="quiet-button" disabled={state === "stopped"} onClick={() => deck.stop()}>
-        <Icon of={Square} size={14} /> Stop
-      </button>
-      <button
-        type="button"
-        class="quiet-button record"
-        disabled={!ready || state === "recording"}
-        onClick={() => deck.record()}
-      >
-        <Icon of={Circle} size={14} /> Record
-      </button>
+        {plays ? "Pause" : state === "paused" ? "Resume" : "Play"}
+      </QuietButton>
+      <QuietButton icon={Square} disabled={state === "stopped"} onClick={() => deck.stop()}>
+        Stop
+      </QuietButton>
+      <QuietButton icon={Circle} kind="record" disabled={!ready || state === "recording"} onClick={() => deck.record()}>
+        Record
+      </QuietButton>
     </div>
   );
 }

@@ -1,7 +1,26 @@
 /** A form that saves something with the scene under a name. */
-import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { reason } from "./scene-edits";
+import { ApiError } from "#client/http/problem";
+import type { SceneEdit, SceneInfo } from "#client/wire/render";
+import type { ViewerSession } from "#viewer/session/session";
+import { editScene } from "#viewer/state/api";
+import { config } from "../../state/app";
+import { QuietButton } from "../button";
+import { TextField } from "../fields";
+import { useAttempts } from "../hooks";
+import { Notice } from "../notice";
+
+/** Whether the server lets pages change the scene; built-in ones never change. */
+export function mayEdit(scene: SceneInfo): boolean {
+  return (config.value?.max_upload_bytes ?? null) !== null && scene.builtin === false;
+}
+
+/** Returns the changed scene. Rejects with an ApiError. */
+export async function edit(session: Pick<ViewerSession, "scene">, id: string, change: SceneEdit): Promise<SceneInfo> {
+  const changed = await editScene(id, change);
+  if (session.scene.peek()?.id === id) session.scene.value = changed;
+  return changed;
+}
 
 /** The most characters of a name. */
 export const MAX_NAME = 100;
@@ -16,51 +35,31 @@ interface NameFormProps {
   readonly refuse: (name: string) => string | null;
   /** The form displays the reason if it rejects. */
   readonly save: (name: string) => Promise<unknown>;
-  /** Further buttons. */
   readonly children?: ComponentChildren;
 }
 
 export function NameForm({ label, verb, name, onName, disabled = false, refuse, save, children }: NameFormProps) {
-  const problem = useSignal<string | null>(null);
-  const busy = useSignal(false);
+  const { busy, problem, attempt } = useAttempts();
   const submit = async () => {
     const wanted = name.trim();
-    problem.value = refuse(wanted);
-    if (problem.value !== null) return;
-    busy.value = true;
-    try {
-      await save(wanted);
-    } catch (error) {
-      problem.value = reason(error);
-    }
-    busy.value = false;
+    const refusal = refuse(wanted);
+    if (refusal !== null) throw new ApiError(refusal, false);
+    await save(wanted);
   };
   return (
     <form
-      class="save-view"
+      class="stack"
       onSubmit={(event) => {
         event.preventDefault();
-        void submit();
+        void attempt(submit);
       }}
     >
-      <label class="number-field">
-        <span>{label}</span>
-        <input
-          required
-          maxLength={MAX_NAME}
-          value={name}
-          onInput={({ currentTarget }) => onName(currentTarget.value)}
-        />
-      </label>
-      <button type="submit" class="quiet-button" disabled={busy.value || disabled}>
+      <TextField label={label} required maxLength={MAX_NAME} value={name} onValue={onName} />
+      <QuietButton type="submit" disabled={busy.value || disabled}>
         {verb}
-      </button>
+      </QuietButton>
       {children}
-      {problem.value !== null && (
-        <p class="notice" role="alert">
-          {problem.value}
-        </p>
-      )}
+      <Notice>{problem.value}</Notice>
     </form>
   );
 }

@@ -1,5 +1,19 @@
-/** Notices about a picture on the stage, below its figures. */
+/** Beside the figures of a picture on the stage: notices, and the switch between all figures and one line. */
+import { ChevronDown, ChevronUp } from "lucide";
 import type { EnhancementStatus } from "#viewer/enhance/enhancement";
+import { changeSettings } from "../../state/app";
+import { IconButton } from "../button";
+
+export function DetailsButton({ details }: { readonly details: boolean }) {
+  return (
+    <IconButton
+      icon={details ? ChevronDown : ChevronUp}
+      label={details ? "Fewer measurements" : "More measurements"}
+      aria-expanded={details}
+      onClick={() => changeSettings({ hudDetails: !details })}
+    />
+  );
+}
 
 /** Sentences by name, most important first; null for none. */
 export type Said = Readonly<Record<string, string | null>>;

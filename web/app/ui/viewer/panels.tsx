@@ -1,5 +1,4 @@
 /** Panels of the lab: mode, quality, transport, the shaped link if there is one, movement and lens. */
-
 import type { ComponentChildren } from "preact";
 import type { Rung } from "#client/wire/render";
 import type { ViewerSession } from "#viewer/session/session";
@@ -7,19 +6,19 @@ import { applies } from "#viewer/sources/sides";
 import { DEFAULT_SETTINGS, SETTINGS, type Settings } from "#viewer/state/settings";
 import type { Intrinsics } from "#viewer/view/intrinsics";
 import { changeSettings, config, ladder, settings } from "../../state/app";
+import { QuietButton } from "../button";
+import { NumberField, RadioList } from "../fields";
 import { bytes } from "../format";
-import { InsecureHint } from "../insecure-hint";
 import { NetworkPanel } from "../network/network-panel";
+import { InsecureHint } from "../notice";
 import { CameraPaths } from "./camera-paths";
 import { EnhancementPanel } from "./enhancement-panel";
 import { ModePanel } from "./mode-panel";
 import { MovementTrace } from "./movement-trace";
-import { NumberField } from "./number-field";
 import { ReprojectionPanel } from "./reprojection-panel";
 import { SaveVideo } from "./save-video";
-import { SavedViews } from "./saved-views";
+import { SavedViews, StartView } from "./saved-views";
 import { Choice, NumberSetting, Toggle } from "./setting";
-import { StartView } from "./start-view";
 
 interface Props {
   readonly session: ViewerSession;
@@ -76,19 +75,17 @@ export function Panels({ session, onReset }: Props) {
   );
 }
 
-function Section({
-  title,
-  action,
-  children,
-}: {
-  title: string;
-  action?: ComponentChildren;
-  children: ComponentChildren;
-}) {
+interface SectionProps {
+  readonly title: string;
+  readonly action?: ComponentChildren;
+  readonly children: ComponentChildren;
+}
+
+function Section({ title, action, children }: SectionProps) {
   return (
     <section>
-      <div class="section-head">
-        <h3>{title}</h3>
+      <div class="section-head row spread">
+        <h3 class="muted small">{title}</h3>
         {action}
       </div>
       {children}
@@ -104,31 +101,25 @@ function Quality({ session }: { session: ViewerSession }) {
   const chosen = adapts ? frame?.profile : Math.min(profile, Math.max(0, ladder.value.length - 1));
   return (
     <Section title="Quality">
-      <Choice name="controller" bare>
-        {Object.entries(SETTINGS.controller.options).map(([name, title]) => (
-          <option key={name} value={name}>
-            {name === DEFAULT_SETTINGS.controller ? "Automatic (recommended)" : title}
-          </option>
-        ))}
-      </Choice>
-      <fieldset class="rungs" disabled={adapts}>
-        <legend class="visually-hidden">Profile</legend>
-        {ladder.value.map((rung, index) => (
-          <label key={rung.name}>
-            <input
-              type="radio"
-              name="profile"
-              checked={index === chosen}
-              onChange={() => changeSettings({ profile: index })}
-            />
-            <span>{rung.name}</span>
-            <span class="muted">{detail(rung)}</span>
-          </label>
-        ))}
-      </fieldset>
+      <Choice
+        name="controller"
+        bare
+        options={Object.entries(SETTINGS.controller.options).map(([name, title]) => [
+          name,
+          name === DEFAULT_SETTINGS.controller ? "Automatic (recommended)" : title,
+        ])}
+      />
+      <RadioList
+        name="profile"
+        label="Profile"
+        disabled={adapts}
+        rows={ladder.value.map((rung, i) => ({ key: String(i), title: rung.name, detail: detail(rung) }))}
+        chosen={String(chosen)}
+        onChoose={(key) => changeSettings({ profile: Number(key) })}
+      />
       <Toggle name="refine" />
       <Toggle name="webp" />
-      <p class="readout">
+      <p class="row spread small muted">
         <span>Resolution</span>
         <output>{frame?.width && frame.height ? `${frame.width} × ${frame.height}` : "–"}</output>
       </p>
@@ -145,15 +136,8 @@ function detail({ name, width, height, quality, expected_kb }: Rung): string {
 function Movement({ session, onReset }: Props) {
   const { moveSpeed } = session.rig;
   return (
-    <Section
-      title="Movement"
-      action={
-        <button type="button" class="quiet-button" onClick={onReset}>
-          Reset camera
-        </button>
-      }
-    >
-      <Choice name="drag" bare />
+    <Section title="Movement" action={<QuietButton onClick={onReset}>Reset camera</QuietButton>}>
+      <Choice name="drag" />
       <div class="fields">
         <NumberSetting name="turnSpeed" />
         <NumberField
@@ -182,16 +166,14 @@ function Lens({ session }: { session: ViewerSession }) {
     <Section
       title="Lens"
       action={
-        <button
-          type="button"
-          class="quiet-button"
+        <QuietButton
           disabled={!locked}
           onClick={() => {
             lens.value = {};
           }}
         >
           Reset lens
-        </button>
+        </QuietButton>
       }
     >
       <div class="fields">

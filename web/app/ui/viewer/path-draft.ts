@@ -1,7 +1,7 @@
 /** A camera path that is being edited. Pure. */
 import type { SavedPath } from "#client/wire/render";
 import type { NamedEasing } from "#viewer/movement/camera-path";
-import type { TimedPose } from "#viewer/movement/playback";
+import type { TimedPose } from "#viewer/movement/movement";
 import type { ScenePose } from "#viewer/view/camera";
 
 export interface PathDraft {

@@ -4,9 +4,10 @@ import { Film, X } from "lucide";
 import { exportVideo } from "#viewer/control/video-export";
 import type { CameraPath } from "#viewer/movement/camera-path";
 import type { ViewerSession } from "#viewer/session/session";
-import { Icon } from "../icon";
+import { QuietButton } from "../button";
+import { reason } from "../hooks";
+import { Notice } from "../notice";
 import { fileName, save } from "../save";
-import { reason } from "./scene-edits";
 
 /** The video that is being made, which continues while the settings are closed. */
 const job = signal<{ readonly of: Kind; readonly progress: number; readonly cancel: () => void } | null>(null);
@@ -18,7 +19,6 @@ type Kind = "movement" | "path";
 interface Props {
   readonly session: ViewerSession;
   readonly of: Kind;
-  /** Of the file. */
   readonly name: string;
   readonly path: () => CameraPath | null;
 }
@@ -26,30 +26,25 @@ interface Props {
 export function SaveVideo({ session, of, name, path }: Props) {
   const making = job.value;
   return (
-    <div class="movement-video">
+    <div class="stack">
       {making?.of !== of ? (
-        <button
-          type="button"
-          class="quiet-button with-icon"
+        <QuietButton
+          icon={Film}
           title="Every frame at full quality, rendered one after the other; this takes longer than the movement"
           disabled={making !== null}
           onClick={() => void make({ session, of, name, path })}
         >
-          <Icon of={Film} size={14} /> Save as video
-        </button>
+          Save as video
+        </QuietButton>
       ) : (
         <div class="movement-progress">
           <progress max={1} value={making.progress} aria-label="Saving the video" />
-          <button type="button" class="quiet-button with-icon" onClick={making.cancel}>
-            <Icon of={X} size={14} /> Cancel
-          </button>
+          <QuietButton icon={X} onClick={making.cancel}>
+            Cancel
+          </QuietButton>
         </div>
       )}
-      {problem.value?.of === of && (
-        <p class="notice" role="alert">
-          The video was not saved. {problem.value.why}
-        </p>
-      )}
+      {problem.value?.of === of && <Notice>The video was not saved. {problem.value.why}</Notice>}
     </div>
   );
 }

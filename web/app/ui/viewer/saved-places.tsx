@@ -3,9 +3,10 @@ import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { travel, travelTo } from "#viewer/control/journey";
 import { type CameraPath, cameraPath, type NamedEasing } from "#viewer/movement/camera-path";
-import type { TimedPose } from "#viewer/movement/playback";
+import type { TimedPose } from "#viewer/movement/movement";
 import type { ViewerSession } from "#viewer/session/session";
 import type { ScenePose } from "#viewer/view/camera";
+import { QuietButton } from "../button";
 
 interface Props {
   readonly places: object;
@@ -21,13 +22,13 @@ export function SavedPlaces({ places, heading, title, onChoose, actions }: Props
   if (Object.keys(places).length === 0) return null;
   return (
     <>
-      {heading && <p class="segments-name">{heading}</p>}
+      {heading && <p class="small">{heading}</p>}
       <ul class="saved-places" aria-label={heading ?? "Saved views"}>
         {Object.keys(places).map((name) => (
-          <li key={name}>
-            <button type="button" class="quiet-button" title={title} onClick={() => onChoose(name)}>
+          <li key={name} class="row">
+            <QuietButton title={title} onClick={() => onChoose(name)}>
               {name}
-            </button>
+            </QuietButton>
             {actions?.(name)}
           </li>
         ))}

@@ -1,16 +1,11 @@
 /** Controls of settings, with label, help and values from their table. */
-
-import { ChevronDown } from "lucide";
-import type { ComponentChildren } from "preact";
 import { type Place, SETTINGS, type Settings } from "#viewer/state/settings";
 import { changeSettings, settings } from "../../state/app";
-import { Icon } from "../icon";
-import { NumberField } from "./number-field";
+import { Check, NumberField, type Options, Select } from "../fields";
 
 type NamesOf<Kind> = {
   [Name in keyof Settings]: Settings[Name] extends Kind ? Name : never;
 }[keyof Settings];
-/** Names of settings with labelled values. */
 type ChoiceName = {
   [Name in keyof Settings]: (typeof SETTINGS)[Name] extends { readonly options: object } ? Name : never;
 }[keyof Settings];
@@ -31,25 +26,20 @@ export function Toggle({
 }: Props<NamesOf<boolean> & LabelledName> & { onChange?: (on: boolean) => void }) {
   const { label, help }: { label: string; help?: string } = SETTINGS[name];
   const checked = settings.value[name];
+  const change = () => {
+    changeSettings({ [name]: !checked });
+    onChange?.(!checked);
+  };
   return (
-    <label class="check" title={help}>
-      <input
-        type="checkbox"
-        checked={checked}
-        disabled={disabled}
-        onChange={() => {
-          changeSettings({ [name]: !checked });
-          onChange?.(!checked);
-        }}
-      />
+    <Check title={help} checked={checked} disabled={disabled} onChange={change}>
       {label}
-    </label>
+    </Check>
   );
 }
 
 interface ListProps extends Props<LabelledName> {
-  /** The options; by default, the table's. */
-  readonly children?: ComponentChildren;
+  /** By default, the table's. */
+  readonly options?: Options;
   /** Whether the label is left to assistive technology: a heading already says it. */
   readonly bare?: boolean;
   /** Of the side that it is for. */
@@ -60,85 +50,63 @@ interface ListProps extends Props<LabelledName> {
   readonly value?: string;
 }
 
-/** A setting with a list of values. */
-export function Choice({ name, disabled, children, bare, tone, parse, value }: ListProps) {
-  const { label, help, options }: { label: string; help?: string; options?: Readonly<Record<string, string>> } =
-    SETTINGS[name];
-  const list = (
-    <div class="select">
-      <select
-        aria-label={bare ? label : undefined}
-        value={value ?? String(settings.value[name])}
-        disabled={disabled}
-        onChange={({ currentTarget }) =>
-          changeSettings({ [name]: parse ? parse(currentTarget.value) : currentTarget.value })
-        }
-      >
-        {children ??
-          Object.entries(options ?? {}).map(([option, title]) => (
-            <option key={option} value={option}>
-              {title}
-            </option>
-          ))}
-      </select>
-      <Icon of={ChevronDown} size={16} />
-    </div>
-  );
-  if (bare) return list;
+export function Choice({ name, disabled, options, bare, tone, parse, value }: ListProps) {
+  const about: { label: string; help?: string; options?: Readonly<Record<string, string>> } = SETTINGS[name];
   return (
-    // biome-ignore lint/a11y/noLabelWithoutControl: the list is its control
-    <label class="number-field" title={help}>
-      <span>
-        {tone && <i class="swatch" data-tone={tone} />}
-        {label}
-      </span>
-      {list}
-    </label>
+    <Select
+      label={about.label}
+      swatch={tone && <i class="swatch" data-tone={tone} />}
+      bare={bare}
+      title={about.help}
+      value={value ?? String(settings.value[name])}
+      options={options ?? Object.entries(about.options ?? {})}
+      disabled={disabled}
+      onValue={(chosen) => changeSettings({ [name]: parse ? parse(chosen) : chosen })}
+    />
   );
 }
 
 /** A setting whose few values are side by side. */
-export function Segments({ name }: { name: ChoiceName }) {
+export function Segments({ name, headed }: { readonly name: ChoiceName; readonly headed?: boolean }) {
   const { label, options } = SETTINGS[name];
-  return (
-    <SegmentList name={name} label={label}>
-      {Object.entries(options).map(([value, title]) => (
-        <Segment
-          key={value}
-          name={name}
-          checked={settings.value[name] === value}
-          onChoose={() => changeSettings({ [name]: value })}
-        >
-          {title}
-        </Segment>
-      ))}
-    </SegmentList>
-  );
+  const choices = Object.entries(options).map(([value, title]) => ({
+    title,
+    chosen: settings.value[name] === value,
+    part: { [name]: value },
+  }));
+  return <SegmentList name={name} label={label} headed={headed} choices={choices} />;
 }
 
 interface SegmentListProps {
   readonly name: string;
   readonly label: string;
   /** Whether the label is shown; else a heading already says it. */
-  readonly headed?: boolean;
-  readonly children: ComponentChildren;
+  readonly headed?: boolean | undefined;
+  readonly choices: readonly {
+    readonly title: string;
+    readonly chosen: boolean;
+    readonly part: Partial<Settings>;
+  }[];
 }
 
-export function SegmentList({ name, label, headed, children }: SegmentListProps) {
+/** Choices side by side that change settings. */
+export function SegmentList({ name, label, headed, choices }: SegmentListProps) {
   return (
     <fieldset class="segments" data-choice={name}>
-      <legend class={headed ? "segments-name" : "visually-hidden"}>{label}</legend>
-      {children}
+      <legend class={headed ? "segments-name small" : "visually-hidden"}>{label}</legend>
+      {choices.map(({ title, chosen, part }) => (
+        <label key={title}>
+          <input
+            type="radio"
+            class="visually-hidden"
+            name={name}
+            checked={chosen}
+            onChange={() => changeSettings(part)}
+          />
+          <span>{title}</span>
+        </label>
+      ))}
     </fieldset>
-  );
-}
-
-export function Segment(props: { name: string; checked: boolean; onChoose: () => void; children: string }) {
-  return (
-    <label>
-      <input type="radio" class="visually-hidden" name={props.name} checked={props.checked} onChange={props.onChoose} />
-      <span>{props.children}</span>
-    </label>
   );
 }
 

@@ -1,5 +1,6 @@
-/** Figures over each picture on the stage: the same ones at the same positions, then its mode's own. */
+/** All measurements: of single pictures with every figure, or else of each side in the same form, then its mode's own. */
 
+import type { LocalStats } from "#viewer/local/local-player";
 import type { ViewerSession } from "#viewer/session/session";
 import type { Side } from "#viewer/session/side";
 import { sideTitles } from "#viewer/sources/sides";
@@ -8,12 +9,17 @@ import type { Place } from "#viewer/state/settings";
 import { NO_FIGURES } from "#viewer/view/meter";
 import { ladder, settings } from "../../state/app";
 import { bitrate, bytes, NONE } from "../format";
-import { DetailsButton } from "./details-button";
 import { EXPLANATIONS } from "./explanations";
-import { EnhancementRow, latencyName, ReprojectionRow, Row } from "./hud";
-import { LocalRows } from "./local-rows";
-import { enhancementNote, Notes } from "./notes";
+import { enhancementRows, type FigureRow, Hud, latencyName, Rows, reprojectionRow } from "./hud";
+import { DetailsButton, enhancementNote, Notes } from "./notes";
 import { useLimits } from "./use-limits";
+
+export function Figures({ session, linkNote }: { readonly session: ViewerSession; readonly linkNote: string | null }) {
+  const source = session.source.value;
+  const stats = source?.stats.value;
+  if (source === null || stats?.kind !== "requests" || session.right.value) return <SideFigures session={session} />;
+  return <Hud session={session} source={source} stats={stats} linkNote={linkNote} />;
+}
 
 export function SideFigures({ session }: { session: ViewerSession }) {
   const [left, right] = sideTitles(settings.value);
@@ -42,45 +48,40 @@ function SideHud({ place, title, side, session }: HudProps) {
   const source = side.source.value;
   const enhancement = source?.enhancement?.status.value;
   const limits = useLimits(side, session);
+  const contentAge: FigureRow[] = figures.turned
+    ? [["content-age", "Content age", milliseconds(figures.contentAge)]]
+    : [];
   return (
     <div class="side">
       <section class="floating side-hud" aria-label={`Measurements: ${title}`} data-side={place} data-mode={mode}>
         <div class="hud-main">
-          <h2>
+          <h2 class="small">
             <i class="swatch" data-tone={place} />
             {title}
           </h2>
           <DetailsButton details />
         </div>
         <p class="figure" title={EXPLANATIONS[figures.turned ? "view-latency" : "motion-to-photon"]}>
-          <strong data-stat="motion-to-photon">{milliseconds(motionToPhoton?.p50)}</strong>
+          <strong data-stat="motion-to-photon">{milliseconds(motionToPhoton?.p50) ?? NONE}</strong>
           <span class="muted">{latencyName(figures)}</span>
         </p>
         <dl class="hud-details">
-          <Row name="motion-to-photon-p95" label="p95">
-            {milliseconds(motionToPhoton?.p95)}
-          </Row>
-          {figures.turned && (
-            <Row name="content-age" label="Content age">
-              {milliseconds(figures.contentAge)}
-            </Row>
-          )}
-          <Row name="new-views" label="New views/s">
-            {Math.round(newViewsPerSecond)}
-          </Row>
-          <Row name="bandwidth" label="Bandwidth">
-            {bitrate(bandwidth)}
-          </Row>
-          <Row name="received" label="Received">
-            {bytes(figures.bytes)}
-          </Row>
-          <Row name="resolution" label={rung?.name ?? "Resolution"}>
-            {picture ? `${picture.width} × ${picture.height}` : NONE}
-          </Row>
-          <Row name="stalls" label="Stalls">
-            {stalls.count === 0 ? "none" : `${stalls.count}, ${(stalls.time / 1000).toFixed(1)} s`}
-          </Row>
-          {source && <SourceRows source={source} />}
+          <Rows
+            of={[
+              ["motion-to-photon-p95", "p95", milliseconds(motionToPhoton?.p95)],
+              ...contentAge,
+              ["new-views", "New views/s", Math.round(newViewsPerSecond)],
+              ["bandwidth", "Bandwidth", bitrate(bandwidth)],
+              ["received", "Received", bytes(figures.bytes)],
+              ["resolution", rung?.name ?? "Resolution", picture && `${picture.width} × ${picture.height}`],
+              [
+                "stalls",
+                "Stalls",
+                stalls.count === 0 ? "none" : `${stalls.count}, ${(stalls.time / 1000).toFixed(1)} s`,
+              ],
+              ...(source ? sourceRows(source) : []),
+            ]}
+          />
         </dl>
         <Notes
           most={2}
@@ -96,49 +97,65 @@ function SideHud({ place, title, side, session }: HudProps) {
 }
 
 /** Additional figures of how the scene is delivered. */
-function SourceRows({ source }: { source: Source }) {
-  const stats = source.stats.value;
+function sourceRows({ stats: { value: stats }, enhancement }: Pick<Source, "stats" | "enhancement">): FigureRow[] {
   switch (stats.kind) {
     case "download":
-      return <LocalRows stats={stats} />;
+      return localRows(stats);
     case "stream":
-      return (
-        <>
-          {stats.codec === null ? (
-            <>
-              <Row name="live-latency" label="Live latency">
-                {milliseconds(stats.liveLatency)}
-              </Row>
-              <Row name="target-latency" label="Target">
-                {milliseconds(stats.targetLatency)}
-              </Row>
-              <Row name="buffered" label="Buffer">
-                {milliseconds(stats.buffered)}
-              </Row>
-            </>
-          ) : (
-            <>
-              <Row name="codec" label="Codec">
-                {stats.codec}
-              </Row>
-              <Row name="jitter-buffer" label="Jitter buffer">
-                {milliseconds(stats.jitterBuffer)}
-              </Row>
-            </>
-          )}
-          <ReprojectionRow stats={stats} />
-        </>
-      );
+      if (stats.codec === null) {
+        return [
+          ["live-latency", "Live latency", milliseconds(stats.liveLatency)],
+          ["target-latency", "Target", milliseconds(stats.targetLatency)],
+          ["buffered", "Buffer", milliseconds(stats.buffered)],
+          ...reprojectionRow(stats),
+        ];
+      }
+      return [
+        ["codec", "Codec", stats.codec],
+        ["jitter-buffer", "Jitter buffer", milliseconds(stats.jitterBuffer)],
+        ...reprojectionRow(stats),
+      ];
     case "requests":
-      return (
-        <>
-          {source.enhancement && <EnhancementRow status={source.enhancement.status.value} stats={stats} />}
-          <ReprojectionRow stats={stats} />
-        </>
-      );
+      return [...(enhancement ? enhancementRows(enhancement.status.value, stats) : []), ...reprojectionRow(stats)];
   }
 }
 
-function milliseconds(value: number | null | undefined): string {
-  return value === null || value === undefined ? NONE : `${Math.round(value)} ms`;
+/** Additional figures of a download: its progress and the rendered part. */
+export function localRows(stats: LocalStats): FigureRow[] {
+  const { received, total, drawn, gaussians, firstPictureMs, completeMs, backend } = stats;
+  const loading = total !== null && received < total;
+  return [
+    [
+      "downloaded",
+      "Download",
+      loading ? (
+        <>
+          {bytes(received)} of {bytes(total)}
+          <progress aria-label="Download" data-stat="download" max={total} value={received} />
+        </>
+      ) : (
+        bytes(total ?? received)
+      ),
+    ],
+    [
+      "gaussians",
+      "Gaussians",
+      gaussians === null ? null : drawn < gaussians ? `${count(drawn)} of ${count(gaussians)}` : count(drawn),
+    ],
+    ["first-picture", "First picture", seconds(firstPictureMs)],
+    ["complete", "Complete", seconds(completeMs)],
+    ["renderer", "Drawn with", backend],
+  ];
+}
+
+function milliseconds(value: number | null | undefined): string | null {
+  return value == null ? null : `${Math.round(value)} ms`;
+}
+
+function count(value: number): string {
+  return value.toLocaleString("en");
+}
+
+function seconds(ms: number | null): string | null {
+  return ms === null ? null : `${(ms / 1000).toFixed(1)} s`;
 }

@@ -10,8 +10,7 @@ import { config, sceneLadder, settings } from "../../state/app";
 import { asSession, type FakeSession, fakeSession, fakeSide, fakeStream } from "../../state/fake-session";
 import { Sidebar } from "./sidebar";
 
-vi.mock("../chart/live-plot", () => ({ plotLive: () => () => undefined }));
-vi.mock("../chart/distribution-plot", () => ({ plotDistribution: () => () => undefined }));
+vi.mock("../chart/plots", () => ({ plotLive: () => () => undefined, plotDistribution: () => () => undefined }));
 
 let session: FakeSession;
 const actions = { sidebar: vi.fn(), reset: vi.fn(), hud: vi.fn(), experiment: vi.fn() };

@@ -3,30 +3,27 @@
 import { Activity, X } from "lucide";
 import type { ViewerSession } from "#viewer/session/session";
 import { settings } from "../../state/app";
-import { IconButton } from "../icon-button";
+import { IconButton, QuietButton } from "../button";
 import { lazy } from "../lazy";
-import type { ViewerActions } from "./use-shortcuts";
+import type { ViewerActions } from "./hooks";
 
 const Panels = lazy(async () => (await import("./panels")).Panels);
 
 interface Props {
   readonly session: ViewerSession;
   readonly actions: Pick<ViewerActions, "sidebar" | "hud" | "experiment" | "reset">;
-  /** Give the focus to the stage. */
   readonly onSkip: () => void;
 }
 
 export function Sidebar({ session, actions, onSkip }: Props) {
   return (
     <aside class="sidebar" aria-label="Lab">
-      <button type="button" class="visually-hidden quiet-button" onClick={onSkip}>
+      <QuietButton kind="visually-hidden" onClick={onSkip}>
         Skip to the view
-      </button>
+      </QuietButton>
       <header>
         <h2>Lab</h2>
-        <button type="button" class="quiet-button" onClick={actions.experiment}>
-          Experiment…
-        </button>
+        <QuietButton onClick={actions.experiment}>Experiment…</QuietButton>
         <IconButton
           icon={Activity}
           label="Measurements"

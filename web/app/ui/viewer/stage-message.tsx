@@ -1,11 +1,14 @@
-/** Message over the stage: loading, a lost server, or the reason for a missing picture. */
+/** Messages over the stage: loading, a lost server, the reason for a missing picture, or a frozen one. */
 
-import { CircleAlert, LoaderCircle, Unplug } from "lucide";
+import { CircleAlert, LoaderCircle, Snowflake, Unplug } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { ConnectionState } from "#client/transport/connection";
 import type { ViewerSession } from "#viewer/session/session";
 import type { Side } from "#viewer/session/side";
-import { Icon } from "../icon";
+import { sideTitles } from "#viewer/sources/sides";
+import { FROZEN_AFTER } from "#viewer/view/meter";
+import { settings } from "../../state/app";
+import { Icon } from "../button";
 
 export function StageMessage({ session }: { session: ViewerSession }) {
   const phase = session.phase.value;
@@ -27,7 +30,7 @@ export function StageMessage({ session }: { session: ViewerSession }) {
         <div class="floating message tall" data-tone="danger">
           <Icon of={CircleAlert} />
           <p>{message}</p>
-          <div class="message-actions">
+          <div class="row">
             <button type="button" class="button" onClick={() => session.retry()}>
               Try again
             </button>
@@ -104,6 +107,26 @@ function Failed({ children }: { children: ComponentChildren }) {
     <p class="floating message" data-tone="danger">
       <Icon of={CircleAlert} />
       <span>{children}</span>
+    </p>
+  );
+}
+
+/** That a picture stands still although the camera moved, and for how long. */
+export function Freeze({ session }: { session: ViewerSession }) {
+  const names = sideTitles(settings.value);
+  const frozen = [session.left, session.right.value].flatMap((side, i) => {
+    const time = side?.figures?.frozenFor ?? 0;
+    return time < FROZEN_AFTER ? [] : [{ name: names.length > 1 ? `${names[i]}: frozen` : "Frozen", time }];
+  });
+  if (session.phase.value.kind !== "playing" || frozen.length === 0) return null;
+  return (
+    <p class="floating freeze" data-stat="frozen">
+      <Icon of={Snowflake} size={16} />
+      {frozen.map(({ name, time }) => (
+        <span key={name}>
+          {name}, no new picture for {(time / 1000).toFixed(1)} s
+        </span>
+      ))}
     </p>
   );
 }

@@ -8,7 +8,7 @@ import { editScene } from "#viewer/state/api";
 import { COURTYARD, serverConfig } from "#viewer/state/fake-server";
 import { config } from "../../state/app";
 import { asSession, type FakeSession, fakeSession } from "../../state/fake-session";
-import { StartView } from "./start-view";
+import { StartView } from "./saved-views";
 
 vi.mock("#viewer/state/api");
 

@@ -1,12 +1,39 @@
 /** Each picture on the stage in one line, such as "Live · 24 views/s · 48 ms"; the lab shows the measurements in full. */
 
+import { useEffect } from "preact/hooks";
 import type { ViewerSession } from "#viewer/session/session";
 import type { Side } from "#viewer/session/side";
 import { sideTitles } from "#viewer/sources/sides";
-import { settings } from "../../state/app";
+import type { Rig } from "#viewer/view/rig";
+import { changeSettings, settings } from "../../state/app";
 import { milliseconds } from "../format";
-import { DetailsButton } from "./details-button";
-import { enhancementNote, Notes, serverNote } from "./notes";
+import { TOUCH, useMedia } from "../hooks";
+import { DetailsButton, enhancementNote, Notes, serverNote } from "./notes";
+
+/** How to move, over the picture, until the first movement. */
+export function Hint({ rig }: { readonly rig: Rig }) {
+  useEffect(() => onFirstMovement(rig, () => changeSettings({ hint: false })), [rig]);
+  const touch = useMedia(TOUCH);
+  const drag = settings.value.drag === "orbit" ? "Drag to orbit" : "Drag to look";
+  return (
+    <p class="floating hint-line">
+      {touch
+        ? `${drag} · pad or pinch to move · double-tap to go there`
+        : `${drag} · WASD or wheel to move · double-click to go there`}
+    </p>
+  );
+}
+
+/** Calls back once the user moves the camera; cuts and movements that drive it do not count. */
+function onFirstMovement(rig: Rig, moved: () => void): () => void {
+  let { placements } = rig;
+  let { seq } = rig.pose;
+  return rig.onSample((pose) => {
+    if (pose.seq !== seq && rig.placements === placements && rig.source.peek() === null) moved();
+    placements = rig.placements;
+    seq = pose.seq;
+  });
+}
 
 interface Props {
   readonly session: ViewerSession;

@@ -1,33 +1,29 @@
 /** The toolbar over the stage: back, the scene's name, and what a visitor needs. */
 
-import { useSignal } from "@preact/signals";
-import { ArrowLeft, Camera, CircleHelp, FlaskConical, Maximize, SlidersHorizontal } from "lucide";
-import { useCallback } from "preact/hooks";
+import { ArrowLeft, Camera, Check, CircleHelp, FlaskConical, Link2, Maximize, SlidersHorizontal } from "lucide";
+import { useState } from "preact/hooks";
 import type { ViewerSession } from "#viewer/session/session";
-import { Icon } from "../icon";
-import { IconButton } from "../icon-button";
+import { showAddress } from "../../state/address";
+import { Icon, IconButton } from "../button";
 import { lazy } from "../lazy";
-import { CopyLink } from "./copy-link";
-import type { ViewerActions } from "./use-shortcuts";
+import type { ViewerActions } from "./hooks";
 
 const ViewMenu = lazy(async () => (await import("./view-menu")).ViewMenu);
+
+/** Duration of the confirmation, in milliseconds. */
+const SAID = 2000;
 
 interface Props {
   readonly name: string;
   /** Null while there is no scene to look at. */
   readonly session: ViewerSession | null;
   readonly actions: ViewerActions;
-  /** The lab is open. */
   readonly lab: boolean;
-  /** A picture is being saved. */
   readonly saving: boolean;
 }
 
 export function Toolbar({ name, session, actions, lab, saving }: Props) {
-  const menu = useSignal(false);
-  const close = useCallback(() => {
-    menu.value = false;
-  }, [menu]);
+  const [menu, setMenu] = useState(false);
   return (
     <header class="toolbar">
       <div class="floating title">
@@ -38,20 +34,15 @@ export function Toolbar({ name, session, actions, lab, saving }: Props) {
       </div>
       {session && (
         <div class="floating" role="toolbar" aria-label="Tools">
-          <button
-            type="button"
-            class="icon-button worded"
-            aria-label="View"
+          <IconButton
+            icon={SlidersHorizontal}
+            label="View"
             title="Picture, quality, dragging and theme"
-            aria-expanded={menu.value}
+            worded
+            aria-expanded={menu}
             aria-controls="view-menu"
-            onClick={() => {
-              menu.value = !menu.value;
-            }}
-          >
-            <Icon of={SlidersHorizontal} />
-            <span>View</span>
-          </button>
+            onClick={() => setMenu(!menu)}
+          />
           <CopyLink session={session} />
           <IconButton icon={CircleHelp} label="Help" shortcut="H" onClick={actions.help} />
           <IconButton icon={Camera} label="Save a picture" shortcut="T" busy={saving} onClick={actions.screenshot} />
@@ -61,7 +52,29 @@ export function Toolbar({ name, session, actions, lab, saving }: Props) {
           <IconButton icon={FlaskConical} label="Lab" shortcut="P" worded pressed={lab} onClick={actions.sidebar} />
         </div>
       )}
-      {session && menu.value && <ViewMenu session={session} onReset={actions.reset} onClose={close} />}
+      {session && menu && <ViewMenu session={session} onReset={actions.reset} onClose={() => setMenu(false)} />}
     </header>
+  );
+}
+
+/** Copies a link to the present view to the clipboard and the address bar. */
+function CopyLink({ session }: { session: ViewerSession }) {
+  const [copied, setCopied] = useState(false);
+  const copy = async () => {
+    showAddress(session);
+    try {
+      await navigator.clipboard.writeText(location.href);
+      setCopied(true);
+      setTimeout(() => setCopied(false), SAID);
+    } catch {
+      prompt("The link to this view:", location.href); // no clipboard without HTTPS
+    }
+  };
+  return (
+    <IconButton
+      icon={copied ? Check : Link2}
+      label={copied ? "The link is copied" : "Copy a link to this view"}
+      onClick={() => void copy()}
+    />
   );
 }

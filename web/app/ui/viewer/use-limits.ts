@@ -5,7 +5,7 @@ import type { SessionStatus } from "#client/wire/dash";
 import type { ViewerSession } from "#viewer/session/session";
 import type { Side } from "#viewer/session/side";
 import type { Source } from "#viewer/sources/source";
-import { MANY_REPEATS, repeatedShare } from "#viewer/stream/repeats";
+import { MANY_REPEATS, repeatedShare } from "#viewer/stream/packager";
 import type { Presence } from "#viewer/view/presence";
 import type { Rig } from "#viewer/view/rig";
 import { type Said, serverNote } from "./notes";
@@ -74,7 +74,7 @@ function useRepeats(source: Source | null, presence: Presence): number | null {
     const asking = new AbortController();
     let before: SessionStatus | null = null;
     const stop = presence.every(ASK_EVERY, () => {
-      void source.status(asking.signal).then((status) => {
+      void source.status?.(asking.signal).then((status) => {
         if (asking.signal.aborted) return;
         share.value = repeatedShare(before, status);
         before = status;

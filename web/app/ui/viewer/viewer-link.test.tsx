@@ -10,8 +10,7 @@ import { type FakeSession, fakeSession } from "../../state/fake-session";
 import type { Asked } from "../../state/route";
 import { Viewer } from "./viewer";
 
-vi.mock("../chart/live-plot", () => ({ plotLive: () => () => undefined }));
-vi.mock("../chart/distribution-plot", () => ({ plotDistribution: () => () => undefined }));
+vi.mock("../chart/plots", () => ({ plotLive: () => () => undefined, plotDistribution: () => () => undefined }));
 const visit = vi.hoisted(() => ({ next: undefined as unknown }));
 vi.mock("#viewer/session/session", () => ({
   ViewerSession: class {

@@ -17,10 +17,9 @@ import type { Asked } from "../../state/route";
 import { save } from "../save";
 import { Viewer } from "./viewer";
 
-vi.mock("../chart/live-plot", () => ({ plotLive: () => () => undefined }));
+vi.mock("../chart/plots", () => ({ plotLive: () => () => undefined, plotDistribution: () => () => undefined }));
 vi.mock("#viewer/control/screenshot", () => ({ screenshot: vi.fn() }));
 vi.mock("../save", async (original) => ({ ...(await original<typeof import("../save")>()), save: vi.fn() }));
-vi.mock("../chart/distribution-plot", () => ({ plotDistribution: () => () => undefined }));
 const visits = vi.hoisted(() => ({ opened: [] as unknown[][], next: undefined as unknown }));
 vi.mock("#viewer/session/session", () => ({
   ViewerSession: class {
@@ -36,14 +35,8 @@ let session: FakeSession;
 
 /** The parts that are loaded on demand, so that a busy machine shows them in time. */
 beforeAll(async () => {
-  const parts = [import("../experiment/experiment-dialog"), import("./figures"), import("./help")];
-  await Promise.all([
-    ...parts,
-    import("./panels"),
-    import("./scripts"),
-    import("./view-menu"),
-    import("./walk-verdict"),
-  ]);
+  const parts = [import("../experiment/experiment-dialog"), import("./side-figures"), import("./help")];
+  await Promise.all([...parts, import("./panels"), import("./scripts"), import("./view-menu"), import("./last-walk")]);
 });
 
 beforeEach(() => {

@@ -1,35 +1,28 @@
 /** The viewer: the stage with its frame, overlays, and the sidebar. */
-
 import { useSignal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect, useRef, useState } from "preact/hooks";
 import { turning } from "#viewer/reproject/acceleration";
 import { ViewerSession } from "#viewer/session/session";
 import { MODES } from "#viewer/state/settings";
 import { keepAddress } from "../../state/address";
 import { changeSettings, page, settings } from "../../state/app";
-import { linkedPose, linkedSettings } from "../../state/link";
+import { linkedPose, linkedSettings, linkNote } from "../../state/link";
 import type { Asked } from "../../state/route";
 import { added } from "../../uploads/uploads";
+import { TOUCH, useMedia, WIDE } from "../hooks";
 import { lazy } from "../lazy";
-import { TOUCH, useMedia, WIDE } from "../use-media";
-import { Freeze } from "./freeze";
-import { Hint } from "./hint";
-import { linkNote } from "./link-note";
+import { useFocusReturn, useFullscreen, useScreenshot, useShortcuts } from "./hooks";
 import { MovementStatus } from "./movement-status";
 import { Sidebar } from "./sidebar";
-import { StageMessage } from "./stage-message";
-import { StatusLines } from "./status-line";
+import { Freeze, StageMessage } from "./stage-message";
+import { Hint, StatusLines } from "./status-line";
 import { Toolbar } from "./toolbar";
-import { useFocusReturn } from "./use-focus-return";
-import { useFullscreen } from "./use-fullscreen";
-import { useScreenshot } from "./use-screenshot";
-import { useShortcuts } from "./use-shortcuts";
 
 const ExperimentDialog = lazy(async () => (await import("../experiment/experiment-dialog")).ExperimentDialog);
-const Figures = lazy(async () => (await import("./figures")).Figures);
+const Figures = lazy(async () => (await import("./side-figures")).Figures);
 const HelpDialog = lazy(async () => (await import("./help")).HelpDialog);
 const MovePad = lazy(async () => (await import("./move-pad")).MovePad, { quiet: true });
-const WalkVerdict = lazy(async () => (await import("./walk-verdict")).WalkVerdict, { quiet: true });
+const WalkVerdict = lazy(async () => (await import("./last-walk")).WalkVerdict, { quiet: true });
 
 interface Props {
   readonly sceneId: string;
@@ -47,19 +40,19 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
   const left = useRef<HTMLDivElement>(null);
   const right = useRef<HTMLDivElement>(null);
   const session = useSignal<ViewerSession | null>(null);
-  const help = useSignal(false);
+  const [help, setHelp] = useState(false);
   const experiment = useSignal(false);
   /** The dialog keeps its form while it is closed. */
-  const prepared = useSignal(false);
+  const [prepared, setPrepared] = useState(false);
   const wide = useMedia(WIDE);
   const touch = useMedia(TOUCH);
   const roomy = !touch && wide;
   const fullscreen = useFullscreen(root);
   /** Fullscreen shows only the picture; the settings open on demand. */
-  const besideFullscreen = useSignal(false);
+  const [besideFullscreen, setBesideFullscreen] = useState(false);
   useEffect(() => {
-    if (!fullscreen.on) besideFullscreen.value = false;
-  }, [fullscreen.on, besideFullscreen]);
+    if (!fullscreen.on) setBesideFullscreen(false);
+  }, [fullscreen.on]);
 
   useEffect(() => {
     if (!stage.current || !left.current || !right.current) return undefined;
@@ -92,20 +85,18 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
 
   const picture = useScreenshot(live);
   const { hud, hudDetails, hint, sidebar, mode, drag } = settings.value;
-  const sidebarOpen = fullscreen.on ? besideFullscreen.value : sidebar;
+  const sidebarOpen = fullscreen.on ? besideFullscreen : sidebar;
   const actions = {
-    help: () => {
-      help.value = !help.value;
-    },
+    help: () => setHelp(!help),
     hud: () => changeSettings({ hud: !hud }),
     sidebar: () => {
-      if (fullscreen.on) besideFullscreen.value = !sidebarOpen;
+      if (fullscreen.on) setBesideFullscreen(!sidebarOpen);
       else changeSettings({ sidebar: !sidebarOpen });
     },
     reset: () => session.value?.rig.resetCamera(),
     mode: () => changeSettings({ mode: MODES[(MODES.indexOf(mode) + 1) % MODES.length] ?? mode }),
     experiment: () => {
-      prepared.value = true;
+      setPrepared(true);
       experiment.value = !experiment.value;
     },
     drag: () => changeSettings({ drag: drag === "look" ? "orbit" : "look" }),
@@ -174,14 +165,8 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
       {live && usable && sidebarOpen && (
         <Sidebar session={live} actions={actions} onSkip={() => stage.current?.focus({ preventScroll: true })} />
       )}
-      {help.value && (
-        <HelpDialog
-          onClose={() => {
-            help.value = false;
-          }}
-        />
-      )}
-      {live && prepared.value && <ExperimentDialog session={live} open={experiment} />}
+      {help && <HelpDialog onClose={() => setHelp(false)} />}
+      {live && prepared && <ExperimentDialog session={live} open={experiment} />}
     </div>
   );
 }

@@ -16,7 +16,6 @@ const HERE = (Object.keys(SOURCES) as SourceName[])
   .filter((name) => SOURCES[name].drawsHere)
   .map((mode): Way => ({ title: "On this device", mode }));
 
-/** The way of a mode. */
 export function wayOf(mode: Mode): Way {
   return [COMPARE, ...HERE].find((way) => way.mode === mode) ?? STREAM;
 }

@@ -2,6 +2,21 @@
 import type { Arrival } from "../transport/transport";
 import type { Rung, ServerTiming } from "../wire/render";
 
+/** Always the rung that a person chose: no adaptation. */
+export class FixedController implements Controller {
+  readonly #rung: number;
+
+  constructor(rung: number) {
+    this.#rung = rung;
+  }
+
+  decide(): number {
+    return this.#rung;
+  }
+
+  observe(): void {}
+}
+
 /**
  * How the page shows a frame older than the view: unchanged, rotated, warped by its depth, or rendered for a predicted
  * pose.
@@ -9,7 +24,6 @@ import type { Rung, ServerTiming } from "../wire/render";
 export const WAYS = ["stale", "rotation", "depth", "predicted"] as const;
 export type Way = (typeof WAYS)[number];
 
-/** Outcome of one frame. */
 export interface Observation {
   /** The rung that it was rendered at; null where the server does not say. */
   readonly profile: number | null;
@@ -39,7 +53,6 @@ export interface Controller {
   observe(observation: Observation): void;
 }
 
-/** Inputs of a controller's constructor. */
 export interface ControllerContext {
   /** The server's rungs, the best first; at least one. */
   readonly ladder: readonly Rung[];

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { observation } from "./fake-observation";
-import { initialState, L2aController, step } from "./l2a";
+import { initialState, L2aController, projectToSimplex, step } from "./l2a";
 import { PAPER_LADDER } from "./ladder";
 
 // Worked by hand from the published update: horizon 4, VL = 4^0.99, alpha = 2 VL, a segment of 0.5 s, so that the first
@@ -40,4 +40,31 @@ test("starts by throughput, and leaves what the link does not carry", () => {
   expect(subject.decide()).toBe(1);
   for (let i = 0; i < 40; i++) subject.observe(observation({ profile: 1, bytes: 55_000, throughput: 6e6 }));
   expect(subject.decide()).toBe(3);
+});
+
+test.each([
+  [
+    [0.5, 0.5],
+    [0.5, 0.5],
+  ],
+  [
+    [2, 0],
+    [1, 0],
+  ],
+  [
+    [1.0625, 0.125],
+    [0.96875, 0.03125],
+  ],
+  [
+    [0.2, 0.2, 0.2],
+    [1 / 3, 1 / 3, 1 / 3],
+  ],
+  [
+    [-3, 0.1, 0.4],
+    [0, 0.35, 0.65],
+  ],
+  [[-5], [1]],
+])("%j becomes %j", (point, expected) => {
+  const projected = projectToSimplex(point);
+  for (const [i, value] of expected.entries()) expect(projected[i]).toBeCloseTo(value, 12);
 });

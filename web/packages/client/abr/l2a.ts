@@ -9,10 +9,24 @@
  */
 import type { Controller, ControllerContext, Observation } from "./controller";
 import { bitrates, FrameBuffer, SAFETY, SEGMENT, TARGET_MS } from "./segments";
-import { projectToSimplex } from "./simplex";
 import { FrameSizes } from "./sizes";
 
-/** Free parameters. */
+/**
+ * The point of the probability simplex {x : x ≥ 0, Σx = 1} that is nearest to a point in the Euclidean sense:
+ * x = max(y − t, 0) with t such that the sum is 1 (Chen and Ye, "Projection Onto A Simplex", arXiv:1101.6081).
+ */
+export function projectToSimplex(point: readonly number[]): number[] {
+  let sum = 0;
+  let threshold = 0;
+  for (const [i, value] of point.toSorted((a, b) => b - a).entries()) {
+    const candidate = (sum + value - 1) / (i + 1);
+    if (candidate >= value) break;
+    sum += value;
+    threshold = candidate;
+  }
+  return point.map((value) => Math.max(value - threshold, 0));
+}
+
 export interface L2aParameters {
   /** Segments that it takes to converge. */
   readonly horizon: number;
@@ -34,7 +48,6 @@ const MIN_DURATION = 2;
 export interface LearnerState {
   readonly w: readonly number[];
   readonly q: number;
-  /** The index of the chosen bitrate. */
   readonly choice: number;
 }
 

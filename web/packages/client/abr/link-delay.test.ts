@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { LinkDelay } from "./link-delay";
+import { LinkDelay, RecentMinimum } from "./link-delay";
 import { seeded } from "./random";
 
 function heard(subject: LinkDelay, delays: readonly number[], from = 0): LinkDelay {
@@ -38,4 +38,12 @@ test("a way that has become longer can be taken as it is", () => {
   subject.forget();
   heard(subject, Array(20).fill(90), 640);
   expect(subject.queue).toBe(0);
+});
+
+test("the least of the last milliseconds, and no older one", () => {
+  const subject = new RecentMinimum(100);
+  expect([5, 3, 4, 9].map((value, i) => subject.add(value, 10 * i))).toEqual([5, 3, 3, 3]);
+  expect(subject.add(8, 109)).toBe(3);
+  expect(subject.add(8, 110)).toBe(4);
+  expect(subject.add(8, 121)).toBe(8);
 });

@@ -3,11 +3,28 @@
  * on the link. The queue is the average delay above the recent minimum; jitter is the interarrival jitter of RFC 3550,
  * the average change from frame to frame. All in milliseconds.
  */
-import { RecentMinimum } from "./recent-minimum";
+
+/** The least of the values of the last milliseconds. */
+export class RecentMinimum {
+  readonly #span: number;
+  /** Possible minima: ascending in time and value. */
+  #values: { readonly at: number; readonly value: number }[] = [];
+
+  /** `span` in milliseconds. */
+  constructor(span: number) {
+    this.#span = span;
+  }
+
+  /** A value at a time that never goes back; returns the least, which may be this one. */
+  add(value: number, at: number): number {
+    this.#values = this.#values.filter((older) => older.at > at - this.#span && older.value < value);
+    this.#values.push({ at, value });
+    return this.#values[0]?.value ?? value;
+  }
+}
 
 /** Window of the minimum, in milliseconds. */
 const SPAN = 10_000;
-/** Weight of the newest frame in the average. */
 const ALPHA = 0.3;
 /** As RFC 3550 has it. */
 const JITTER_ALPHA = 1 / 16;

@@ -7,12 +7,145 @@
  * control.
  */
 import type { Controller, ControllerContext, Observation } from "./controller";
-import { bestWeights, downloadTime, nextBuffer } from "./lolp-qoe";
-import { distance, type Features, firstWeights, SelfOrganisingMap } from "./lolp-som";
-import { bitrates, FrameBuffer, latencyOf, SAFETY, TARGET_MS } from "./segments";
+import { bitrates, FrameBuffer, latencyOf, SAFETY, SEGMENT, TARGET_MS } from "./segments";
 import { FrameSizes } from "./sizes";
 
-/** Free parameters. */
+/**
+ * LoL+'s self-organising map: one neuron per bitrate, with four features (throughput, latency, rebuffering, switch). A
+ * neuron and its neighbours are drawn towards each sample with a learning rate and a Gaussian neighbourhood of width
+ * 0.1.
+ */
+export type Features = readonly [number, number, number, number];
+
+const NEIGHBOURHOOD = 0.1;
+const EQUAL: Features = [1, 1, 1, 1];
+
+export function distance(a: Features, b: Features, weights: Features = EQUAL): number {
+  return Math.sqrt(weights.reduce((sum, weight, i) => sum + weight * ((a[i] ?? 0) - (b[i] ?? 0)) ** 2, 0));
+}
+
+export class SelfOrganisingMap {
+  readonly #neurons: Features[];
+  readonly #learningRate: number;
+
+  /** `throughputs`: the neurons' bitrates, normalised. */
+  constructor(throughputs: readonly number[], learningRate: number) {
+    this.#learningRate = learningRate;
+    this.#neurons = throughputs.map((throughput): Features => [throughput, 0, 0, 0]);
+  }
+
+  get neurons(): readonly Features[] {
+    return this.#neurons;
+  }
+
+  /**
+   * Draws a neuron and its neighbours to a point, one after the other as in dash.js, so that later neighbours see the
+   * neuron's new position.
+   */
+  learn(neuron: number, point: Features): void {
+    for (const [i, features] of this.#neurons.entries()) {
+      const centre = this.#neurons[neuron] ?? features;
+      const rate = this.#learningRate * Math.exp(-(distance(features, centre) ** 2) / (2 * NEIGHBOURHOOD ** 2));
+      const [t, l, r, s] = features;
+      this.#neurons[i] = [
+        t + rate * (point[0] - t),
+        l + rate * (point[1] - l),
+        r + rate * (point[2] - r),
+        s + rate * (point[3] - s),
+      ];
+    }
+  }
+}
+
+/**
+ * The first weights, before there is anything to choose them by: centres are spread over count² random points as k-means++
+ * spreads them (each the point farthest from those before), the least similar comes first, the others by their distance from
+ * it, and the last is taken.
+ */
+export function firstWeights(count: number, maxThroughput: number, random: () => number): Features {
+  const points = Array.from(
+    { length: Math.max(1, count ** 2) },
+    (): Features => [random() * maxThroughput, random(), random(), random()],
+  );
+  const centres = points.slice(0, 1);
+  while (centres.length < count) {
+    const gap = (point: Features) => Math.min(...centres.map((centre) => distance(point, centre)));
+    centres.push(points.reduce((best, point) => (gap(point) > gap(best) ? point : best)));
+  }
+  const apart = (point: Features) => centres.reduce((sum, centre) => sum + distance(point, centre), 0);
+  const first = centres.reduce((best, centre) => (apart(centre) > apart(best) ? centre : best));
+  return centres.reduce((best, centre) => (distance(first, centre) > distance(first, best) ? centre : best));
+}
+
+/*
+ * LoL+'s quality of experience of a segment, and its choice of the weights of the map's features by it. Constants are those
+ * of the authors' contribution to dash.js. Bitrates in bits per second, times in seconds.
+ */
+
+/** Latencies up to this are penalised mildly. */
+const COMFORTABLE_LATENCY = 1.1;
+const OPTIONS = [0.2, 0.4, 0.6, 0.8, 1];
+const LEAST_REBUFFERING = 1e-5;
+
+export type Weights = readonly [number, number, number, number];
+
+/**
+ * The QoE of one segment: reward for its bitrate, less penalties for rebuffering and latency. As in dash.js the reward counts
+ * in bit/s and the penalties in kbit/s, so that a thousandth of their published weight is left.
+ */
+export function qoe(bitrate: number, rebuffering: number, latency: number, rates: readonly number[]): number {
+  const [lowest, highest] = [Math.min(...rates) / 1000, Math.max(...rates) / 1000];
+  const latencyPenalty = latency <= COMFORTABLE_LATENCY ? 0.05 * lowest : 0.1 * highest;
+  return SEGMENT * bitrate - highest * rebuffering - latencyPenalty * latency;
+}
+
+/** How long a segment of a bitrate takes. */
+export function downloadTime(bitrate: number, throughput: number): number {
+  return (bitrate * SEGMENT) / throughput;
+}
+
+export function nextBuffer(buffer: number, download: number): number {
+  return download > SEGMENT ? buffer - SEGMENT : buffer + SEGMENT - download;
+}
+
+export interface WeightSearch {
+  readonly rates: readonly number[];
+  /** The map's learned latency of each rate. */
+  readonly latencies: readonly number[];
+  readonly throughput: number;
+  readonly buffer: number;
+  /** A buffer below this is low. */
+  readonly minBuffer: number;
+}
+
+/**
+ * The weights with which some neuron promises the highest QoE; null if all leave the buffer low. dash.js lacks the
+ * published bound of the latency, the target plus its change, and takes each latency for a change from zero. The
+ * published search goes through all 5⁴ vectors; its QoE depends on two of the four weights, and the first best wins, so
+ * the other two are always the first option.
+ */
+export function bestWeights(question: WeightSearch): Weights | null {
+  const { rates, latencies, throughput, buffer, minBuffer } = question;
+  let best: Weights | null = null;
+  let highest = Number.NEGATIVE_INFINITY;
+  for (const [i, rate] of rates.entries()) {
+    const download = downloadTime(rate, throughput);
+    const next = nextBuffer(buffer, download);
+    if (next < minBuffer) continue;
+    const rebuffering = Math.max(LEAST_REBUFFERING, download - next);
+    for (const forLatency of OPTIONS) {
+      for (const forBuffer of OPTIONS) {
+        const value = qoe(rate, (1 / forBuffer) * rebuffering, (1 / forLatency) * (latencies[i] ?? 0), rates);
+        if (value > highest) {
+          highest = value;
+          best = [0.2, forLatency, forBuffer, 0.2];
+        }
+      }
+    }
+  }
+  return best;
+}
+
 export interface LolpParameters {
   /** Target latency, in milliseconds. */
   readonly target: number;

@@ -44,7 +44,6 @@ export class RateCap {
     this.#usual = this.#usual === 0 ? bytes : this.#usual + NEWEST * (bytes - this.#usual);
   }
 
-  /** Counts other bytes received. */
   besides(bytes: number): void {
     this.#ahead += bytes;
   }

@@ -48,7 +48,6 @@ export function together(a: Seen, b: Seen): Seen {
   return { mse: Math.min(MOST_MSE, a.mse + b.mse), ssim: Math.max(LEAST_SSIM, a.ssim + b.ssim - 1) };
 }
 
-/** The peak signal-to-noise ratio of a mean squared error. */
 export function decibels(mse: number): number {
   return 10 * Math.log10(PEAK / Math.max(mse, 1e-6));
 }

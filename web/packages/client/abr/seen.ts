@@ -13,10 +13,10 @@
  * stage, `f` an animation frame and `j` the link's jitter, which spreads the packets of a frame equally whether there are
  * two or twenty.
  *
- * Rungs with longer intervals than LONGEST are worse than all others. It goes down as far as needed once that is better by MARGIN, and up by one rung once that has been better for a while
- * even on a link with CAUTION times the throughput; reverting an upgrade early doubles the wait before the next one. It
- * starts with a rung whose frames fit into QUIC's first window, and goes up with the first frame of each rung during
- * BEGINNING.
+ * Rungs with longer intervals than LONGEST are worse than all others. It goes down as far as needed once that is better
+ * by MARGIN, and up by one rung once that has been better for a while even on a link with CAUTION times the throughput;
+ * reverting an upgrade early doubles the wait before the next one. It starts with a rung whose frames fit into QUIC's
+ * first window, and goes up with the first frame of each rung during BEGINNING.
  */
 import {
   type Controller,
@@ -32,14 +32,37 @@ import { LinkDelay } from "./link-delay";
 import { decibels, type Seen, seenLate, seenOfRung, together } from "./seen-error";
 import { ServerTimes } from "./server-times";
 import { FrameSizes } from "./sizes";
-import { TurningSpeeds } from "./turning-speeds";
+
+/** Upper ends of the classes, and the speeds that stand for them, in degrees a second. */
+const ENDS = [2, 7, 15, 27, 47, 80, 140, Number.POSITIVE_INFINITY];
+const SPEEDS = [1, 4, 10, 20, 35, 60, 100, 180];
+/** Time constant of the average, in milliseconds. */
+const MEMORY = 2000;
+
+export class TurningSpeeds {
+  #shares: readonly number[] = SPEEDS.map(() => 1 / SPEEDS.length);
+  #at = Number.NEGATIVE_INFINITY;
+
+  /** A speed in degrees a second, at a time in milliseconds. */
+  observe(speed: number, at: number): void {
+    const kept = Math.exp((this.#at - at) / MEMORY);
+    this.#at = at;
+    const own = ENDS.findIndex((end) => speed < end);
+    this.#shares = this.#shares.map((share, i) => kept * share + (i === own ? 1 - kept : 0));
+  }
+
+  /** Expected value of a function of the speed. */
+  expect(value: (speed: number) => number): number {
+    return this.#shares.reduce((sum, share, i) => (share > 0 ? sum + share * value(SPEEDS[i] ?? 0) : sum), 0);
+  }
+}
 
 /** Decibels that an SSIM of 1 is worth. */
 const WEIGHT = 20;
 /** Minimum gain of another rung, in decibels. */
 const MARGIN = 0.4;
 /** Share of the throughput that an upgrade may count on. */
-const CAUTION = 0.6;
+const CAUTION = 0.55;
 /** Decoding and display, in milliseconds. */
 const PAGE = 25;
 /** Rungs with a longer interval between frames are avoided, in milliseconds: pictures would stutter. */
@@ -55,7 +78,7 @@ const BEGINNING = 2000;
 const MIN_HOLD = 500;
 const MAX_HOLD = 8000;
 /** An upgrade that is taken back within this many milliseconds has failed. */
-const PROVEN = 1000;
+const PROVEN = 2000;
 
 /** Expected quality of a rung on the screen, in decibels. */
 type Utility = (rung: number) => number;

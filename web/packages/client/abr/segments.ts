@@ -11,7 +11,7 @@
  * relative to earlier ones. Measured from zero, a round trip of 100 ms would leave the buffer empty forever.
  */
 import { type Observation, responseTime } from "./controller";
-import { RecentMinimum } from "./recent-minimum";
+import { RecentMinimum } from "./link-delay";
 import type { FrameSizes } from "./sizes";
 
 /** The published target latency, in seconds. */

@@ -63,7 +63,6 @@ export class ServerTimes {
     }
   }
 
-  /** Of a frame of that rung. */
   expected(rung: number): ServerTime {
     const pixels = this.#pixels[rung] ?? 0;
     const own = this.#seen.get(pixels)?.time;

@@ -24,7 +24,6 @@ export class FrameSizes {
     this.#seen[rung] = average === undefined ? bytes : average + ALPHA * (bytes - average);
   }
 
-  /** Bytes of a frame of that rung. */
   expected(rung: number): number {
     return this.#seen[rung] ?? this.#ladderBytes(rung) * this.#scaleNear(rung);
   }

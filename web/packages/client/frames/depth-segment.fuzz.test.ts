@@ -3,7 +3,7 @@
 import fc from "fast-check";
 import { expect, test } from "vitest";
 import { EFFORT } from "#client/fuzz/effort";
-import { readDepthSegment } from "./depth-segment";
+import { readDepthSegment } from "./decode-depth";
 import { jpegWithDepth, webpWithDepth } from "./fake-frames";
 
 const image = fc.uint8Array({ minLength: 1, maxLength: 60 });

@@ -1,10 +1,9 @@
 /** The worker's side: sessions to the server, and the pictures of their frames. */
 import { DatagramTransport } from "../transport/datagrams";
-import type { DecodedImage } from "../transport/picture";
 import type { Clock } from "../transport/reception";
 import { openSession, type SessionOptions } from "../transport/session";
 import { StreamTransport } from "../transport/streams";
-import type { FrameTransport } from "../transport/transport";
+import type { DecodedImage, FrameTransport } from "../transport/transport";
 import { type FromWorker, failureOf, type SessionKind, type ToWorker } from "./messages";
 
 export interface HostOptions {

@@ -1,8 +1,7 @@
 import { beforeEach, expect, test, vi } from "vitest";
 import type { CalledWorker } from "../async/worker-calls";
 import { FakeTransport, settle } from "../transport/fake";
-import type { DecodedImage } from "../transport/picture";
-import { FrameDropped, RequestProblem } from "../transport/transport";
+import { type DecodedImage, FrameDropped, RequestProblem } from "../transport/transport";
 import { FrameHost } from "./frame-host";
 import { FrameWorker } from "./frame-worker";
 import type { FromWorker, ToWorker } from "./messages";

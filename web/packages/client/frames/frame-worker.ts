@@ -1,9 +1,8 @@
 /** The page's side of the frame worker: transports whose sessions and decoding are in the worker. */
 import { type Deferred, deferred } from "../async/deferred";
 import type { CalledWorker } from "../async/worker-calls";
-import type { DecodedImage } from "../transport/picture";
 import type { SessionOptions } from "../transport/session";
-import type { FrameReply, FrameTransport } from "../transport/transport";
+import type { DecodedImage, FrameReply, FrameTransport } from "../transport/transport";
 import type { RenderRequest } from "../wire/render";
 import { errorOf, type FromWorker, type SessionKind, type ToWorker } from "./messages";
 

@@ -1,8 +1,7 @@
 /** Messages between a page and its frame worker. Ids are unique per worker; a session has the id of its order to open. */
-
-import type { DecodedImage } from "../transport/picture";
 import type { SessionOptions } from "../transport/session";
 import {
+  type DecodedImage,
   FrameDropped,
   type FrameReply,
   type FrameTransport,

@@ -1,6 +1,34 @@
 /** How a service says that it failed: problem details (RFC 9457), and one sentence to show. */
 import type { Problem } from "../wire/render";
 
+/** Reasons why a page cannot reach a service named by `/config.json`, as far as its URL shows. */
+const LOOPBACK = /^(localhost|.*\.localhost|127(\.\d+){3}|\[::1\])$/;
+
+/**
+ * Whether browsers block a page at `page` from a service at `base`: a secure page may use plain HTTP only on the same
+ * machine.
+ */
+export function mixedContent(base: string, page: string): boolean {
+  const { protocol, hostname } = new URL(base);
+  return new URL(page).protocol === "https:" && protocol === "http:" && !LOOPBACK.test(hostname);
+}
+
+/** Why a page at `page` cannot talk to a shaper at `base`, in one sentence; null if it can. */
+export function shaperObstacle(base: string, page: string): string | null {
+  if (!URL.canParse(base)) return `The shaper's address is not a URL: ${base}.`;
+  if (!mixedContent(base, page)) return null;
+  return "Browsers do not let a secure page use a shaper over plain HTTP: open this page over http:// to change the link.";
+}
+
+/** Why a page at `page` gets no answer from the store at `base`, in one sentence. */
+export function storeUnreachable(base: string, page: string): string {
+  if (URL.canParse(base) && mixedContent(base, page)) {
+    return "Browsers do not let a secure page use a store over plain HTTP: open this page over http:// to use it.";
+  }
+  // Browsers do not report a refusal because of the origin.
+  return `The store at ${base} does not answer as it should, or does not allow this page.`;
+}
+
 export class ApiError extends Error {
   /** The server did not answer at all. */
   readonly unreachable: boolean;

@@ -1,7 +1,7 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { connect, type FrameBackend, type TransportChoice } from "./connect";
 import { FakeTransport } from "./fake";
-import type { DecodedImage } from "./picture";
+import type { DecodedImage } from "./transport";
 
 const CONFIG = { webtransport_url: "https://localhost:4433/render", certificate_sha256: "AQID" };
 const VIEW = { scene: "s", fx: 1, fy: 1, cx: 1, cy: 1, width: 2, height: 2 };

@@ -1,11 +1,10 @@
 /** Picks the transport: WebTransport if available, fetch otherwise, with the reason for a fallback. */
 import type { ServerConfig } from "../wire/render";
 import { FetchTransport } from "./fetch";
-import { hostUrl } from "./host-url";
-import type { DecodedImage } from "./picture";
+import { hostUrl } from "./host-report";
 import type { Clock } from "./reception";
 import type { SessionOptions } from "./session";
-import type { FrameTransport, TransportKind } from "./transport";
+import type { DecodedImage, FrameTransport, TransportKind } from "./transport";
 
 /** `auto` is WebTransport streams, then fetch. */
 export type TransportChoice = "auto" | TransportKind;

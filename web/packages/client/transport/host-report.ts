@@ -1,5 +1,12 @@
 /** A viewer's report on its host, sent with the request for a host; the director of a cluster may name another one. */
+import { mixedContent } from "../http/problem";
 import type { ServerConfig } from "../wire/render";
+
+/** URL of a path at the host itself, or through the director where a secure page may not reach the host. */
+export function hostUrl(path: string, { host, render_url: base }: Pick<ServerConfig, "host" | "render_url">): string {
+  if (typeof base !== "string") return path;
+  return mixedContent(base, location.href) ? `${path}?${new URLSearchParams({ host: host ?? "" })}` : `${base}/${path}`;
+}
 
 /** The host works (`at`), does not answer (`silent`), or refused the session (`lost`). */
 export type HostReport = { readonly at: string } | { readonly silent: string } | { readonly lost: string };

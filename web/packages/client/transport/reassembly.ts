@@ -10,7 +10,6 @@ interface Partial {
   readonly fragments: Map<number, Bytes>;
 }
 
-/** A complete frame. */
 export interface WholeFrame {
   readonly seq: number;
   readonly chunks: Bytes[];
@@ -40,12 +39,10 @@ export class Reassembler {
     return { seq, chunks: Array.from({ length: count }, (_, i) => frame.fragments.get(i) as Bytes) };
   }
 
-  /** Forget a frame that will not be completed. */
   drop(seq: number): void {
     this.#frames.delete(seq);
   }
 
-  /** How many frames have some of their fragments. */
   get partial(): number {
     return this.#frames.size;
   }

@@ -19,13 +19,11 @@ export class Receiver {
     this.now = now;
   }
 
-  /** Starts the clock of one request. */
   begin(): Reception {
     return new Reception(this);
   }
 }
 
-/** The bytes of one reply. */
 export class Reception {
   readonly #receiver: Receiver;
   readonly #sentAt: number;

@@ -5,15 +5,7 @@
  */
 export interface SessionRequest {
   scene: string;
-  /**
-   * @minItems 3
-   * @maxItems 3
-   */
   position: [number, number, number];
-  /**
-   * @minItems 4
-   * @maxItems 4
-   */
   quaternion: [number, number, number, number];
   fx: number;
   fy: number;
@@ -22,46 +14,7 @@ export interface SessionRequest {
   width: number;
   height: number;
   frame_rate?: number;
-  representations?:
-    | [RepresentationRequest]
-    | [RepresentationRequest, RepresentationRequest]
-    | [RepresentationRequest, RepresentationRequest, RepresentationRequest]
-    | [RepresentationRequest, RepresentationRequest, RepresentationRequest, RepresentationRequest]
-    | [
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest
-      ]
-    | [
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest
-      ]
-    | [
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest
-      ]
-    | [
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest
-      ]
-    | null;
+  representations?: RepresentationRequest[] | null;
   segment_s?: number;
   frames_per_chunk?: number;
   target_latency_ms?: number;
@@ -78,15 +31,7 @@ export interface RepresentationRequest {
  */
 export interface PoseUpdate {
   seq: number;
-  /**
-   * @minItems 3
-   * @maxItems 3
-   */
   position: [number, number, number];
-  /**
-   * @minItems 4
-   * @maxItems 4
-   */
   quaternion: [number, number, number, number];
   fx?: number | null;
   fy?: number | null;
@@ -98,15 +43,7 @@ export interface PoseUpdate {
  */
 export interface WebRtcRequest {
   scene: string;
-  /**
-   * @minItems 3
-   * @maxItems 3
-   */
   position: [number, number, number];
-  /**
-   * @minItems 4
-   * @maxItems 4
-   */
   quaternion: [number, number, number, number];
   fx: number;
   fy: number;

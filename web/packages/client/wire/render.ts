@@ -53,30 +53,14 @@ export interface SceneEdit {
  * Where a visitor enters the scene.
  */
 export interface StartCamera {
-  /**
-   * @minItems 3
-   * @maxItems 3
-   */
   position: [number, number, number];
-  /**
-   * @minItems 3
-   * @maxItems 3
-   */
   look_at: [number, number, number];
 }
 /**
  * A camera pose in the scene's own coordinates.
  */
 export interface SavedView {
-  /**
-   * @minItems 3
-   * @maxItems 3
-   */
   position: [number, number, number];
-  /**
-   * @minItems 4
-   * @maxItems 4
-   */
   quaternion: [number, number, number, number];
 }
 /**
@@ -91,15 +75,7 @@ export interface SavedPath {
  * A pose of a camera path and its time.
  */
 export interface Keyframe {
-  /**
-   * @minItems 3
-   * @maxItems 3
-   */
   position: [number, number, number];
-  /**
-   * @minItems 4
-   * @maxItems 4
-   */
   quaternion: [number, number, number, number];
   t_ms: number;
 }
@@ -162,16 +138,8 @@ export interface SceneInfo {
   antialiased?: boolean;
   memory_bytes: number;
   preview: string;
-  /**
-   * @minItems 3
-   * @maxItems 3
-   */
   up: [number, number, number];
   camera: StartCamera | null;
-  /**
-   * @minItems 3
-   * @maxItems 3
-   */
   background: [number, number, number];
   enhance?: ("scene" | "general") | null;
   ladder?: Rung[] | null;

@@ -1,7 +1,10 @@
 // Generated from services/experiments/tigas_experiments/wire/store.py by `npm run wire`. Do not edit.
 
-export type JsonValue = unknown;
+import type { RepresentationInfo, RepresentationRequest } from "./dash";
+import type { RenderRequest, ServerTiming } from "./render";
+import type { LinkSetting } from "./shaper";
 
+export type JsonValue = unknown;
 /**
  * An experiment's file (docs/experiments.md), and the inputs that only the page has.
  */
@@ -71,17 +74,6 @@ export interface PlayedStream {
   protocols?: string[];
 }
 /**
- * One representation of a session.
- */
-export interface RepresentationInfo {
-  id: string;
-  rung: number;
-  width: number;
-  height: number;
-  bitrate_kbps: number;
-  codecs: string;
-}
-/**
  * Statistics of WebRTC.
  */
 export interface PlayedWebRtc {
@@ -123,15 +115,7 @@ export interface Input {
   at: number;
   pose: number;
   missed?: boolean;
-  /**
-   * @minItems 3
-   * @maxItems 3
-   */
   position: [number, number, number];
-  /**
-   * @minItems 4
-   * @maxItems 4
-   */
   quaternion: [number, number, number, number];
 }
 /**
@@ -165,14 +149,6 @@ export interface Reply {
   bytes: number;
   server: ServerTiming | null;
   throughput_kbps: number | null;
-}
-/**
- * Where the server's time went, in milliseconds.
- */
-export interface ServerTiming {
-  queue: number;
-  render: number;
-  encode: number;
 }
 /**
  * A request of the mode `stateless` or `video`, and its outcome.
@@ -219,11 +195,7 @@ export interface LinkSample {
  * All samples of a run, once their pictures are in the store.
  */
 export interface SampleIndex {
-  /**
-   * @minItems 1
-   * @maxItems 10000
-   */
-  samples: [Sample, ...Sample[]];
+  samples: Sample[];
 }
 /**
  * A kept frame of the mode `stateless`: the JPEG as received and, with enhancement, as shown.
@@ -240,42 +212,6 @@ export interface Sample {
   width: number;
   height: number;
   enhanced?: boolean;
-}
-/**
- * One view to render. The pose is either Euler angles and `translation`, or `position` and `quaternion`.
- */
-export interface RenderRequest {
-  scene: string;
-  seq?: number;
-  azimuth?: number | null;
-  elevation?: number | null;
-  roll?: number | null;
-  translation?: [number, number, number] | null;
-  position?: [number, number, number] | null;
-  quaternion?: [number, number, number, number] | null;
-  fx: number;
-  fy: number;
-  cx: number;
-  cy: number;
-  width: number;
-  height: number;
-  profile?: number | null;
-  display_scale?: number;
-  overscan?: number;
-  depth?: boolean;
-  detail?: "auto" | "full";
-  coarse?: boolean;
-  format?: "jpeg" | "png" | "yuv420p" | "h264" | "webp";
-  video?: VideoRequest | null;
-  deadline_ms?: number | null;
-}
-/**
- * How to encode a view as the next frame of its session's video.
- */
-export interface VideoRequest {
-  bitrate_kbps: number;
-  frames_per_s?: number;
-  key?: boolean;
 }
 /**
  * An expanded experiment file.
@@ -364,23 +300,6 @@ export interface Network {
   offset_s?: number;
 }
 /**
- * Effects of a link on packets.
- */
-export interface LinkSetting {
-  down_kbps: number;
-  up_kbps: number;
-  delay_ms?: number;
-  jitter_ms?: number;
-  loss_pct?: number;
-}
-/**
- * One representation that a session wants.
- */
-export interface RepresentationRequest {
-  rung: number;
-  bitrate_kbps?: number | null;
-}
-/**
  * The part of a run that the page plays and records.
  */
 export interface RunPlan {
@@ -439,154 +358,9 @@ export interface RunRow {
   status: "running" | "complete" | "failed";
   problem: string | null;
   configuration: Configuration;
-  figures: Figures | null;
+  figures: unknown;
   samples: SampleCounts | null;
   saturated_share?: number | null;
-}
-/**
- * Figures of a complete run.
- */
-export interface Figures {
-  latencies: Latencies;
-  view_latencies: ViewLatencies;
-  frame_ages: FrameAges;
-  content_ages: ContentAges;
-  response_times: ResponseTimes;
-  requests: Requests | null;
-  render_times: RenderTimes;
-  frames: Rates;
-  freezes: Freezes;
-  rungs: Rungs;
-  mean_height: number | null;
-  median_height: number | null;
-  filled: number | null;
-  warp_times: WarpTimes;
-  received_kbps: number | null;
-  delivered_kbps: number | null;
-  sent_kbps: number | null;
-  target_kbps: number | null;
-  trace_start_ms: number | null;
-  drops: number | null;
-  quality: QualityFigures | null;
-}
-/**
- * Motion-to-photon latency of the content, in ms: until pixels of a pose or of a later one were on screen. None:
- * that share of the inputs was never answered, or there are none.
- */
-export interface Latencies {
-  inputs: number;
-  missed: number;
-  unanswered: number;
-  p50: number | null;
-  p90: number | null;
-  p95: number | null;
-  p99: number | null;
-  share_interactive: number | null;
-  share_frame_less: number | null;
-  share_frame_more: number | null;
-}
-/**
- * Time until the picture on screen was warped to a pose or to a later one, in ms, whatever the age of its pixels;
- * without warping, motion-to-photon latency. None: see there.
- */
-export interface ViewLatencies {
-  unanswered: number;
-  p50: number | null;
-  p90: number | null;
-  p95: number | null;
-  p99: number | null;
-}
-/**
- * From the sample of a frame's own pose to that frame on the screen, in ms; None without frames.
- */
-export interface FrameAges {
-  frames: number;
-  mean: number | null;
-  p50: number | null;
-  p95: number | null;
-}
-/**
- * How long ago the viewer was last where the picture on the screen is from, sampled by time, in ms; None if the
- * viewer did not move.
- */
-export interface ContentAges {
-  mean: number | null;
-  p50: number | null;
-  p95: number | null;
-}
-/**
- * From sending a request to the last byte of its frame, in ms, as the paper has it; None without replies.
- */
-export interface ResponseTimes {
-  replies: number;
-  mean: number | null;
-  p50: number | null;
-  p95: number | null;
-}
-/**
- * Outcomes of the requests sent during the run (`tigas_experiments.wire.recording.Fate`).
- */
-export interface Requests {
-  sent: number;
-  shown: number;
-  overtaken: number;
-  cancelled: number;
-  dropped: number;
-  unanswered: number;
-}
-/**
- * Server times of received frames, in ms; None if it sent none.
- */
-export interface RenderTimes {
-  mean: number | null;
-  p50: number | null;
-}
-/**
- * Frames over the movement's duration.
- */
-export interface Rates {
-  shown: number;
-  per_s: number;
-  new_views: number;
-  new_views_per_s: number;
-}
-/**
- * Times at which the picture stood, neither new nor turned, although the viewer moved.
- */
-export interface Freezes {
-  count: number;
-  total_ms: number;
-  longest_ms: number;
-}
-/**
- * Which rungs of the ladder were on the screen.
- */
-export interface Rungs {
-  share: {
-    [k: string]: number;
-  };
-  switches: number;
-}
-/**
- * How long turning a picture kept the page's main thread, in ms; None where it turned none.
- */
-export interface WarpTimes {
-  mean: number | null;
-  p95: number | null;
-}
-/**
- * Means over the kept pictures of a run; None where none could be compared so.
- */
-export interface QualityFigures {
-  pictures: number;
-  picture_psnr_db: number | null;
-  picture_ssim: number | null;
-  view_psnr_db: number | null;
-  view_ssim: number | null;
-  seen_psnr_db: number | null;
-  seen_ssim: number | null;
-  uncovered?: number | null;
-  seen_lpips?: number | null;
 }
 /**
  * Summary of a run's samples.

@@ -3,7 +3,7 @@
  * reported, and the others continue. Performing and the store are dependencies.
  */
 import { signal } from "@preact/signals";
-import { sleep } from "#client/async/sleep";
+import { sleep } from "#client/async/retry";
 import { ApiError } from "#client/http/problem";
 import type { NextRun, RunJob, RunUpload } from "#client/wire/store";
 import { ShaperError } from "../network/api";
@@ -15,7 +15,6 @@ import type { StoreApi } from "./store-api";
 export interface Progress extends Pick<NextRun, "planned" | "missing" | "remaining_s"> {
   /** The present run's display name; null before the first. */
   readonly title: string | null;
-  /** The present step. */
   readonly stage: string;
 }
 
@@ -24,7 +23,6 @@ export interface Ending {
   readonly problem: string | null;
   /** Whether it was not begun since the complete runs were made with other versions. */
   readonly refused: boolean;
-  /** Incomplete runs. */
   readonly missing: number;
   /** Whether the store got samples. */
   readonly sampled: boolean;

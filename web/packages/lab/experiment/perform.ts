@@ -1,5 +1,5 @@
 /** Performs a run in this very page: network, first pose, warm-up, movement. */
-import { sleep } from "#client/async/sleep";
+import { sleep } from "#client/async/retry";
 import type { RunJob, RunUpload } from "#client/wire/store";
 import type { ViewerSession } from "#viewer/session/session";
 import type { Settings } from "#viewer/state/settings";
@@ -18,7 +18,6 @@ export interface Performance {
   readonly shaper: Shaper | null;
   /** The experiment of samples, in case the page is closed. */
   readonly experiment: string;
-  /** Receives the present step. */
   readonly stage: (what: string) => void;
   readonly signal: AbortSignal;
 }

@@ -3,7 +3,7 @@ import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { settle } from "#client/transport/fake";
 import type { SceneInfo } from "#client/wire/render";
 import type { EnhancementStatus } from "#viewer/enhance/enhancement";
-import type { TimedPose } from "#viewer/movement/playback";
+import type { TimedPose } from "#viewer/movement/movement";
 import { turning } from "#viewer/reproject/acceleration";
 import type { ViewerSession } from "#viewer/session/session";
 import { ViewerState } from "#viewer/state/viewer-state";

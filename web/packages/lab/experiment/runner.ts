@@ -7,7 +7,7 @@ import { effect } from "@preact/signals";
 import type { Recording } from "#client/wire/store";
 import { KINDS, OFF } from "#viewer/enhance/model/enhancer";
 import { nameProblem } from "#viewer/enhance/registry";
-import { poseAt, type TimedPose } from "#viewer/movement/playback";
+import { poseAt, type TimedPose } from "#viewer/movement/movement";
 import { turning } from "#viewer/reproject/acceleration";
 import type { ViewerSession } from "#viewer/session/session";
 import { kindsShown, reopens } from "#viewer/sources/sides";
@@ -18,8 +18,7 @@ import type { About } from "../samples/layout";
 import { removeSampledRun } from "../samples/sampled-runs";
 import { type Sampled, Sampler } from "../samples/sampler";
 import { RunFailed } from "./errors";
-import { intervalAtRest } from "./missed";
-import { Recorder } from "./recorder";
+import { intervalAtRest, Recorder } from "./recorder";
 
 export interface RunPlan {
   /** In the order of time, in the scene's own frame. */
@@ -122,7 +121,6 @@ export class Runner {
     });
   }
 
-  /** Give the camera back to the person. */
   release(): void {
     this.#session.rig.drive(null);
   }
@@ -277,7 +275,7 @@ export class Runner {
   /** Figures of the streams and downloads on the stage. */
   #played(startedAt: number): Pick<Required<Recording>, "dash" | "webrtc" | "local"> {
     const sources = this.#session.sources.peek();
-    return Object.assign({ dash: null, webrtc: null, local: null }, ...sources.map((one) => one.played(startedAt)));
+    return Object.assign({ dash: null, webrtc: null, local: null }, ...sources.map((one) => one.played?.(startedAt)));
   }
 
   #unturned(): string | null {

@@ -1,6 +1,5 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { ApiError } from "#client/http/problem";
-import { storeUnreachable } from "#client/http/reach";
+import { ApiError, storeUnreachable } from "#client/http/problem";
 import { StoreApi } from "./store-api";
 
 const store = new StoreApi("http://lab:8091/");

@@ -1,7 +1,6 @@
 /** The store of experiments (`docs/experiments.md`). Every failure is an ApiError with one sentence to show. */
 
-import { ApiError, readProblem } from "#client/http/problem";
-import { storeUnreachable } from "#client/http/reach";
+import { ApiError, readProblem, storeUnreachable } from "#client/http/problem";
 import type {
   ExperimentCreated,
   ExperimentList,
@@ -83,7 +82,6 @@ export class StoreApi {
     await this.#ask(`${this.#run(id, run)}/samples`, { method: "PUT", ...jsonBody({ samples }) });
   }
 
-  /** The samples of a run, in the order of time. */
   samples(id: string, run: string): Promise<SampleList> {
     return this.#json(`${this.#run(id, run)}/samples`);
   }
@@ -111,17 +109,14 @@ export class StoreApi {
     return (await this.#json<ExperimentList>("experiments")).experiments;
   }
 
-  /** One with its plan and its runs. */
   get(id: string): Promise<StoredExperiment> {
     return this.#json(this.#path(id));
   }
 
-  /** With all of its files. */
   async remove(id: string): Promise<void> {
     await this.#ask(this.#path(id), { method: "DELETE" });
   }
 
-  /** All files of an experiment. */
   zipUrl(id: string): string {
     return `${this.base}/${this.#path(id)}/zip`;
   }

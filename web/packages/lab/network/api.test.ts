@@ -1,5 +1,5 @@
 import { afterEach, expect, test, vi } from "vitest";
-import { shaperObstacle } from "#client/http/reach";
+import { shaperObstacle } from "#client/http/problem";
 import { ShaperApi, ShaperError } from "./api";
 
 afterEach(() => {

@@ -1,11 +1,35 @@
 /** Client of one shaper: its traces, its live link and the user's actions, until disposed of. */
-
 import { signal } from "@preact/signals";
-import { shaperObstacle } from "#client/http/reach";
+import { shaperObstacle } from "#client/http/problem";
 import type { ShaperStatus, TracePoints, TraceSummary } from "#client/wire/shaper";
-import { append, noColumns } from "#viewer/charts/columns";
+import { append, type Column, noColumns } from "#viewer/charts/history";
+import type { Stats } from "#viewer/stateless/stats";
 import { ShaperApi, ShaperError } from "./api";
-import { rates } from "./series";
+
+/** Towards the client, Mbit/s: target, delivered. */
+export function rates({ down }: ShaperStatus): Column {
+  return [down.target_kbps / 1000, down.delivered_kbps / 1000];
+}
+
+/** The newest frame's size in kB and the round trip in ms; undefined if no frame was shown since `shown`. */
+export function frames({ frame, roundTrip, shown }: Stats, shownBefore: number): Column {
+  return frame && shown !== shownBefore ? [frame.bytes / 1000, roundTrip] : [null, null];
+}
+
+/** A step function's outline as an SVG path over a box, the highest value at its top. */
+export function stepPath(
+  times: readonly number[],
+  values: readonly number[],
+  end: number,
+  box: [number, number],
+): string {
+  const [width, height] = box;
+  const top = Math.max(...values, Number.MIN_VALUE);
+  const x = (time: number) => ((time / end) * width).toFixed(1);
+  const y = (value: number) => (height - (value / top) * height).toFixed(1);
+  const steps = values.map((value, i) => `${i === 0 ? "M0 " : "V"}${y(value)}H${x(times[i + 1] ?? end)}`);
+  return steps.join("");
+}
 
 /** EventSource reconnects by itself, except after an error response; then we do, after this many milliseconds. */
 const RETRY = 5000;

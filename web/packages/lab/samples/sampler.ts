@@ -6,7 +6,6 @@ import type { ShownFrame } from "#viewer/stateless/stateless-player";
 import type { About } from "./layout";
 import { SamplesRefused, SampleWriter } from "./sample-writer";
 
-/** Outcome of sampling a run. */
 export interface Sampled {
   /** Key of their folder; null without one. */
   readonly key: string | null;
@@ -65,7 +64,6 @@ export class Sampler {
     this.#startedAt = now;
   }
 
-  /** A frame is on the screen. */
   shown(frame: ShownFrame): void {
     if (this.#startedAt === undefined || this.#writer === null || this.#problem !== null) return;
     if (this.#shown++ % this.#stride !== 0) return;

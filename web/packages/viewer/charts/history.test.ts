@@ -1,7 +1,6 @@
 import { expect, test } from "vitest";
 import { NO_FIGURES } from "../view/meter";
-import { LATENCY_BINS_MS } from "./histogram";
-import { ComparisonHistory } from "./history";
+import { append, ComparisonHistory, histogram, LATENCY_BINS_MS, noColumns, SPAN_S } from "./history";
 
 const FIGURES = {
   ...NO_FIGURES,
@@ -54,4 +53,50 @@ test("latencies are distributed side by side, and forgotten after a minute", () 
       .flat()
       .every((value) => value === null),
   ).toBe(true);
+});
+
+test("remembers one minute", () => {
+  let columns = noColumns(2);
+  for (let t = 0; t <= 100; t++) columns = append(columns, t, [t, t * 2]);
+  const [times, first, second] = columns;
+  expect(times).toHaveLength(SPAN_S + 1);
+  expect(times.at(0)).toBe(40);
+  expect(first?.at(0)).toBe(40);
+  expect(second?.at(-1)).toBe(200);
+});
+
+test("draws no line across a time without samples", () => {
+  const columns = append(append(noColumns(1), 0, [5]), 10, [6]);
+  expect(columns).toEqual([
+    [0, 9, 10],
+    [5, null, 6],
+  ]);
+});
+
+test("after a long silence only the new sample is left, with the break before it", () => {
+  expect(append(append(noColumns(1), 0, [5]), 500, [6])).toEqual([
+    [499, 500],
+    [null, 6],
+  ]);
+});
+
+/** The bins that hold something: where they begin (rounded), and how much. */
+function filled(values: readonly number[]): [from: number, percent: number | null][] {
+  return histogram(values).flatMap((percent, i) => (percent ? [[Math.round(LATENCY_BINS_MS[i] ?? 0), percent]] : []));
+}
+
+test("values are counted in the bin that they lie in, as a share of all", () => {
+  expect(filled([100, 101, 120, 1000])).toEqual([
+    [100, 75],
+    [1000, 25],
+  ]);
+});
+
+test("what is off the axis counts at its end, and nothing is lost", () => {
+  const bins = histogram([0, 1, 9_000, 1e9]);
+  expect([bins[0], bins.at(-1)]).toEqual([50, 50]);
+});
+
+test("without values there is no distribution", () => {
+  expect(histogram([]).every((value) => value === null)).toBe(true);
 });

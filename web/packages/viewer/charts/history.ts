@@ -5,8 +5,61 @@ import { type Signal, signal } from "@preact/signals";
 import type { Figures } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
 import { TimeWindow } from "../view/window";
-import { append, type Columns, noColumns, SPAN_S } from "./columns";
-import { histogram, LATENCY_BINS_MS } from "./histogram";
+
+/*
+ * Distribution of latencies, in bins of equal width on a logarithmic axis, so that 40 ms and 2 s fit into one chart.
+ */
+
+/** The axis, in milliseconds. */
+export const LATENCY_RANGE_MS = [10, 5000] as const;
+const BINS_PER_DECADE = 12;
+const COUNT = Math.ceil(Math.log10(LATENCY_RANGE_MS[1] / LATENCY_RANGE_MS[0]) * BINS_PER_DECADE);
+
+/** Where each bin begins, in milliseconds. */
+export const LATENCY_BINS_MS: readonly number[] = Array.from(
+  { length: COUNT },
+  (_, i) => LATENCY_RANGE_MS[0] * 10 ** (i / BINS_PER_DECADE),
+);
+
+/** Percent of the values in each bin; values outside the axis count in the outermost bins. All null without values. */
+export function histogram(values: readonly number[]): readonly (number | null)[] {
+  if (values.length === 0) return LATENCY_BINS_MS.map(() => null);
+  const counts = LATENCY_BINS_MS.map(() => 0);
+  for (const value of values) {
+    const bin = Math.floor(
+      Math.log10(Math.max(value, LATENCY_RANGE_MS[0]) / LATENCY_RANGE_MS[0]) * BINS_PER_DECADE + 1e-9,
+    );
+    const place = Math.min(COUNT - 1, bin);
+    counts[place] = (counts[place] ?? 0) + 1;
+  }
+  return counts.map((count) => (100 * count) / values.length);
+}
+
+/** Seconds. */
+export const SPAN_S = 60;
+/** No line is drawn across a longer time without samples, in seconds. */
+const GAP = 2;
+
+export type Column = readonly (number | null)[];
+/** Times in seconds, rising; and the values of each quantity at them. */
+export type Columns = readonly [times: readonly number[], ...values: Column[]];
+
+export function noColumns(quantities: number): Columns {
+  return [[], ...Array.from({ length: quantities }, () => [])];
+}
+
+/** The columns with an additional sample, without those older than the span. */
+export function append(columns: Columns, time: number, values: Column): Columns {
+  const [times, ...series] = columns;
+  const last = times.at(-1);
+  const broken = last !== undefined && time - last > GAP;
+  const kept = times.findIndex((at) => at >= time - SPAN_S);
+  const from = kept < 0 ? times.length : kept;
+  return [
+    [...times.slice(from), ...(broken ? [time - GAP / 2] : []), time],
+    ...series.map((column, i) => [...column.slice(from), ...(broken ? [null] : []), values[i] ?? null]),
+  ];
+}
 
 /** Present figures of each picture's meter, from left to right; null without a picture. */
 export type SideFigures = readonly (Figures | null)[];
@@ -28,7 +81,6 @@ export class ComparisonHistory {
   readonly buffered: Signal<Columns>;
   readonly #latencies: readonly TimeWindow[];
 
-  /** For this many pictures. */
   constructor(sides: number) {
     this.#latencies = Array.from({ length: sides }, () => new TimeWindow(SPAN_S * 1000));
     this.latency = signal<Columns>([LATENCY_BINS_MS, ...this.#latencies.map(() => histogram([]))]);

@@ -41,7 +41,6 @@ export interface Walk {
   readonly sides: readonly (WalkedSide | Unmeasured)[];
 }
 
-/** The walk in progress. */
 interface Going {
   readonly from: number;
   readonly before: SideFigures;
@@ -49,7 +48,6 @@ interface Going {
   readonly contentAges: readonly number[][];
   /** Sides that began anew, by number. */
   readonly restarted: Set<number>;
-  /** The last sample. */
   latest: SideFigures;
   movedAt: number;
   /** Time of the last movement: a stream continues to send frames afterwards. */
@@ -63,7 +61,6 @@ export class WalkRecorder {
   #movedAt = Number.NEGATIVE_INFINITY;
   #going: Going | null = null;
 
-  /** A walk is in progress or has just ended. */
   get walking(): boolean {
     return this.#going !== null;
   }

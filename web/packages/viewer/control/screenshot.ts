@@ -1,5 +1,5 @@
 /** The present view as a file at full quality: rendered anew by the server, in any size. */
-import { sleep } from "#client/async/sleep";
+import { sleep } from "#client/async/retry";
 import { RequestProblem } from "#client/transport/transport";
 import { losslessView } from "../quality/ground-truth";
 import type { ViewerSession } from "../session/session";

@@ -2,7 +2,7 @@
 import { effect, untracked } from "@preact/signals";
 import type { SceneInfo } from "#client/wire/render";
 import { cameraPath, type Easing } from "../movement/camera-path";
-import type { TimedPose } from "../movement/playback";
+import type { TimedPose } from "../movement/movement";
 import type { ViewerSession } from "../session/session";
 import { validSettings } from "../state/settings";
 import type { ScenePose } from "../view/camera";

@@ -12,7 +12,6 @@ import { SegmentProtocols } from "./segment-protocols";
 const H3_TIMEOUT = 10_000;
 
 export interface DashSource {
-  /** Where the packager is. */
   readonly base: string;
   /** The same over HTTP/3; null: not offered. */
   readonly h3: string | null;

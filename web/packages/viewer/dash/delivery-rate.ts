@@ -22,14 +22,12 @@ export class DeliveryRate {
   /** The present chunk: the time of its first bytes, and the number of later ones. */
   #chunk: { readonly since: number; later: number } | undefined;
 
-  /** A segment begins. */
   begin(): void {
     this.#header = [];
     this.#left = 0;
     this.#chunk = undefined;
   }
 
-  /** Takes the next bytes of the segment. */
   received(bytes: Uint8Array, at: number): void {
     for (let next = 0; next < bytes.length; ) {
       this.#chunk ??= { since: at, later: 0 };

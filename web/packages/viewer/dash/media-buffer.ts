@@ -10,7 +10,6 @@ export interface MediaBufferOptions {
   readonly signal: AbortSignal;
   /** Where playback is, in seconds. */
   readonly position: () => number;
-  /** There is something new to play. */
   readonly onAppended: () => void;
   readonly onFailed: (reason: string) => void;
 }

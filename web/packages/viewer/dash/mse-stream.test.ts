@@ -1,7 +1,6 @@
 // @vitest-environment happy-dom
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import type { Stream } from "../stream/stream";
-import { StreamUnsupported } from "../stream/stream";
+import { type Stream, StreamUnsupported } from "../stream/stream";
 import { playStream } from "./mse-stream";
 
 const MPD = `<?xml version="1.0" encoding="utf-8"?>

@@ -2,14 +2,13 @@
  * The bare player: plays a stream of one frame per chunk on Media Source Extensions with a nearly empty buffer. It has
  * half the latency of dash.js and few of its features: it reads only the manifests written by our packager.
  */
-import { sleep } from "#client/async/sleep";
+import { sleep } from "#client/async/retry";
 import { type PlayStream, StreamEnded, type StreamEvents } from "../stream/stream";
 import { type Manifest, readManifest } from "./manifest";
 import { MediaBuffer } from "./media-buffer";
 import { NoMediaSource } from "./media-source";
-import { MARGIN, Pace } from "./pace";
+import { MARGIN, Pace, ServerClock } from "./pace";
 import { fetched, SegmentFeed } from "./segment-feed";
-import { ServerClock } from "./server-clock";
 
 /** Interval of adjusting the pace in addition to each received chunk, in milliseconds. */
 const LOOK_EVERY = 50;

@@ -1,5 +1,5 @@
-import { beforeEach, expect, test } from "vitest";
-import { Pace } from "./pace";
+import { beforeEach, describe, expect, test } from "vitest";
+import { Pace, ServerClock } from "./pace";
 
 let pace: Pace;
 
@@ -35,4 +35,23 @@ test("it does not jump again at once", () => {
 test("nothing has come to jump to, or to hurry to, where the link itself is late", () => {
   expect(at(500, 9.6)).toEqual({ rate: 1.05 });
   expect(at(500, 9.51)).toEqual({ rate: 1 });
+});
+
+describe("server clock", () => {
+  test("the answer that took the shortest way counts", () => {
+    const clock = new ServerClock();
+    expect(clock.at(0)).toBeNaN();
+    clock.heard(10_300, 0, 400); // 10 100 ahead, if the answer took half the time
+    expect(clock.at(0)).toBe(10_100);
+    clock.heard(10_510, 500, 520); // 10 000 ahead
+    clock.heard(10_700, 600, 900);
+    expect(clock.at(1000)).toBe(11_000);
+  });
+
+  test("old answers are forgotten, since clocks drift apart", () => {
+    const clock = new ServerClock();
+    clock.heard(1000, 0, 0);
+    for (let i = 1; i <= 8; i++) clock.heard(i * 100, i * 100, i * 100 + 2);
+    expect(clock.at(5000)).toBe(4999);
+  });
 });

@@ -1,5 +1,24 @@
 /** Keeps playback at a latency: a little faster, a little slower, or a jump. Pure. */
 
+/** Answers that are remembered: clocks drift apart, if slowly. */
+const REMEMBERED = 8;
+
+export class ServerClock {
+  #answers: { readonly roundTrip: number; readonly offset: number }[] = [];
+
+  /** Takes the server's `time` in Unix milliseconds, with the times of question and answer on the page's clock. */
+  heard(time: number, askedAt: number, heardAt: number): void {
+    const answer = { roundTrip: heardAt - askedAt, offset: time - (askedAt + heardAt) / 2 };
+    this.#answers = [...this.#answers.slice(1 - REMEMBERED), answer];
+  }
+
+  /** Its time, in Unix milliseconds, at a moment of the page's clock; NaN before the first answer. */
+  at(now: number): number {
+    const [best] = this.#answers.toSorted((a, b) => a.roundTrip - b.roundTrip);
+    return now + (best?.offset ?? Number.NaN);
+  }
+}
+
 /** Distance behind the end of the buffer in seconds: at the start of playback, and the minimum. */
 export const MARGIN = 0.02;
 /** Closer to the target than this is on it, in seconds. */
@@ -16,7 +35,6 @@ export interface Playback {
   readonly position: number;
   /** End of the buffer. */
   readonly end: number;
-  /** Where the server is. */
   readonly live: number;
   /** Distance to keep between `position` and `live`. */
   readonly target: number;

@@ -18,7 +18,6 @@ export interface DashPlan {
   readonly transport: DashTransport;
 }
 
-/** How segments are fetched. */
 export type DashTransport = keyof typeof DASH_TRANSPORTS;
 
 export const PRESETS = ["typical", "tuned", "edge", "custom"] as const;

@@ -1,5 +1,5 @@
 /** Fetches a live stream segment by segment, each while it grows, with the next one already requested. */
-import { sleep } from "#client/async/sleep";
+import { sleep } from "#client/async/retry";
 import { StreamEnded } from "../stream/stream";
 import { affordable, DeliveryRate } from "./delivery-rate";
 import type { Manifest, Representation } from "./manifest";
@@ -15,7 +15,6 @@ export interface FeedOptions {
   /** The server's place on the media timeline, in seconds. */
   readonly live: () => number;
   readonly now: () => number;
-  /** The next bytes of the stream. */
   readonly onBytes: (bytes: Uint8Array<ArrayBuffer>) => void;
   /** The rest of the present segment will not come; another one follows. */
   readonly onInterrupted: () => void;

@@ -1,7 +1,17 @@
 /** The stage of a viewer in any element of a page, with its styles. */
 import type { Stage } from "../session/session";
-import { shadowOf } from "./shadow";
 import styles from "./stage.css?inline";
+
+/** A shadow root with these style sheets, which no content security policy forbids. */
+export function shadowOf(host: HTMLElement, ...sheets: readonly string[]): ShadowRoot {
+  const root = host.attachShadow({ mode: "open" });
+  root.adoptedStyleSheets = sheets.map((text) => {
+    const sheet = new CSSStyleSheet();
+    sheet.replaceSync(text);
+    return sheet;
+  });
+  return root;
+}
 
 const HOST = ":host { display: block; position: relative; width: 100%; height: 100%; overflow: hidden; }";
 

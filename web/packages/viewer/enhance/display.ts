@@ -160,7 +160,6 @@ export class Display<Frame extends Decoded> {
     for (const pending of this.#pending) pending.frame = null;
   }
 
-  /** Clears the display until the next frame. */
   clear(): void {
     this.forget();
     this.#context.transferFromImageBitmap(null);

@@ -21,7 +21,6 @@ export class Pace {
   #interval: number | undefined;
   #times: readonly number[] = [];
 
-  /** An animation frame. */
   tick(now: number): void {
     this.#clock.tick(now);
     if (++this.#ticks < KNOWN) return;

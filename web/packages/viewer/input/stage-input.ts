@@ -1,6 +1,5 @@
 /** Input from keyboard, mouse, touch, wheel and gamepad, collected until the next animation frame samples it. */
-import type { InputSample, Nudge } from "../view/motion";
-import { NO_NUDGE } from "../view/motion";
+import { type InputSample, NO_NUDGE, type Nudge } from "../view/motion";
 import { gamepadAxes } from "./gamepad";
 import { look, orbit, pan, pinch, sum, wheel } from "./gestures";
 import { Glide } from "./glide";

@@ -2,7 +2,6 @@
  * The local mode: renders the scene in this browser. It downloads all of it and starts with the first part, or lets the
  * renderer stream levels of detail.
  */
-
 import { signal } from "@preact/signals";
 import { deferred } from "#client/async/deferred";
 import { ApiError } from "#client/http/problem";
@@ -14,10 +13,9 @@ import { type Figures, Meter, NO_FIGURES, STATS_EVERY } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
 import type { NumberedPose, Rig } from "../view/rig";
 import { download } from "./download";
-import { arrived, BrokenPly, type PlyHeader, type Prefix, prefixOf, readHeader } from "./ply";
+import { arrived, BrokenPly, nextStep, type PlyHeader, type Prefix, prefixOf, readHeader } from "./ply";
 import type { Lens, Renderer, RendererOptions } from "./renderer";
 import { fileBytes, roomProblem } from "./room";
-import { nextStep } from "./steps";
 
 export interface LocalStats extends Figures {
   readonly kind: "download";
@@ -58,20 +56,16 @@ export type LocalPhase =
 export type LocalRenderer = Pick<Renderer, "backend" | "show" | "stream" | "draw" | "dispose">;
 
 export interface LocalOptions {
-  /** The picture is added to it. */
   readonly pane: HTMLElement;
   readonly rig: Rig;
   readonly scene: SceneInfo;
   readonly form: Settings["localForm"];
   /** Where the scene's file is; in a cluster, that changes. */
   readonly url: () => string;
-  /** How large the picture is displayed, in the screen's pixels. */
   readonly size: () => Size;
   readonly onPresented: (frame: PresentedFrame) => void;
-  /** Bytes of the scene were received. */
   readonly onReceived: (bytes: number) => void;
   readonly now: () => number;
-  /** The machine's memory in GB, as reported by the browser. */
   readonly memory?: number | undefined;
   readonly create?: (options: RendererOptions) => Promise<LocalRenderer>;
   readonly fetch?: typeof fetch;
@@ -148,7 +142,6 @@ export class LocalPlayer {
     };
   }
 
-  /** A copy of the screen; null before the first picture. */
   picture(): Promise<ImageBitmap> | null {
     if (this.#drawn === null || this.#renderer === null) return null;
     const { pose, lens, ...size } = this.#drawn;
@@ -157,7 +150,6 @@ export class LocalPlayer {
     return createImageBitmap(this.#canvas);
   }
 
-  /** Called at the start of each animation frame: the last rendered frame is on screen by now. */
   presented(now: number): void {
     if (this.#drawn === null || !this.#untold) return;
     this.#untold = false;
@@ -168,13 +160,11 @@ export class LocalPlayer {
     this.#meter.presented({ at: now, pose: pose.seq, rung: null, width, height });
   }
 
-  /** The page was hidden for the last `gap` milliseconds; before anything else of this animation frame. */
   resumed(gap: number): void {
     this.#meter.resumed(gap);
     this.#untold = false;
   }
 
-  /** Called once per animation frame, after the rig was sampled; `moved` is the rig's result. */
   tick(now: number, moved: boolean): void {
     const { rig, size } = this.#options;
     const { pose } = rig;

@@ -1,6 +1,17 @@
 import { expect, test } from "vitest";
 import { compressedPly } from "./fake-ply";
-import { arrived, BrokenPly, type PlyHeader, prefixOf, readHeader } from "./ply";
+import {
+  arrived,
+  BrokenPly,
+  grown,
+  growthOf,
+  isScale,
+  nextStep,
+  type PlyHeader,
+  type Prefix,
+  prefixOf,
+  readHeader,
+} from "./ply";
 
 const header = (file: Uint8Array) => readHeader(file) as PlyHeader;
 const joined = (parts: readonly Uint8Array[]) => new Uint8Array(parts.flatMap((part) => [...part]));
@@ -90,4 +101,65 @@ test("a part is drawn larger, as the file says, and all of it as it is", () => {
   const part = joined(prefixOf(head, file, { gaussians: 1, whole: false }));
   expect([...new Float32Array(part.slice(header(part).bytes).buffer)]).toEqual([5, Math.fround(-1 + Math.log(2)), 6]);
   expect(joined(prefixOf(head, file, { gaussians: 2, whole: true }))).toEqual(file);
+});
+
+const HEADER = ["ply", "comment first 256 growth 1.536", "comment first 1024 growth 1.2", "element vertex 9000"];
+
+test.each([
+  [200, 1.536],
+  [260, 1.536],
+  [1000, 1.2],
+  [5000, 1.2],
+])("%i Gaussians are drawn %f times larger, as the header says of about as many", (gaussians, growth) => {
+  expect(growthOf(HEADER, gaussians)).toBe(growth);
+});
+
+test("without a word about it, Gaussians are drawn as they are", () => {
+  expect(growthOf(["ply", "comment first light", "comment first 256 growth"], 256)).toBe(1);
+});
+
+test("scales are the ends of ranges", () => {
+  expect(["min_scale_x", "max_scale_z"].every((name) => isScale("float", name))).toBe(true);
+  expect([isScale("uint", "scale_0"), isScale("float", "packed_scale"), isScale("float", "x")]).not.toContain(true);
+});
+
+test("only scales change, in a copy", () => {
+  const rows = new Uint8Array(new Float32Array([1, -3, 2, -4]).buffer); // x and a scale of two Gaussians
+  const before = rows.slice();
+  expect([...new Float32Array(grown(rows, 8, [4], Math.E).buffer)]).toEqual([1, -2, 2, -3]);
+  expect(rows).toEqual(before);
+  expect(grown(rows, 8, [], 2)).toBe(rows);
+  expect(grown(rows, 8, [4], 1)).toBe(rows);
+});
+
+const OF_1000 = { gaussians: 1000, lines: [] };
+const OF_600 = { gaussians: 600, lines: [] };
+
+test("a scene is built anew at 2, 5, 10, 25, 50 and 100 % of its Gaussians, and no oftener", () => {
+  const drawn: (Prefix | null)[] = [null];
+  for (let there = 0; there <= 1000; there++) {
+    const step = nextStep(OF_1000, { gaussians: there, whole: there === 1000 }, drawn.at(-1) ?? null);
+    if (step) drawn.push(step);
+  }
+  expect(drawn.slice(1).map((step) => step?.gaussians)).toEqual([20, 50, 100, 250, 500, 1000]);
+  expect(drawn.at(-1)?.whole).toBe(true);
+});
+
+test("what came at once is drawn at once: steps in between are left out", () => {
+  expect(nextStep(OF_1000, { gaussians: 612, whole: false }, { gaussians: 20, whole: false })?.gaussians).toBe(500);
+  expect(nextStep(OF_1000, { gaussians: 1000, whole: true }, null)).toEqual({ gaussians: 1000, whole: true });
+});
+
+test("all Gaussians without their spherical harmonics are not the last step", () => {
+  const bare = nextStep(OF_600, { gaussians: 600, whole: false }, { gaussians: 300, whole: false });
+  expect(bare).toEqual({ gaussians: 600, whole: false });
+  expect(nextStep(OF_600, { gaussians: 600, whole: false }, bare)).toBeNull();
+  expect(nextStep(OF_600, { gaussians: 600, whole: true }, bare)).toEqual({ gaussians: 600, whole: true });
+});
+
+test("a file that says which parts of it are pictures is drawn at these", () => {
+  const header = { gaussians: 1000, lines: ["comment first 256 growth 2.0", "comment first 512 growth 1.5"] };
+  expect(nextStep(header, { gaussians: 255, whole: false }, null)).toBeNull();
+  expect(nextStep(header, { gaussians: 511, whole: false }, null)?.gaussians).toBe(256);
+  expect(nextStep(header, { gaussians: 999, whole: false }, { gaussians: 256, whole: false })?.gaussians).toBe(512);
 });

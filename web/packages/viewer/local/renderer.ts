@@ -37,7 +37,6 @@ export interface RendererOptions {
   readonly onLost: () => void;
 }
 
-/** Input of one rendered frame. */
 export interface View {
   readonly pose: ScenePose;
   readonly lens: Lens;

@@ -1,8 +1,7 @@
 import { expect, test } from "vitest";
-import { fromRotationVector } from "../view/rotation";
-import { angleBetween, subtract } from "../view/vector";
+import { angleBetween, fromRotationVector, subtract } from "../view/vector";
 import { cameraPath } from "./camera-path";
-import type { TimedPose } from "./playback";
+import type { TimedPose } from "./movement";
 
 const AHEAD = [0, 0, 0, 1] as const;
 const key = (t_ms: number, position: readonly number[], turned = 0): TimedPose => ({

@@ -1,8 +1,16 @@
 /** Smooth camera paths through keyframes at any times: their positions and rotations have no jumps in speed. Pure. */
 import type { ScenePose } from "../view/camera";
-import { fromRotationVector, toRotationVector } from "../view/rotation";
-import { add, conjugate, multiply, type Quaternion, subtract, type Vector3 } from "../view/vector";
-import { slerp, type TimedPose } from "./playback";
+import {
+  add,
+  conjugate,
+  fromRotationVector,
+  multiply,
+  type Quaternion,
+  subtract,
+  toRotationVector,
+  type Vector3,
+} from "../view/vector";
+import { slerp, type TimedPose } from "./movement";
 
 const EASINGS = {
   linear: (share: number) => share,

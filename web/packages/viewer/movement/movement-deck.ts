@@ -5,8 +5,15 @@
 import { computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
 import type { NumberedPose, PoseSource, Rig } from "../view/rig";
 import type { CameraPath } from "./camera-path";
-import { MAX_POINTS, MovementError, type MovementTrace, placeInScene, toLevelFrame } from "./movement";
-import { poseAt, type TimedPose } from "./playback";
+import {
+  MAX_POINTS,
+  MovementError,
+  type MovementTrace,
+  placeInScene,
+  poseAt,
+  type TimedPose,
+  toLevelFrame,
+} from "./movement";
 
 export interface NamedMovement {
   readonly name: string;
@@ -21,7 +28,6 @@ const TELL_EVERY = 100;
 
 /** The files and recordings of this visit, for any scene. */
 export const movements = signal<readonly NamedMovement[]>([]);
-/** Unsaved recordings. */
 export const unsaved = signal<ReadonlySet<NamedMovement>>(new Set());
 
 export class MovementDeck {

@@ -3,11 +3,9 @@
  * describes the format: columns t_ms, x, y, z, qx, qy, qz, qw; camera to world, in a levelled frame with OpenCV's axes
  * (y points down, along gravity); lines `# key: value` before the header. Pure.
  */
-
 import { ANCHORS, COLUMNS, MAX_COORDINATE, MAX_DURATION_MS, QUATERNION_LENGTHS, UNITS } from "#client/wire/movement";
 import type { ScenePose } from "../view/camera";
-import { MAX_POINTS, MovementError, type MovementTrace } from "./movement";
-import type { TimedPose } from "./playback";
+import { MAX_POINTS, MovementError, type MovementTrace, type TimedPose } from "./movement";
 
 /** Less than `tigas` reads, because a page may be on a phone. */
 export const MAX_BYTES = 64_000_000;

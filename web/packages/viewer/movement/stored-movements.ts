@@ -1,8 +1,7 @@
 /** The movement traces that the store keeps: their list, and each of them. Every failure is a MovementError. */
 
 import * as v from "valibot";
-import { readProblem } from "#client/http/problem";
-import { storeUnreachable } from "#client/http/reach";
+import { readProblem, storeUnreachable } from "#client/http/problem";
 import { ANCHORS } from "#client/wire/movement";
 import type { Movement as ListedMovement } from "#client/wire/store";
 import { MovementError } from "./movement";
@@ -27,7 +26,6 @@ export async function listMovements(base: string, signal?: AbortSignal): Promise
   return movements;
 }
 
-/** One of them. */
 export async function fetchMovement(base: string, name: string, signal?: AbortSignal): Promise<NamedMovement> {
   const text = await ask(base, `movements/${encodeURIComponent(name)}`, (answer) => answer.text(), signal);
   return { name, origin: "store", trace: readMovement(text, name) };

@@ -1,10 +1,13 @@
-import { beforeEach, expect, test } from "vitest";
+import { beforeEach, describe, expect, test } from "vitest";
 import type { SceneInfo } from "#client/wire/render";
-import { orientation } from "../view/camera";
+import { orientation, type ScenePose } from "../view/camera";
 import { NO_INPUT } from "../view/motion";
 import { Rig } from "../view/rig";
-import { Foresight } from "./foresight";
+import { angleBetween } from "../view/vector";
+import { Foresight, Guarded, LeadTime } from "./foresight";
+import type { Predictor } from "./predictor";
 import type { PredictorName } from "./registry";
+import { Velocity } from "./velocity";
 
 const SCENE = { up: [0, -1, 0], camera: { position: [0, 0, -4], look_at: [0, 0, 0] } } as SceneInfo;
 
@@ -92,4 +95,112 @@ test("what takes long at rest, where views are refined, is not what the next mov
   frames(30, (_, at) => foresight.shown(at - 150, at + 300));
   rig.drive((at) => ({ position: [(at - 800) / 1000, 0, 0], quaternion: [0, 0, 0, 1] }));
   expect(frames(10, () => undefined)).toBeCloseTo(0.105, 6);
+});
+
+describe("guarded", () => {
+  const pose = (azimuth: number, x = 0): ScenePose => ({
+    position: [x, 0, 0],
+    quaternion: [...orientation(azimuth, 0)],
+  });
+  const guarded = (predictor: Predictor = new Velocity()) => new Guarded(predictor, () => 4);
+
+  /** Turns at 60 degrees per second for half a second, and returns the time of the end. */
+  function turning(predictor: Predictor, rate = 60): number {
+    for (let i = 0; i <= rate / 2; i++) predictor.observe(pose((i * 60) / rate), 1000 + (i * 1000) / rate);
+    return 1500;
+  }
+
+  test.each([30, 60, 120])("at %d Hz a steady turn goes on", (rate) => {
+    const predictor = guarded();
+    turning(predictor, rate);
+    expect(angleBetween(predictor.predict(100).quaternion, pose(36).quaternion)).toBeLessThan(1e-6);
+  });
+
+  test("once the camera rests, its very pose is asked for", () => {
+    const predictor = guarded({ observe: () => undefined, reset: () => undefined, predict: () => pose(77) });
+    const end = turning(predictor);
+    expect(predictor.predict(100)).toEqual(pose(77));
+    for (let at = end; at <= end + 250; at += 10) predictor.observe(pose(30), at);
+    expect(predictor.predict(100)).toEqual(pose(30));
+  });
+
+  describe("what was before says nothing", () => {
+    test.each([
+      ["after a turn that nobody makes", pose(120), 1516],
+      ["after a jump", pose(31, 2), 1516],
+      ["on a clock that went back", pose(31), 900],
+    ])("%s", (_, next, at) => {
+      const predictor = guarded();
+      turning(predictor);
+      predictor.observe(next, at);
+      expect(predictor.predict(100)).toEqual(next);
+    });
+  });
+
+  test("a pose that is none is passed over, and none is answered", () => {
+    const predictor = guarded();
+    turning(predictor);
+    predictor.observe({ position: [Number.NaN, 0, 0], quaternion: [0, 0, 0, 1] }, 1516);
+    expect(predictor.predict(0)).toEqual(pose(30));
+    const broken = guarded({
+      observe: () => undefined,
+      reset: () => undefined,
+      predict: () => ({ position: [0, 0, 0], quaternion: [0, 0, 0, 0] }),
+    });
+    turning(broken);
+    expect(broken.predict(100)).toEqual(pose(30));
+  });
+
+  test("looks at no time but the future", () => {
+    const predictor = guarded();
+    turning(predictor);
+    expect([-1, 0, Number.NaN].map((ahead) => predictor.predict(ahead))).toEqual([pose(30), pose(30), pose(30)]);
+  });
+});
+
+describe("lead time", () => {
+  /** Frames on screen at a fixed interval, each with the same delay after its request. */
+  function watched(lead: LeadTime, { delay, every, count = 30, from = 1000 }: Record<string, number>): number {
+    let at = from as number;
+    for (let i = 0; i < (count as number); i++, at += every as number) lead.shown(at - (delay as number), at);
+    return at;
+  }
+
+  test("is how long a frame takes to the screen, and half of how long it stays there", () => {
+    const lead = new LeadTime();
+    expect(lead.ahead).toBe(0);
+    watched(lead, { delay: 120, every: 20 });
+    expect(lead.ahead).toBe(130);
+  });
+
+  test("follows the network within a few frames, and not a single one that is late", () => {
+    const lead = new LeadTime();
+    const at = watched(lead, { delay: 40, every: 10 });
+    lead.shown(at - 900, at);
+    expect(lead.ahead).toBe(45);
+    watched(lead, { delay: 300, every: 10, count: 8, from: at + 300 });
+    expect(lead.ahead).toBe(305);
+  });
+
+  test("a rest is no long interval between frames", () => {
+    const lead = new LeadTime();
+    const at = watched(lead, { delay: 50, every: 20 });
+    watched(lead, { delay: 50, every: 10_000, count: 20, from: at + 10_000 });
+    expect(lead.ahead).toBe(60);
+  });
+
+  test("a video that goes on while the camera rests is not late", () => {
+    const lead = new LeadTime();
+    let at = watched(lead, { delay: 100, every: 20 });
+    for (const asked = at - 100; at < 9000; at += 20) lead.shown(asked, at);
+    expect(lead.ahead).toBe(110);
+  });
+
+  test("looks half a second ahead at most, and nowhere on a new connection", () => {
+    const lead = new LeadTime();
+    watched(lead, { delay: 4000, every: 200 });
+    expect(lead.ahead).toBe(500);
+    lead.clear();
+    expect(lead.ahead).toBe(0);
+  });
 });

@@ -1,11 +1,119 @@
 /** The predicted camera at the time when a frame requested now is on screen. */
 import { FrameClock } from "#client/abr/frame-clock";
-import { type ScenePose, viewDistance } from "../view/camera";
-import type { NumberedPose, Rig } from "../view/rig";
-import { Guarded } from "./guarded";
-import { LeadTime } from "./lead-time";
-import type { Predictor } from "./predictor";
+import { isCut, type ScenePose, viewDistance } from "../view/camera";
+import { type NumberedPose, type Rig, samePose } from "../view/rig";
+import { NOWHERE, type Predictor } from "./predictor";
 import { createPredictor, type PredictorName } from "./registry";
+
+/*
+ * Prediction horizon of requests: the recent time from request to screen, plus half the time until the next frame
+ * replaces it. Pure: time is an argument, in milliseconds on one clock.
+ */
+
+/** Number of frames averaged: few enough to follow the network, enough to ignore a late one. */
+const FRAMES = 15;
+/** No pose is predicted farther ahead than this. */
+const LONGEST = 500;
+/** A frame that stays longer has no successor: the camera rests. */
+const LONGEST_STAY = 250;
+
+export class LeadTime {
+  #delays: number[] = [];
+  #stays: number[] = [];
+  #shownAt: number | undefined;
+  #askedAt = Number.NEGATIVE_INFINITY;
+
+  /** A frame requested at a given time is on screen; repeats (a video at rest) are ignored. */
+  shown(askedAt: number, at: number): void {
+    if (askedAt <= this.#askedAt) return;
+    this.#askedAt = askedAt;
+    this.#delays = [...this.#delays, at - askedAt].slice(-FRAMES);
+    const stay = at - (this.#shownAt ?? Number.NEGATIVE_INFINITY);
+    if (stay <= LONGEST_STAY) this.#stays = [...this.#stays, stay].slice(-FRAMES);
+    this.#shownAt = at;
+  }
+
+  /** Whether any frame was shown. */
+  get known(): boolean {
+    return this.#delays.length > 0;
+  }
+
+  /** In milliseconds; 0 until a frame was shown. */
+  get ahead(): number {
+    return Math.min(LONGEST, Math.max(0, median(this.#delays) + median(this.#stays) / 2));
+  }
+
+  /** New connection: resets the estimate. */
+  clear(): void {
+    this.#delays = [];
+    this.#stays = [];
+    this.#shownAt = undefined;
+    this.#askedAt = Number.NEGATIVE_INFINITY;
+  }
+}
+
+function median(values: readonly number[]): number {
+  const sorted = values.toSorted((a, b) => a - b);
+  return sorted[values.length >> 1] ?? 0;
+}
+
+/*
+ * Guards a predictor: it restarts after a cut, always answers with a valid pose, and returns exactly the
+ * camera's pose when it rests, so that a still view settles.
+ */
+
+/** A camera without movement for this many milliseconds rests. */
+const STILL_AFTER = 200;
+
+export class Guarded implements Predictor {
+  readonly #predictor: Predictor;
+  readonly #distance: () => number;
+  #pose: ScenePose | undefined;
+  #at = 0;
+  #changedAt = Number.NEGATIVE_INFINITY;
+
+  /** `distance`: of the focus, in scene units. */
+  constructor(predictor: Predictor, distance: () => number) {
+    this.#predictor = predictor;
+    this.#distance = distance;
+  }
+
+  observe(pose: ScenePose, at: number): void {
+    if (!isSound(pose) || !Number.isFinite(at)) return;
+    const before = this.#pose;
+    const fresh = before === undefined || at < this.#at || isCut(before, pose, this.#distance());
+    if (fresh) this.reset();
+    else if (!samePose(before, pose)) this.#changedAt = at;
+    this.#pose = pose;
+    this.#at = at;
+    this.#predictor.observe(pose, at);
+  }
+
+  predict(ahead: number): ScenePose {
+    const pose = this.#pose;
+    if (pose === undefined) return NOWHERE;
+    if (!(ahead > 0) || this.#at - this.#changedAt > STILL_AFTER) return pose;
+    const predicted = this.#predictor.predict(ahead);
+    if (samePose(predicted, pose)) return pose;
+    const sound = { ...predicted, quaternion: normalised(predicted.quaternion) };
+    return isSound(sound) ? sound : pose;
+  }
+
+  reset(): void {
+    this.#pose = undefined;
+    this.#changedAt = Number.NEGATIVE_INFINITY;
+    this.#predictor.reset();
+  }
+}
+
+function isSound({ position, quaternion }: ScenePose): boolean {
+  return [...position, ...quaternion].every(Number.isFinite);
+}
+
+function normalised([x, y, z, w]: ScenePose["quaternion"]): ScenePose["quaternion"] {
+  const length = Math.hypot(x, y, z, w);
+  return [x / length, y / length, z / length, w / length];
+}
 
 /** From then on a view may be refined (ms). */
 const RESTS_AFTER = 300;

@@ -1,8 +1,15 @@
 /** The camera's recent poses at any time: animation frames are irregular, and predictors look back in even steps. */
-import { poseAt, type TimedPose } from "../movement/playback";
+import { poseAt, type TimedPose } from "../movement/movement";
 import type { ScenePose } from "../view/camera";
-import { fromRotationVector, toRotationVector } from "../view/rotation";
-import { conjugate, multiply, rotate, subtract, type Vector3 } from "../view/vector";
+import {
+  conjugate,
+  fromRotationVector,
+  multiply,
+  rotate,
+  subtract,
+  toRotationVector,
+  type Vector3,
+} from "../view/vector";
 
 /** How one pose differs from another, as seen from the other. */
 export interface PoseChange {

@@ -1,6 +1,23 @@
 /** Predicts the camera's pose from its past. Pure: time is an argument, in milliseconds on one clock. */
 import type { ScenePose } from "../view/camera";
 
+/** Expects the camera to stay where it is. */
+export class Off implements Predictor {
+  #pose = NOWHERE;
+
+  observe(pose: ScenePose): void {
+    this.#pose = pose;
+  }
+
+  predict(): ScenePose {
+    return this.#pose;
+  }
+
+  reset(): void {
+    this.#pose = NOWHERE;
+  }
+}
+
 export interface Predictor {
   /** Records the camera's pose at a time, once per animation frame. Times increase; there are no cuts. */
   observe(pose: ScenePose, at: number): void;
@@ -10,5 +27,4 @@ export interface Predictor {
   reset(): void;
 }
 
-/** Constructor of a predictor without observations. */
 export const NOWHERE: ScenePose = { position: [0, 0, 0], quaternion: [0, 0, 0, 1] };

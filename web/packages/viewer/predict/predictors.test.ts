@@ -6,7 +6,7 @@ import { seeded } from "#client/abr/random";
 import { EFFORT } from "#client/fuzz/effort";
 import { orientation, type ScenePose } from "../view/camera";
 import { angleBetween, subtract } from "../view/vector";
-import { Guarded } from "./guarded";
+import { Guarded } from "./foresight";
 import { loadCoefficients } from "./linear";
 import type { Predictor } from "./predictor";
 import { createPredictor, PREDICTOR_NAMES, type PredictorName } from "./registry";

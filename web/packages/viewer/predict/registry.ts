@@ -6,8 +6,7 @@
  * it.
  */
 import { Linear } from "./linear";
-import { Off } from "./off";
-import type { Predictor } from "./predictor";
+import { Off, type Predictor } from "./predictor";
 import { Velocity } from "./velocity";
 
 interface Entry {

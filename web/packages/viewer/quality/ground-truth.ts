@@ -1,10 +1,25 @@
 /** The view as the server renders it for the viewport, without loss; and how near pictures of it are. */
 import { FetchTransport } from "#client/transport/fetch";
-import { hostUrl } from "#client/transport/host-url";
+import { hostUrl } from "#client/transport/host-report";
 import type { ServerConfig } from "#client/wire/render";
 import type { ScenePose } from "../view/camera";
 import type { Intrinsics, Viewport } from "../view/intrinsics";
-import { psnr } from "./psnr";
+
+/** Of pictures that are equal. */
+export const BEST_PSNR = 100;
+
+/** Peak signal-to-noise ratio over red, green and blue of 8 bits, in dB: both are RGBA of as many pixels. */
+export function psnr(a: Uint8ClampedArray, b: Uint8ClampedArray): number {
+  let squares = 0;
+  for (let at = 0; at < a.length; at += 4) {
+    for (let channel = at; channel < at + 3; channel++) {
+      const difference = (a[channel] ?? 0) - (b[channel] ?? 0);
+      squares += difference * difference;
+    }
+  }
+  const error = squares / ((a.length / 4) * 3);
+  return Math.min(BEST_PSNR, 10 * Math.log10(255 ** 2 / error));
+}
 
 interface Place {
   /** Null while it is unknown. */

@@ -1,6 +1,5 @@
 /** How much of a view the newest frame does not show: an estimate, without looking at a pixel. */
-import { transfer } from "./homography";
-import type { View } from "./view";
+import { transfer, type View } from "./view";
 
 /** Tolerance of a share: a frame covers its own view. */
 const ROUNDING = 1e-9;

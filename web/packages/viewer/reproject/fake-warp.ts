@@ -1,5 +1,5 @@
 /** For tests: a warp that records its calls, and a reprojector that uses it. */
-import type { DepthMap } from "#client/transport/picture";
+import type { DepthMap } from "#client/transport/transport";
 import type { Warper } from "./reprojector";
 import type { View } from "./view";
 import type { WarpOptions } from "./warp";
@@ -9,9 +9,7 @@ export class FakeWarp implements Warper {
   readonly gpuMs = 0.5;
   taken: { readonly source: unknown; readonly view: View; readonly depth: DepthMap | null }[] = [];
   drawn: View[] = [];
-  /** Of the surround. */
   sides: View[] = [];
-  /** Number of resets. */
   forgotten = 0;
   disposed = false;
   readonly canvas: HTMLCanvasElement;

@@ -1,11 +1,8 @@
 /** A frame as a grid of triangles that is bent by depth and drawn as another view sees it. */
-
-import type { DepthMap } from "#client/transport/picture";
-import { transfer } from "./homography";
-import { apply, type Matrix3, product, scaling } from "./matrix";
+import type { DepthMap } from "#client/transport/transport";
 import { Program } from "./program";
 import { MESH_FRAGMENT, MESH_VERTEX } from "./shaders";
-import type { View } from "./view";
+import { apply, type Matrix3, product, scaling, transfer, type View } from "./view";
 
 /** The grid on a sphere, which is smooth. */
 const SPHERE = { width: 48, height: 27 };

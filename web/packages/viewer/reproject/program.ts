@@ -1,6 +1,6 @@
 /** A compiled pair of WebGL2 shaders and its uniforms by name. */
 import type { Vector3 } from "../view/vector";
-import type { Matrix3 } from "./matrix";
+import type { Matrix3 } from "./view";
 
 export class Program {
   readonly #gl: WebGL2RenderingContext;

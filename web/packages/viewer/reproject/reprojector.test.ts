@@ -5,7 +5,7 @@ import type { NumberedPose } from "../view/rig";
 import { turning } from "./acceleration";
 import { FakeWarp } from "./fake-warp";
 import { type Content, Reprojector, reprojectionNote } from "./reprojector";
-import { sideView } from "./sides";
+import { sideView } from "./side-pictures";
 import { resized, viewOfFrame } from "./view";
 
 const LENS = { fx: 640, fy: 640, cx: 640, cy: 360, width: 1280, height: 720 };

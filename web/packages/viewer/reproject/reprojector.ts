@@ -4,11 +4,10 @@
  * picture are unchanged. Nothing is warped across a cut: the old picture stays until a new one arrives.
  */
 import { type ReadonlySignal, signal } from "@preact/signals";
-import type { DepthMap } from "#client/transport/picture";
+import type { DepthMap } from "#client/transport/transport";
 import type { Size } from "../enhance/geometry";
 import { Overlay } from "../enhance/overlay";
-import type { ScenePose } from "../view/camera";
-import { isCut } from "../view/cut";
+import { isCut, type ScenePose } from "../view/camera";
 import type { Intrinsics, Viewport } from "../view/intrinsics";
 import { type NumberedPose, samePose } from "../view/rig";
 import { TimeWindow } from "../view/window";
@@ -34,7 +33,6 @@ export function reprojectionNote(...sides: readonly ReprojectionStatus[]): strin
   return sides.map((status) => NOTES[status]).find((note) => note !== null) ?? null;
 }
 
-/** A picture with its view. */
 export interface Content<Frame> {
   /** Properties reported when it is on screen. */
   readonly frame: Frame;
@@ -68,9 +66,7 @@ export type Warper = Pick<Warp, "working" | "gpuMs" | "take" | "surround" | "dra
 
 export interface ReprojectorOptions {
   readonly below: HTMLElement;
-  /** How large the picture is displayed, in the screen's pixels. */
   readonly size: () => Size;
-  /** In milliseconds. */
   readonly now: () => number;
   /** The browser gives the pictures away; it always does, unless they are a video's. */
   readonly readable?: boolean;
@@ -132,7 +128,6 @@ export class Reprojector<Frame> {
     return this.#times.percentile(0.5, now);
   }
 
-  /** GPU time of a draw in milliseconds; null where it is not measured. */
   get gpuMs(): number | null {
     return this.#warp?.gpuMs ?? null;
   }
@@ -142,7 +137,6 @@ export class Reprojector<Frame> {
     return this.#drawn && this.#content;
   }
 
-  /** The sides of the surround that there are, by number. */
   get surround(): ReadonlyMap<number, View> {
     return this.#surround;
   }

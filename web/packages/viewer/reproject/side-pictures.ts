@@ -2,12 +2,38 @@
  * A picture for each side of the surround, drawn below everything else: coarse, but available in every direction. Each
  * side was rendered from its own position and is treated as a sphere around that position.
  */
-import { subtract, type Vector3 } from "../view/vector";
-import { directionOfPixel, pixelOfDirection } from "./homography";
-import { product, scaling } from "./matrix";
+import { levelFor, orientation } from "../view/camera";
+import { multiply, subtract, type Vector3 } from "../view/vector";
 import { Program } from "./program";
 import { EVERYWHERE, SIDE } from "./shaders";
-import type { View } from "./view";
+import { directionOfPixel, pixelOfDirection, product, scaling, type View } from "./view";
+
+/** Azimuth and elevation of each, in degrees. */
+const DIRECTIONS = [
+  [0, 0],
+  [90, 0],
+  [180, 0],
+  [-90, 0],
+  [0, 90],
+  [0, -90],
+] as const;
+export const SIDES: readonly number[] = [...DIRECTIONS.keys()];
+/** Half of the field of view in degrees: more than 45, so that no gaps open between sides that were taken from different places. */
+const HALF = 49;
+/**
+ * Size of the first side in pixels; each next one is a pixel larger, so that no two have the same lens: the server
+ * drops a view once a newer one through the same lens is being rendered (docs/protocol.md).
+ */
+const SIZE = 256;
+
+/** A side as a view to ask for; `up`: of the scene. */
+export function sideView(side: number, position: Vector3, up: Vector3): View {
+  const [azimuth, elevation] = DIRECTIONS[side] ?? DIRECTIONS[0];
+  const quaternion = multiply(levelFor(up), orientation(azimuth, elevation));
+  const size = SIZE + side;
+  const focal = size / 2 / Math.tan((HALF * Math.PI) / 180);
+  return { position, quaternion, fx: focal, fy: focal, cx: size / 2, cy: size / 2, width: size, height: size };
+}
 
 /** Share of the sphere's radius beyond which a moved camera makes a side useless. */
 export const FARTHEST = 0.9;

@@ -4,16 +4,15 @@
  * surround; elsewhere the canvas is transparent.
  */
 
-import type { DepthMap } from "#client/transport/picture";
+import type { DepthMap } from "#client/transport/transport";
 import { drawsInSoftware } from "./acceleration";
-import { cropFor } from "./crop";
 import { CubeCache } from "./cube-cache";
 import { GpuTimer } from "./gpu-timer";
 import { Mesh } from "./mesh";
 import { Program } from "./program";
 import { COPY, EVERYWHERE } from "./shaders";
 import { SidePictures } from "./side-pictures";
-import { resized, type View } from "./view";
+import { cropFor, resized, type View } from "./view";
 
 export interface WarpOptions {
   /** Assumed distance of pixels without depth in scene units; Infinity rotates the frame only. */
@@ -103,7 +102,6 @@ export class Warp {
     timer.end();
   }
 
-  /** Discards all earlier pictures after a cut. */
   forget(): void {
     this.#frame = null;
     this.#resources?.cache.clear();

@@ -69,7 +69,6 @@ export class Comparison {
     ];
   }
 
-  /** The page was hidden until now. */
   resumed(): void {
     this.walks.resumed();
     this.#seen.forget();

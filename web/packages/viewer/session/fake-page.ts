@@ -44,14 +44,12 @@ export class FakePage {
     vi.spyOn(performance, "now").mockImplementation(() => this.now);
   }
 
-  /** A new connection. */
   connected(host: string | null = null): Connected {
     const transport = new FakeTransport(() => this.now);
     this.transports.push(transport);
     return { transport, fallback: null, host };
   }
 
-  /** All requests for frames so far. */
   requests() {
     return this.transports.flatMap(({ requests }) => requests.map(({ request }) => request));
   }

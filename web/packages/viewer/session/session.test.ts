@@ -8,7 +8,7 @@ import { connect } from "#client/transport/connect";
 import { ASK_DIRECTOR_EVERY, CHECK_EVERY } from "#client/transport/ending";
 import { type FakeTransport, turn as settle } from "#client/transport/fake";
 import { RequestProblem } from "#client/transport/transport";
-import { fetchConfig, fetchScene, loadCoarsely, loadScene } from "../state/api";
+import { fetchConfig, fetchScene, loadScene } from "../state/api";
 import { COURTYARD, serverConfig } from "../state/fake-server";
 import { DEFAULT_SETTINGS } from "../state/settings";
 import { ViewerState } from "../state/viewer-state";
@@ -124,12 +124,15 @@ test("says how much of the scene is loaded, until it is", async () => {
 });
 
 describe("a scene that can be shown coarsely while it loads", () => {
-  const coarse = { ...COURTYARD, state: "loading" as const };
+  const early = { ...COURTYARD, state: "loading" as const };
+  const load = () => {
+    const loading = deferred<typeof COURTYARD>();
+    vi.mocked(loadScene).mockImplementation(async (_, __, { coarse } = {}) => (coarse ? early : loading.promise));
+    return loading;
+  };
 
   test("is shown, and the same view is asked for again once it is loaded", async () => {
-    const { promise: loading, resolve } = deferred<typeof COURTYARD>();
-    vi.mocked(loadScene).mockReturnValue(loading);
-    vi.mocked(loadCoarsely).mockResolvedValue(coarse);
+    const { resolve } = load();
     await visit();
     await drawn(5);
     expect(phase()).toEqual({ kind: "loading" });
@@ -145,9 +148,7 @@ describe("a scene that can be shown coarsely while it loads", () => {
   });
 
   test("is shown no more if it cannot be loaded", async () => {
-    const { promise: loading, reject } = deferred<typeof COURTYARD>();
-    vi.mocked(loadScene).mockReturnValue(loading);
-    vi.mocked(loadCoarsely).mockResolvedValue(coarse);
+    const { reject } = load();
     await visit();
     await drawn(5);
     reject(new ApiError("The file ends too early.", false));
@@ -159,9 +160,7 @@ describe("a scene that can be shown coarsely while it loads", () => {
   });
 
   test("is opened as a stream only once it is loaded", async () => {
-    const { promise: loading, resolve } = deferred<typeof COURTYARD>();
-    vi.mocked(loadScene).mockReturnValue(loading);
-    vi.mocked(loadCoarsely).mockResolvedValue(coarse);
+    const { resolve } = load();
     changeSettings({ mode: "dash" });
     await visit();
     await vi.advanceTimersByTimeAsync(1000); // the viewport has kept its size
@@ -279,7 +278,7 @@ test("a rung that is refused because the ladder has become shorter is asked for 
     }
     await drawn(1, { answer: false });
   }
-  expect(loadScene).toHaveBeenCalledTimes(2);
+  expect(vi.mocked(loadScene).mock.calls.filter(([, , options]) => !options?.coarse)).toHaveLength(2);
   expect(ladder.value).toEqual(own);
   await drawn(3);
   expect(asked.at(-1)?.request.profile).toBe(0);
@@ -448,14 +447,14 @@ test("another host of a cluster takes over once it has the scene, and what is sh
   await visit();
   await drawn(5);
   expect(vi.mocked(fetchConfig).mock.lastCall?.[1]).toEqual({ scene: "courtyard" });
-  expect(vi.mocked(loadScene).mock.lastCall).toEqual(["courtyard", expect.anything(), "east", ""]);
+  expect(vi.mocked(loadScene).mock.lastCall?.[2]).toMatchObject({ host: "east", server: "" });
 
   const { promise: loaded, resolve } = deferred<typeof COURTYARD>();
   vi.mocked(loadScene).mockReturnValue(loaded);
   vi.mocked(fetchConfig).mockImplementation(async () => atHost("west"));
   await vi.advanceTimersByTimeAsync(ASK_DIRECTOR_EVERY);
   expect(vi.mocked(fetchConfig).mock.lastCall?.[1]).toEqual({ scene: "courtyard", at: "east" });
-  expect(vi.mocked(loadScene).mock.lastCall).toEqual(["courtyard", expect.anything(), "west", ""]);
+  expect(vi.mocked(loadScene).mock.lastCall?.[2]).toMatchObject({ host: "west", server: "" });
   expect(transports.map(({ closed }) => closed)).toEqual([false]);
   expect([phase(), session.connected.value?.host]).toEqual([{ kind: "playing" }, "east"]);
 

@@ -4,20 +4,20 @@
 
 import { computed, effect, type ReadonlySignal, signal, untracked } from "@preact/signals";
 import { Listeners } from "#client/async/listeners";
-import { sleep } from "#client/async/sleep";
+import { sleep } from "#client/async/retry";
 import { FrameWorker } from "#client/frames/frame-worker";
 import { ApiError } from "#client/http/problem";
-import { type Connected, connect } from "#client/transport/connect";
-import { type ConnectionState, maintainConnection } from "#client/transport/connection";
+import { type Connected, connect, type TransportChoice } from "#client/transport/connect";
+import { type ConnectionOptions, type ConnectionState, maintainConnection } from "#client/transport/connection";
 import type { HostReport } from "#client/transport/host-report";
 import type { SceneInfo, ServerConfig } from "#client/wire/render";
 import { StageInput } from "../input/stage-input";
 import { MovementDeck } from "../movement/movement-deck";
-import { pointAt } from "../reproject/point-at";
+import { pointAt } from "../reproject/depth-of-view";
 import { SOURCES } from "../sources/registry";
 import { settingsAt } from "../sources/sides";
 import type { Source } from "../sources/source";
-import { fetchConfig, fetchScene, loadCoarsely, loadScene } from "../state/api";
+import { fetchConfig, fetchScene, loadScene } from "../state/api";
 import { COMPARED, type Place } from "../state/settings";
 import type { ViewerState } from "../state/viewer-state";
 import type { SentRequest } from "../stateless/pipeline";
@@ -137,7 +137,6 @@ export class ViewerSession {
     return this.left.source;
   }
 
-  /** Bytes of pictures received by all modes together. */
   get receivedBytes(): number {
     return this.#receivedBefore + this.#sides.reduce((sum, { receivedBytes }) => sum + receivedBytes, 0);
   }
@@ -207,15 +206,14 @@ export class ViewerSession {
   readonly #tick = (): void => {
     this.#animation = requestAnimationFrame(this.#tick);
     const time = now();
-    const sides = this.#sides;
     const gap = this.presence.gap(time);
     if (gap > 0) {
-      for (const side of sides) side.resumed(gap);
+      for (const source of this.sources.peek()) source.resumed(gap);
       this.comparison.peek()?.resumed();
     }
-    for (const side of sides) side.presented(time);
+    for (const source of this.sources.peek()) source.presented(time);
     const moved = this.rig.sample(time);
-    for (const side of sides) side.tick(time, moved);
+    for (const source of this.sources.peek()) source.tick(time, moved);
   };
 
   /** The viewport is that of the left pane; where there are two, both have the same size. */
@@ -290,31 +288,45 @@ export class ViewerSession {
         ? this.state.settings.value.transport
         : null,
     );
+    return this.#keepConnected(
+      choice,
+      (chosen) => ({
+        fetchConfig: (signal, report) => this.#fetchConfig(signal, report),
+        connect: (server, signal) => connect(server, chosen, signal, now, this.#frames),
+        onState: (state) =>
+          untracked(() => {
+            this.rightConnection.value = state;
+            right.attach(state.status === "connected" ? state : null);
+          }),
+        onSilence: () => undefined, // reported by the left side's connection
+      }),
+      () => {
+        this.rightConnection.value = null;
+        right.attach(null);
+      },
+    );
+  }
+
+  /** Connects over the chosen transport, anew whenever another is chosen; null is none. */
+  #keepConnected(
+    choice: ReadonlySignal<TransportChoice | null>,
+    options: (
+      chosen: TransportChoice,
+      signal: AbortSignal,
+    ) => Pick<ConnectionOptions, "fetchConfig" | "connect" | "onState" | "onSilence">,
+    ended: () => void,
+  ): () => void {
     return effect(() => {
       const chosen = choice.value;
       if (chosen === null) return undefined;
-      this.#attempt.value;
+      this.#attempt.value; // an effect runs again when its inputs change
       const connection = new AbortController();
-      void maintainConnection(
-        {
-          fetchConfig: (signal, report) => this.#fetchConfig(signal, report),
-          connect: (server, signal) => connect(server, chosen, signal, now, this.#frames),
-          onState: (state) =>
-            untracked(() => {
-              this.rightConnection.value = state;
-              right.attach(state.status === "connected" ? state : null);
-            }),
-          onSilence: () => undefined, // reported by the left side's connection
-          sleep,
-          visible: this.presence.untilVisible,
-          now,
-        },
-        connection.signal,
-      );
+      const { signal } = connection;
+      const common = { sleep, visible: this.presence.untilVisible, now };
+      void maintainConnection({ ...options(chosen, signal), ...common }, signal);
       return () => {
         connection.abort();
-        this.rightConnection.value = null;
-        right.attach(null);
+        ended();
       };
     });
   }
@@ -328,7 +340,7 @@ export class ViewerSession {
     const visit = new AbortController();
     const stop = effect(() => {
       if (!refused.value || this.scene.peek() === null) return;
-      const reread = loadScene(this.#sceneId, visit.signal, this.#host, this.state.server).then((scene) => {
+      const reread = this.#ask(visit.signal).then((scene) => {
         if (!visit.signal.aborted) this.state.sceneLadder.value = scene.ladder ?? null;
       });
       reread.catch(() => undefined); // the refusal is already shown
@@ -342,41 +354,31 @@ export class ViewerSession {
   /** Connects, and connects anew whenever another transport is chosen. */
   #connect(): void {
     const choice = computed(() => (this.presence.left.value ? null : this.state.settings.value.transport));
-    const stop = effect(() => {
-      const chosen = choice.value;
-      if (chosen === null) return undefined;
-      this.#attempt.value; // an effect runs again when its inputs change
-      const connection = new AbortController();
-      void maintainConnection(
-        {
-          fetchConfig: async (signal, report) => {
-            const config = await this.#fetchConfig(signal, report);
-            this.state.config.value = config;
-            if (config.has_scene === false) untracked(() => this.#gone());
-            return config;
-          },
-          connect: async (server, signal) => {
-            const loading = this.#loadAt(server.host ?? null, connection.signal);
-            loading.catch(() => undefined); // #play reports a failure
-            // The present picture continues until another host is ready; otherwise both steps run concurrently.
-            if (this.connected.peek() !== null) await loading.catch(() => undefined);
-            return connect(server, chosen, signal, now, this.#frames);
-          },
-          onState: (state) => untracked(() => this.#heard(state, connection.signal)),
-          onSilence: (silent) => {
-            this.silent.value = silent;
-          },
-          sleep,
-          visible: this.presence.untilVisible,
-          now,
+    const stop = this.#keepConnected(
+      choice,
+      (chosen, visit) => ({
+        fetchConfig: async (signal, report) => {
+          const config = await this.#fetchConfig(signal, report);
+          this.state.config.value = config;
+          if (config.has_scene === false) untracked(() => this.#gone());
+          return config;
         },
-        connection.signal,
-      );
-      return () => {
-        connection.abort();
+        connect: async (server, signal) => {
+          const loading = this.#loadAt(server.host ?? null, visit);
+          loading.catch(() => undefined); // #play reports a failure
+          // The present picture continues until another host is ready; otherwise both steps run concurrently.
+          if (this.connected.peek() !== null) await loading.catch(() => undefined);
+          return connect(server, chosen, signal, now, this.#frames);
+        },
+        onState: (state) => untracked(() => this.#heard(state, visit)),
+        onSilence: (silent) => {
+          this.silent.value = silent;
+        },
+      }),
+      () => {
         this.#loading = undefined; // the server may give it up, or another file of the name may take its place
-      };
-    });
+      },
+    );
     const online = computed(() => !this.presence.offline.value);
     const tryAgain = effect(() => {
       if (online.value && this.phase.peek().kind === "lost") untracked(() => this.#attempt.value++);
@@ -416,16 +418,20 @@ export class ViewerSession {
 
   /** Requests the scene, once at a time; after a failure it may be requested again. */
   #load(signal: AbortSignal): Promise<SceneInfo> {
-    this.#loading ??= loadScene(this.#sceneId, signal, this.#host, this.state.server).catch((error: unknown) => {
+    this.#loading ??= this.#ask(signal).catch((error: unknown) => {
       this.#loading = undefined;
       throw error;
     });
     return this.#loading;
   }
 
+  #ask(signal: AbortSignal, coarse = false): Promise<SceneInfo> {
+    return loadScene(this.#sceneId, signal, { host: this.#host, server: this.state.server, coarse });
+  }
+
   /** Shows the scene coarsely while it loads, if the server can. */
   async #showCoarse(connected: Connected, signal: AbortSignal): Promise<void> {
-    const scene = await loadCoarsely(this.#sceneId, signal, this.#host, this.state.server);
+    const scene = await this.#ask(signal, true);
     if (scene.state === "loading" && this.#loadsOver(connected)) this.#show(scene, connected);
   }
 

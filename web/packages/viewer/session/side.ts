@@ -20,7 +20,6 @@ export class Side {
   readonly source = signal<Source | null>(null);
   /** Why the mode is not available; null if it is. */
   readonly missing: ReadonlySignal<string | null>;
-  /** Notice to the user if pictures should be warped and are not; else null. */
   readonly unturned = computed(() => reprojectionNote(this.source.value?.reprojection.value ?? "off"));
   /** The mode with code that could not be loaded. */
   readonly #unloaded = signal<SourceKind | null>(null);
@@ -86,12 +85,10 @@ export class Side {
     };
   }
 
-  /** Bytes of pictures received by all modes together. */
   get receivedBytes(): number {
     return this.#received;
   }
 
-  /** Present figures of the mode's meter; null without a source. */
   get figures(): SourceStats | null {
     return this.source.value?.stats.value ?? null;
   }
@@ -101,24 +98,8 @@ export class Side {
     this.#connection.value = connected;
   }
 
-  /** A copy of the screen; null before the first picture. */
   picture(): Promise<ImageBitmap> | null {
     return this.source.peek()?.picture() ?? null;
-  }
-
-  /** Called at the start of each animation frame: its subscribers find the last reported frame on screen. */
-  presented(time: number): void {
-    this.source.peek()?.presented(time);
-  }
-
-  /** The page was hidden for the last `gap` milliseconds; before anything else of this animation frame. */
-  resumed(gap: number): void {
-    this.source.peek()?.resumed(gap);
-  }
-
-  /** Called once per animation frame, after the rig was sampled; `moved` is the rig's result. */
-  tick(time: number, moved: boolean): void {
-    this.source.peek()?.tick(time, moved);
   }
 
   dispose(): void {

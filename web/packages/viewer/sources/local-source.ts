@@ -1,6 +1,6 @@
 /** A downloaded scene as a source. */
 import { signal } from "@preact/signals";
-import { hostUrl } from "#client/transport/host-url";
+import { hostUrl } from "#client/transport/host-report";
 import { LocalPlayer } from "../local/local-player";
 import type { OpenSource, Source, SourceContext } from "./source";
 
@@ -26,9 +26,5 @@ class Local extends LocalPlayer implements Source {
       url: () => hostUrl(path, config.peek() ?? {}),
       memory: (navigator as { readonly deviceMemory?: number }).deviceMemory,
     });
-  }
-
-  async status() {
-    return null;
   }
 }

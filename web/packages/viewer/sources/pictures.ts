@@ -8,7 +8,7 @@ import { Enhancement } from "../enhance/enhancement";
 import { Overlay } from "../enhance/overlay";
 import { chosenEnhancers } from "../enhance/registry";
 import { Reprojector } from "../reproject/reprojector";
-import { decodesWebp } from "../stateless/decodes-webp";
+import { decodesWebp } from "../stateless/picture-format";
 import type { DecodedFrame } from "../stateless/pipeline";
 import { selectedController, videoSteps } from "../stateless/selected-controller";
 import { StatelessPlayer } from "../stateless/stateless-player";
@@ -64,17 +64,9 @@ export class Pictures implements Source {
       display,
       reprojector: this.#reprojector,
       webp: () => settings.peek().webp && this.#decodesWebp && config.peek()?.formats?.includes("webp") === true,
-      overscan: () => settings.peek().overscan,
-      depth: () => settings.peek().depth,
-      surround: () => settings.peek().surround,
-      ladder: () => ladder.peek(),
       video,
-      videoSteps: () => steps.value,
-      controller: () => controller.value,
-      refine: () => settings.value.refine,
-      bitrateKbps: () => settings.peek().bitrateKbps ?? null,
-      pixelRatio: () => pixelRatio.peek(),
-      prediction: () => settings.value.prediction,
+      videoSteps: steps,
+      controller,
     });
     this.stats = this.#player.stats;
     this.phase = computed(() => {
@@ -120,14 +112,6 @@ export class Pictures implements Source {
 
   tick(now: number, moved: boolean): void {
     this.#player.tick(now, moved);
-  }
-
-  played() {
-    return {};
-  }
-
-  async status() {
-    return null;
   }
 
   dispose(): void {

@@ -29,17 +29,14 @@ function locked({ lock, lockRung, lockKbps }: Settings, ladder: readonly Rung[])
   return { ...fixed, profile, dashRepresentation: { rung, bitrate_kbps: lockKbps }, bitrateKbps: lockKbps };
 }
 
-/** Where there are pictures. */
 export function placesOf({ mode }: Settings): readonly Place[] {
   return mode === COMPARED ? PLACES : ["left"];
 }
 
-/** The settings of all pictures on the stage. */
 export function settingsShown(settings: Settings): readonly SideSettings[] {
   return placesOf(settings).map((place) => settingsAt(place, settings));
 }
 
-/** The kinds of all pictures on the stage. */
 export function kindsShown(settings: Settings): readonly SourceKind[] {
   return settingsShown(settings).map(({ mode }) => SOURCES[mode]);
 }

@@ -9,12 +9,9 @@ import type { Size } from "../enhance/geometry";
 import type { LocalStats } from "../local/local-player";
 import type { Content, ReprojectionStatus } from "../reproject/reprojector";
 import type { Settings, SideSettings } from "../state/settings";
-import type { SentRequest } from "../stateless/pipeline";
-import type { Reply, ShownFrame } from "../stateless/stateless-player";
+import type { Visit } from "../stateless/stateless-player";
 import type { Stats } from "../stateless/stats";
 import type { StreamStats } from "../stream/stream-player";
-import type { PresentedFrame } from "../view/presented";
-import type { Rig } from "../view/rig";
 
 /** `failed` waits for another setting. */
 export type SourcePhase =
@@ -45,17 +42,16 @@ export interface Source {
   /** Called once per animation frame, after the rig was sampled; `moved` is the rig's result. */
   tick(now: number, moved: boolean): void;
   /** For a recording: how the scene was delivered, with times since `startedAt`. */
-  played(startedAt: number): Partial<Pick<Recording, "dash" | "webrtc" | "local">>;
+  played?(startedAt: number): Partial<Pick<Recording, "dash" | "webrtc" | "local">>;
   /** The packager's report on the stream; null without one. */
-  status(signal: AbortSignal): Promise<SessionStatus | null>;
+  status?(signal: AbortSignal): Promise<SessionStatus | null>;
   dispose(): void;
 }
 
 /** What there is to show, and where. */
-export interface SourceContext {
+export interface SourceContext extends Visit {
   /** The source adds its elements to this. */
   readonly pane: HTMLElement;
-  readonly rig: Rig;
   readonly settings: ReadonlySignal<SideSettings>;
   readonly scene: ReadonlySignal<SceneInfo | null>;
   readonly config: ReadonlySignal<ServerConfig | null>;
@@ -69,14 +65,6 @@ export interface SourceContext {
   readonly pixelRatio: ReadonlySignal<number>;
   /** How large pictures are displayed, in the screen's pixels. */
   readonly size: () => Size;
-  readonly onPresented: (frame: PresentedFrame) => void;
-  /** A frame that was requested by itself, before any warp. */
-  readonly onShown: (frame: ShownFrame) => void;
-  readonly onSent: (request: SentRequest) => void;
-  readonly onReplied: (reply: Reply) => void;
-  /** Bytes of pictures or of the scene were received. */
-  readonly onReceived: (bytes: number) => void;
-  readonly now: () => number;
 }
 
 /** A choice for one side of a comparison, where a mode has several. */

@@ -2,10 +2,10 @@
 import { computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
 import { Reprojector } from "../reproject/reprojector";
 import type { SideSettings } from "../state/settings";
+import { AUTO_OVERSCAN } from "../stream/camera-feed";
 import { type OpenViews, STREAM_NAMES, type StreamKind } from "../stream/stream";
 import { NO_STREAM_STATS, StreamPlayer, type StreamStats } from "../stream/stream-player";
 import { type StreamedFrame, TurnedVideo } from "../stream/turned-video";
-import { AUTO_OVERSCAN } from "../stream/wider";
 import { keepTurning } from "./keep-turning";
 import type { OpenSource, Source, SourceContext, SourcePhase } from "./source";
 import { packagerOf } from "./streamed";

@@ -1,6 +1,5 @@
 /** Frames of a video as a source. */
-import { videoProblem } from "../video/support";
-import { VideoFrames } from "../video/video-frames";
+import { VideoFrames, videoProblem } from "../video/video-frames";
 import { Pictures } from "./pictures";
 import type { OpenSource } from "./source";
 

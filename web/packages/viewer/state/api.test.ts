@@ -1,5 +1,5 @@
 import { afterEach, expect, test, vi } from "vitest";
-import { fetchConfig, fetchScene, fetchScenes, loadCoarsely, loadScene, training, unloadScene } from "./api";
+import { fetchConfig, fetchScene, fetchScenes, loadScene, training, unloadScene } from "./api";
 
 afterEach(() => {
   vi.unstubAllGlobals();
@@ -21,8 +21,8 @@ test("asks where the protocol says, whatever a scene's name", async () => {
   await fetchScenes();
   await fetchScenes({ scan: true });
   await loadScene("a/b c");
-  await loadScene("a", undefined, "x&y");
-  await loadCoarsely("a", undefined, "x");
+  await loadScene("a", undefined, { host: "x&y" });
+  await loadScene("a", undefined, { host: "x", coarse: true });
   await unloadScene("../x");
   await fetchScene("a b");
   await training("a b");

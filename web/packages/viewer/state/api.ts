@@ -25,28 +25,17 @@ export function fetchScenes({ scan = false } = {}): Promise<SceneInfo[]> {
   return call<SceneInfo[]>(scan ? "scenes?scan=1" : "scenes", {}, withTimeout());
 }
 
-/** Loads a scene, however long it takes; `host`: where, in a cluster. */
-export function loadScene(
-  id: string,
-  signal?: AbortSignal,
-  host: string | null = null,
-  server = "",
-): Promise<SceneInfo> {
-  return load(id, host === null ? {} : { host }, signal, server);
+interface Loading {
+  /** Where, in a cluster. */
+  readonly host?: string | null;
+  readonly server?: string;
+  /** Wait no longer than until it can be shown coarsely: then its state is `loading`. */
+  readonly coarse?: boolean;
 }
 
-/** The same, but waits no longer than until it can be shown coarsely: then its state is `loading`. */
-export function loadCoarsely(
-  id: string,
-  signal?: AbortSignal,
-  host: string | null = null,
-  server = "",
-): Promise<SceneInfo> {
-  return load(id, { coarse: "1", ...(host !== null && { host }) }, signal, server);
-}
-
-function load(id: string, options: Readonly<Record<string, string>>, signal?: AbortSignal, server = "") {
-  const query = new URLSearchParams(options).toString();
+/** Loads a scene, however long it takes. */
+export function loadScene(id: string, signal?: AbortSignal, { host, server = "", coarse }: Loading = {}) {
+  const query = new URLSearchParams({ ...(coarse && { coarse: "1" }), ...(host && { host }) }).toString();
   const path = `scenes/${encodeURIComponent(id)}/load${query && `?${query}`}`;
   return call<SceneInfo>(at(server, path), { method: "POST" }, signal);
 }

@@ -30,11 +30,8 @@ export type SideMode = (typeof SIDE_MODES)[number];
 export const PLACES = ["left", "right"] as const;
 export type Place = (typeof PLACES)[number];
 
-/** How a setting is explained and used. */
 interface About {
-  /** Its label in the settings. */
   readonly label?: string;
-  /** What it does, in one sentence. */
   readonly help?: string;
   /** Labels of its values, in the order in which they are offered. */
   readonly options?: Readonly<Record<string, string>>;
@@ -85,7 +82,7 @@ const models = (kind: Kind): Record<string, string> => ({
 
 /** Every setting: its values, its label and help, and whether it is part of links and of experiments. */
 export const SETTINGS = {
-  theme: setting(oneOf(["system", "light", "dark"]), "system", {}),
+  theme: choice({ system: "System", light: "Light", dark: "Dark" }, "system", { label: "Theme" }),
   transport: choice(
     {
       auto: "Automatic",
@@ -151,7 +148,6 @@ export const SETTINGS = {
     "seen",
     { label: "Adaptation", linked: true, recorded: true },
   ),
-  /** The rung that a person chose. */
   profile: whole(0, LAST_RUNG, 0, { label: "Profile", linked: true, recorded: true }),
   /** When the camera stands still, ask for the view once more at the best rung. */
   refine: toggle(true, { label: "Sharpen when you stop", linked: true, recorded: true }),
@@ -199,9 +195,8 @@ export const SETTINGS = {
     linked: true,
     recorded: true,
   }),
-  drag: choice({ look: "Drag to look around", orbit: "Drag to orbit" }, "look", { label: "Dragging", linked: true }),
+  drag: choice({ look: "Look around", orbit: "Orbit" }, "look", { label: "Drag to", linked: true }),
   turnSpeed: number(1, 720, 60, { label: "Turn", unit: "°/s" }),
-  /** The lab is open. */
   sidebar: toggle(false, {}),
   hud: toggle(true, {}),
   /** All measurements, or one line; null: all while the lab is open where there is room. */
@@ -220,7 +215,6 @@ type NamesWith<Flag> = {
 }[keyof typeof SETTINGS];
 export type LinkedName = NamesWith<{ readonly linked: true }>;
 
-/** Settings of one picture on the stage. */
 export interface SideSettings
   extends Omit<Settings, "mode" | "dashRepresentation">,
     Pick<DashSettings, "dashRepresentation"> {

@@ -6,7 +6,6 @@ import { DEFAULT_SETTINGS, type Settings } from "./settings";
 
 export class ViewerState {
   readonly settings: Signal<Settings>;
-  /** Null until the server has answered. */
   readonly config: Signal<ServerConfig | null> = signal(null);
   /** The own ladder of the scene that is visited, if it has one. */
   readonly sceneLadder: Signal<readonly Rung[] | null> = signal(null);

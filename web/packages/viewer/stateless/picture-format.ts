@@ -6,6 +6,19 @@
 import type { FrameReply } from "#client/transport/transport";
 import type { ServerConfig } from "#client/wire/render";
 
+/** Whether this browser decodes WebP as frames are: found out with a picture of one pixel. */
+const ONE_PIXEL = "UklGRiIAAABXRUJQVlA4IBYAAAAwAQCdASoBAAEADsD+JaQAA3AAAAAA";
+
+export async function decodesWebp(): Promise<boolean> {
+  const bytes = Uint8Array.from(atob(ONE_PIXEL), (character) => character.charCodeAt(0));
+  try {
+    (await createImageBitmap(new Blob([bytes], { type: "image/webp" }))).close();
+    return true;
+  } catch {
+    return false;
+  }
+}
+
 export type PictureFormat = NonNullable<ServerConfig["formats"]>[number];
 
 /** Bytes of a WebP as a share of a JPEG's; docs/streams.md mostly measured larger savings. */
@@ -27,7 +40,6 @@ export class FormatChoice {
   #bytes: number | null = null;
   #encoding = { ms: LONGER - DECODING, at: Number.NEGATIVE_INFINITY };
 
-  /** Records a picture. */
   observe({ header, arrival }: Pick<FrameReply, "header" | "arrival">, now: number): void {
     const megapixels = ((header.width ?? 0) * (header.height ?? 0)) / 1e6;
     if (megapixels === 0 || header.video) return; // a video frame says nothing about pictures

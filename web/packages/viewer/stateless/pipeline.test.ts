@@ -1,8 +1,7 @@
 import { beforeEach, describe, expect, test } from "vitest";
 import { deferred } from "#client/async/deferred";
 import { FakeTransport, settle } from "#client/transport/fake";
-import type { DecodedImage } from "#client/transport/picture";
-import { FrameDropped, RequestProblem } from "#client/transport/transport";
+import { type DecodedImage, FrameDropped, RequestProblem } from "#client/transport/transport";
 import { view } from "./fake-view";
 import { FramePipeline, type SentRequest, type ViewRequest } from "./pipeline";
 

@@ -6,19 +6,23 @@
  * newest view waits in its slot and older ones are dropped. A failed request is repeated while its view is the newest,
  * so the last view is always rendered. Showing a frame cancels all older requests.
  *
- * The pipeline keeps to the request rate announced by a busy server (request-pace.ts).
+ * The pipeline keeps to the request rate announced by a busy server (in-flight-limit.ts).
  *
  * A request without a rung refines a resting view (refinement.ts). It may be large, so it is cancelled as soon as
  * another view is wanted, is left out of the statistics, and is not repeated if it fails.
  */
 import { FrameClock } from "#client/abr/frame-clock";
-import type { DecodedImage } from "#client/transport/picture";
-import { FrameDropped, type FrameReply, type FrameTransport, RequestProblem } from "#client/transport/transport";
+import {
+  type DecodedImage,
+  FrameDropped,
+  type FrameReply,
+  type FrameTransport,
+  RequestProblem,
+} from "#client/transport/transport";
 import type { FrameHeader, RenderRequest } from "#client/wire/render";
 import type { Request } from "#client/wire/store";
-import { InFlightLimit } from "./in-flight-limit";
+import { InFlightLimit, RequestPace } from "./in-flight-limit";
 import type { PictureFormat } from "./picture-format";
-import { RequestPace } from "./request-pace";
 
 /** A request without its number. */
 export type ViewRequest = Omit<RenderRequest, "seq">;
@@ -27,7 +31,6 @@ export type ViewRequest = Omit<RenderRequest, "seq">;
 export interface SentRequest {
   /** On the page's clock. */
   readonly at: number;
-  /** The number of the pose. */
   readonly pose: number;
   /** The rung; null for a refinement. */
   readonly asked: number | null;
@@ -41,7 +44,6 @@ export interface DecodedFrame extends DecodedImage {
   readonly seq: number;
   /** The version of the view that it shows. */
   readonly version: number;
-  /** The number of the pose that it shows. */
   readonly pose: number;
   readonly header: FrameHeader;
   /** The request and the received image: only a reference, invalid once the frame has been shown. */
@@ -52,15 +54,12 @@ export interface DecodedFrame extends DecodedImage {
 }
 
 export interface PipelineEvents {
-  /** A request went out. */
   sent(request: SentRequest): void;
   /** A frame for pose number `pose` has arrived; it may still be decoding. */
   replied(reply: FrameReply, view: ViewRequest, pose: number): void;
   /** A refusal to show to the user; late frames are excluded. */
   refused(problem: RequestProblem): void;
-  /** A refinement failed. */
   unrefined(): void;
-  /** Format of the next picture. */
   format(): PictureFormat;
   /** Transmission time of this many bytes in milliseconds, 0 if unknown. */
   transmission(bytes: number): number;
@@ -177,7 +176,6 @@ export class FramePipeline {
     return this.#counts;
   }
 
-  /** The newest view is on the screen. */
   get settled(): boolean {
     return this.#version > 0 && this.#shown.version === this.#version;
   }

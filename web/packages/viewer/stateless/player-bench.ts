@@ -32,7 +32,7 @@ export class PlayerBench {
   axes = STILL;
   profile = 0;
   refine = false;
-  bitrateKbps: number | null = null;
+  bitrateKbps: number | undefined;
   observed: (observation: Observation) => void = () => undefined;
   prediction: PredictorName = "off";
   overscan: number | "auto" = "auto";
@@ -76,18 +76,13 @@ export class PlayerBench {
       display: display ?? this.#display(),
       reprojector: this.reprojector,
       webp: () => this.webp,
-      overscan: () => this.overscan,
-      depth: () => this.depth,
-      surround: () => this.surround,
-      ladder: () => PLACE.ladder,
+      settings: { peek: () => this },
+      ladder: { peek: () => PLACE.ladder },
       rig: this.rig,
       video: this.video,
-      videoSteps: () => this.videoSteps,
-      controller: () => ({ decide: () => this.profile, observe: (heard) => this.observed(heard) }),
-      refine: () => this.refine,
-      bitrateKbps: () => this.bitrateKbps,
-      pixelRatio: () => 2,
-      prediction: () => this.prediction,
+      videoSteps: { peek: () => this.videoSteps },
+      controller: { peek: () => ({ decide: () => this.profile, observe: (heard) => this.observed(heard) }) },
+      pixelRatio: { peek: () => 2 },
       onPresented: (frame) => this.presented.push(frame),
       onShown: (frame) => this.shown.push(frame),
       onSent: () => undefined,
@@ -123,7 +118,6 @@ export class PlayerBench {
     }
   }
 
-  /** The last request. */
   last() {
     return this.transport.requests.at(-1)?.request;
   }

@@ -5,11 +5,37 @@
  * longer than a few seconds for the screen's pixels, the largest step that fits that time is the last. Pure: time is an
  * argument.
  */
-
 import type { FrameReply } from "#client/transport/transport";
 import { resized, type View } from "../reproject/view";
 import { type Viewport, viewportFor } from "../view/intrinsics";
 import { sameView, type ViewRequest } from "./pipeline";
+
+/**
+ * Suppresses requests for a resting view that would not improve it: a frame of a worse rung or with narrower margins
+ * shows nothing new. On a slow link it would delay other frames for seconds.
+ */
+export class Rest<Request extends ViewRequest> {
+  #last: Request | undefined;
+  #chooser: unknown;
+
+  /** The request that replaces a view whose rung `chooser` chose; choices of anything else always count. */
+  view(view: Request, chooser: unknown): Request {
+    const last = this.#last;
+    if (last && chooser === this.#chooser && isLess(view, last)) return last;
+    this.#last = view;
+    this.#chooser = chooser;
+    return view;
+  }
+}
+
+/** Whether a request is for the same view as another, with a rung and a bit rate that are no better and margins that are no wider. */
+function isLess(view: ViewRequest, than: ViewRequest): boolean {
+  const { profile, overscan = 0, video, ...rest } = view;
+  const { profile: best, overscan: widest = 0, video: clearest, ...same } = than;
+  if (profile == null || best == null || profile < best || overscan > widest) return false;
+  if ((video?.bitrate_kbps ?? 0) > (clearest?.bitrate_kbps ?? 0)) return false;
+  return sameView(rest as ViewRequest, same as ViewRequest);
+}
 
 /** The camera rests after its view has not changed for this many milliseconds. */
 const STILL_AFTER = 150;
@@ -27,7 +53,6 @@ const BYTES_A_PIXEL = 240_000 / (1280 * 720);
 /** A view as the page asks for it: by a pose, for a viewport. */
 export type PosedRequest = ViewRequest & View;
 
-/** Inputs of the next step. */
 export interface Circumstances {
   readonly now: number;
   /** The last requested view is on screen. */
@@ -71,7 +96,6 @@ export class Refinement {
     return this.#step;
   }
 
-  /** Records a received frame of a rung or of a step. */
   observe({ header, arrival }: Pick<FrameReply, "header" | "arrival">): void {
     const { width, height, margin_x, margin_y, profile, timing, video } = header;
     if (!width || !height) return;

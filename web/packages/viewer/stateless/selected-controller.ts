@@ -1,8 +1,7 @@
 /** The controller that the settings name. */
 import { computed, type ReadonlySignal } from "@preact/signals";
-import type { Controller } from "#client/abr/controller";
-import { FixedController } from "#client/abr/fixed";
-import { firstOffered, offering } from "#client/abr/offered";
+import { type Controller, FixedController } from "#client/abr/controller";
+import { firstOffered, offering } from "#client/abr/ladder";
 import { seeded } from "#client/abr/random";
 import { CONTROLLERS } from "#client/abr/registry";
 import { stepOfBitrate, stepOfRung, type VideoStep, videoLadder } from "#client/abr/video-ladder";

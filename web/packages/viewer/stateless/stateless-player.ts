@@ -5,13 +5,12 @@ import type { Controller, Observation, Way } from "#client/abr/controller";
 import { RateCap } from "#client/abr/rate-cap";
 import type { VideoStep } from "#client/abr/video-ladder";
 import type { Connected } from "#client/transport/connect";
-import type { DecodedImage } from "#client/transport/picture";
-import type { FrameReply } from "#client/transport/transport";
+import type { DecodedImage, FrameReply } from "#client/transport/transport";
 import type { Rung, SceneInfo } from "#client/wire/render";
 import type { Display, Enhanced } from "../enhance/display";
 import { Foresight } from "../predict/foresight";
-import type { PredictorName } from "../predict/registry";
 import type { Reprojector } from "../reproject/reprojector";
+import type { SideSettings } from "../state/settings";
 import type { VideoFrames } from "../video/video-frames";
 import { Meter, STATS_EVERY } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
@@ -19,15 +18,13 @@ import type { Rig } from "../view/rig";
 import { TimeWindow } from "../view/window";
 import { FormatChoice } from "./picture-format";
 import { type DecodedFrame, FramePipeline, type SentRequest, type ViewRequest } from "./pipeline";
-import { type PosedRequest, Refinement } from "./refinement";
-import { Rest } from "./rest";
+import { type PosedRequest, Refinement, Rest } from "./refinement";
 import { NO_STATS, type Stats, StatsRecorder, type VideoStats } from "./stats";
 import { SurroundFeed } from "./surround-feed";
 import { type Pictured, pictured, Turning } from "./turning";
 
 /** A received frame: the controllers' observation of it, and its request. */
 export interface Reply extends Observation {
-  /** The number of the pose. */
   readonly pose: number;
   /** The rung; null for a refinement, which the controller does not observe. */
   readonly asked: number | null;
@@ -41,44 +38,45 @@ export interface ShownFrame extends Pick<DecodedFrame, "asked" | "header" | "ima
   readonly enhanced: Enhanced | null;
 }
 
-export interface StatelessPlayerOptions {
+/** A value that changes, such as a signal's. */
+interface Changing<T> {
+  peek(): T;
+}
+
+type PlayerSettings = Pick<SideSettings, "overscan" | "depth" | "surround" | "refine" | "prediction"> & {
+  readonly bitrateKbps?: number | undefined;
+};
+
+/** What every source needs of a visit. */
+export interface Visit {
+  readonly rig: Rig;
+  readonly onPresented: (frame: PresentedFrame) => void;
+  /** A frame that was requested by itself, before any warp; it is on the canvas during this call. */
+  readonly onShown: (frame: ShownFrame) => void;
+  readonly onSent: (request: SentRequest) => void;
+  /** A frame has arrived, and the controller has observed it. */
+  readonly onReplied: (reply: Reply) => void;
+  /** Bytes of pictures or of the scene were received. */
+  readonly onReceived: (bytes: number) => void;
+  readonly now: () => number;
+}
+
+export interface StatelessPlayerOptions extends Visit {
+  readonly settings: Changing<PlayerSettings>;
+  /** The ladder that request profiles index; empty until it is known. */
+  readonly ladder: Changing<readonly Rung[]>;
+  /** Pixels of the screen along one of the viewport's. */
+  readonly pixelRatio: Changing<number>;
   readonly display: Display<DecodedFrame>;
   /** Warps the displayed frame to the pose of each animation frame, if enabled. */
   readonly reprojector: Reprojector<Pictured>;
   /** Whether pictures may be WebP. */
   readonly webp: () => boolean;
-  /** Of reprojection: how much more frames show at each side, as a share of the viewport. */
-  readonly overscan: () => number | "auto";
-  /** Of reprojection: whether frames come with a depth. */
-  readonly depth: () => boolean;
-  /** For reprojection: whether small pictures of all directions are requested. */
-  readonly surround: () => boolean;
-  /** The ladder that request profiles index; empty until it is known. */
-  readonly ladder: () => readonly Rung[];
-  readonly rig: Rig;
   /** Null if each answer is an independent picture. */
   readonly video: VideoFrames | null;
   /** The ladder of a video that the controller's choice indexes; null if each answer is an independent picture. */
-  readonly videoSteps: () => readonly VideoStep[] | null;
-  readonly controller: () => Controller;
-  /** Whether to ask for the view with all of the screen's pixels once it stands still. */
-  readonly refine: () => boolean;
-  /** Upper bound of the received rate; null: unlimited. */
-  readonly bitrateKbps: () => number | null;
-  /** Pixels of the screen along one of the viewport's. */
-  readonly pixelRatio: () => number;
-  /** Predictor of the requested poses. */
-  readonly prediction: () => PredictorName;
-  readonly onPresented: (frame: PresentedFrame) => void;
-  /** The same frame without a warp; it is on the canvas during this call. */
-  readonly onShown: (frame: ShownFrame) => void;
-  /** A request went out. */
-  readonly onSent: (request: SentRequest) => void;
-  /** A frame has arrived, and the controller has observed it. */
-  readonly onReplied: (reply: Reply) => void;
-  /** Bytes of frames were received. */
-  readonly onReceived: (bytes: number) => void;
-  readonly now: () => number;
+  readonly videoSteps: Changing<readonly VideoStep[] | null>;
+  readonly controller: Changing<Controller>;
 }
 
 /** How far back the time that enhancement takes is looked at, in milliseconds. */
@@ -109,7 +107,7 @@ export class StatelessPlayer {
 
   constructor(options: StatelessPlayerOptions) {
     this.#options = options;
-    this.#foresight = new Foresight(options.rig, options.prediction);
+    this.#foresight = new Foresight(options.rig, () => options.settings.peek().prediction);
     this.#turning = new Turning(options);
     this.#surround = new SurroundFeed({
       ...options,
@@ -162,7 +160,7 @@ export class StatelessPlayer {
               };
               const asked = view.profile ?? null;
               if (asked !== null) {
-                this.#options.controller().observe({ ...observation, profile: this.#chosen(view, profile) });
+                this.#options.controller.peek().observe({ ...observation, profile: this.#chosen(view, profile) });
               }
               this.#options.onReplied({ ...observation, pose, asked });
             },
@@ -183,7 +181,6 @@ export class StatelessPlayer {
     this.attach(null);
   }
 
-  /** The page was hidden for the last `gap` milliseconds; before anything else of this animation frame. */
   resumed(gap: number): void {
     this.#meter.resumed(gap);
     this.#foresight.reset();
@@ -192,7 +189,6 @@ export class StatelessPlayer {
     this.#options.reprojector.resumed();
   }
 
-  /** A lossless copy of the screen. */
   picture(): Promise<ImageBitmap> {
     return this.#options.reprojector.picture() ?? this.#options.display.picture();
   }
@@ -218,15 +214,14 @@ export class StatelessPlayer {
     onShown({ at: now, asked, header, image, enhanced });
   }
 
-  /** Called once per animation frame, after the rig was sampled; `moved` is the rig's result. */
   tick(now: number, moved: boolean): void {
-    const { rig, display, video, bitrateKbps } = this.#options;
+    const { rig, display, video, settings } = this.#options;
     this.#meter.sampled(rig.pose.seq, now);
     if (this.#pipeline && rig.scene) {
       if (moved) this.#meter.moved(rig.pose.seq, now);
       const view = this.#view(rig.scene, now);
       video?.tick(Math.min(MOST_PATIENCE, Math.max(LEAST_PATIENCE, this.stats.peek().roundTrip ?? USUAL_PATIENCE)));
-      if (this.#cap.allows(bitrateKbps(), now)) {
+      if (this.#cap.allows(settings.peek().bitrateKbps ?? null, now)) {
         if ((video?.problem.peek() ?? null) === null) this.#pipeline.want(view, rig.pose.seq);
         this.#surround.tick(this.#pipeline, view, this.#recorder.throughput.bitsPerSecond, now);
       }
@@ -249,7 +244,7 @@ export class StatelessPlayer {
    * it.
    */
   #chosen({ video }: ViewRequest, profile: number | null): number | null {
-    const steps = this.#options.videoSteps();
+    const steps = this.#options.videoSteps.peek();
     if (steps === null) return video ? null : profile;
     const step = steps.findIndex((one) => one.video === video);
     return step < 0 ? null : step;
@@ -261,10 +256,11 @@ export class StatelessPlayer {
   }
 
   #view(scene: SceneInfo, now: number): PosedRequest {
-    const { rig, refine, pixelRatio, controller, videoSteps } = this.#options;
+    const { rig, settings, pixelRatio, videoSteps } = this.#options;
+    const controller = this.#options.controller.peek();
     const { position, quaternion } = this.#foresight.pose(now);
-    const chosen = controller().decide(now);
-    const step = videoSteps()?.[chosen];
+    const chosen = controller.decide(now);
+    const step = videoSteps.peek()?.[chosen];
     const view: PosedRequest = {
       scene: scene.id,
       position,
@@ -276,31 +272,32 @@ export class StatelessPlayer {
       // Once it is loaded, this is another view: it is requested even by a camera that rests.
       ...(scene.state === "loading" && { coarse: true }),
     };
-    const rested = this.#rest.view(view, controller());
-    if (!refine()) return rested;
+    const rested = this.#rest.view(view, controller);
+    if (!settings.peek().refine) return rested;
     const throughput = this.#recorder.throughput.bitsPerSecond;
     const settled = this.#pipeline?.settled === true && !this.#surround.hurries(throughput);
-    return this.#refinement.next(view, { now, settled, throughput, pixelRatio: pixelRatio() }) ?? rested;
+    return this.#refinement.next(view, { now, settled, throughput, pixelRatio: pixelRatio.peek() }) ?? rested;
   }
 
   /** How a frame older than the view is shown. */
   get #way(): Way {
     if (!this.#turning.working) return "stale";
-    const { depth, prediction, videoSteps } = this.#options;
-    if (prediction() !== "off") return "predicted";
-    return depth() && videoSteps() === null ? "depth" : "rotation";
+    const { settings, videoSteps } = this.#options;
+    const { depth, prediction } = settings.peek();
+    if (prediction !== "off") return "predicted";
+    return depth && videoSteps.peek() === null ? "depth" : "rotation";
   }
 
   /** The newest view is on the screen, as sharp as it gets. */
   get #settled(): boolean {
     if (this.#pipeline === undefined) return true;
-    const refining = this.#options.refine() && this.#refinement.pending;
+    const refining = this.#options.settings.peek().refine && this.#refinement.pending;
     return this.#pipeline.settled && this.#options.display.settled && !refining;
   }
 
   #videoStats(now: number): VideoStats | null {
     const { controller, video, videoSteps } = this.#options;
-    const step = videoSteps()?.[controller().decide(now)];
+    const step = videoSteps.peek()?.[controller.peek().decide(now)];
     return step && video ? { bitrate: step.video.bitrate_kbps * 1000, keyFrames: video.keyFrames } : null;
   }
 

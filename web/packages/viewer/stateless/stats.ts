@@ -14,7 +14,6 @@ export interface ReplyStats {
   readonly server: ServerTiming | null;
   /** With a moving camera, the server accounts for most of the time to a frame, whatever the link. */
   readonly serverBound: boolean;
-  /** Bits per second. */
   readonly throughput: number | null;
   readonly frame: {
     readonly bytes: number;

@@ -2,6 +2,7 @@
 
 import type { Rung, SceneInfo } from "#client/wire/render";
 import type { Reprojector } from "../reproject/reprojector";
+import type { SideSettings } from "../state/settings";
 import { type ScenePose, viewDistance } from "../view/camera";
 import type { Rig } from "../view/rig";
 import type { FramePipeline, ViewRequest } from "./pipeline";
@@ -10,10 +11,8 @@ import { Surround, type WantedSide } from "./surround";
 export interface SurroundFeedOptions {
   readonly reprojector: Pick<Reprojector<unknown>, "working" | "content" | "surround" | "takeSide">;
   readonly rig: Rig;
-  /** Whether there is to be one, where frames are turned. */
-  readonly surround: () => boolean;
-  readonly ladder: () => readonly Rung[];
-  /** Bytes of pictures were received. */
+  readonly settings: { peek(): Pick<SideSettings, "surround"> };
+  readonly ladder: { peek(): readonly Rung[] };
   readonly onReceived: (bytes: number) => void;
 }
 
@@ -31,23 +30,24 @@ export class SurroundFeed {
    * the answer, `throughput`: in bits per second.
    */
   tick(pipeline: FramePipeline, pose: ScenePose, throughput: number | null, now: number): void {
-    const { reprojector, rig, surround, ladder } = this.#options;
+    const { reprojector, rig, settings, ladder } = this.#options;
     const { scene } = rig;
-    if (!reprojector.working || !surround() || scene === undefined) return;
+    if (!reprojector.working || !settings.peek().surround || scene === undefined) return;
     if (scene !== this.#scene) this.#surround = new Surround(viewDistance(scene), scene.up);
     this.#scene = scene;
     if (!pipeline.spare || reprojector.content === undefined) return; // the first view goes before everything else
     const idle = pipeline.inFlight === 0;
     const there = reprojector.surround;
-    const wanted = this.#surround.next({ now, pose, there, idle, throughput, ladder: ladder() });
+    const wanted = this.#surround.next({ now, pose, there, idle, throughput, ladder: ladder.peek() });
     if (wanted) void this.#ask(pipeline, scene.id, wanted, throughput);
   }
 
   /** Whether sides that were never seen come now, so that a view that rests gets no sharper before; `throughput`: in bits per second. */
   hurries(throughput: number | null): boolean {
-    const { reprojector, rig, surround, ladder } = this.#options;
-    if (!reprojector.working || !surround() || rig.scene === undefined || rig.scene !== this.#scene) return false;
-    return this.#surround.hurries({ there: reprojector.surround, throughput, ladder: ladder() });
+    const { reprojector, rig, settings, ladder } = this.#options;
+    const entered = rig.scene !== undefined && rig.scene === this.#scene;
+    if (!reprojector.working || !settings.peek().surround || !entered) return false;
+    return this.#surround.hurries({ there: reprojector.surround, throughput, ladder: ladder.peek() });
   }
 
   /** New connection: outstanding requests will not be answered. */

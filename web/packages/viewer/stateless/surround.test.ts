@@ -1,6 +1,6 @@
 import { beforeEach, expect, test } from "vitest";
 import type { Rung } from "#client/wire/render";
-import { SIDES, sideView } from "../reproject/sides";
+import { SIDES, sideView } from "../reproject/side-pictures";
 import type { View } from "../reproject/view";
 import { orientation } from "../view/camera";
 import type { Vector3 } from "../view/vector";

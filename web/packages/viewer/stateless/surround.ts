@@ -7,7 +7,7 @@
  */
 
 import type { Rung } from "#client/wire/render";
-import { SIDES, sideView } from "../reproject/sides";
+import { SIDES, sideView } from "../reproject/side-pictures";
 import type { View } from "../reproject/view";
 import type { ScenePose } from "../view/camera";
 import { rotate, subtract, type Vector3 } from "../view/vector";
@@ -38,14 +38,12 @@ const SLOW_LINK = 1e6;
 const RETRY_AFTER = 500;
 const DEGREES = 180 / Math.PI;
 
-/** One to ask for. */
 export interface WantedSide {
   readonly side: number;
   readonly view: View;
   readonly profile: number;
 }
 
-/** Inputs of the next side. */
 export interface Surroundings {
   readonly now: number;
   /** Predicted camera position at the time of the answer. */
@@ -56,7 +54,6 @@ export interface Surroundings {
   readonly idle: boolean;
   /** Of the link, in bits per second; null while unknown. */
   readonly throughput: number | null;
-  /** The best rung first. */
   readonly ladder: readonly Rung[];
 }
 
@@ -92,20 +89,17 @@ export class Surround {
     return { side, view: sideView(side, pose.position, this.#up), profile };
   }
 
-  /** Whether sides that were never seen come now, so that a view that rests gets no sharper before. */
   hurries({ there, throughput, ladder }: Pick<Surroundings, "there" | "throughput" | "ladder">): boolean {
     const affordable = rungFor(ladder, throughput ?? SLOW_LINK, IDLE.longest) !== null;
     return affordable && !this.#failed && SIDES.some((side) => !there.has(side));
   }
 
-  /** Records a received side with its bytes and its server time in milliseconds. */
   came(side: number, bytes: number, server: number, throughput: number | null): void {
     this.#pending.delete(side);
     this.#failed = false;
     this.#took = Math.max(server, (bytes * 8000) / (throughput ?? SLOW_LINK));
   }
 
-  /** It will not come. */
   failed(side: number): void {
     this.#pending.delete(side);
     this.#failed = true;

@@ -8,6 +8,7 @@ import type { Display, Enhanced } from "../enhance/display";
 import { AutoOverscan } from "../reproject/overscan";
 import type { Reprojector } from "../reproject/reprojector";
 import { resized, viewOfFrame } from "../reproject/view";
+import type { SideSettings } from "../state/settings";
 import { viewDistance } from "../view/camera";
 import type { PresentedFrame } from "../view/presented";
 import type { NumberedPose, Rig } from "../view/rig";
@@ -25,10 +26,7 @@ export interface TurningOptions {
   readonly display: Display<DecodedFrame>;
   readonly reprojector: Reprojector<Pictured>;
   readonly rig: Rig;
-  /** How much more frames are to show at each side, as a share of the viewport. */
-  readonly overscan: () => number | "auto";
-  /** Whether they are to come with a depth. */
-  readonly depth: () => boolean;
+  readonly settings: { peek(): Pick<SideSettings, "overscan" | "depth"> };
 }
 
 export class Turning {
@@ -52,16 +50,12 @@ export class Turning {
    */
   request(scene: SceneInfo, now: number, video: boolean): Pick<RenderRequest, "overscan" | "depth"> {
     if (!this.working) return {};
-    const { overscan, depth } = this.#options;
-    if (video) {
-      const share = overscan();
-      return { overscan: share === "auto" ? VIDEO_OVERSCAN : share };
-    }
+    const { overscan, depth } = this.#options.settings.peek();
+    if (video) return { overscan: overscan === "auto" ? VIDEO_OVERSCAN : overscan };
     if (scene !== this.#scene) this.#overscan = new AutoOverscan(viewDistance(scene));
     this.#scene = scene;
-    const chosen = overscan();
-    const share = chosen === "auto" ? this.#auto(now) : chosen;
-    return { ...(share > 0 && { overscan: share }), ...(depth() && { depth: true }) };
+    const share = overscan === "auto" ? this.#auto(now) : overscan;
+    return { ...(share > 0 && { overscan: share }), ...(depth && { depth: true }) };
   }
 
   /** Once per animation frame, after the newest frame was handed to the display: shows it as `pose` sees it. */
@@ -102,7 +96,6 @@ export class Turning {
   }
 }
 
-/** Properties of the displayed frame. */
 export function pictured({ header }: DecodedFrame, enhanced: Enhanced | null): Pictured {
   return {
     rung: header.profile ?? null,

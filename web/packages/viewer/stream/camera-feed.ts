@@ -2,20 +2,35 @@
  * Sends the camera to the packager and remembers each message: every frame of the stream names the message it was
  * rendered from.
  */
-
 import type { PoseUpdate } from "#client/wire/dash";
 import type { Foresight } from "../predict/foresight";
+import { resized } from "../reproject/view";
 import type { ScenePose } from "../view/camera";
-import type { Intrinsics, Viewport } from "../view/intrinsics";
+import { type Intrinsics, type Viewport, viewportFor } from "../view/intrinsics";
 import { type Rig, samePose } from "../view/rig";
-import { widened } from "./wider";
+
+/** Default margin of a stream; changing it would mean opening another stream. */
+export const AUTO_OVERSCAN = 0.1;
+
+/** The same camera with this margin at each side, as a share of width and height; within the server's limits. */
+export function widened<View extends Intrinsics & Viewport>(view: View, overscan: number): View {
+  const marginX = Math.round(view.width * overscan);
+  const marginY = Math.round(view.height * overscan);
+  const wide = {
+    ...view,
+    cx: view.cx + marginX,
+    cy: view.cy + marginY,
+    width: view.width + 2 * marginX,
+    height: view.height + 2 * marginY,
+  };
+  const { width, height } = viewportFor(wide.width, wide.height);
+  return resized(wide, width, height);
+}
 
 /** A camera at a place, with its lens in pixels of a viewport. */
 export type Camera = ScenePose & Intrinsics & Viewport;
 
-/** Content of a message. */
 export interface Told {
-  /** The number of the rig's pose. */
   readonly pose: number;
   /** When, on the page's clock. */
   readonly at: number;

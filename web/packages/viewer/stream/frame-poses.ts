@@ -23,7 +23,6 @@ export class FramePoses<Presented> {
     this.#matched(pose, presented);
   }
 
-  /** Frame number `frame` was presented. */
   presented(frame: number, presented: Presented): void {
     const pose = this.#poses.get(frame);
     if (pose !== undefined) this.#matched(pose, presented);

@@ -1,6 +1,6 @@
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
 import type { SessionRequest } from "#client/wire/dash";
-import { endSession, openSession, openWebRtc } from "./packager";
+import { endSession, openSession, openWebRtc, repeatedShare } from "./packager";
 
 const REQUEST = { scene: "courtyard" } as SessionRequest;
 const SIGNAL = new AbortController().signal;
@@ -71,4 +71,23 @@ test("a session is ended even while the page goes away, and nobody minds if that
   const asked = answer(() => Promise.reject(new TypeError("Failed to fetch")));
   await endSession("http://packager", { id: "a1" });
   expect(asked.mock.calls[0]).toMatchObject(["http://packager/sessions/a1", { method: "DELETE", keepalive: true }]);
+});
+
+describe("repeats", () => {
+  const counts = (frames: number, repeated: number, dropped = 0, id = "a") => ({ id, frames, repeated, dropped });
+
+  test.each([
+    ["frames that all show something new", counts(10, 4), counts(70, 4), 0],
+    ["every other frame repeated", counts(10, 4), counts(70, 34), 0.5],
+    ["frames that were skipped", counts(0, 0), counts(30, 0, 30), 0.5],
+  ])("%s", (_, before, after, share) => {
+    expect(repeatedShare(before, after)).toBe(share);
+  });
+
+  test("of another stream, of none, or of no time nothing is told", () => {
+    expect(repeatedShare(null, counts(9, 9))).toBeNull();
+    expect(repeatedShare(counts(9, 9), null)).toBeNull();
+    expect(repeatedShare(counts(9, 9), counts(9, 9))).toBeNull();
+    expect(repeatedShare(counts(9, 9), counts(90, 9, 0, "b"))).toBeNull();
+  });
 });

@@ -1,9 +1,26 @@
 /** The packager's API: one stream per viewer, over DASH or WebRTC. */
-
-import { ApiError, readProblem } from "#client/http/problem";
-import { mixedContent } from "#client/http/reach";
+import { ApiError, mixedContent, readProblem } from "#client/http/problem";
 import type { SessionInfo, SessionRequest, SessionStatus, WebRtcRequest, WebRtcSession } from "#client/wire/dash";
 import { STREAM_NAMES, type StreamKind } from "./stream";
+
+/**
+ * Share of a stream's frames that repeat the view although the camera moves: the renderer or the encoder cannot keep
+ * up.
+ */
+type Counts = Pick<SessionStatus, "id" | "frames" | "repeated" | "dropped">;
+
+/** With a larger share, the server is the limit. */
+export const MANY_REPEATS = 0.25;
+
+/**
+ * Share from `before` to `after`, 0 to 1, of frames repeated for lack of a newer view, or skipped; null without frames.
+ */
+export function repeatedShare(before: Counts | null, after: Counts | null): number | null {
+  if (before === null || after === null || before.id !== after.id) return null;
+  const ticks = after.frames - before.frames + (after.dropped - before.dropped);
+  if (ticks <= 0) return null;
+  return Math.min(1, (after.repeated - before.repeated + (after.dropped - before.dropped)) / ticks);
+}
 
 /** Opening waits for the scene to load and for the first frame. */
 const OPEN_TIMEOUT = 60_000;

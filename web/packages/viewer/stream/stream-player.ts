@@ -29,7 +29,6 @@ export interface StreamStats extends Figures {
   readonly kind: "stream";
   /** Behind the live edge, in milliseconds, as the player counts. */
   readonly liveLatency: number | null;
-  /** Target latency in milliseconds. */
   readonly targetLatency: number | null;
   /** Encoder, and time of frames in the jitter buffer in milliseconds; WebRTC only. */
   readonly codec: string | null;
@@ -59,21 +58,18 @@ export interface StreamOptions {
   readonly open: OpenViews;
   /** Whether stalls raise the target (`latency-target.ts`); otherwise it is constant. */
   readonly adaptive: boolean;
-  /** Predictor of the poses sent to the packager. */
   readonly prediction: () => PredictorName;
   /** Turns the stream's frames to the pose of each animation frame while it works. */
   readonly reprojector: Reprojector<StreamedFrame>;
   /** Margin of frames at each side, as a share of the viewport; null: frames are shown without a warp. */
   readonly overscan: number | null;
   readonly onPresented: (frame: PresentedFrame) => void;
-  /** Bytes of segments were received. */
   readonly onReceived: (bytes: number) => void;
   readonly now: () => number;
 }
 
 /** A frame of the video, as reported by the browser. */
 interface Shown {
-  /** Its number. */
   readonly frame: number;
   readonly at: number;
   readonly width: number;
@@ -131,12 +127,10 @@ export class StreamPlayer {
     return this.#stream?.status(signal) ?? null;
   }
 
-  /** A copy of the screen. */
   picture(): Promise<ImageBitmap> {
     return this.#options.reprojector.picture() ?? createImageBitmap(this.#options.video);
   }
 
-  /** Called at the start of each animation frame: the last warped frame is on screen by now. */
   presented(now: number): void {
     const turned = this.#options.reprojector.presented();
     if (turned === null || this.#turned === null) return;
@@ -146,7 +140,6 @@ export class StreamPlayer {
     this.#meter.presented({ at: now, pose, view, filled, warpMs, ...frame }, fresh);
   }
 
-  /** The page was hidden for the last `gap` milliseconds; before anything else of this animation frame. */
   resumed(gap: number): void {
     this.#meter.resumed(gap);
     this.#foresight.reset();
@@ -154,7 +147,6 @@ export class StreamPlayer {
     this.#options.reprojector.resumed();
   }
 
-  /** Called once per animation frame, after the rig was sampled; `moved` is the rig's result. */
   tick(now: number, moved: boolean): void {
     const { rig, reprojector } = this.#options;
     this.#meter.sampled(rig.pose.seq, now);

@@ -1,7 +1,7 @@
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
 import type { Content, Reprojector } from "../reproject/reprojector";
 import type { Told } from "./camera-feed";
-import { type StreamedFrame, TurnedVideo } from "./turned-video";
+import { type StreamedFrame, TurnedVideo, WaitingPictures } from "./turned-video";
 
 /** The video's picture at present: the time of its frame, in seconds; null while it seeks. */
 let mediaTime: number | null;
@@ -101,4 +101,41 @@ test("a picture without a time of its own, as Firefox gives it, is the frame tha
   expect(subject.capture(2.033333, at30)).toBe(61);
   mediaTime = 2.066666;
   expect(subject.capture(2.033333, at30)).toBe(62);
+});
+
+describe("waiting pictures", () => {
+  class Picture {
+    open = true;
+    close(): void {
+      this.open = false;
+    }
+  }
+
+  let waiting: WaitingPictures<Picture>;
+
+  beforeEach(() => {
+    waiting = new WaitingPictures();
+  });
+
+  function add(frame: number): Picture {
+    const picture = new Picture();
+    waiting.add(frame, picture);
+    return picture;
+  }
+
+  test("a picture is given once, and those before it never", () => {
+    const [first, second, third] = [add(1), add(2), add(3)];
+    expect(waiting.take(2)).toBe(second);
+    expect(waiting.take(2)).toBeNull();
+    expect(waiting.take(1)).toBeNull();
+    expect([first, second, third].map(({ open }) => open)).toEqual([false, true, true]);
+    expect(waiting.take(3)).toBe(third);
+  });
+
+  test("of frames that nobody tells of only the newest wait", () => {
+    const pictures = Array.from({ length: 5 }, (_, frame) => add(frame));
+    expect(pictures.map(({ open }) => open)).toEqual([false, false, true, true, true]);
+    waiting.clear();
+    expect(pictures.some(({ open }) => open)).toBe(false);
+  });
 });

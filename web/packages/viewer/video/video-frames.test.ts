@@ -1,10 +1,10 @@
-import { beforeEach, describe, expect, test } from "vitest";
+import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
 import { FakeTransport, settle } from "#client/transport/fake";
 import { FrameDropped, type FrameReply, type FrameTransport } from "#client/transport/transport";
 import type { RenderRequest } from "#client/wire/render";
 import { SKIPPED } from "./encoded-frame";
 import { FakeDecoder } from "./fake-decoder";
-import { VideoFrames } from "./video-frames";
+import { VideoFrames, videoProblem } from "./video-frames";
 
 const PATIENCE = 100;
 const never = new AbortController().signal;
@@ -169,4 +169,28 @@ test("what is left when the viewer is closed is closed, too", async () => {
   frames.dispose();
   expect(await waiting).toContain("missing");
   expect(worker.terminated).toBe(true);
+});
+
+describe("support", () => {
+  afterEach(() => vi.unstubAllGlobals());
+
+  const decoder = (isConfigSupported: () => Promise<{ supported: boolean }>) =>
+    vi.stubGlobal("VideoDecoder", { isConfigSupported });
+
+  test.each([
+    ["without WebCodecs", () => vi.stubGlobal("isSecureContext", true), "no WebCodecs"],
+    ["on an insecure page", () => vi.stubGlobal("isSecureContext", false), "only over HTTPS"],
+    ["without H.264", () => decoder(async () => ({ supported: false })), "does not decode H.264"],
+    ["with a decoder that cannot be asked", () => decoder(() => Promise.reject(new TypeError("no"))), "H.264"],
+  ])("%s one sentence says so, and names the way out", async (_, set, sentence) => {
+    set();
+    const problem = await videoProblem();
+    expect(problem).toContain(sentence);
+    expect(problem).toContain("Choose another mode.");
+  });
+
+  test("where the decoder takes it, there is nothing to say", async () => {
+    decoder(async () => ({ supported: true }));
+    expect(await videoProblem()).toBeNull();
+  });
 });

@@ -4,11 +4,13 @@ import {
   approach,
   between,
   fromScene,
+  isCut,
   levelFor,
   MAX_ELEVATION,
   move,
   orbit,
   orientation,
+  type ScenePose,
   seenFrom,
   startCamera,
   toScene,
@@ -196,4 +198,22 @@ test("halfway between two cameras goes the shorter way around", () => {
   expectClose(position, [1, 0, 2]);
   expect([Math.abs(azimuth), elevation]).toEqual([180, 10]);
   expectClose(between(from, to, 1).position, to.position);
+});
+
+const pose = (x: number, azimuth: number): ScenePose => ({
+  position: [x, 0, 0],
+  quaternion: [...orientation(azimuth, 0)],
+});
+
+test.each([
+  ["a quick turn", pose(0, 25), false],
+  ["a turn that nobody makes", pose(0, 35), true],
+  ["a stride", pose(0.5, 0), false],
+  ["a jump", pose(1.6, 0), true],
+])("%s", (_, after, cut) => {
+  expect(isCut(pose(0, 0), after, 5)).toBe(cut);
+});
+
+test("a rotation's negative twin is no turn", () => {
+  expect(isCut(pose(0, 0), { position: [0, 0, 0], quaternion: [0, 0, 0, -1] }, 5)).toBe(false);
 });

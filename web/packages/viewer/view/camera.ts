@@ -4,7 +4,30 @@
  * forward.
  */
 import type { SceneInfo } from "#client/wire/render";
-import { add, conjugate, multiply, type Quaternion, rotate, rotationBetween, subtract, type Vector3 } from "./vector";
+import {
+  add,
+  angleBetween,
+  conjugate,
+  multiply,
+  type Quaternion,
+  rotate,
+  rotationBetween,
+  subtract,
+  type Vector3,
+} from "./vector";
+
+/** Degrees between two samples; no user turns as fast. */
+const FARTHEST_TURN = 30;
+/** Movement between two samples, as a share of the distance of the focus. */
+const FARTHEST_MOVE = 0.3;
+
+/** Whether the camera jumped between two samples; `distance` of the focus is in scene units. */
+export function isCut(before: ScenePose, after: ScenePose, distance: number): boolean {
+  return (
+    angleBetween(before.quaternion, after.quaternion) > FARTHEST_TURN ||
+    Math.hypot(...subtract(after.position, before.position)) > FARTHEST_MOVE * distance
+  );
+}
 
 export interface Camera {
   /** The camera's centre in the levelled frame, in scene units. */

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { Meter, NO_FIGURES } from "./meter";
+import { Meter, NO_FIGURES, PoseTimes } from "./meter";
 import type { PresentedFrame } from "./presented";
 
 const PICTURE = { rung: 2, width: 640, height: 360 };
@@ -103,4 +103,19 @@ test("repeated frames are no new views, and do not hide a stall", () => {
 
 test("before anything is shown there are no figures", () => {
   expect(new Meter("stateless", () => undefined).figures(1000)).toEqual(NO_FIGURES);
+});
+
+test("a picture's age counts from when the camera was last where it was taken", () => {
+  const times = new PoseTimes();
+  for (let at = 0; at <= 100; at += 20) times.sampled(1, at);
+  times.sampled(2, 120);
+  times.sampled(3, 140);
+  expect([times.age(1, 160), times.age(2, 160), times.age(3, 160)]).toEqual([60, 40, 20]);
+});
+
+test("nothing is known of a pose that was long ago, or before all", () => {
+  const times = new PoseTimes();
+  times.sampled(5, 0);
+  times.sampled(6, 20_000);
+  expect([times.age(4, 20_000), times.age(5, 20_000), times.age(6, 20_000)]).toEqual([null, null, 0]);
 });

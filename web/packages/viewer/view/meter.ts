@@ -3,10 +3,35 @@
  * latency is that of the view, and the age of the content is that of the pose of its pixels.
  */
 import { MotionToPhoton } from "./motion-to-photon";
-import { PoseTimes } from "./pose-times";
 import type { PresentedFrame, Side } from "./presented";
 import { StallDetector, type Stalls } from "./stalls";
 import { nearestRank, TimeWindow } from "./window";
+
+/** Poses older than this are forgotten, in milliseconds: no picture of them is looked at any more. */
+const SPAN = 10_000;
+
+export class PoseTimes {
+  #times: { readonly pose: number; at: number }[] = [];
+
+  /** The camera is at pose number `pose` at a time. */
+  sampled(pose: number, at: number): void {
+    const last = this.#times.at(-1);
+    if (last?.pose === pose) last.at = at;
+    else this.#times.push({ pose, at });
+    while (this.#times.length > 1 && (this.#times[0]?.at ?? at) < at - SPAN) this.#times.shift();
+  }
+
+  /** The page was hidden for the last `gap` milliseconds, which do not count. */
+  resumed(gap: number): void {
+    for (const time of this.#times) time.at += gap;
+  }
+
+  /** For how long the camera has been elsewhere than at this pose, in milliseconds; null if that is not known. */
+  age(pose: number, now: number): number | null {
+    const time = this.#times.findLast((one) => one.pose <= pose);
+    return time === undefined ? null : now - time.at;
+  }
+}
 
 export interface Figures {
   /** New views shown per second; repeated frames do not count. */
@@ -32,7 +57,6 @@ export interface Figures {
   /** Buffered milliseconds of the stream; null where pictures are shown on arrival. */
   readonly buffered: number | null;
   readonly stalls: Stalls;
-  /** All new views shown so far. */
   readonly newViews: number;
   /** All frames shown so far. */
   readonly shown: number;
@@ -42,7 +66,6 @@ export interface Figures {
   readonly gpuMs: number | null;
   /** No better picture of the present view follows. */
   readonly settled: boolean;
-  /** The frame on the screen. */
   readonly picture: { readonly rung: number | null; readonly width: number; readonly height: number } | null;
 }
 
@@ -110,7 +133,6 @@ export class Meter {
     this.#stalls.moved(at);
   }
 
-  /** Counts received bytes. */
   received(bytes: number, at: number): void {
     this.#bytes.add(bytes, at);
     this.#received += bytes;

@@ -20,7 +20,6 @@ export interface Speeds {
   readonly move: number;
 }
 
-/** Accumulated input of pointers, fingers and the wheel. */
 export interface Nudge {
   /** Degrees. */
   readonly turnRight: number;
@@ -36,7 +35,6 @@ export interface Nudge {
 
 export const NO_NUDGE: Nudge = { turnRight: 0, turnUp: 0, orbitRight: 0, orbitUp: 0, forward: 0, right: 0, up: 0 };
 
-/** Input since the last sample. */
 export interface InputSample {
   readonly axes: Axes;
   readonly nudge: Nudge;

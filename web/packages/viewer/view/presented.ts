@@ -16,7 +16,6 @@ export interface PresentedFrame {
   readonly warpMs?: number;
   /** Motion-to-photon latency of each pose change that it shows first, in milliseconds. */
   readonly latencies: readonly number[];
-  /** The ladder's rung. */
   readonly rung: number | null;
   /** Encoded size in pixels. */
   readonly width: number;

@@ -78,12 +78,10 @@ export class Rig {
     return this.#scene;
   }
 
-  /** The pose of the last sample. */
   get pose(): NumberedPose {
     return this.#pose;
   }
 
-  /** When the pose changed last. */
   get changedAt(): number {
     return this.#changedAt;
   }

@@ -24,7 +24,6 @@ export class TimeWindow {
     this.#entries = [];
   }
 
-  /** The values still remembered, oldest first. */
   values(now: number): number[] {
     this.#forget(now);
     return this.#entries.map(({ value }) => value);

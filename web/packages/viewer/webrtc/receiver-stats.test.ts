@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { StatsReader } from "./receiver-stats";
+import { RtpFrames, StatsReader } from "./receiver-stats";
 
 const video = (bytes: number, delay: number, emitted: number) =>
   new Map([
@@ -25,4 +25,15 @@ test("bytes are all so far, and the jitter buffer's delay that of the frames sin
   expect(reader.read(video(2000, 0.4, 10))?.jitterBuffer).toBeCloseTo(40);
   expect(reader.read(video(3000, 0.5, 20))?.jitterBuffer).toBeCloseTo(10);
   expect(reader.read(video(3000, 0.5, 20))?.jitterBuffer).toBeCloseTo(10);
+});
+
+test("frames count on where timestamps begin anew, and a late one has its place", () => {
+  const frames = new RtpFrames(30);
+  const timestamps = [2 ** 32 - 3000, 0, 3000, 9000, 6000, 12_001];
+  expect(timestamps.map((timestamp) => frames.number(timestamp))).toEqual([0, 1, 2, 4, 3, 5]);
+});
+
+test("each frame of 60 a second has a number of its own", () => {
+  const frames = new RtpFrames(60);
+  expect([7, 1507, 3007].map((timestamp) => frames.number(timestamp))).toEqual([0, 1, 2]);
 });

@@ -1,13 +1,12 @@
 /** A stream over WebRTC: the browser receives and decodes the video, and two data channels identify its frames. */
 
-import { sleep } from "#client/async/sleep";
+import { sleep } from "#client/async/retry";
 import type { PoseUpdate, SentFrame, WebRtcRequest, WebRtcSession } from "#client/wire/dash";
 import type { Camera } from "../stream/camera-feed";
 import { endSession, openWebRtc, sessionStatus } from "../stream/packager";
 import { type OpenViews, StreamUnsupported, type ViewEvents, type ViewStream } from "../stream/stream";
 import { CODEC_NAMES, type WebRtcPlan, type WebRtcSetup } from "./presets";
-import { type ReceiverStats, StatsReader } from "./receiver-stats";
-import { RtpFrames } from "./rtp-frames";
+import { type ReceiverStats, RtpFrames, StatsReader } from "./receiver-stats";
 
 export interface WebRtcSource {
   /** Where the packager is. */

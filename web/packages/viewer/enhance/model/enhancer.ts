@@ -34,7 +34,6 @@ export interface Enhancer {
   readonly load: (device: GPUDevice, weights: ArrayBuffer | null, ladder: readonly Rung[]) => Promise<Loaded>;
 }
 
-/** A model on a device. */
 export interface Loaded {
   /**
    * Encodes the work on one picture and returns the texture of the result: `input` itself if there is no work.
