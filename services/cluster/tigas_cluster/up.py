@@ -104,7 +104,8 @@ async def _serve(settings: ClusterSettings, cluster: RayCluster, listener: socke
         finally:
             stopped.cancel()
             try:
-                await asyncio.wait_for(hosts.end(), END_S)
+                async with asyncio.timeout(END_S):
+                    await hosts.end()
             except TimeoutError:
                 _abandon(own)
 

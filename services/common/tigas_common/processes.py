@@ -112,7 +112,8 @@ class Supervised(ABC):
                     return
                 if pause_s := await self._pause(status, back_off.ended(time.monotonic())):
                     with suppress(TimeoutError):
-                        await asyncio.wait_for(self._stopping.wait(), pause_s)
+                        async with asyncio.timeout(pause_s):
+                            await self._stopping.wait()
         finally:
             self._ended.set()
 

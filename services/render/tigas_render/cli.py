@@ -13,7 +13,7 @@ from pydantic import Field
 
 from tigas_common.cli import in_a_sentence, log_to_stdout
 from tigas_common.command import POSITIONAL, Command, Group, Metavar, load
-from tigas_common.errors import StartError, TigasError
+from tigas_common.errors import StartError
 from tigas_common.installation import check_versions
 from tigas_common.processes import terminated_as_interrupted
 from tigas_common.terminal import make_console, progress_bar
@@ -35,20 +35,19 @@ class Render(RenderSettings, Command):
 
         log_to_stdout()
         logging.getLogger("quic").setLevel(logging.WARNING)  # aioquic logs every connection
-        with in_a_sentence(StartError):
-            check_versions("aioquic", "uvicorn")
-            from tigas_render.workers.devices import devices_for, edges_for
+        check_versions("aioquic", "uvicorn")
+        from tigas_render.workers.devices import devices_for, edges_for
 
-            devices = devices_for(self)
-            number = edges_for(self, len(devices))
-            if number == len(devices) == 1:
-                from tigas_render.server.main import serve
+        devices = devices_for(self)
+        number = edges_for(self, len(devices))
+        if number == len(devices) == 1:
+            from tigas_render.server.main import serve
 
-                uvloop.run(serve(self))
-            else:
-                from tigas_render.workers.supervisor import supervise
+            uvloop.run(serve(self))
+        else:
+            from tigas_render.workers.supervisor import supervise
 
-                uvloop.run(supervise(self, devices, number))
+            uvloop.run(supervise(self, devices, number))
 
 
 class _SceneCommand(Command):
@@ -70,7 +69,7 @@ class Info(_SceneCommand):
         from tigas_render.scenes.start_view.statistics import SceneStatistics
 
         statistics = SceneStatistics()
-        with in_a_sentence(TigasError, OSError), _bar(f"reading {self.scene}") as listener:
+        with _bar(f"reading {self.scene}") as listener:
             metadata, file = read_metadata(self.scene), read_scene_file(self.scene)
             for _ in statistics.collect(file.open(listener)).parts:
                 pass
@@ -104,11 +103,7 @@ class Add(Command):
     def run(self) -> None:
         from tigas_render.scenes.library_operations import add_scene, shown
 
-        with (
-            in_a_sentence(TigasError, OSError),
-            terminated_as_interrupted(),
-            _bar(f"fetching {shown(self.source)}") as listener,
-        ):
+        with terminated_as_interrupted(), _bar(f"fetching {shown(self.source)}") as listener:
             id, file = add_scene(self.source, load(RenderSettings, {}).scenes, self.id, listener, MAX_DOWNLOAD_BYTES)
         what = f"{file.format}, {file.count:,} Gaussians, SH degree {file.sh_degree}, {file.file_bytes / 1e6:.1f} MB"
         print(f"{file.files[0]}: {what}. A running service offers it as {id} once it has looked for new scenes.")
@@ -128,15 +123,14 @@ class Preview(_SceneCommand):
         from tigas_render.server.preview import preview_camera
 
         statistics = SceneStatistics()
-        with in_a_sentence(TigasError, OSError):
-            metadata, file = read_metadata(self.scene), read_scene_file(self.scene)
-            rasterizer = create_rasterizer("auto")
-            with _bar(f"reading {self.scene}") as listener:
-                scene = rasterizer.pack(statistics.collect(file.open(listener)))
-            view = statistics.view(metadata)
-            camera = replace(preview_camera(view.camera, view.up, *PREVIEW_SIZE), background=metadata.background)
-            with rasterizer.render(scene, camera) as picture:
-                self.image.write_bytes(picture.encode("png" if self.image.suffix.lower() == ".png" else "jpeg", 90))
+        metadata, file = read_metadata(self.scene), read_scene_file(self.scene)
+        rasterizer = create_rasterizer("auto")
+        with _bar(f"reading {self.scene}") as listener:
+            scene = rasterizer.pack(statistics.collect(file.open(listener)))
+        view = statistics.view(metadata)
+        camera = replace(preview_camera(view.camera, view.up, *PREVIEW_SIZE), background=metadata.background)
+        with rasterizer.render(scene, camera) as picture:
+            self.image.write_bytes(picture.encode("png" if self.image.suffix.lower() == ".png" else "jpeg", 90))
         print(self.image)
 
 
@@ -155,14 +149,13 @@ class Grid(_SceneCommand):
         from tigas_render.scenes.start_view.statistics import SceneStatistics
 
         columns, rows = map(int, self.size.split("x"))
-        with in_a_sentence(StartError, TigasError, OSError):
-            if self.out.suffix.lower() != ".ply":
-                raise StartError(f"{self.out} is to be a compressed PLY; name it .ply.")
-            metadata, file = read_metadata(self.scene), read_scene_file(self.scene)
-            with _bar(f"reading {self.scene}") as listener:
-                gaussians = file.open(listener).gathered()
-            up = metadata.up or SceneStatistics.of(gaussians).view(metadata).up
-            count = write_grid(self.out, gaussians, up, columns, rows)
+        if self.out.suffix.lower() != ".ply":
+            raise StartError(f"{self.out} is to be a compressed PLY; name it .ply.")
+        metadata, file = read_metadata(self.scene), read_scene_file(self.scene)
+        with _bar(f"reading {self.scene}") as listener:
+            gaussians = file.open(listener).gathered()
+        up = metadata.up or SceneStatistics.of(gaussians).view(metadata).up
+        count = write_grid(self.out, gaussians, up, columns, rows)
         print(f"{self.out}: {count:,} Gaussians, {self.out.stat().st_size / 1e6:.1f} MB")
 
 
@@ -180,7 +173,7 @@ class Ladder(Command):
         from tigas_render.ladder.make import check_plot, draw, find_scene, make, place_of, write_ladder
         from tigas_render.raster.devices import create_rasterizer
 
-        with in_a_sentence(StartError, TigasError, OSError, ValueError):
+        with in_a_sentence(ValueError):
             source = find_scene(self.scene)
             path = self.out or place_of(source)
             if self.plot is not None:
