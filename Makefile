@@ -1,7 +1,7 @@
 # Newcomers need only two commands: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo gpu lab test kernels test-all test-at-once test-beside test-web-units test-python test-slow test-alone test-extended fuzz lint lint-python lint-web lint-compose lint-github lock format docs bench compare bench-gpu bench-hostile bench-load dist release images clean
+.PHONY: help demo gpu lab test kernels test-all test-web-units test-python test-slow test-alone test-extended fuzz lint lint-python lint-web lint-compose lint-github lock format docs bench compare bench-gpu bench-hostile bench-load dist release images clean
 
 PYTHON ?= python3
 # The index of PyTorch's CPU build.
@@ -60,15 +60,7 @@ PYTEST = $(VENV)/python -m pytest
 # Two tiers, and the longest tests apart. `make -k test-all` goes on after a failure.
 test: test-web-units test-python
 
-test-all: test-at-once test-alone
-
-# Slow tests wait half of the time. Fast ones fill it, at a lower priority, so that they hold up no browser.
-test-at-once: web/node_modules/.ready .venv/.ready $(STATIC) kernels
-	@echo "== fast tests beside slow ones; both print when they have ended"
-	@$(MAKE) --no-print-directory -j2 --output-sync=target test-slow test-beside
-
-test-beside:
-	@nice $(MAKE) --no-print-directory test-python test-web-units
+test-all: test test-slow test-alone
 
 test-python test-slow test-alone: .venv/.ready $(STATIC) kernels
 

@@ -94,6 +94,11 @@ def wait_for_canvases(page: Page, count: int) -> None:
     page.wait_for_function(shows, arg=count)
 
 
+ENHANCED_TO = """([width, height]) => [...document.querySelectorAll('.stage canvas:not(.reprojected)')]
+    .some((canvas, i) => i === 1 && canvas.width === width && canvas.height === height)"""
+"""Whether enhanced frames have a size."""
+
+
 def shown(page: Page) -> NDArray[np.int16]:
     """The screen without loss: [height, width, 3]."""
     plan = {
@@ -154,10 +159,8 @@ def test_baselines_are_pillow_s(
         (150, 90, (10, 0, 310, 180)),  # excess width is cropped on both sides
     ):
         page.set_viewport_size({"width": width, "height": height})
-        page.wait_for_function(
-            "width => tigas.state().ready && document.querySelector('.stage').clientWidth === width", arg=width
-        )
-        wait_until_enhanced(page)
+        page.wait_for_function(ENHANCED_TO, arg=[width, height])
+        wait_until_settled(page)
         expected = np.asarray(source.resize((width, height), method, box=box), dtype=np.int16)
         difference = np.abs(shown(page) - expected)
         assert difference.max() <= 2, f"{(difference > 2).mean():.2%} of the values differ by up to {difference.max()}"

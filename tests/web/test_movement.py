@@ -143,7 +143,7 @@ def test_a_recording_replays_what_was_seen(open_page: OpenPage, server: RenderSe
     assert trace.duration_ms > 900
     kept = np.hstack((trace.positions, trace.quaternions))
     seen = np.hstack((poses.positions, poses.quaternions))
-    assert len(seen) > 10
+    assert len(seen) >= 5
     assert distances(seen, kept).max() < MICRO, "every view that was seen is in the file"
 
     again, replayed = opened(open_page, server.url)
@@ -155,7 +155,7 @@ def test_a_recording_replays_what_was_seen(open_page: OpenPage, server: RenderSe
     wait_until_settled(again)
     dense = np.hstack(trace.poses_at(np.arange(0, trace.duration_ms + 1)))
     shown = np.hstack((replayed.positions, replayed.quaternions))
-    assert len(shown) > 10
+    assert len(shown) >= 5
     assert distances(shown, dense).max() < 2e-3, "between two recorded poses it goes straight"
     assert shown[-1] == pytest.approx(kept[-1], abs=MICRO)
 
