@@ -7,11 +7,14 @@ import re
 import socket
 import time
 
+import pytest
 from playwright.sync_api import Route, expect
 
 from tests.web.conftest import OpenPage
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, changes, frames, picture, wait_for_frames, wait_until_settled
+
+pytestmark = pytest.mark.alone
 
 WITHIN_S = 20
 """For a busy machine; a connection without answers times out after 30 s."""
