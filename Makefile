@@ -77,14 +77,14 @@ test-python:
 	@echo "== Python tests, on two cores"
 	@$(PYTEST) -n 2 --dist loadfile
 
-# In the order of the folders: a process that has driven browsers in tests/web runs no asyncio tests any more.
+# Both in the order of the folders: a process that has driven browsers in tests/web runs no asyncio tests any more.
 test-slow:
 	@echo "== slow tests, on two cores"
 	@$(PYTEST) --durations=15 -n 2 --dist loadfile --no-loadscope-reorder -m 'slow and not alone and not extended'
 
 test-alone:
 	@echo "== tests that measure time or use fixed ports, one by one"
-	@$(PYTEST) -m 'alone and not extended' $$(grep -rl --include='*.py' 'mark\.alone' tests)
+	@$(PYTEST) -m 'alone and not extended' $$(grep -rl --include='*.py' 'mark\.alone' tests | sort)
 
 test-extended: .venv/.ready $(STATIC)
 	@$(PYTEST) -m extended
