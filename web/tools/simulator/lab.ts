@@ -145,7 +145,7 @@ export function agreement(runs: readonly (LabRun & { readonly simulated: Figures
         usable.map(({ lab }) => lab),
         usable.map(({ other }) => other),
       ),
-      controllers: mean(ranks),
+      controllers: mean(ranks.filter(Number.isFinite)), // without conditions in which all are equal
     };
   });
 }
