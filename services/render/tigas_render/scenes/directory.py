@@ -114,7 +114,6 @@ def read_source(path: Path) -> SceneSource:
         is_unchanged=lambda: _is_of(version, file.files),
         coarse=file.coarse,
         memory_bytes=file.packed_bytes,
-        file=main,
         folder=path if is_folder else None,
         preview=preview,
         ladder=_ladder(path),

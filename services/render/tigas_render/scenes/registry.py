@@ -20,7 +20,6 @@ from tigas_render.scenes.coarse import CoarseScenes
 from tigas_render.scenes.demo import DEMO_SOURCE
 from tigas_render.scenes.directory import scan_directory
 from tigas_render.scenes.entry import Entry, LoadedScene, LoadingEnded
-from tigas_render.scenes.reading import read
 from tigas_render.scenes.source import SceneSource
 from tigas_render.scenes.start_view.kept import KeptViews
 from tigas_render.scenes.start_view.statistics import SceneStatistics
@@ -309,7 +308,7 @@ class SceneRegistry:
             self._check_wanted(entry)
 
         try:
-            scene = statistics.collect(read(source, listen))
+            scene = statistics.collect(source.read(listen))
             prepared = self._pack(replace(scene, check=lambda: self._check_wanted(entry)))
         except OutOfDeviceMemory as error:
             raise error.with_traceback(None) from None  # it would keep the allocations alive

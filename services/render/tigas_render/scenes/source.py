@@ -160,8 +160,6 @@ class SceneSource:
     """As SceneFile has it."""
     memory_bytes: int = 0
     """Estimated memory when loaded."""
-    file: Path | None = None
-    """Its main file; None if it is built in or broken."""
     folder: Path | None = None
     """Its own folder; None if it is built in, or a single file."""
     preview: Path | None = None
