@@ -8,7 +8,6 @@ import json
 import math
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -73,53 +72,48 @@ def test_a_downloaded_scene_is_drawn_as_the_server_draws_it(open_page: OpenPage,
     assert psnr(drawn, shown(page)) < ANOTHER_DB
 
 
-@pytest.fixture
-def levels(tmp_path: Path) -> Iterator[RenderServer]:
-    """A render service with a scene of several levels of detail."""
-    made_up.unzip(tmp_path / "levels", "shell.streamed.zip")
-    with RenderServer("--scenes", str(tmp_path)) as running:
+@pytest.fixture(scope="module")
+def renderer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RenderServer]:
+    """A render service with a scene of several levels of detail, and an antialiased one."""
+    folder = tmp_path_factory.mktemp("models")
+    made_up.unzip(folder / "levels", "shell.streamed.zip")
+    write_antialiased_scene(folder)
+    with RenderServer("--scenes", str(folder)) as running:
         yield running
 
 
-def test_levels_of_detail_are_streamed_and_drawn_as_the_server_draws_them(
-    levels: RenderServer, open_page: OpenPage
-) -> None:
-    chosen = with_settings(levels.url, **ALONE, controller="fixed", profile=0, webp=False)
-    page = open_page("#/scene/levels", url=levels.url, viewport=SMALL, **chosen)
+def drawn_by(renderer: RenderServer, scene: str, open_page: OpenPage) -> tuple[Page, NDArray[np.float64]]:
+    """The viewer of a scene, and the server's view in it."""
+    chosen = with_settings(renderer.url, **ALONE, controller="fixed", profile=0, webp=False)
+    page = open_page(f"#/scene/{scene}", url=renderer.url, viewport=SMALL, **chosen)
     wait_for_frames(page)
     wait_until_settled(page)
-    drawn_by_server = shown(page)
+    return page, shown(page)
+
+
+def test_levels_of_detail_are_streamed_and_drawn_as_the_server_draws_them(
+    renderer: RenderServer, open_page: OpenPage
+) -> None:
+    page, drawn = drawn_by(renderer, "levels", open_page)
     asked: list[str] = []
     page.on("request", lambda request: asked.append(request.url))
     page.evaluate("tigas.settings({ mode: 'local' })")
     wait_until_complete(page)
-    wait_until_like(page, drawn_by_server)
+    wait_until_like(page, drawn)
     assert any("/download/streamed/" in url and url.endswith(".webp") for url in asked)
     assert not any("/download/compressed" in url for url in asked)
 
 
-@pytest.fixture
-def sand(tmp_path: Path) -> Iterator[RenderServer]:
-    """A render service with an antialiased scene."""
-    write_antialiased_scene(tmp_path)
-    with RenderServer("--scenes", str(tmp_path)) as running:
-        yield running
-
-
 def test_an_antialiased_scene_that_arrives_in_parts_is_drawn_with_its_filter(
-    sand: RenderServer, open_page: OpenPage
+    renderer: RenderServer, open_page: OpenPage
 ) -> None:
-    chosen = with_settings(sand.url, **ALONE, controller="fixed", profile=0, webp=False)
-    page = open_page("#/scene/sand", url=sand.url, viewport=SMALL, **chosen)
-    wait_for_frames(page)
-    wait_until_settled(page)
-    drawn_by_server = shown(page)
+    page, drawn = drawn_by(renderer, "sand", open_page)
     network = page.context.new_cdp_session(page)
     network.send("Network.enable")
     network.send("Network.emulateNetworkConditions", SLOW_NETWORK)
     page.evaluate("tigas.settings({ mode: 'local' })")
     wait_until_complete(page)
-    wait_until_like(page, drawn_by_server)
+    wait_until_like(page, drawn)
 
 
 def test_a_scene_that_is_too_large_for_the_browser_leaves_the_other_modes(open_page: OpenPage) -> None:

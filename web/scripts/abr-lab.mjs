@@ -1,6 +1,7 @@
 // Compares the simulator with runs of the lab (docs/adaptation.md), and prints how far the two agree.
 import { existsSync, readdirSync, readFileSync } from "node:fs";
 import { join } from "node:path";
+import { read as csv } from "vega";
 import { load } from "./page-module.mjs";
 
 const USAGE = `npm run abr-lab -- EXPERIMENT
@@ -53,11 +54,7 @@ async function main() {
 function reported(folder, names) {
   const path = join(folder, "runs.csv");
   if (!existsSync(path)) throw new Error(`There is no ${path}: make the report with tigas report ${folder}.`);
-  const [header, ...lines] = readFileSync(path, "utf8")
-    .trim()
-    .split(/\r?\n/)
-    .map((line) => line.split(","));
-  const rows = lines.map((cells) => Object.fromEntries(header.map((name, i) => [name, cells[i]])));
+  const rows = csv(readFileSync(path, "utf8"), { type: "csv" });
   return new Map(
     rows
       .filter(({ status }) => status === "complete")

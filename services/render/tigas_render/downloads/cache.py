@@ -103,12 +103,14 @@ class DownloadCache:
             return (whole,)
         return whole, SceneDownload(form="streamed", gaussians=source.gaussians)
 
-    def level(self, source: SceneSource, name: str) -> Path:
-        """One of the files of a streamed scene. Raises NoSuchDownload."""
+    def level(self, source: SceneSource, name: str) -> tuple[Path, str]:
+        """One of the files of a streamed scene, and its version. Raises NoSuchDownload."""
         if self._limit and source.folder is not None and source.format == FORMAT:
             path = streamable(source.folder, name)
             if path is not None:
-                return path
+                with contextlib.suppress(OSError):  # it was removed meanwhile
+                    status = path.stat()
+                    return path, f"{status.st_mtime_ns:x}-{status.st_size:x}"
         raise NoSuchDownload(f"{source.name} has no file {name[:100]!r} to stream.")
 
     async def get(self, source: SceneSource) -> MadeFile:

@@ -162,9 +162,8 @@ async def streamed_download(request: Request) -> Response:
     """A file of a streamed SOG scene, under its name relative to lod-meta.json."""
     service = _service(request)
     source = service.registry.source(request.path_params["id"])
-    path = await asyncio.to_thread(service.downloads.level, source, request.path_params["name"])
-    told = await asyncio.to_thread(path.stat)
-    return service.readers.answer(request, path, f"{told.st_mtime_ns:x}-{told.st_size:x}")
+    path, version = await asyncio.to_thread(service.downloads.level, source, request.path_params["name"])
+    return service.readers.answer(request, path, version)
 
 
 async def training(request: Request) -> ModelResponse[Training]:

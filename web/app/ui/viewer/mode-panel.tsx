@@ -55,6 +55,7 @@ export function ModePanel({ session }: { session: ViewerSession }) {
   const sides = [session.left, session.right.value].filter((side) => side !== null);
   const problem = sides.find((side) => side.missing.value !== null);
   const { about } = session.left.kind.value;
+  const levels = session.scene.value?.downloads?.some(({ form }) => form === "streamed");
   return (
     <>
       <SegmentList
@@ -71,7 +72,7 @@ export function ModePanel({ session }: { session: ViewerSession }) {
         <>
           {applies("dashCustom", settings.value) && <Streams />}
           {applies("webrtcStream", settings.value) && <WebRtc />}
-          {applies("localForm", settings.value) && <Segments name="localForm" />}
+          {levels && applies("localForm", settings.value) && <Segments name="localForm" />}
           {mode !== COMPARED && about && <p class="muted small">{about}</p>}
         </>
       )}

@@ -2,6 +2,7 @@
 import { cleanup, render, screen } from "@testing-library/preact";
 import { afterEach, expect, test } from "vitest";
 import { type LocalStats, NO_LOCAL_STATS } from "#viewer/local/local-player";
+import { COURTYARD } from "#viewer/state/fake-server";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
 import { changeSettings, settings } from "../../state/app";
 import { asSession, fakeLocal, fakeSession } from "../../state/fake-session";
@@ -53,6 +54,18 @@ test.each([
   session.left.missing.value = phase ? null : "This server does not offer the scene for download";
   render(<StageMessage session={asSession(session)} />);
   expect(screen.getByRole("status").textContent).toBe(said);
+});
+
+test("levels of detail are offered for a scene that has them", () => {
+  changeSettings({ mode: "local" });
+  const session = fakeSession();
+  session.scene.value = { ...COURTYARD, downloads: [{ form: "compressed" }] };
+  render(<ModePanel session={asSession(session)} />);
+  expect(screen.queryByRole("radio", { name: "Levels of detail" })).toBeNull();
+  cleanup();
+  session.scene.value = { ...COURTYARD, downloads: [{ form: "compressed" }, { form: "streamed" }] };
+  render(<ModePanel session={asSession(session)} />);
+  expect(screen.getByRole("radio", { name: "Levels of detail" })).toBeTruthy();
 });
 
 test("the panel says what is downloaded, or that nothing is offered", () => {
