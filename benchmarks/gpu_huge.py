@@ -91,6 +91,9 @@ def report(
     peak = torch.cuda.max_memory_allocated()
     print(f"\n{grid_name(one, across, away)}: loaded in {seconds:.2f} s, without levels in {plain_s:.2f} s; ", end="")
     print(f"{scene.nbytes / 1e9:.2f} GB, without {plain_bytes / 1e9:.2f} GB, while loading {peak / 1e9:.1f} GB")
+    for pose in walk(across, away):
+        rasterizer.render(scene, Camera(pose, LENS))
+    print(f"  buffers of a frame on the walk: {buffers(scene):.2f} GB")
     rows = []
     for name, pose in views(across, away).items():
         auto, full = Camera(pose, LENS), Camera(pose, LENS, full_detail=True)
@@ -107,8 +110,13 @@ def report(
             (out / f"{across}x{away}-{name}.jpg").write_bytes(rasterizer.render(scene, auto).encode("jpeg", QUALITY))
     decibels = sorted(psnr(rasterizer, scene, pose) for pose in walk(across, away))
     print(f"  walk       median {statistics.median(decibels):.1f} dB, least {decibels[0]:.1f} dB")
-    print(f"  a frame's buffers: {(torch.cuda.memory_allocated() - scene.nbytes) / 1e9:.2f} GB", flush=True)
+    print(f"  buffers of a frame in full: {buffers(scene):.2f} GB", flush=True)
     return rows
+
+
+def buffers(scene: CudaScene) -> float:
+    """Gigabytes of one workspace."""
+    return (torch.cuda.memory_allocated() - scene.nbytes) / 1e9
 
 
 def draw_curve(rows: list[dict[str, Any]], path: Path) -> None:
