@@ -28,6 +28,8 @@ from aioquic.h3.events import DataReceived, HeadersReceived, WebTransportStreamD
 from aioquic.quic.configuration import QuicConfiguration
 from aioquic.quic.events import ProtocolNegotiated, QuicEvent
 
+from benchmarks.services import STOP_S
+from tigas_common import processes
 from tigas_common.resources import give_back_regularly
 from tigas_common.wire.render import FrameHeader, RenderRequest, ServerTiming
 from tigas_render.admission.limits import Limits
@@ -65,12 +67,9 @@ class Server:
 def running(name: str, size: int) -> Iterator[Server]:
     """A server of frames of this many bytes."""
     command = [sys.executable, "-m", "benchmarks.servers", name, str(size)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with processes.running(command, STOP_S, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
-        try:
-            yield Server(process.pid, int(process.stdout.readline()))
-        finally:
-            process.terminate()
+        yield Server(process.pid, int(process.stdout.readline()))
 
 
 class Memory(FrameSource):

@@ -83,24 +83,6 @@ def train(ways: Sequence[MovementTrace]) -> Weights:
     }
 
 
-def expected(way: MovementTrace, now_ms: Floats, ahead_ms: float, weights: Weights) -> tuple[Floats, Floats]:
-    """Positions [N, 3] and quaternions [N, 4] that `linear` expects at `now_ms` [N] for `ahead_ms` later."""
-    past = changes(way, PAST_MS, now_ms)
-    horizons = (0.0, *HORIZONS_MS)
-
-    def change(of: Floats, kind: str) -> Floats:
-        learned = np.array(weights[kind])  # [axis, horizon, step]
-        learned = np.concatenate((np.zeros((3, 1, STEPS)), learned), axis=1)
-        between = np.array([[np.interp(ahead_ms, horizons, steps) for steps in axis.T] for axis in learned])
-        summed: Floats = np.einsum("nka,ak->na", of, between)
-        return summed
-
-    positions, quaternions = way.poses_at(now_ms)
-    head = Rotation.from_quat(quaternions)
-    turned = head * Rotation.from_rotvec(change(past.turned, "turned"))
-    return positions + head.apply(change(past.moved, "moved")), turned.as_quat()
-
-
 def _weights(known: Sequence[Floats], ahead: Sequence[Floats]) -> list[list[list[float]]]:
     inputs, targets = np.concatenate(known), np.concatenate(ahead)
     weights = []

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks.train_predictor import STEP_MS, expected, main, moments, train
+from benchmarks.train_predictor import HORIZONS_MS, PAST_MS, STEP_MS, changes, main, moments, train
 from tigas_experiments.movement.generated import generate
 from tigas_experiments.movement.table import MovementError
 from tigas_experiments.movement.trace import MovementTrace
@@ -23,7 +23,8 @@ def test_foresees_another_walk_of_the_kind_it_learned_from_better_than_constant_
     truth = Rotation.from_quat(way.poses_at(now + AHEAD_MS)[1])
     before, here = (Rotation.from_quat(way.poses_at(times)[1]) for times in (now - STEP_MS, now))
     straight = here * Rotation.from_rotvec((before.inv() * here).as_rotvec() * AHEAD_MS / STEP_MS)
-    foreseen = Rotation.from_quat(expected(way, now, AHEAD_MS, weights)[1])
+    learned = np.array(weights["turned"])[:, HORIZONS_MS.index(AHEAD_MS)]
+    foreseen = here * Rotation.from_rotvec(np.einsum("nka,ak->na", changes(way, PAST_MS, now).turned, learned))
     error, going_on, none = ((guess.inv() * truth).magnitude().mean() for guess in (foreseen, straight, here))
     assert error < going_on / 2 < none / 4
 
