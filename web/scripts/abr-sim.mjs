@@ -30,7 +30,7 @@ async function main() {
       controller: {
         type: "string",
         multiple: true,
-        default: ["seen", "latency", "latency-transfer", "budget", "lol+", "l2a"],
+        default: ["seen", "latency", "latency-transfer", "lol+", "l2a"],
       },
       rtt: { type: "string", multiple: true },
       seconds: { type: "string" },
