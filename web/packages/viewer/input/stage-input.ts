@@ -41,8 +41,7 @@ export class StageInput {
   /** The button that was pressed first. */
   #button = MAIN;
   readonly #listening = new AbortController();
-  readonly #glide = new Glide();
-  readonly #reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");
+  readonly #glide = new Glide(() => !matchMedia("(prefers-reduced-motion: reduce)").matches);
   #nudge = NO_NUDGE;
 
   constructor(stage: HTMLElement, options: StageInputOptions) {
@@ -67,7 +66,7 @@ export class StageInput {
 
   /** Input since the last sample, `elapsed` milliseconds ago. */
   sample(elapsed: number): InputSample {
-    const glided = this.#glide.take(elapsed, !this.#reducedMotion.matches);
+    const glided = this.#glide.take(elapsed);
     const nudge = glided === 0 ? this.#nudge : sum(this.#nudge, { ...NO_NUDGE, forward: glided });
     this.#nudge = NO_NUDGE;
     const keys = this.#keys.axes(elapsed);
