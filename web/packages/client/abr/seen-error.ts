@@ -59,7 +59,8 @@ export function decibels(mse: number): number {
 /** Straight between points in ascending order, and flat beyond them. */
 function along(points: Points, x: number): number {
   const i = points.findIndex((point) => point[0] >= x);
-  const [right, left] = [points[i] ?? points.at(-1), points[i - 1]];
+  const right = points[i] ?? points.at(-1);
+  const left = points[i - 1];
   if (right === undefined) return Number.NaN;
   if (i < 0 || left === undefined) return right[1];
   return left[1] + ((right[1] - left[1]) * (x - left[0])) / (right[0] - left[0]);

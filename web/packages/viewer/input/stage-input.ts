@@ -42,6 +42,8 @@ export class StageInput {
   #button = MAIN;
   readonly #listening = new AbortController();
   readonly #glide = new Glide(() => !matchMedia("(prefers-reduced-motion: reduce)").matches);
+  /** Whether there was any: asking for them takes longer than all other input. */
+  #gamepads = navigator.getGamepads?.().some(Boolean);
   #nudge = NO_NUDGE;
 
   constructor(stage: HTMLElement, options: StageInputOptions) {
@@ -50,6 +52,7 @@ export class StageInput {
     const { signal } = this.#listening;
     const keyboard: EventTarget = options.sharesPage ? stage : window;
     keyboard.addEventListener("keydown", (event) => this.#press(event as KeyboardEvent), { signal });
+    addEventListener("gamepadconnected", () => (this.#gamepads = true), { signal });
     addEventListener("keyup", (event) => this.#keys.release(event.code), { signal });
     addEventListener("blur", () => this.#release(), { signal });
     document.addEventListener("visibilitychange", () => this.#release(), { signal });
@@ -70,7 +73,7 @@ export class StageInput {
     const nudge = glided === 0 ? this.#nudge : sum(this.#nudge, { ...NO_NUDGE, forward: glided });
     this.#nudge = NO_NUDGE;
     const keys = this.#keys.axes(elapsed);
-    const gamepad = this.#attended ? gamepadAxes(navigator.getGamepads?.() ?? []) : null;
+    const gamepad = this.#gamepads && this.#attended ? gamepadAxes(navigator.getGamepads()) : null;
     const haste = (keys.haste ?? 1) * (gamepad?.haste ?? 1);
     return {
       nudge,
