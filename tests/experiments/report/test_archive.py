@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
+import tarfile
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,9 @@ from tests.experiments.report.synthetic_results import write_run
 from tests.experiments.report.test_report import run_report
 from tigas_common.errors import StartError
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
-from tigas_experiments.report.archive import Options, pack, unpack
+from tigas_experiments.report.archive import PICTURES, Options, experiments, pack, read_options, unpack
+
+EVALUATION = Path(__file__).with_name("evaluation.tar.xz")
 
 
 def experiment(folder: Path) -> Path:
@@ -45,6 +49,58 @@ def test_a_report_is_made_again_byte_for_byte_without_telling_how(tmp_path: Path
     assert {"report.html", "runs.csv", "groups.csv", "differences.csv"} < set(again)
     assert again == written(folder)
     assert (tmp_path / "again.tar.xz").read_bytes() == archive.read_bytes()
+
+
+@pytest.mark.slow
+def test_the_archive_of_several_experiments_gives_their_tables_and_figures_again(tmp_path: Path) -> None:
+    """An evaluation of two short experiments of real runs, archived without pictures.
+
+    After a change of reports: tigas report evaluation.tar.xz; tigas report paper --without-pictures --archive
+    evaluation.tar.xz
+    """
+    rebuilt = []
+    for place in ("one", "two"):
+        archive = tmp_path / place / "paper.tar.xz"
+        archive.parent.mkdir()
+        shutil.copy(EVALUATION, archive)
+        said = run_report(archive)
+        assert said.exit_code == 0, said.output
+        assert "All tables and figures are equal to the archived ones." in said.output
+        folder = tmp_path / place / "paper"
+        rebuilt.append({path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()})
+        listed = (folder / "SHA256SUMS").read_text()
+        for name in ("best.md", "modes/runs.csv", "modes/overview.svg", "controllers/quality-heatmap.svg"):
+            assert f"  {name}\n" in listed
+    assert rebuilt[0] == rebuilt[1]
+    pack(folder, tmp_path / "again.tar.xz", {each: read_options(each) for each in experiments(folder)}, pictures=False)
+    assert (tmp_path / "again.tar.xz").read_bytes() == EVALUATION.read_bytes()
+
+
+def test_tables_that_differ_from_the_archived_ones_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, archive = experiment(tmp_path / "study"), tmp_path / "it.tar.xz"
+    said = run_report(folder, "--archive", str(archive))
+    assert said.exit_code == 0, said.output
+    assert hashlib.sha256(archive.read_bytes()).hexdigest() in "".join(said.output.split())
+    shutil.rmtree(folder)
+    monkeypatch.setattr("tigas_experiments.report.report.overall_markdown", lambda _: "another version\n")
+    said = run_report(archive)
+    assert said.exit_code == 1
+    assert "1 tables and figures differ from the archived ones, such as overall.md" in " ".join(said.output.split())
+
+
+def test_pictures_and_files_beside_the_experiments(tmp_path: Path) -> None:
+    one = experiment(tmp_path / "study" / "one")
+    (tmp_path / "study" / "simulated").mkdir()
+    (tmp_path / "study" / "simulated" / "table.txt").write_text("27.2 dB")
+    for name in PICTURES:
+        (one / "runs" / "a" / name).mkdir(exist_ok=True)
+        (one / "runs" / "a" / name / "0.png").write_bytes(b"png")
+    for pictures in (True, False):
+        pack(tmp_path / "study", tmp_path / "it.tar.xz", {one: Options()}, pictures=pictures)
+        with tarfile.open(tmp_path / "it.tar.xz") as tar:
+            names = tar.getnames()
+        assert "study/simulated/table.txt" in names
+        assert sum(name.endswith("0.png") for name in names) == 2 * pictures
 
 
 @pytest.mark.extended

@@ -49,13 +49,15 @@ def read_options(folder: Path) -> Options:
 
 def experiments(folder: Path) -> list[Path]:
     """The experiment's folder itself, or the experiments in it, sorted by name."""
-    inside = [path for path in sorted(folder.iterdir()) if (path / RUNS).is_dir()] if folder.is_dir() else []
-    return [folder] if (folder / RUNS).is_dir() or not inside else inside
+    if (folder / RUNS).is_dir() or not folder.is_dir():
+        return [folder]
+    return [path for path in sorted(folder.iterdir()) if (path / RUNS).is_dir()] or [folder]
 
 
 def digests(folder: Path) -> dict[str, str]:
-    """SHA-256 of the tables and figures of all experiments in a folder, by path in it."""
-    found = sorted(path for each in experiments(folder) for kind in TABLES_AND_FIGURES for path in each.glob(kind))
+    """SHA-256 of the tables and figures of a folder and the experiments in it, by path."""
+    folders = {folder, *experiments(folder)}
+    found = sorted(path for each in folders for kind in TABLES_AND_FIGURES for path in each.glob(kind))
     return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in found}
 
 

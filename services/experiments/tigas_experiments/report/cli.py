@@ -33,7 +33,8 @@ class Report(Command):
 
     def run(self) -> None:
         from tigas_experiments.report.archive import DIGESTS, Options, changed, experiments, pack, read_options, unpack
-        from tigas_experiments.report.report import write_report
+        from tigas_experiments.report.report import BEST_FILE, write_report
+        from tigas_experiments.report.tables import best_markdown
 
         def on_progress(step: str, done: int, total: int | None) -> None:
             show(1.0 if total is None else done / total, step if total else f"{step}: {done}")
@@ -44,6 +45,9 @@ class Report(Command):
             for each in experiments(folder):
                 baseline = self.baseline or read_options(each).baseline
                 made[each] = write_report(each, each, on_progress, baseline=baseline)
+            if folder not in made:
+                rows = [row for report in made.values() for row in report.best]
+                (folder / BEST_FILE).write_text(best_markdown(rows), encoding="utf-8")
             if self.archive is not None:
                 options = {each: Options(baseline=report.baseline) for each, report in made.items()}
                 pack(folder, self.archive, options, pictures=not self.without_pictures)
