@@ -24,7 +24,7 @@ from tigas_render.raster.cuda.parameters import SIZE
 USERS = tuple(f"tigas_render.raster.cuda.{name}" for name in ("nvidia", "rasterizer", "workspace"))
 """Our modules that import the replaced ones."""
 STATUS = 8 * 20
-"""Where in a frame's parameters the address is at which it leaves the entries that its lists needed."""
+"""Where in a frame's parameters the address is at which it leaves the entries and chunks that it needed."""
 
 
 class CUDAError(Exception):
@@ -40,8 +40,8 @@ class FakeGpu:
         """Memory of tensors."""
         self.cached = 0
         """Memory cached by PyTorch after tensors were freed."""
-        self.entries = 1000
-        """Memory of a frame's lists."""
+        self.entries, self.chunks = 1000, 1
+        """What a frame needs: entries of its lists, and chunks of Gaussians."""
         self.frames = 0
         """How many were drawn."""
         self.encoders = 0
@@ -107,7 +107,7 @@ class FakeGpu:
     def draw(self) -> None:
         """The kernels of a frame after the first."""
         (status,) = struct.unpack_from("=Q", (ctypes.c_char * SIZE).from_address(self._parameters), STATUS)
-        ctypes.c_uint32.from_address(status).value = self.entries
+        (ctypes.c_uint32 * 2).from_address(status)[:] = [self.entries, self.chunks]
         self.frames += 1
 
     def synchronize(self) -> None:

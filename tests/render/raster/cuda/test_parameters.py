@@ -38,7 +38,7 @@ def floats(scene: CudaScene, view: Camera) -> tuple[float, ...]:
     """The 28 floats at the end of a frame's parameters."""
     k = view.intrinsics
     layout = tile_layout(k.width, k.height, scene.padded)
-    plan = plan_numbers(k.width, k.height, scene.padded, layout, "jpeg", (0,) * 18, 0)
+    plan = plan_numbers(k.width, k.height, scene.padded, layout, "jpeg", (0,) * 18, 0, 0)
     return struct.unpack("=28f", frame_parameters(scene, view, plan)[-112:])
 
 

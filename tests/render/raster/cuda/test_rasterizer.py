@@ -99,15 +99,16 @@ def test_thousands_at_one_depth_in_one_tile_are_sorted_and_drawn(rasterizer: Cud
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> CudaRasterizer:
-    """A rasteriser with a list buffer too short for the first picture."""
+    """A rasteriser with buffers too small for the first picture: its lists, and its chunks."""
     from tigas_render.raster.cuda import workspace
     from tigas_render.raster.cuda.rasterizer import CudaRasterizer
 
     monkeypatch.setattr(workspace, "FIRST_CAPACITY", 2048)
+    monkeypatch.setattr(workspace, "FIRST_ROOM", 2)
     return CudaRasterizer(0, tmp_path)
 
 
-def test_lists_that_outgrow_their_buffer_are_drawn_after_it_has_grown(
+def test_a_picture_that_outgrows_the_buffers_is_drawn_after_they_have_grown(
     rasterizer: CudaRasterizer, small: CudaRasterizer
 ) -> None:
     gaussians, view = cloud(20_000, 0, size=0.2), camera(320, 200)
@@ -152,9 +153,7 @@ def test_depth_costs_no_pixel_in_any_format(rasterizer: CudaRasterizer) -> None:
     assert depths == [depths[0]] * len(formats)
 
 
-def test_depth_is_whole_after_lists_have_outgrown_their_buffer(
-    rasterizer: CudaRasterizer, small: CudaRasterizer
-) -> None:
+def test_depth_is_whole_after_the_buffers_were_outgrown(rasterizer: CudaRasterizer, small: CudaRasterizer) -> None:
     gaussians, view = cloud(20_000, 0, size=0.2), camera(320, 200)
     assert (depth_of(small, gaussians, view) == depth_of(rasterizer, gaussians, view)).all()
 

@@ -15,6 +15,7 @@ from tests.render.raster.views import camera, cloud
 from tigas_common.errors import DeviceLost, OutOfDeviceMemory, Overloaded
 from tigas_common.wire.render import FrameFormat
 from tigas_render.raster.cuda.packing import pack
+from tigas_render.raster.cuda.scene import CHUNK
 
 if TYPE_CHECKING:
     from tigas_render.raster.cuda.rasterizer import CudaRasterizer
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 SCENE = pack(cloud(1000, 0).batches(), torch.device("cpu"))
 MEGABYTE = 1 << 20
 SHRUNK_AFTER = 8
+BYTES_OF_A_SPLAT = 48
+"""In all buffers of a workspace together."""
 
 
 @pytest.fixture
@@ -54,6 +57,19 @@ def test_a_frame_whose_lists_are_too_short_is_drawn_again(gpu: FakeGpu, rasteriz
     assert gpu.frames == 2
     assert frame(rasterizer)
     assert gpu.frames == 3, "the lists stay long"
+
+
+def test_a_frame_that_shows_more_of_its_scene_than_there_is_room_for_is_drawn_again(
+    gpu: FakeGpu, rasterizer: CudaRasterizer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.modules["tigas_render.raster.cuda.workspace"], "FIRST_ROOM", 1)
+    frame(rasterizer)
+    before, gpu.chunks = gpu.allocated, 3
+    frame(rasterizer)
+    assert gpu.frames == 3
+    assert gpu.allocated - before == 2 * CHUNK * BYTES_OF_A_SPLAT
+    frame(rasterizer)
+    assert gpu.frames == 4, "the room stays"
 
 
 def test_a_frame_with_too_many_entries_is_refused(gpu: FakeGpu, rasterizer: CudaRasterizer) -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import torch
 
 from tests.render.raster.views import cloud
 from tigas_render.gaussians import Gaussians
+from tigas_render.raster.cuda import packing
 from tigas_render.raster.cuda.packing import coefficients_in_use, pack
 from tigas_render.raster.cuda.scene import CHUNK
 
@@ -37,6 +39,17 @@ def test_chunks_bounds_hold_their_means() -> None:
     centres = scene.bounds[:, None, :3].repeat(1, CHUNK, 1).reshape(-1, 3)[:1800]
     radii = scene.bounds[:, None, 3].repeat(1, CHUNK).reshape(-1)[:1800]
     assert ((points - centres).norm(dim=1) <= radii).all()
+
+
+def test_a_scene_packed_piece_by_piece_is_that_packed_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    gaussians = cloud(3000, 2)
+    at_once = pack(gaussians.batches(), torch.device("cpu"))
+    monkeypatch.setattr(packing, "AT_ONCE", 2 * CHUNK)
+    in_pieces = pack(gaussians.batches(), torch.device("cpu"))
+    assert in_pieces.scale_codes == at_once.scale_codes
+    for name in ("means", "shapes", "sh", "bounds"):
+        one, other = (getattr(scene, name).view(torch.uint8) for scene in (in_pieces, at_once))
+        assert torch.equal(one, other), name
 
 
 def test_degrees_without_coefficients_are_not_kept() -> None:

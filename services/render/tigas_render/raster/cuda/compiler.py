@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 KERNELS = Path(__file__).parent / "kernels"
 """Directory of the sources: `.cu` files have kernels, `.cuh` files shared code."""
+MAX_RANGES = 1024
+"""As in frame.cuh."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +72,7 @@ def make_stages(device: Device, kernels: dict[str, Kernel], side: int) -> tuple[
         return Stage(name, kernel, LaunchConfig(grid=processors * blocks, block=threads))
 
     return (
-        Stage("begin", kernels["begin"], LaunchConfig(grid=2 * processors, block=CHUNK)),
+        Stage("begin", kernels["begin"], LaunchConfig(grid=min(2 * processors, MAX_RANGES), block=CHUNK)),
         stage("project", kernels[f"project_{side}"], CHUNK),
         stage("large", kernels[f"large_{side}"], CHUNK),
         stage("place", kernels["place"], CHUNK),

@@ -182,9 +182,7 @@ def _write_merged(
     means, covariances, opacity, weights = merge(finer.means, finer.covariances, finer.opacities, lengths, blur)
     variances, axes = eigen(covariances)
     scene.means[:, into] = means.T.float()
-    scene.shapes[into] = scene.scale_codes.shapes(
-        0.5 * variances.clamp_min(1e-60).log2(), opacity, quaternions(axes), len(into)
-    )
+    scene.shapes[into] = scene.scale_codes.shapes(0.5 * variances.clamp_min(1e-60).log2(), opacity, quaternions(axes))
     colours = scene.sh[:, slots].permute(1, 0, 2).reshape(len(slots), -1).float() * weights.float()[:, None]
     mixed = _reduce(colours, "sum", lengths).to(torch.float16)
     scene.sh[:, into] = mixed.reshape(len(into), -1, 4).permute(1, 0, 2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 
 import torch
 
@@ -12,41 +13,77 @@ from tigas_render.raster.base import ALPHA_MIN, BASIS_CONSTANTS
 from tigas_render.raster.cuda.levels import DEVIATION, PARENT, add_levels, level_sizes
 from tigas_render.raster.cuda.scene import CHUNK, CudaScene, Grid, ScaleCodes
 
+AT_ONCE = 1 << 22
+"""Gaussians that are worked on together, which bounds the memory of intermediate results; whole chunks."""
+
 
 def pack(scene: Batches, device: torch.device) -> CudaScene:
     """Pack a scene on a device, a large one with coarser levels behind the full detail.
 
     Gaussians that are too transparent to be drawn or not finite are left out.
     """
-    (means, scales, quaternions, opacities, sh), antialiased = _on_device(scene, device)
-    sh = sh[:, : coefficients_in_use(sh)]
-    finite = torch.cat([means, scales, quaternions], 1).isfinite().all(1) & (opacities >= ALPHA_MIN)
-    keep = finite.nonzero().squeeze(1)
-    grid = Grid.of(means[keep]) if len(keep) else None
+    packed, sizes, grid = _pack_full_detail(scene, device)
     if grid is not None:
-        keep = keep[torch.argsort(grid.codes(means[keep]), stable=True)]
+        add_levels(packed, sizes, grid, scene.check)
+    return packed
+
+
+def _pack_full_detail(scene: Batches, device: torch.device) -> tuple[CudaScene, list[int], Grid | None]:
+    """The scene with room for coarser levels, the sizes of all levels in chunks, and the order's grid if there is any
+    Gaussian.
+    """
+    whole, antialiased = _on_device(scene, device)
+    keep, grid = _in_order(*whole[:4])
+    means, scales, quaternions, opacities, sh = whole
+    sh = sh[:, : coefficients_in_use(sh)]
     leaves = max(1, -(-len(keep) // CHUNK))
     sizes = level_sizes(leaves, len(keep))
     rows = sum(sizes) * CHUNK
 
-    means, scales = means[keep], scales[keep].clamp_min(1e-30)
-    log_scales = scales.log2()
-    low, high = (float(log_scales.min()), float(log_scales.max())) if len(keep) else (0.0, 0.0)
+    ends = [_log2(scales[keep[piece]]).aminmax() for piece in _pieces(len(keep))]
+    low, high = min((float(end.min) for end in ends), default=0.0), max((float(end.max) for end in ends), default=0.0)
     if grid is not None and len(sizes) > 1:  # Gaussians become as large as the grid when they are merged
         high = max(high, math.log2(2 / grid.scale))
-    scale_codes = ScaleCodes.spanning(low, high)
     packed = CudaScene(
-        means=torch.cat([means, means.new_zeros(rows - len(keep), 3)]).T.contiguous(),
-        shapes=scale_codes.shapes(log_scales, opacities[keep], quaternions[keep], rows),
-        sh=_pack_sh(sh, keep, rows),
-        bounds=_bounds(means, scales, leaves, sum(sizes)),
+        means=torch.zeros(3, rows, device=device),
+        shapes=torch.zeros(rows, 8, dtype=torch.int16, device=device),
+        sh=torch.zeros(-(-sh.shape[1] * 3 // 4), rows, 4, dtype=torch.float16, device=device),
+        bounds=torch.zeros(sum(sizes), 8, device=device),
         coefficients=sh.shape[1],
-        scale_codes=scale_codes,
+        scale_codes=ScaleCodes.spanning(low, high),
         antialiased=antialiased,
     )
-    if grid is not None:
-        add_levels(packed, sizes, grid, scene.check)
-    return packed
+    packed.bounds.view(torch.int32)[:, PARENT] = -1
+    for slots in _pieces(len(keep)):
+        some, chunks = keep[slots], slice(slots.start // CHUNK, -(-slots.stop // CHUNK))
+        packed.means[:, slots] = means[some].T
+        packed.shapes[slots] = packed.scale_codes.shapes(_log2(scales[some]), opacities[some], quaternions[some])
+        packed.sh[:, slots] = _pack_sh(sh[some])
+        packed.bounds[chunks, : DEVIATION + 1] = _bounds(means[some], scales[some])
+    return packed, sizes, grid
+
+
+def _pieces(count: int) -> Iterator[slice]:
+    return (slice(first, min(first + AT_ONCE, count)) for first in range(0, count, AT_ONCE))
+
+
+def _log2(scales: torch.Tensor) -> torch.Tensor:
+    return scales.clamp_min(1e-30).log2()
+
+
+def _in_order(
+    means: torch.Tensor, scales: torch.Tensor, quaternions: torch.Tensor, opacities: torch.Tensor
+) -> tuple[torch.Tensor, Grid | None]:
+    """Indices of the Gaussians that can be drawn, in the Z-order of a grid."""
+    keep = opacities >= ALPHA_MIN
+    for piece in _pieces(len(keep)):
+        keep[piece] &= torch.cat([means[piece], scales[piece], quaternions[piece]], 1).isfinite().all(1)
+    kept = keep.nonzero().squeeze(1)
+    if not len(kept):
+        return kept, None
+    grid = Grid.of(means[kept])
+    codes = torch.cat([grid.codes(means[kept[piece]]) for piece in _pieces(len(kept))])
+    return kept[codes.argsort(stable=True)], grid
 
 
 def _on_device(scene: Batches, device: torch.device) -> tuple[list[torch.Tensor], bool]:
@@ -77,29 +114,22 @@ def coefficients_in_use(sh: torch.Tensor) -> int:
     return 1
 
 
-def _pack_sh(sh: torch.Tensor, keep: torch.Tensor, rows: int) -> torch.Tensor:
-    """float16 [groups, N, 4]; values beyond half precision are clamped."""
+def _pack_sh(sh: torch.Tensor) -> torch.Tensor:
+    """float16 [groups, N, 4] of sh [N, K, 3]; values beyond half precision are clamped."""
     numbers = sh.shape[1] * 3
-    constants = torch.tensor(BASIS_CONSTANTS[: sh.shape[1]], device=keep.device)
-    packed = torch.zeros(-(-numbers // 4) * 4, rows, dtype=torch.float16, device=keep.device)
-    for coefficient in range(sh.shape[1]):  # one at a time: the whole in float32 may not fit into memory
-        values = sh[:, coefficient][keep].float() * constants[coefficient]
-        packed[3 * coefficient : 3 * coefficient + 3, : len(keep)] = values.nan_to_num().clamp(-6e4, 6e4).T
-    return packed.reshape(-1, 4, packed.shape[1]).transpose(1, 2).contiguous()
+    constants = torch.tensor(BASIS_CONSTANTS[: sh.shape[1]], device=sh.device)[:, None]
+    packed = torch.zeros(len(sh), -(-numbers // 4) * 4, dtype=torch.float16, device=sh.device)
+    packed[:, :numbers] = (sh.float() * constants).nan_to_num().clamp(-6e4, 6e4).reshape(-1, numbers)
+    return packed.reshape(len(sh), -1, 4).transpose(0, 1)
 
 
-def _bounds(means: torch.Tensor, scales: torch.Tensor, leaves: int, chunks: int) -> torch.Tensor:
-    """float32 [chunks, 8] of the full detail, a little wide for rounding, and zeros for the other chunks. The last of
-    the leaves repeats its last Gaussian instead of padding.
+def _bounds(means: torch.Tensor, scales: torch.Tensor) -> torch.Tensor:
+    """float32 [chunks, 5]: centre, radius and greatest deviation of N > 0 Gaussians in chunks, a little wide for
+    rounding. The last chunk repeats its last Gaussian instead of padding.
     """
-    bounds = torch.zeros(chunks, 8, device=means.device)
-    bounds.view(torch.int32)[:, PARENT] = -1
-    if len(means) == 0:
-        return bounds
-    last = torch.arange(leaves * CHUNK, device=means.device).clamp_max(len(means) - 1)
+    last = torch.arange(-(-len(means) // CHUNK) * CHUNK, device=means.device).clamp_max(len(means) - 1)
     points = means[last].reshape(-1, CHUNK, 3)
     centres = 0.5 * (points.amin(1) + points.amax(1))
-    bounds[:leaves, :3] = centres
-    bounds[:leaves, 3] = (points - centres[:, None]).norm(dim=2).amax(1) * 1.0001
-    bounds[:leaves, DEVIATION] = scales.amax(1)[last].reshape(-1, CHUNK).amax(1) * 1.001
-    return bounds
+    radii = (points - centres[:, None]).norm(dim=2).amax(1) * 1.0001
+    deviations = scales.amax(1)[last].reshape(-1, CHUNK).amax(1) * 1.001
+    return torch.cat([centres, radii[:, None], deviations[:, None]], 1)

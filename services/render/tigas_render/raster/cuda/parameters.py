@@ -11,7 +11,7 @@ from tigas_common.pose import Intrinsics
 from tigas_common.wire.render import FrameFormat
 from tigas_render.raster.base import Camera, derivative_limits, footprint
 from tigas_render.raster.cuda.levels import EDGE_PIXELS
-from tigas_render.raster.cuda.scene import CHUNK, CODES, POINTERS, CudaScene
+from tigas_render.raster.cuda.scene import CODES, POINTERS, CudaScene
 
 SMALL_PICTURE = 640 * 360
 """Pixels. A picture of at most so many gets small tiles, as large ones would keep few multiprocessors busy; so does one
@@ -23,7 +23,7 @@ MAX_LISTS, MOST_LISTS = 1 << 18, 1 << 21
 """Lists of all tiles and slices together: enough to keep each short, few enough to count in microseconds. Scenes of
 millions have one for every eight Gaussians, but not more than the latter."""
 _PLAN: Final = struct.Struct("=18Q6I3i")
-"""The other pointers; padded, chunks, capacity, tiles, tiles_x, slices; width, height, format."""
+"""The other pointers; padded, capacity, room, tiles, tiles_x, slices; width, height, format."""
 _POSE: Final = struct.Struct("=12f")
 """rotation, eye."""
 _LENS: Final = struct.Struct("=14f")
@@ -72,15 +72,16 @@ def plan_numbers(
     format: PixelFormat,
     buffers: tuple[int, ...],
     capacity: int,
+    room: int,
 ) -> bytes:
     """The part of `struct Frame` that all frames of a size and format have in common.
 
-    padded: Gaussians; buffers: the device's addresses from `splats` to `progress`, in the struct's order.
+    padded: Gaussians; buffers: the device's addresses from `splats` to `progress`, in the struct's order; capacity:
+    entries of the lists; room: chunks that the buffers of Gaussians hold.
     """
     return _PLAN.pack(
-        *buffers, padded, padded // CHUNK, capacity, layout.tiles, layout.columns, layout.slices,
-        width, height, FORMATS[format],
-    )  # fmt: skip
+        *buffers, padded, capacity, room, layout.tiles, layout.columns, layout.slices, width, height, FORMATS[format]
+    )
 
 
 def frame_parameters(scene: CudaScene, camera: Camera, plan: bytes) -> bytes:

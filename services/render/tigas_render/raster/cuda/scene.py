@@ -59,13 +59,11 @@ class ScaleCodes(NamedTuple):
         """The codes for logarithms from `low` to `high`."""
         return cls(low, max((high - low) / 65535, 1e-9))
 
-    def shapes(
-        self, log_scales: torch.Tensor, opacities: torch.Tensor, quaternions: torch.Tensor, rows: int
-    ) -> torch.Tensor:
-        """Int16 [rows, 8] of N Gaussians, followed by zeros: three log2 scales as codes, opacity · 65535, quaternion
-        w, x, y, z · 32767; all but the quaternion unsigned.
+    def shapes(self, log_scales: torch.Tensor, opacities: torch.Tensor, quaternions: torch.Tensor) -> torch.Tensor:
+        """Int16 [N, 8]: three log2 scales as codes, opacity · 65535, quaternion w, x, y, z · 32767; all but the
+        quaternion unsigned.
         """
-        shapes = torch.zeros(rows, 8, dtype=torch.int16, device=log_scales.device)
+        shapes = torch.empty(len(log_scales), 8, dtype=torch.int16, device=log_scales.device)
         unit = torch.nn.functional.normalize(quaternions, dim=1)
         for fields, values in (
             (slice(0, 3), ((log_scales - self.low) / self.step).clamp(0, 65535)),
@@ -73,7 +71,7 @@ class ScaleCodes(NamedTuple):
             (slice(4, 8), unit * 32767),
         ):
             codes = values.round().to(torch.int32)
-            shapes[: len(codes), fields] = torch.where(codes > 32767, codes - 65536, codes).to(torch.int16)
+            shapes[:, fields] = torch.where(codes > 32767, codes - 65536, codes).to(torch.int16)
         return shapes
 
     def scales(self, shapes: torch.Tensor) -> torch.Tensor:

@@ -14,7 +14,7 @@ from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.depth_segment import CodedDepth
 from tigas_render.raster.base import Camera, coarse
 from tigas_render.raster.calls import Call, Calls, FrameCalls
-from tigas_render.raster.cuda.compiler import Stage
+from tigas_render.raster.cuda.compiler import MAX_RANGES, Stage
 from tigas_render.raster.cuda.nvidia import JpegEncoder, NvJpeg, driver_call
 from tigas_render.raster.cuda.parameters import (
     SIZE,
@@ -30,8 +30,10 @@ FIRST_CAPACITY = 1 << 21
 """Entries of all tiles' lists together that a workspace begins with; it grows when a frame needs more."""
 MOST_ENTRIES = 1 << 30
 """Entries beyond which a frame is refused: its lists would take 8 GiB, and keep the device busy for seconds."""
+FIRST_ROOM = 1 << 12
+"""Chunks of Gaussians that a workspace begins with room for; it grows when a frame chooses more."""
 SHRUNK_AFTER = 1024
-"""Frames after which lists that none of them filled to a tenth are given back."""
+"""Frames after which buffers are given back if none of them filled their lists, or their room, to a tenth."""
 
 MOST_KINDS = 256
 """Number of kinds of frames, by size, format and quality, that a workspace has prepared."""
@@ -39,13 +41,30 @@ MOST_KINDS = 256
 # As in frame.cuh.
 DEPTH_BINS = 8192
 MAX_SEGMENTS = 64
-PROGRESS_BYTES = 4 * (DEPTH_BINS + 8 + MAX_SEGMENTS)
+PROGRESS_BYTES = 4 * (DEPTH_BINS + 10 + MAX_SEGMENTS + MAX_RANGES)
 DEPTH_THREADS = 1024
 ENTRIES_PER_PARTIAL = 256
 """Capacity of the lists, over the number of partial pictures that there is room for."""
 
 DEPTH_QUALITY = 28
 """JPEG quality of encoded depth, as accurate as the WebP of the CPU path."""
+
+
+class Status(ctypes.Structure):
+    """Left by a drawn frame, or its depth, in pinned memory."""
+
+    _fields_ = (
+        ("entries", ctypes.c_uint32),
+        ("chunks", ctypes.c_uint32),
+        ("nearest", ctypes.c_float),
+        ("_unused", ctypes.c_uint32),  # so that the next one is aligned, too
+    )
+    entries: int
+    """Entries that its lists needed."""
+    chunks: int
+    """Chunks that it chose."""
+    nearest: float
+    """Inverse depth of code 255; only of depth."""
 
 
 class Parameters:
@@ -75,6 +94,8 @@ class Plan:
     """As `frame_parameters` takes them."""
     capacity: int
     """Entries that the lists have room for."""
+    room: int
+    """Chunks of Gaussians that the other buffers have room for."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,12 +140,14 @@ class Workspace:
         self.stream: Stream = Stream.from_handle(self.torch_stream.cuda_stream)
         wait = driver_call("cuStreamSynchronize", int(self.stream.handle))
         self._wait_call, self._wait = wait, Calls(wait)
-        self._status = torch.zeros(3, dtype=torch.int32, pin_memory=True)
-        status = self._status.data_ptr()
-        self._needed, self._needed_for_depth = (ctypes.c_uint32.from_address(status + offset) for offset in (0, 4))
-        self._nearest = ctypes.c_float.from_address(status + 8)  # follows the depth's needs, as `code_depth` stores it
-        self._most_needed, self._fitting = 0, 0
-        """The largest number of entries in the last frames that fitted, and the number of those frames."""
+        self._pinned = torch.zeros(2 * ctypes.sizeof(Status), dtype=torch.uint8, pin_memory=True)
+        self._status, self._depth_status = (
+            Status.from_address(self._pinned.data_ptr() + at) for at in (0, ctypes.sizeof(Status))
+        )
+        self._room = FIRST_ROOM
+        """Chunks that frames of large scenes get room for."""
+        self._most_entries, self._most_chunks, self._fitting = 0, 0, 0
+        """The most that any of the last frames that fitted needed, and the number of those frames."""
         self._buffers: dict[str, torch.Tensor] = {}
         self._plans: dict[tuple[int, int, int, PixelFormat], Plan] = {}
         """Of frames that the buffers have room for, by width, height, Gaussians and format."""
@@ -150,7 +173,7 @@ class Workspace:
     @property
     def entries(self) -> int:
         """Entries of all lists of the last frame that was finished."""
-        return self._needed.value
+        return self._status.entries
 
     def frame(
         self, scene: CudaScene, camera: Camera, format: FrameFormat, quality: int, *, depth: bool = False
@@ -163,7 +186,7 @@ class Workspace:
         key = k.width, k.height, scene.padded, format, quality, depth
         kind = self._kinds.get(key) or self._make_kind(key, scene, camera)
         self._kind = kind
-        self._needed_for_depth.value = 0
+        self._depth_status.entries = self._depth_status.chunks = 0
         self._parameters.write(scene, camera, kind.picture.plan)
         kind.picture.length.value = kind.picture.room
         if kind.depth is not None:
@@ -218,14 +241,16 @@ class Workspace:
 
     def _make_room(self, width: int, height: int, padded: int, format: PixelFormat) -> Plan:
         layout = tile_layout(width, height, padded)
+        room = min(padded // CHUNK, self._room)
+        slots = room * CHUNK
         capacity = self._allocate("entries", 8 * FIRST_CAPACITY).nbytes // 8
         lists = 4 * layout.tiles * layout.slices
         sizes = (
-            ("splats", 32 * padded),
-            ("depths", 4 * padded),
-            ("boxes", 8 * padded),
+            ("splats", 32 * slots),
+            ("depths", 4 * slots),
+            ("boxes", 8 * slots),
             ("chosen", 4 * (padded // CHUNK)),
-            ("large", 4 * padded),
+            ("large", 4 * slots),
             ("slice_of", DEPTH_BINS),
             ("counts", lists),
             ("starts", lists),
@@ -241,10 +266,10 @@ class Workspace:
             else ("pixels", 3 * width * height + 4 * max(width, height)),  # planes of odd sizes take a bit more
         )
         addresses = tuple(self._allocate(name, size).data_ptr() for name, size in sizes)
-        status = ctypes.addressof(self._needed_for_depth if format == "depth" else self._needed)
+        status = ctypes.addressof(self._depth_status if format == "depth" else self._status)
         others = (status, self._buffers["progress"].data_ptr())
-        numbers = plan_numbers(width, height, padded, layout, format, addresses + others, capacity)
-        return Plan(layout, numbers, capacity)
+        numbers = plan_numbers(width, height, padded, layout, format, addresses + others, capacity, room)
+        return Plan(layout, numbers, capacity, room)
 
     def _picture(self, plan: Plan, width: int, height: int, format: FrameFormat, quality: int) -> Layer:
         pixels, is_jpeg = self._buffers["pixels"].data_ptr(), format == "jpeg"
@@ -276,32 +301,39 @@ class Workspace:
     def coded_depth(self) -> CodedDepth | None:
         """A copy of the frame's encoded depth on the host; None if it was queued without depth."""
         depth = self._kind.depth
-        return None if depth is None else CodedDepth(self._nearest.value, depth.content())
+        return None if depth is None else CodedDepth(self._depth_status.nearest, depth.content())
 
     def fitted(self) -> bool:
-        """Whether the finished frame's lists had room; if not, they are enlarged and the frame has to be redrawn.
+        """Whether the finished frame had room; if not, buffers are enlarged and the frame has to be redrawn.
 
         Raises Overloaded for a frame with more than `MOST_ENTRIES`.
         """
-        needed = max(self._needed.value, self._needed_for_depth.value)
-        if needed > MOST_ENTRIES:
+        entries = max(self._status.entries, self._depth_status.entries)
+        chunks = max(self._status.chunks, self._depth_status.chunks)
+        if entries > MOST_ENTRIES:
             raise Overloaded("The view shows too many large Gaussians to draw; ask for a smaller picture.")
-        room = self._kind.picture.plan.capacity
-        if needed > room:
-            self._allocate("entries", 8 * needed * 5 // 4)
+        plan = self._kind.picture.plan
+        if chunks > plan.room:
+            self._room = chunks * 5 // 4
+            self._forget_kinds()
+        if entries > plan.capacity:
+            self._allocate("entries", 8 * entries * 5 // 4)
+        if chunks > plan.room or entries > plan.capacity:
             return False
-        self._most_needed, self._fitting = max(self._most_needed, needed), self._fitting + 1
+        self._most_entries, self._most_chunks = max(self._most_entries, entries), max(self._most_chunks, chunks)
+        self._fitting += 1
         if self._fitting == SHRUNK_AFTER:
-            if 10 * max(self._most_needed, FIRST_CAPACITY) < room:
-                self._forget_kinds()
-                del self._buffers["entries"], self._buffers["partials"]
-            self._most_needed, self._fitting = 0, 0
+            has_much_entries = 10 * max(self._most_entries, FIRST_CAPACITY) < plan.capacity
+            if has_much_entries or 10 * max(self._most_chunks, FIRST_ROOM) < self._room:
+                self.shrink()
+            self._most_entries, self._most_chunks, self._fitting = 0, 0, 0
         return True
 
     def shrink(self) -> None:
         """Release buffers that grew with scenes and pictures; the next frame allocates them again."""
         self.wait()
         self._forget_kinds()
+        self._room = FIRST_ROOM
         self._buffers = {name: self._buffers[name] for name in ("frame", "progress")}
 
     def close(self) -> None:

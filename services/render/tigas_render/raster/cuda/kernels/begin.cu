@@ -46,75 +46,103 @@ __device__ bool is_left_out(const Frame& f, u32 chunk, float& depth) {
            t * pz - py > r * sqrtf(1 + t * t) || py - b * pz > r * sqrtf(1 + b * b);
 }
 
-// One block: slices end where the chosen chunks nearer than the bin's end are a whole share of all.
-__device__ void cut_slices(const Frame& f, u32* warps) {
-    constexpr int OWN = DEPTH_BINS / CHUNK;
+// The sum of the values of the threads before this one, in a block of CHUNK threads that all call it, and `total`.
+template <class Number>
+__device__ __forceinline__ Number exclusive_scan(Number value, Number* warps, Number& total) {
     int lane = threadIdx.x & 31, warp = threadIdx.x / 32;
-    u32 counts[OWN], mine = 0;
-#pragma unroll
-    for (int k = 0; k < OWN; k += 4) {
-        uint4 four = __ldcg((uint4*)&f.progress->depths[threadIdx.x * OWN + k]);
-        counts[k] = four.x, counts[k + 1] = four.y, counts[k + 2] = four.z, counts[k + 3] = four.w;
-        mine += four.x + four.y + four.z + four.w;
-        *(uint4*)&f.progress->depths[threadIdx.x * OWN + k] = make_uint4(0, 0, 0, 0);
-    }
-    u32 last = mine;
+    Number last = value;
     for (int step = 1; step < 32; step *= 2) {
-        u32 other = __shfl_up_sync(ALL, last, step);
+        Number other = __shfl_up_sync(ALL, last, step);
         if (lane >= step) last += other;
     }
+    __syncthreads();  // of an earlier scan
     if (lane == 31) warps[warp] = last;
     __syncthreads();
-    u32 before = last - mine, total = 0;
+    Number before = last - value;
+    total = 0;
     for (int w = 0; w < CHUNK / 32; w++) {
         if (w < warp) before += warps[w];
         total += warps[w];
     }
+    return before;
+}
+
+// One block: turns the ranges' numbers of chosen chunks into those before each range, and cuts slices: they end where
+// the chosen chunks nearer than the bin's end are a whole share of all. Both sums are found in one scan, in the halves
+// of a word. Returns the number of all chosen chunks.
+__device__ u32 add_up(const Frame& f, u64* warps) {
+    constexpr int BINS = DEPTH_BINS / CHUNK, RANGES = MAX_RANGES / CHUNK;
+    u32 counts[BINS], in_bins = 0, of_ranges[RANGES], in_ranges = 0;
+#pragma unroll
+    for (int k = 0; k < BINS; k += 4) {
+        uint4 four = __ldcg((uint4*)&f.progress->depths[threadIdx.x * BINS + k]);
+        counts[k] = four.x, counts[k + 1] = four.y, counts[k + 2] = four.z, counts[k + 3] = four.w;
+        in_bins += four.x + four.y + four.z + four.w;
+        *(uint4*)&f.progress->depths[threadIdx.x * BINS + k] = make_uint4(0, 0, 0, 0);
+    }
+#pragma unroll
+    for (int k = 0; k < RANGES; k++) {
+        u32 range = threadIdx.x * RANGES + k;
+        in_ranges += of_ranges[k] = range < gridDim.x ? __ldcg(&f.progress->before[range]) : 0;
+    }
+    u64 all, both = exclusive_scan((u64)in_ranges << 32 | in_bins, warps, all);
+    u32 before = (u32)both, total = (u32)all;
     float share = (float)f.slices / max(total, 1u);
 #pragma unroll
-    for (int k = 0; k < OWN; k += 4) {
+    for (int k = 0; k < BINS; k += 4) {
         u32 four = 0;
 #pragma unroll
         for (int j = 0; j < 4; j++) {
             four |= min((u32)((before + 0.5f * counts[k + j]) * share), f.slices - 1) << 8 * j;
             before += counts[k + j];
         }
-        ((u32*)f.slice_of)[(threadIdx.x * OWN + k) / 4] = four;
+        ((u32*)f.slice_of)[(threadIdx.x * BINS + k) / 4] = four;
     }
+    before = (u32)(both >> 32);
+#pragma unroll
+    for (int k = 0; k < RANGES; k++) {
+        f.progress->before[threadIdx.x * RANGES + k] = before;
+        before += of_ranges[k];
+    }
+    return total;
 }
 
-// Launched with any number of blocks of CHUNK threads. `f` comes with the launch, the other kernels find it at `frame`.
+// Launched with at most MAX_RANGES blocks of CHUNK threads. `f` comes with the launch, other kernels find it at `frame`.
 extern "C" __global__ void __launch_bounds__(CHUNK) begin(const __grid_constant__ Frame f, Frame* frame) {
-    __shared__ u32 warps[CHUNK / 32];
+    __shared__ u64 sums[CHUNK / 32];
     __shared__ bool last_block;
     if (blockIdx.x == 0)
         for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)frame)[word] = ((const u32*)&f)[word];
     u32 thread = blockIdx.x * CHUNK + threadIdx.x, threads = gridDim.x * CHUNK;
     for (u32 at = thread; at < f.tiles * f.slices / 4; at += threads) ((uint4*)f.counts)[at] = make_uint4(0, 0, 0, 0);
     fill(f, thread, threads);
-    for (u32 first = blockIdx.x * CHUNK; first < f.chunks; first += threads) {
+    u32 chunks = f.padded / CHUNK;
+    u32 range = (chunks + gridDim.x - 1) / gridDim.x, from = blockIdx.x * range, count = 0;
+    u32 end = min(from + range, chunks);
+    for (u32 first = from; first < end; first += CHUNK) {
         u32 chunk = first + threadIdx.x;
         float depth = 0;
-        bool chosen = chunk < f.chunks && !is_left_out(f, chunk, depth);
-        u32 votes = __ballot_sync(ALL, chosen), base = 0;
-        int lane = threadIdx.x & 31;
-        if (lane == 0 && votes) base = atomicAdd(&f.progress->chosen, __popc(votes));
-        base = __shfl_sync(ALL, base, 0);
+        bool chosen = chunk < end && !is_left_out(f, chunk, depth);
+        u32 all, rank = exclusive_scan((u32)chosen, (u32*)sums, all);
         if (chosen) {
-            f.chosen[base + __popc(votes & ((1u << lane) - 1))] = chunk;
+            f.chosen[from + count + rank] = chunk;
             atomicAdd(&f.progress->depths[depth_bin(depth)], 1);
         }
+        count += all;
     }
-    // The block that finishes last cuts the slices: no further kernel, no waiting.
+    if (threadIdx.x == 0) f.progress->before[blockIdx.x] = count;
+    // The block that finishes last adds up and cuts the slices: no further kernel, no waiting.
     __threadfence();
     __syncthreads();
     if (threadIdx.x == 0) last_block = atomicAdd(&f.progress->culled, 1) == gridDim.x - 1;
     __syncthreads();
     if (!last_block) return;
     __threadfence();
-    cut_slices(f, warps);
+    u32 chosen = add_up(f, sums);
     if (threadIdx.x == 0) {
+        f.progress->chosen = chosen;
+        f.progress->range = range, f.progress->ranges = gridDim.x;
         f.progress->culled = f.progress->entries = f.progress->partials = 0;
-        f.progress->segment = min(max(f.progress->chosen * CHUNK / MIN_SEGMENT, MIN_SEGMENT), MAX_SEGMENT);
+        f.progress->segment = min(max(chosen * CHUNK / MIN_SEGMENT, MIN_SEGMENT), MAX_SEGMENT);
     }
 }

@@ -1,4 +1,4 @@
-// Writes the lists: depth and number of every Gaussian that touches a tile, in no particular order within a slice.
+// Writes the lists: depth and slot of every Gaussian that touches a tile, in no particular order within a slice.
 #include "frame.cuh"
 #include "tiles.cuh"
 
@@ -66,8 +66,8 @@ extern "C" __global__ void __launch_bounds__(CHUNK) place(const Frame* frame) {
     }
 }
 
-__device__ __forceinline__ void write_entry(const Frame& f, u32 at, float depth, u32 i) {
-    if (at < f.capacity) f.entries[at] = (u64)__float_as_uint(depth) << 32 | i;
+__device__ __forceinline__ void write_entry(const Frame& f, u32 at, float depth, u32 slot) {
+    if (at < f.capacity) f.entries[at] = (u64)__float_as_uint(depth) << 32 | slot;
 }
 
 template <int TILE>
@@ -76,18 +76,19 @@ __device__ __forceinline__ void bin_all(const Frame* frame) {
     __shared__ Staged staged[CHUNK];
     for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)&f)[word] = ((const u32*)frame)[word];
     __syncthreads();
-    if (blockIdx.x == 0 && threadIdx.x == 0) f.status[0] = (u32)min(f.progress->entries, 0xffffffffull);
-    u32 chosen = f.progress->chosen;
+    if (blockIdx.x == 0 && threadIdx.x == 0)
+        *(uint2*)f.status = make_uint2((u32)min(f.progress->entries, 0xffffffffull), f.progress->chosen);
+    u32 chosen = min(f.progress->chosen, f.room);
     int lane = threadIdx.x & 31;
-    for_each_large<TILE>(f, [&](bool hit, u32 list, u32 i, float depth) {
-        if (hit) write_entry(f, atomicAdd(&f.ends[list], 1), depth, i);
+    for_each_large<TILE>(f, [&](bool hit, u32 list, u32 slot, float depth) {
+        if (hit) write_entry(f, atomicAdd(&f.ends[list], 1), depth, slot);
     });
     for (u32 k = blockIdx.x; k < chosen; k += gridDim.x) {
-        u32 i = f.chosen[k] * CHUNK + threadIdx.x;
-        ushort4 box = f.boxes[i];
+        u32 slot = k * CHUNK + threadIdx.x;
+        ushort4 box = f.boxes[slot];
         float4 s0, s1;
         float depth = 0;
-        if (box.z) s0 = f.splats[2 * i], s1 = f.splats[2 * i + 1], depth = f.depths[i];
+        if (box.z) s0 = f.splats[2 * slot], s1 = f.splats[2 * slot + 1], depth = f.depths[slot];
         auto enter = [&](bool hit, u32 list, u32 owner, float its_depth) {
             // lanes with the same list take their places together
             u32 peers = __match_any_sync(ALL, hit ? list : ALL);
@@ -95,7 +96,7 @@ __device__ __forceinline__ void bin_all(const Frame* frame) {
             u32 at = 0;
             if (hit && leader == lane) at = atomicAdd(&f.ends[list], __popc(peers));
             at = __shfl_sync(ALL, at, leader) + __popc(peers & ((1u << lane) - 1));
-            if (hit) write_entry(f, at, its_depth, i - lane + owner);
+            if (hit) write_entry(f, at, its_depth, slot - lane + owner);
         };
         for_each_tile<TILE>(f, s0, s1, box, depth, staged + (threadIdx.x & ~31), enter);
     }

@@ -167,8 +167,8 @@ __device__ __forceinline__ void blend_run(
     float4 next0, next1;
     bool have = from + lane < end;
     if (have) {
-        u32 i = order[from + lane];
-        next0 = f.splats[2 * i], next1 = f.splats[2 * i + 1];
+        u32 slot = order[from + lane];
+        next0 = f.splats[2 * slot], next1 = f.splats[2 * slot + 1];
     }
     for (u32 first = from; first < end; first += 32) {
         if (!__any_sync(ALL, least < ENDED)) break;
@@ -186,8 +186,8 @@ __device__ __forceinline__ void blend_run(
         // the next splats are on their way while these are drawn
         have = first + 32 + lane < end;
         if (have) {
-            u32 i = order[first + 32 + lane];
-            next0 = f.splats[2 * i], next1 = f.splats[2 * i + 1];
+            u32 slot = order[first + 32 + lane];
+            next0 = f.splats[2 * slot], next1 = f.splats[2 * slot + 1];
         }
         __syncwarp();
         int count = __popc(hits);
@@ -284,7 +284,7 @@ __device__ __forceinline__ void blend_all(const Frame* frame) {
     for (int word = threadIdx.x; word < FRAME_WORDS; word += THREADS) ((u32*)&f)[word] = ((const u32*)frame)[word];
     __syncthreads();
     if (threadIdx.x < MAX_SEGMENTS) s.queued[threadIdx.x] = f.progress->queued[threadIdx.x];
-    if (blockIdx.x == 0 && threadIdx.x == 0) f.progress->chosen = f.progress->large = 0;  // for the next frame
+    if (blockIdx.x == 0 && threadIdx.x == 0) f.progress->large = 0;  // for the next frame
     while (true) {
         if (threadIdx.x == 0) s.ticket = atomicAdd(&f.progress->taken, 1);
         __syncthreads();

@@ -47,7 +47,7 @@ __device__ u32 radix_select(const float2* means, u32 count, u32 rank) {
     return prefix;
 }
 
-// One block, after the frame's depth was blended: the codes go behind it, what code 255 stands for to status[1].
+// One block, after the frame's depth was blended: the codes go behind it, what code 255 stands for to status[2].
 extern "C" __global__ void __launch_bounds__(DEPTH_THREADS) code_depth(const Frame* frame) {
     __shared__ u32 greatest;
     const Frame& f = *frame;
@@ -65,5 +65,5 @@ extern "C" __global__ void __launch_bounds__(DEPTH_THREADS) code_depth(const Fra
     u8* codes = f.pixels + 8 * count;
     for (u32 at = threadIdx.x; at < count; at += DEPTH_THREADS)
         codes[at] = (u8)fminf(__uint_as_float(inverse_depth(means[at])) * scale + 0.5f, 255.f);
-    if (threadIdx.x == 0) f.status[1] = bits;
+    if (threadIdx.x == 0) f.status[2] = bits;
 }

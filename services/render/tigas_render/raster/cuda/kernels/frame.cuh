@@ -30,17 +30,23 @@ __device__ __forceinline__ u32 depth_bin(float depth) {
 // device busy; long ones cost less in all.
 constexpr u32 MIN_SEGMENT = 512, MAX_SEGMENT = 2048, MAX_SEGMENTS = 64;
 
-// Counters that the kernels of a frame share. Each frame leaves the first six members zero; `begin` sets the others.
+// `begin` gives each of its blocks a range of chunks, one after the other; compiler.py launches at most so many blocks.
+constexpr u32 MAX_RANGES = 1024;
+
+// Counters that the kernels of a frame share. Each frame leaves the first five members zero; `begin` sets the others.
 struct Progress {
     u32 depths[DEPTH_BINS];  // chosen chunks by the depth of their centres
     u32 culled;    // blocks that have finished culling
-    u32 chosen;    // chunks that may be visible
     u32 large;     // visible Gaussians with many tiles
     u32 taken;     // segments that were taken up for blending
     u32 queued[MAX_SEGMENTS];  // tiles that have a first, second, ... segment
+    u32 chosen;    // chunks that may be visible, also if the buffers have no room for all
     u64 entries;   // of all lists together
     u32 partials;  // of tiles that are blended in several segments
     u32 segment;   // entries in one
+    u32 range;     // chunks of a block of `begin`
+    u32 ranges;    // its blocks
+    u32 before[MAX_RANGES];  // chosen chunks before each range
 };
 
 // Longer where a tile would have too many of them.
@@ -58,26 +64,27 @@ struct Frame {
     const uint4* shapes;    // [padded] log2 scales, opacity and quaternion, 16 bits each
     const uint2* sh;        // [groups, padded] four half-precision coefficients a group
     const float4* bounds;   // [chunks, 2] centre and radius of a chunk; its greatest deviation, a cell's edge, its parent
-    // this frame's intermediate results
-    float4* splats;         // [padded, 2] records of visible Gaussians
-    float* depths;          // [padded]
-    ushort4* boxes;         // [padded] tiles that a Gaussian may touch: first x, first y, columns, rows
-    u32* chosen;            // [chunks] the chunks that may be visible
-    u32* large;             // [padded] visible Gaussians with many tiles
+    // this frame's intermediate results; `slots` are the Gaussians of the chosen chunks, in the scene's order
+    float4* splats;         // [slots, 2] records of visible Gaussians
+    float* depths;          // [slots]
+    ushort4* boxes;         // [slots] tiles that a Gaussian may touch: first x, first y, columns, rows
+    u32* chosen;            // [chunks] those that may be visible, of each range from where the range begins
+    u32* large;             // [slots] slots of visible Gaussians with many tiles
     u8* slice_of;           // [DEPTH_BINS] the slice of each depth bin
     u32* counts;            // [tiles, slices] entries of each list
     u32* starts;            // [tiles, slices] where each list begins
     u32* ends;              // [tiles, slices] where it ends; while it is being filled, where it goes on
-    u64* entries;           // [capacity] depth << 32 | Gaussian; the lists of one tile lie one after the other
+    u64* entries;           // [capacity] depth << 32 | slot; the lists of one tile lie one after the other
     u32* queue;             // [MAX_SEGMENTS, tiles] tiles with a first, second, ... segment
     u32* partial_of;        // [tiles] where the partial pictures of a tile's segments begin
     u32* finished;          // [tiles] segments that are blended
     float* lights;          // [tiles, MAX_SEGMENTS] the most light that passes a segment at any pixel; 1 until finished
     float4* partials;       // [capacity / 256, side²] red, green, blue, light
     u8* pixels;             // RGB [H, W, 3], three planes, or depth
-    u32* status;            // pinned, [0]: entries that the frame needed, at most 2^32 - 1
+    u32* status;            // pinned, `Status` of workspace.py: entries that the frame needed, at most 2^32 - 1, and chosen chunks
     Progress* progress;
-    u32 padded, chunks, capacity, tiles, tiles_x, slices;  // slices: a power of two, at most 256
+    u32 padded, capacity, room;  // room: chosen chunks that there are slots for
+    u32 tiles, tiles_x, slices;  // slices: a power of two, at most 256
     int width, height, format, sh_coefficients;
     float scale_low, scale_step;  // log2 scale = scale_low + scale_step * code
     float rotation[9];      // world to camera, row by row

@@ -106,6 +106,17 @@ __device__ bool project_one(const Frame& f, u32 i, float4& s0, float4& s1, ushor
     return true;
 }
 
+// The chunk that is number `at` of the chosen. It lies in the last range that has at most `at` of them before it.
+__device__ __forceinline__ u32 chosen_chunk(const Frame& f, const u32* before, u32 ranges, u32 range, u32 at) {
+    u32 low = 0, high = ranges;
+    while (high - low > 1) {
+        u32 middle = (low + high) / 2;
+        if (before[middle] <= at) low = middle;
+        else high = middle;
+    }
+    return f.chosen[low * range + at - before[low]];
+}
+
 // One more entry for a list; lanes with the same list send one addition.
 __device__ __forceinline__ void count_entry(const Frame& f, bool hit, u32 list) {
     u32 peers = __match_any_sync(ALL, hit ? list : ALL);
@@ -116,22 +127,30 @@ template <int TILE>
 __device__ __forceinline__ void project_all(const Frame* frame) {
     __shared__ Frame f;
     __shared__ Staged staged[CHUNK];
+    __shared__ u32 before[MAX_RANGES], chunks[CHUNK];
     for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)&f)[word] = ((const u32*)frame)[word];
     __syncthreads();
-    u32 chosen = f.progress->chosen;
-    for (u32 at = blockIdx.x; at < chosen; at += gridDim.x) {
-        u32 i = f.chosen[at] * CHUNK + threadIdx.x;
+    u32 chosen = min(f.progress->chosen, f.room), range = f.progress->range, ranges = f.progress->ranges;
+    for (u32 k = threadIdx.x; k < ranges; k += CHUNK) before[k] = f.progress->before[k];
+    for (u32 at = blockIdx.x, turn = 0; at < chosen; at += gridDim.x, turn++) {
+        if (turn % CHUNK == 0) {  // the chunks of the next turns are looked up side by side
+            __syncthreads();
+            u32 its = at + threadIdx.x * gridDim.x;
+            if (its < chosen) chunks[threadIdx.x] = chosen_chunk(f, before, ranges, range, its);
+            __syncthreads();
+        }
+        u32 i = chunks[turn % CHUNK] * CHUNK + threadIdx.x, slot = at * CHUNK + threadIdx.x;
         float4 s0, s1;
         float depth;
         ushort4 box;
         if (project_one<TILE>(f, i, s0, s1, box, depth)) {
-            f.splats[2 * i] = s0, f.splats[2 * i + 1] = s1;
-            f.depths[i] = depth;
-            if (is_large(box)) f.large[atomicAdd(&f.progress->large, 1)] = i;
+            f.splats[2 * slot] = s0, f.splats[2 * slot + 1] = s1;
+            f.depths[slot] = depth;
+            if (is_large(box)) f.large[atomicAdd(&f.progress->large, 1)] = slot;
         } else {
             box = make_ushort4(0, 0, 0, 0);
         }
-        f.boxes[i] = box;
+        f.boxes[slot] = box;
         for_each_tile<TILE>(f, s0, s1, box, depth, staged + (threadIdx.x & ~31),
                             [&](bool hit, u32 list, u32, float) { count_entry(f, hit, list); });
     }

@@ -62,19 +62,19 @@ __device__ __forceinline__ void for_each_tile(
     __syncwarp();
 }
 
-// Visits each tile that the large Gaussians may touch, one Gaussian a block. `visit(hit, list, i, depth)`.
+// Visits each tile that the large Gaussians may touch, one Gaussian a block. `visit(hit, list, slot, depth)`.
 template <int TILE, class Visit>
 __device__ __forceinline__ void for_each_large(const Frame& f, Visit visit) {
     u32 count = f.progress->large;
     for (u32 k = blockIdx.x; k < count; k += gridDim.x) {
-        u32 i = f.large[k];
-        ushort4 box = f.boxes[i];
-        float depth = f.depths[i];
+        u32 slot = f.large[k];
+        ushort4 box = f.boxes[slot];
+        float depth = f.depths[slot];
         u32 slice = f.slice_of[depth_bin(depth)];
-        Staged g = {f.splats[2 * i], f.splats[2 * i + 1], 0, slice, depth, box.x, box.y, box.z, box.w};
+        Staged g = {f.splats[2 * slot], f.splats[2 * slot + 1], 0, slice, depth, box.x, box.y, box.z, box.w};
         u32 total = (u32)box.z * box.w;
         for (u32 first = 0; first < total; first += CHUNK)
             look<TILE>(f, first + threadIdx.x < total, g, first + threadIdx.x,
-                       [&](bool hit, u32 list, float its_depth) { visit(hit, list, i, its_depth); });
+                       [&](bool hit, u32 list, float its_depth) { visit(hit, list, slot, its_depth); });
     }
 }
