@@ -212,7 +212,12 @@ def test_local_runs_download_the_scene_and_change_with_nothing_that_the_server_r
 
 
 def test_a_stream_over_webrtc_needs_the_packager_and_has_one_codec(tmp_path: Path) -> None:
-    (made,) = runs(tmp_path, modes=["webrtc"], controllers=["latency", "seen"])
+    fields: dict[str, Any] = {
+        "modes": ["webrtc"],
+        "controllers": ["latency", "seen"],
+        "dash_representations": ["adaptive", "r3-500"],
+    }
+    (made,) = runs(tmp_path, **fields)
     assert made.streamed
     assert {"mode": "webrtc", "webrtcStream": "h264-30"}.items() <= page_settings(made).items()
 

@@ -280,7 +280,7 @@ class ExperimentPlan(WireModel):
         transports: Fields = [{"dash_transport": transport} for transport in self.dash_transports]
         nothing: Fields = [{}]
         for mode in self.modes:
-            choices = controllers if mode in PER_VIEW else nothing if mode in LOCAL else representations
+            choices = controllers if mode in PER_VIEW else representations if mode in DASH else nothing
             ways = transports if mode in DASH else nothing
             for choice, way, motion in product(choices, ways, nothing if mode in LOCAL else motions):
                 yield mode, choice | way | motion
