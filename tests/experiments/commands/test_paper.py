@@ -49,7 +49,7 @@ minutes = 1
 then = ["cat {data}/figures.txt >{out}/table.txt"]
 
 [inputs]
-"experiments/recorded/walk.csv" = "cp {data}/walk.csv {path}"
+"experiments/recorded/walk.csv" = "cat {data}/walk.csv >{path}"
 """
 WALK = "t_ms,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n30000,0,0,1,0,0,0,1\n"
 
@@ -79,6 +79,7 @@ def test_a_part_is_made_once_and_listed_as_done(stub: Stub) -> None:
     again = paper("short")
     assert (again.exit_code, len(stub.made)) == (0, 2)
     assert "results/paper/short is complete." in again.output
+    assert len(stub.reported) == 1
     (listed,) = [line for line in paper().output.splitlines() if "short" in line]
     assert listed.split("│")[-2].strip() == "yes"
 
