@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import ValidationError
 from rich.table import Table
@@ -24,9 +24,9 @@ from tigas_common.terminal import make_console
 from tigas_common.wire.model import WireModel
 from tigas_experiments.commands.experiment import perform
 from tigas_experiments.commands.options import command_as_typed, end_as_ctrl_c
-from tigas_experiments.report.cli import Report
-from tigas_experiments.run.experiment import Experiment
-from tigas_experiments.run.plan import ExperimentPlan
+
+if TYPE_CHECKING:  # heavy
+    from tigas_experiments.run.plan import ExperimentPlan
 
 PROGRESS = "part.json"
 
@@ -96,6 +96,8 @@ class Evaluation(WireModel):
 
     def plan(self, part: Part) -> ExperimentPlan | None:
         """None for a part that only has commands. Raises StartError."""
+        from tigas_experiments.run.plan import ExperimentPlan
+
         if part.experiment is None:
             return None
         return ExperimentPlan.of({**self.experiment, **self._keys(part), "name": part.name}, f"The part {part.name}")
@@ -143,6 +145,9 @@ class Paper(Command):
             Progress(seconds=before.seconds + time.monotonic() - began, done=done).write(making.out)
 
     def _make(self, making: _Making, plan: ExperimentPlan | None, then: Sequence[str], before: Progress) -> None:
+        from tigas_experiments.report.cli import Report
+        from tigas_experiments.run.experiment import Experiment
+
         complete = before.done
         if plan is not None:
             made = Experiment.of(plan, making.directory, making.out, command_as_typed())
