@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, Self
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from tigas_common.sample_cameras import intrinsics
 from tigas_common.wire.render import RenderRequest, SceneInfo
@@ -76,8 +77,7 @@ class Plan:
     @classmethod
     def from_json(cls, text: str) -> Self:
         """Parse the output of `to_json`."""
-        given = json.loads(text)
-        return cls(**{**given, "routes": tuple(map(tuple, given["routes"]))})
+        return TypeAdapter(cls).validate_json(text)
 
 
 def _route(movement: MovementTrace, scene: SceneInfo, frames_per_s: float) -> tuple[str, ...]:

@@ -25,22 +25,21 @@ export function keepAddress(visit: Visit): () => void {
   const { rig, scene, state } = visit;
   const { settings, settingsOverridden } = state;
   let kept: string | null = null;
-  let timer: ReturnType<typeof setTimeout> | undefined;
   let pose = rig.pose.seq;
+  let restsAt = Number.POSITIVE_INFINITY;
   const rested = () => {
     const hash = linkTo(visit);
     if (hash === kept || settingsOverridden.peek() || rig.source.peek() !== null) return;
     kept = hash;
     showAddress(visit);
   };
-  const changed = () => {
-    clearTimeout(timer);
-    timer = setTimeout(rested, RESTS_AFTER);
-  };
   const stops = [
-    rig.onSample(({ seq }) => {
-      if (seq !== pose) changed();
+    rig.onSample(({ seq }, at) => {
+      if (seq !== pose) restsAt = at + RESTS_AFTER;
       pose = seq;
+      if (at < restsAt) return;
+      restsAt = Number.POSITIVE_INFINITY;
+      rested();
     }),
     effect(() => {
       if (scene.value !== null) kept = untracked(() => linkTo(visit));
@@ -49,11 +48,10 @@ export function keepAddress(visit: Visit): () => void {
       settings.value;
       settingsOverridden.value;
       rig.source.value;
-      changed();
+      pose = Number.NaN; // as good as another one
     }),
   ];
   return () => {
-    clearTimeout(timer);
     for (const stop of stops) stop();
   };
 }

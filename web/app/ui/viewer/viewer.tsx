@@ -1,5 +1,5 @@
 /** The viewer: the stage with its frame, overlays, and the sidebar. */
-import { useSignal } from "@preact/signals";
+import { useComputed, useSignal } from "@preact/signals";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { turning } from "#viewer/reproject/acceleration";
 import { ViewerSession } from "#viewer/session/session";
@@ -104,8 +104,14 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
     screenshot: picture.take,
     fullscreen: fullscreen.toggle,
   };
-  const stats = live?.source.value?.stats.value;
   const note = linkNote(asked, unknown, live?.scene.value);
+  /** Attributes of the stage: the whole viewer would be rendered with each of their changes. */
+  const stats = useComputed(() => session.value?.source.value?.stats.value);
+  const sources = useComputed(() => session.value?.sources.value);
+  const frames = useComputed(() => stats.value?.shown);
+  const settled = useComputed(() => stats.value?.settled);
+  const playing = useComputed(() => sources.value?.map((each) => each.phase.value.kind).join(" "));
+  const shown = useComputed(() => sources.value?.map((each) => each.stats.value.shown).join(" "));
   const phase = live?.phase.value.kind ?? "connecting";
   const usable = phase !== "failed" && !bare;
   const compared = (live?.comparison.value?.sides.length ?? 0) > 1;
@@ -131,11 +137,11 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
           aria-label={`${name}: arrow keys turn, W A S D walk, Space and Shift rise and sink, H shows help`}
           data-phase={phase}
           data-transport={live?.connected.value?.transport.kind}
-          data-frames={stats?.shown}
-          data-settled={stats?.settled}
+          data-frames={frames}
+          data-settled={settled}
           data-mode={mode}
-          data-sources={live?.sources.value.map((each) => each.phase.value.kind).join(" ")}
-          data-shown={live?.sources.value.map((each) => each.stats.value.shown).join(" ")}
+          data-sources={playing}
+          data-shown={shown}
         >
           <div class="pane" ref={left} />
           <div class="pane" ref={right} />

@@ -14,9 +14,18 @@ export interface Seen {
   readonly ssim: number;
 }
 
-interface Late extends Seen {
-  readonly turn_deg: number;
-}
+type Points = readonly (readonly [x: number, y: number])[];
+
+/** Points of both errors by the angle, for each way. */
+const LATE = Object.fromEntries(
+  Object.entries(table.late).map(([way, late]) => {
+    const of = (name: keyof Seen, none: number): Points => [
+      [0, none],
+      ...late.map((one) => [one.turn_deg, one[name]] as const),
+    ];
+    return [way, { mse: of("mse", 0), ssim: of("ssim", 1) }];
+  }),
+) as Record<Way, Readonly<Record<keyof Seen, Points>>>;
 
 const PEAK = 255 ** 2;
 /** Lower bound: two unrelated pictures. */
@@ -34,13 +43,8 @@ export function seenOfRung({ psnr_db, expected_kb }: Pick<Rung, "psnr_db" | "exp
 
 /** Error of an otherwise perfect picture after a rotation by this many degrees. */
 export function seenLate(way: Way, degrees: number): Seen {
-  const measured: readonly Late[] = [{ turn_deg: 0, mse: 0, ssim: 1 }, ...table.late[way]];
-  const of = (name: keyof Seen) =>
-    along(
-      measured.map((one) => [one.turn_deg, one[name]] as const),
-      degrees,
-    );
-  return { mse: of("mse"), ssim: of("ssim") };
+  const { mse, ssim } = LATE[way];
+  return { mse: along(mse, degrees), ssim: along(ssim, degrees) };
 }
 
 /** Of a picture that has both faults. */
@@ -53,9 +57,10 @@ export function decibels(mse: number): number {
 }
 
 /** Straight between points in ascending order, and flat beyond them. */
-function along(points: readonly (readonly [x: number, y: number])[], x: number): number {
-  const i = points.findIndex(([other]) => other >= x);
-  const [right, left] = [points[i] ?? points.at(-1), points[i - 1]];
+function along(points: Points, x: number): number {
+  const i = points.findIndex((point) => point[0] >= x);
+  const right = points[i] ?? points.at(-1);
+  const left = points[i - 1];
   if (right === undefined) return Number.NaN;
   if (i < 0 || left === undefined) return right[1];
   return left[1] + ((right[1] - left[1]) * (x - left[0])) / (right[0] - left[0]);

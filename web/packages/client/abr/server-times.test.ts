@@ -8,7 +8,7 @@ test("unknown servers take no time, and one that is known at one rung takes as l
   const subject = new ServerTimes(PAPER_LADDER);
   expect(subject.expected(0)).toEqual({ total: 0, stage: 0 });
   subject.observe(3, timing(10, 3, 2), 0);
-  for (const rung of [0, 3]) expect(subject.expected(rung)).toEqual({ total: 15, stage: 10 });
+  for (const rung of [0, 3]) expect(subject.expected(rung)).toMatchObject({ total: 15, stage: 10 });
 });
 
 // Rungs 3, 2, 1 and 0 have 1, 4, 9 and 16 times the pixels of the lowest.
@@ -57,7 +57,7 @@ test("a size that was left in a slow moment is not remembered by it: all become 
   };
   hear(1, 90, 20);
   hear(3, 30, 5);
-  expect(subject.expected(1)).toEqual({ total: 90, stage: 90 });
+  expect(subject.expected(1)).toMatchObject({ total: 90, stage: 90 });
   hear(3, 10, 100);
   expect(subject.expected(3).stage).toBeCloseTo(10, 3);
   expect(subject.expected(1).stage).toBeCloseTo(30, 3);

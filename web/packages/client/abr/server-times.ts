@@ -27,9 +27,11 @@ const FORGOTTEN = 15_000;
 const UNKNOWN: ServerTime = { total: 0, stage: 0 };
 
 interface Seen {
-  readonly time: ServerTime;
-  readonly frames: number;
-  readonly at: number;
+  readonly pixels: number;
+  total: number;
+  stage: number;
+  frames: number;
+  at: number;
 }
 
 export class ServerTimes {
@@ -47,34 +49,29 @@ export class ServerTimes {
     for (const [size, seen] of this.#seen) if (seen.at < at - FORGOTTEN) this.#seen.delete(size);
     const { queue, render, encode } = timing;
     const newest = { total: queue + render + encode, stage: Math.max(render, encode) };
-    const { time: average, frames: before } = this.#seen.get(pixels) ?? { time: newest, frames: 0 };
-    const frames = before + 1;
-    const weight = Math.max(ALPHA, 1 / frames);
-    const mixed = (key: keyof ServerTime) => average[key] + weight * (newest[key] - average[key]);
-    const time = { total: mixed("total"), stage: mixed("stage") };
-    if (frames > FIRST && average.stage > 0) this.#slow(time.stage / average.stage);
-    this.#seen.set(pixels, { time, frames, at });
-  }
-
-  /** Multiplies the times of all sizes. */
-  #slow(times: number): void {
-    for (const [size, { time, ...seen }] of this.#seen) {
-      this.#seen.set(size, { ...seen, time: { total: times * time.total, stage: times * time.stage } });
+    const own = this.#seen.get(pixels) ?? { ...newest, pixels, frames: 0, at };
+    own.frames++;
+    const weight = Math.max(ALPHA, 1 / own.frames);
+    const total = own.total + weight * (newest.total - own.total);
+    const stage = own.stage + weight * (newest.stage - own.stage);
+    const slower = own.frames > FIRST && own.stage > 0 ? stage / own.stage : 1;
+    for (const each of this.#seen.values()) {
+      each.total *= slower;
+      each.stage *= slower;
     }
+    this.#seen.set(pixels, Object.assign(own, { total, stage, at }));
   }
 
   expected(rung: number): ServerTime {
     const pixels = this.#pixels[rung] ?? 0;
-    const own = this.#seen.get(pixels)?.time;
+    const own = this.#seen.get(pixels);
     if (own !== undefined) return own;
-    const away = (other: { readonly pixels: number }) => Math.abs(other.pixels - pixels);
-    const [near, far] = [...this.#seen]
-      .map(([size, { time }]) => ({ time, pixels: size }))
-      .toSorted((a, b) => away(a) - away(b));
+    const away = (other: Seen) => Math.abs(other.pixels - pixels);
+    const [near, far] = [...this.#seen.values()].sort((a, b) => away(a) - away(b));
     if (near === undefined) return UNKNOWN;
-    if (far === undefined) return near.time;
+    if (far === undefined) return near;
     const along = (pixels - near.pixels) / (far.pixels - near.pixels);
-    const line = (key: keyof ServerTime) => Math.max(0, near.time[key] + along * (far.time[key] - near.time[key]));
+    const line = (key: keyof ServerTime) => Math.max(0, near[key] + along * (far[key] - near[key]));
     return { total: line("total"), stage: line("stage") };
   }
 }

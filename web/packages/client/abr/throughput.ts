@@ -25,16 +25,12 @@ const MIN_DURATION = 2;
 export class RecentAverage {
   static readonly ALPHA = 0.3;
   #values: number[] = [];
+  /** Null before the first. */
+  value: number | null = null;
 
   add(value: number): void {
     this.#values = [...this.#values, value].slice(-SAMPLES);
-  }
-
-  /** Null before the first. */
-  get value(): number | null {
-    const [first, ...rest] = this.#values;
-    if (first === undefined) return null;
-    return rest.reduce((average, value) => RecentAverage.ALPHA * value + (1 - RecentAverage.ALPHA) * average, first);
+    this.value = this.#values.reduce((average, one) => RecentAverage.ALPHA * one + (1 - RecentAverage.ALPHA) * average);
   }
 }
 

@@ -316,9 +316,15 @@ function extentOf({ bitmap: { width, height }, header }: Decoded): Extent {
 }
 
 /** Keeps margins outside the pane: they would otherwise appear once warping stops, and shrink the view. */
-function hideMargins({ style }: HTMLCanvasElement, { across, down }: Extent): void {
-  style.scale = `${across} ${down}`;
+function hideMargins(canvas: HTMLCanvasElement, { across, down }: Extent): void {
+  const scale = `${across} ${down}`;
+  if (scales.get(canvas) === scale) return;
+  canvas.style.scale = scale;
+  scales.set(canvas, scale);
 }
+
+/** A style is parsed even if it is the same. */
+const scales = new WeakMap<HTMLCanvasElement, string>();
 
 function sentence(error: unknown): string {
   return error instanceof Error ? error.message : String(error);

@@ -6,15 +6,22 @@ const TIME_CONSTANT = 60;
 const LEAST = 0.004;
 
 export class Glide {
+  readonly #smooth: () => boolean;
   #rest = 0;
+
+  /** `smooth`: all of it at once otherwise. */
+  constructor(smooth: () => boolean) {
+    this.#smooth = smooth;
+  }
 
   add(amount: number): void {
     this.#rest += amount;
   }
 
-  /** Amount due after `elapsed` more milliseconds; all of it unless `smooth`. */
-  take(elapsed: number, smooth: boolean): number {
-    const left = smooth ? this.#rest * Math.exp(-elapsed / TIME_CONSTANT) : 0;
+  /** Amount due after `elapsed` more milliseconds. */
+  take(elapsed: number): number {
+    if (this.#rest === 0) return 0;
+    const left = this.#smooth() ? this.#rest * Math.exp(-elapsed / TIME_CONSTANT) : 0;
     const due = Math.abs(left) < LEAST ? this.#rest : this.#rest - left;
     this.#rest -= due;
     return due;

@@ -114,3 +114,18 @@ test("beside other content the camera moves only while the stage has the focus",
   element("button").focus();
   expect(Object.values(input.sample(1000).axes).every((axis) => axis === 0)).toBe(true);
 });
+
+test.each(["before", "after"])("a gamepad moves the camera that was connected %s the viewer was opened", (when) => {
+  const pads: object[] = [];
+  Object.assign(navigator, { getGamepads: () => pads });
+  const connect = () => pads.push({ mapping: "standard", axes: [1, 0, 0, 0], buttons: [] });
+  if (when === "before") connect();
+  const opened = open({ sharesPage: false });
+  if (when === "after") {
+    connect();
+    dispatchEvent(new Event("gamepadconnected"));
+  }
+  expect(opened.sample(16).axes.right).toBe(1);
+  opened.dispose();
+  Reflect.deleteProperty(navigator, "getGamepads");
+});

@@ -41,8 +41,9 @@ export class StageInput {
   /** The button that was pressed first. */
   #button = MAIN;
   readonly #listening = new AbortController();
-  readonly #glide = new Glide();
-  readonly #reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");
+  readonly #glide = new Glide(() => !matchMedia("(prefers-reduced-motion: reduce)").matches);
+  /** Whether there was any: asking for them takes longer than all other input. */
+  #gamepads = navigator.getGamepads?.().some(Boolean);
   #nudge = NO_NUDGE;
 
   constructor(stage: HTMLElement, options: StageInputOptions) {
@@ -51,6 +52,7 @@ export class StageInput {
     const { signal } = this.#listening;
     const keyboard: EventTarget = options.sharesPage ? stage : window;
     keyboard.addEventListener("keydown", (event) => this.#press(event as KeyboardEvent), { signal });
+    addEventListener("gamepadconnected", () => (this.#gamepads = true), { signal });
     addEventListener("keyup", (event) => this.#keys.release(event.code), { signal });
     addEventListener("blur", () => this.#release(), { signal });
     document.addEventListener("visibilitychange", () => this.#release(), { signal });
@@ -67,11 +69,11 @@ export class StageInput {
 
   /** Input since the last sample, `elapsed` milliseconds ago. */
   sample(elapsed: number): InputSample {
-    const glided = this.#glide.take(elapsed, !this.#reducedMotion.matches);
+    const glided = this.#glide.take(elapsed);
     const nudge = glided === 0 ? this.#nudge : sum(this.#nudge, { ...NO_NUDGE, forward: glided });
     this.#nudge = NO_NUDGE;
     const keys = this.#keys.axes(elapsed);
-    const gamepad = this.#attended ? gamepadAxes(navigator.getGamepads?.() ?? []) : null;
+    const gamepad = this.#gamepads && this.#attended ? gamepadAxes(navigator.getGamepads()) : null;
     const haste = (keys.haste ?? 1) * (gamepad?.haste ?? 1);
     return {
       nudge,

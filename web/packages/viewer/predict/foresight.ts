@@ -107,7 +107,7 @@ export class Guarded implements Predictor {
 }
 
 function isSound({ position, quaternion }: ScenePose): boolean {
-  return [...position, ...quaternion].every(Number.isFinite);
+  return position.every(Number.isFinite) && quaternion.every(Number.isFinite);
 }
 
 function normalised([x, y, z, w]: ScenePose["quaternion"]): ScenePose["quaternion"] {

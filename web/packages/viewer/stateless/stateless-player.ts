@@ -229,7 +229,7 @@ export class StatelessPlayer {
       const frame = display.ready ? this.#pipeline.take() : undefined;
       if (frame) display.show(frame);
     }
-    this.#turning.turn(this.#foresight.onScreen(now), now);
+    if (this.#turning.working) this.#turning.turn(this.#foresight.onScreen(now), now);
     this.#publish(now);
   }
 

@@ -58,10 +58,9 @@ export class Turning {
     return { ...(share > 0 && { overscan: share }), ...(depth && { depth: true }) };
   }
 
-  /** Once per animation frame, after the newest frame was handed to the display: shows it as `pose` sees it. */
+  /** Once per animation frame while it works, after the newest frame was handed to the display: shows it as `pose` sees it. */
   turn(pose: NumberedPose, now: number): void {
     const { display, reprojector, rig } = this.#options;
-    if (!this.working) return;
     const arrived = display.arrived;
     if (arrived) {
       const { frame, enhanced, fresh } = arrived;

@@ -29,25 +29,23 @@ export function subtract(a: Vector3, b: Vector3): Vector3 {
   return [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
 }
 
-/** Hamilton product: the rotation `b`, then `a`. */
+/** Hamilton product: the rotation `b`, then `a`. By index, because destructuring allocates iterators. */
 export function multiply(a: Quaternion, b: Quaternion): Quaternion {
-  const [ax, ay, az, aw] = a;
-  const [bx, by, bz, bw] = b;
   return [
-    aw * bx + ax * bw + ay * bz - az * by,
-    aw * by - ax * bz + ay * bw + az * bx,
-    aw * bz + ax * by - ay * bx + az * bw,
-    aw * bw - ax * bx - ay * by - az * bz,
+    a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1],
+    a[3] * b[1] - a[0] * b[2] + a[1] * b[3] + a[2] * b[0],
+    a[3] * b[2] + a[0] * b[1] - a[1] * b[0] + a[2] * b[3],
+    a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2],
   ];
 }
 
-export function conjugate([x, y, z, w]: Quaternion): Quaternion {
-  return [-x, -y, -z, w];
+export function conjugate(q: Quaternion): Quaternion {
+  return [-q[0], -q[1], -q[2], q[3]];
 }
 
-export function rotate(q: Quaternion, [x, y, z]: Vector3): Vector3 {
-  const [rx, ry, rz] = multiply(multiply(q, [x, y, z, 0]), conjugate(q));
-  return [rx, ry, rz];
+export function rotate(q: Quaternion, v: Vector3): Vector3 {
+  const rotated = multiply(multiply(q, [v[0], v[1], v[2], 0]), conjugate(q));
+  return [rotated[0], rotated[1], rotated[2]];
 }
 
 /** The shortest rotation that turns the direction `from` into `to`; opposite directions turn about the x axis. */

@@ -2,13 +2,14 @@
 
 /** The nearest-rank percentile (0 to 1) of values, or null without any. */
 export function nearestRank(values: readonly number[], rank: number): number | null {
-  const sorted = values.toSorted((a, b) => a - b);
+  const sorted = new Float64Array(values).sort();
   return sorted[Math.max(0, Math.ceil(rank * sorted.length) - 1)] ?? null;
 }
 
 export class TimeWindow {
   readonly #span: number;
-  #entries: { readonly at: number; readonly value: number }[] = [];
+  #times: number[] = [];
+  #values: number[] = [];
 
   /** `span` in milliseconds. */
   constructor(span: number) {
@@ -16,17 +17,19 @@ export class TimeWindow {
   }
 
   add(value: number, now: number): void {
-    this.#entries.push({ at: now, value });
+    this.#times.push(now);
+    this.#values.push(value);
     this.#forget(now);
   }
 
   clear(): void {
-    this.#entries = [];
+    this.#times = [];
+    this.#values = [];
   }
 
-  values(now: number): number[] {
+  values(now: number): readonly number[] {
     this.#forget(now);
-    return this.#entries.map(({ value }) => value);
+    return this.#values;
   }
 
   /** The nearest-rank percentile (0 to 1), or null without values. */
@@ -36,19 +39,20 @@ export class TimeWindow {
 
   /** Time of the last remembered entry; null without any. */
   get latest(): number | null {
-    return this.#entries.at(-1)?.at ?? null;
+    return this.#times.at(-1) ?? null;
   }
 
   /** Entries a second, from the first that is remembered until now. */
   rate(now: number): number {
     this.#forget(now);
-    const first = this.#entries[0];
-    if (first === undefined || this.#entries.length < 2) return 0;
-    return ((this.#entries.length - 1) * 1000) / Math.max(1, now - first.at);
+    const { length, 0: first } = this.#times;
+    return first === undefined ? 0 : ((length - 1) * 1000) / Math.max(1, now - first);
   }
 
   #forget(now: number): void {
-    const kept = this.#entries.findIndex(({ at }) => at > now - this.#span);
-    if (kept !== 0) this.#entries = kept < 0 ? [] : this.#entries.slice(kept);
+    while ((this.#times[0] ?? Number.POSITIVE_INFINITY) <= now - this.#span) {
+      this.#times.shift();
+      this.#values.shift();
+    }
   }
 }
