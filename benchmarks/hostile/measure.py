@@ -245,8 +245,6 @@ def _lines(output: Path) -> list[Any]:
 
 def _done(output: Path) -> dict[str, int]:
     """The attacker's counters; empty if it had to be killed."""
-    for line in output.read_text().splitlines():
-        if line.startswith("{"):
-            done: dict[str, int] = json.loads(line)
-            return done
-    return {}
+    *_, last = output.read_text().splitlines() or [""]
+    done: dict[str, int] = json.loads(last) if last.startswith("{") else {}
+    return done

@@ -117,11 +117,6 @@ def _restricted(cores: set[int]) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_NOFILE, files)
 
 
-def isolate(command: list[str]) -> None:
-    """Restart in a new network namespace, where the shaper can shape and all ports are free; needs root."""
-    os.execvp("unshare", ["unshare", "--net", "--", *command])
-
-
 def plug_in() -> None:
     """The interfaces of a new network namespace."""
     for line in (

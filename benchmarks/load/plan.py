@@ -52,14 +52,9 @@ class Plan:
         frames_per_s: float,
         profile: int,
         depth: bool = False,
-        deadline_ms: float | None = None,
     ) -> Self:
         """Viewers that walk along movements in a scene of a service. Raises MovementError."""
-        view: dict[str, Any] = {"scene": scene.id, **asdict(intrinsics(WIDTH, HEIGHT)), "profile": profile}
-        if depth:
-            view["depth"] = True
-        if deadline_ms is not None:
-            view["deadline_ms"] = deadline_ms
+        view = {"scene": scene.id, **asdict(intrinsics(WIDTH, HEIGHT)), "profile": profile, "depth": depth}
         routes = tuple(_route(MovementTrace.read(path), scene, frames_per_s) for path in movements)
         plan = cls(*address, transport, frames_per_s, _fields(view), routes)
         RenderRequest.model_validate_json(plan.request(0, 0, 0))
