@@ -1,7 +1,7 @@
 # Newcomers need only two commands: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo gpu lab test kernels test-all test-web-units test-python test-slow test-alone test-extended fuzz lint lint-python lint-web lint-compose lint-github lock format docs bench compare bench-gpu bench-hostile bench-load dist release images clean
+.PHONY: help demo gpu lab test kernels test-all test-web-units test-python test-slow test-alone test-extended fuzz lint lint-python lint-web lint-compose lint-github lock format docs bench paper paper-archive bench-gpu bench-hostile bench-load dist release images clean
 
 PYTHON ?= python3
 # The index of PyTorch's CPU build.
@@ -9,8 +9,9 @@ TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 # Another models directory than models/. The built-in demo scene is always available.
 SCENES ?=
 
-# What `make compare` measures: make compare NETWORKS="5mbit,80ms-rtt my-trace.csv" ARGS="--duration 20"
-NETWORKS ?= 20mbit,20ms-rtt traces/network/4g-bus.csv
+# A part of the published evaluation, and a folder of recordings and scenes, which most need: make paper PART=rtt DATA=../shared
+PART ?=
+DATA ?=
 
 # Inputs that `make fuzz` tries in each fuzzer.
 EXAMPLES ?= 1000
@@ -29,7 +30,8 @@ help:
 	@echo "make test-all      run nearly all tests: also browsers, the shaped link and containers (at most 25 minutes)"
 	@echo "make test-extended run the longest tests, of what changes seldom"
 	@echo "make fuzz          try EXAMPLES=1000 random inputs in each fuzzer (about 20 minutes)"
-	@echo "make compare       compare one JPEG per pose with low-latency DASH over a shaped link, into results/ (about 10 minutes, needs root)"
+	@echo "make paper         list the parts of the published evaluation; PART=quick makes one, into results/paper/ (10 minutes, needs root)"
+	@echo "make paper-archive pack its runs into results/paper.tar.xz"
 	@echo "make lint          check types, style and generated files"
 	@echo "make bench         measure speed and memory against baselines (about 10 minutes)"
 	@echo "make bench-hostile measure a polite viewer while somebody else attacks (over half an hour; needs root for all of it)"
@@ -124,8 +126,11 @@ docs: .venv/.ready
 lock: .venv/.demo
 	@$(VENV)/uv lock
 
-compare: .venv/.lab $(STATIC)
-	@$(if $(SCENES),TIGAS_RENDER_SCENES=$(SCENES)) $(VENV)/tigas compare $(foreach network,$(NETWORKS),--network $(network)) --profile seen --profile 2 $(ARGS)
+paper: .venv/.lab $(STATIC)
+	@$(VENV)/tigas paper $(PART) $(if $(DATA),--data $(DATA)) $(ARGS)
+
+paper-archive: .venv/.lab
+	@$(VENV)/tigas report results/paper --without-pictures --archive results/paper.tar.xz
 
 bench: .venv/.ready
 	@$(VENV)/python -m benchmarks.raster

@@ -71,11 +71,11 @@ for command in sys.stdin.read().splitlines():
 """Runs commands where nothing but the base requirements can be imported."""
 NEEDS = {
     "cluster status": "cluster",
-    "compare": "lab",
     "dash": "dash",
     "enhance train courtyard": "lab",
     "experiment run no-such.toml": "lab",
     "movement show no-such.csv": "lab",
+    "paper quick": "lab",
     "quality score no-such": "lab",
     "quality fetch": "lab",
     "render": "render",

@@ -16,10 +16,10 @@ from tests import scenes
 from tests.prerequisites import SETPRIV
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
+from tigas_common.render_requests import render_service
 from tigas_common.sample_cameras import NEAR, NEAR_DEGREES
 from tigas_common.wire.render import SceneInfo, StartCamera
 from tigas_enhance.pairs import MOST_HELD_OUT, held_out_views, training_views
-from tigas_enhance.renderer import render_service
 
 
 def scene(up: tuple[float, float, float] = (0.0, -1.0, 0.0), **changes: Any) -> SceneInfo:
@@ -71,7 +71,7 @@ def test_a_scene_without_a_start_camera_has_no_views() -> None:
 
 TRAINING = """
 import time
-from tigas_enhance.renderer import render_service
+from tigas_common.render_requests import render_service
 with render_service("cpu") as url:
     print(url, flush=True)
     time.sleep(600)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import re
+import subprocess
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass, replace
 from typing import Final, Literal, Self, TypeVar
 from urllib.parse import quote
@@ -13,9 +15,10 @@ from urllib.parse import quote
 import httpx
 from pydantic import ValidationError
 
-from tigas_common.errors import TigasError
+from tigas_common.errors import StartError, TigasError
 from tigas_common.parsing import MAX_BODY, parse
-from tigas_common.wire.render import Problem, RenderRequest, SceneInfo, ServerConfig
+from tigas_common.processes import running, tigas
+from tigas_common.wire.render import LadderName, Problem, RenderRequest, SceneInfo, ServerConfig
 
 TRIES: Final = 5
 LATER: Final = (409, 429, 503)
@@ -34,6 +37,7 @@ MOST_SCENES: Final = 256
 AT_ONCE: Final = 4
 """Requests that are worth making at once: enough to keep a renderer and the encoders behind it busy."""
 LOAD_S: Final = 300
+STOP_S: Final = 5
 FRAME_S: Final = 60
 MAX_LIST: Final = 10_000_000
 """The longest list of scenes that is read, in bytes."""
@@ -201,3 +205,19 @@ class RenderClient:
             return parse(kind, content, MAX_LIST)
         except TigasError:
             raise RenderUnavailable(f"{self._name} is no TIGAS render service.") from None
+
+
+@contextmanager
+def render_service(device: str = "auto", *, ladder: LadderName = "scene") -> Iterator[str]:
+    """Run a render service on this machine until the context ends, and give its URL. Raises StartError."""
+    options = ["--http", "127.0.0.1:0", "--quic", "off", "--device", device, "--ladder", ladder]
+    with running(tigas("render", *options), STOP_S, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
+        assert process.stdout is not None
+        last = "it says nothing"
+        for line in process.stdout:
+            last = line.decode(errors="replace").strip() or last
+            if found := re.search(r"Open (http://\S+)/", last):
+                break
+        else:
+            raise StartError(f"The render service did not start: {last}")
+        yield found[1]  # and hardly any output after it, as a service without visitors has little to report

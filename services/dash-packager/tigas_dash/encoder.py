@@ -24,7 +24,7 @@ logger = logging.getLogger(__name__)
 EncoderName = Literal["libx264", "h264_nvenc"]
 _OPTIONS: dict[EncoderName, dict[str, str]] = {
     "libx264": {
-        "preset": "ultrafast",
+        "preset": "superfast",
         "tune": "zerolatency",
         "forced-idr": "1",
         "x264-params": "scenecut=0:sliced-threads=0:colorprim=bt709:transfer=bt709:colormatrix=bt709:range=tv",

@@ -62,10 +62,11 @@ class _EnhanceCommand(Command):
     @contextmanager
     def _renderer(self, *, own_ladders: bool = True) -> Iterator[Renderer]:
         """The running service, or one that runs as long as the context."""
-        from tigas_enhance.renderer import Renderer, render_service
+        from tigas_common.render_requests import render_service
+        from tigas_enhance.renderer import Renderer
 
         with ExitStack() as stack:
-            started = render_service(self.device, own_ladders=own_ladders)
+            started = render_service(self.device, ladder="scene" if own_ladders else "paper")
             yield stack.enter_context(Renderer.at(self.render or stack.enter_context(started)))
 
 

@@ -59,3 +59,14 @@ def test_scoring_renders_what_is_missing_first(server: RenderServer, tmp_path: P
     assert status == 0, errors
     assert "original" in output
     assert len(list((run / "samples").glob("*.truth.png"))) == 3
+
+
+@pytest.mark.slow
+def test_without_a_service_one_is_started(
+    server: RenderServer, models: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sample_run(server, tmp_path / "runs" / "one")
+    monkeypatch.setenv("TIGAS_RENDER_SCENES", str(models))
+    status, output, errors = finished(started("experiment", "rerender", str(tmp_path)))
+    assert status == 0, errors
+    assert output.split("\n")[3].replace("│", " ").split() == ["one", "3", "3", "0", "0"]

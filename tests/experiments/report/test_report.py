@@ -18,7 +18,7 @@ from tigas_experiments.report.report import MOST_RUNS, write_report
 from tigas_experiments.report.run_table import load
 from tigas_experiments.wire.run import Network
 
-COMMAND = "tigas compare --network '4g-<bus>'"
+COMMAND = "tigas experiment run '4g-<bus>.toml'"
 OWN_ADDRESSES = ("http://www.w3.org/", "http://purl.org/", "http://creativecommons.org/", "url(#")
 """Addresses in a page that a browser does not fetch."""
 

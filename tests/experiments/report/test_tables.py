@@ -12,7 +12,7 @@ import pytest
 from tests.experiments.report.synthetic_results import SCENE_BYTES, change, rows, write_run
 from tigas_experiments.report.groups import Groups
 from tigas_experiments.report.run_table import load
-from tigas_experiments.report.tables import write_csv
+from tigas_experiments.report.tables import best, write_csv
 
 
 def written(folder: Path) -> Path:
@@ -144,3 +144,27 @@ def test_text_that_would_be_a_formula_is_marked_as_text_and_numbers_are_not(tmp_
         assert "'=1+1" in cells or file == "groups.csv"
         for cell in cells:
             assert not cell.startswith(("=", "+", "-", "@", "\t", "\r")) or math.isfinite(float(cell))
+
+
+def test_the_best_picture_is_named_with_those_that_may_be_as_good(tmp_path: Path) -> None:
+    for window in range(12):
+        hard = 0.02 * (window % 3)
+        for controller, ssim in (("seen", 0.9), ("l2a", 0.89 + 0.03 * (window % 2)), ("latency", 0.7)):
+            for rtt_ms in (20.0, 100.0):
+                folder = tmp_path / "runs" / f"{controller}-{window}-{rtt_ms:g}"
+                lower = 0.3 if rtt_ms == 100 and controller == "seen" else hard
+                write_run(folder, controller, "bus", rtt_ms, offset_s=8.0 * window, view_ssim=ssim - lower)
+    near, far = best(Groups.of(load(tmp_path).runs), "study")
+    assert near[:4] == ["study", "20", "L2A", "0.885"]
+    assert near[5].startswith("Seen (-0.005 [-0.0")
+    assert "Latency" not in near[5], "worse in every window"
+    assert far[5] == "none", "of Seen and Latency"
+
+
+def test_with_few_windows_nobody_is_as_good_or_worse(tmp_path: Path) -> None:
+    write_run(tmp_path / "runs" / "a", "seen", view_ssim=0.9)
+    assert best(Groups.of(load(tmp_path).runs), "study") == []
+    write_run(tmp_path / "runs" / "b", "l2a", view_ssim=0.8)
+    assert best(Groups.of(load(tmp_path).runs), "study") == [
+        ["study", "20", "Seen", "0.900", "8.0", "unknown: fewer than 12 network windows"]
+    ]

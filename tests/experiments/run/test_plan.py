@@ -12,12 +12,14 @@ from typing import Any
 import pytest
 
 from tigas_common.errors import StartError
+from tigas_experiments.commands.paper import Evaluation
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.job import page_settings
 from tigas_experiments.run.plan import ExperimentPlan, lasting, seconds
-from tigas_experiments.wire.run import MODES, Configuration
+from tigas_experiments.wire.run import Configuration
 
 REPOSITORY = Path(__file__).parents[3]
+EXPERIMENTS = REPOSITORY / "experiments"
 SMALL: dict[str, Any] = {"name": "small", "scenes": ["courtyard"], "movements": ["stroll"], "networks": ["4g-bus"]}
 
 
@@ -118,6 +120,22 @@ def test_segments_are_different_parts_of_traces_and_movements(tmp_path: Path) ->
     assert {run.network.offset_s for run in other}.isdisjoint(pair[1] for pair in pairs)
 
 
+def test_movements_take_turns_over_the_parts_of_traces(tmp_path: Path) -> None:
+    fields = {**traces(tmp_path), "segments": 6, "controllers": ["latency", "l2a"], "movements_in_turn": True}
+    shutil.copy(tmp_path / "bus.csv", tmp_path / "tram.csv")
+    shutil.copy(tmp_path / "walk.csv", tmp_path / "other.csv")
+    made = runs(tmp_path, **{**fields, "networks": ["bus.csv", "tram.csv"], "movements": ["walk.csv", "other.csv"]})
+    assert len(made) == 2 * 6 * 2 * 2, "as many as with one movement"
+    people = {(run.network.name, run.segment): run.movement for run in made}
+    assert all(run.movement == people[run.network.name, run.segment] for run in made), "alike for all controllers"
+    for network in ("bus.csv", "tram.csv"):
+        assert Counter(person for (name, _), person in people.items() if name == network) == {
+            "walk.csv": 3,
+            "other.csv": 3,
+        }
+    assert people["bus.csv", 0] != people["tram.csv", 0]
+
+
 def test_a_short_movement_has_segments_that_overlap_and_a_generated_one_is_long_enough(tmp_path: Path) -> None:
     fields = {**traces(tmp_path), "duration_s": 25, "segments": 4}
     made = runs(tmp_path, **{**fields, "movements": ["walk.csv", "stroll"]})
@@ -194,7 +212,12 @@ def test_local_runs_download_the_scene_and_change_with_nothing_that_the_server_r
 
 
 def test_a_stream_over_webrtc_needs_the_packager_and_has_one_codec(tmp_path: Path) -> None:
-    (made,) = runs(tmp_path, modes=["webrtc"], controllers=["latency", "seen"])
+    fields: dict[str, Any] = {
+        "modes": ["webrtc"],
+        "controllers": ["latency", "seen"],
+        "dash_representations": ["adaptive", "r3-500"],
+    }
+    (made,) = runs(tmp_path, **fields)
     assert made.streamed
     assert {"mode": "webrtc", "webrtcStream": "h264-30"}.items() <= page_settings(made).items()
 
@@ -321,62 +344,50 @@ def test_comparing_pictures_takes_time_too(tmp_path: Path) -> None:
     assert large - plain > 10, "fifteen pictures at 720p, about a second each"
 
 
+def plans() -> dict[str, ExperimentPlan]:
+    """The experiments that come along, by name: files, and the parts of the published evaluation."""
+    evaluation = Evaluation.read(EXPERIMENTS / "paper.toml")
+    parts = {part.name: evaluation.plan(part) for part in evaluation.parts}
+    files = {path.stem: ExperimentPlan.read(path) for path in EXPERIMENTS.glob("*.toml") if path.stem != "paper"}
+    return files | {name: plan for name, plan in parts.items() if plan is not None}
+
+
 @pytest.fixture
-def experiments(tmp_path: Path) -> Path:
-    """The experiments that come along, where something stands in for the recordings that do not."""
+def directory(tmp_path: Path) -> Path:
+    """Their directory, where something stands in for the recordings that do not come along."""
     shutil.copytree(REPOSITORY / "traces", tmp_path / "traces")
-    folder = shutil.copytree(REPOSITORY / "experiments", tmp_path / "experiments", dirs_exist_ok=True)
-    shutil.rmtree(folder / "recorded", ignore_errors=True)
-    for file in folder.glob("*.toml"):
-        plan = ExperimentPlan.read(file)
+    (tmp_path / "experiments" / "recorded").mkdir(parents=True)
+    for plan in plans().values():
         for names, source in ((plan.networks, "network/4g-bus.csv"), (plan.movements, "movement/stroll.csv")):
             for name in names:
                 if name.startswith("recorded/"):
-                    (folder / "recorded").mkdir(exist_ok=True)
-                    shutil.copy(REPOSITORY / "traces" / source, folder / name)
-    return folder
+                    shutil.copy(REPOSITORY / "traces" / source, tmp_path / "experiments" / name)
+    return tmp_path / "experiments"
 
 
-@pytest.mark.parametrize("name", sorted(path.name for path in (REPOSITORY / "experiments").glob("*.toml")))
-def test_the_experiments_that_come_along_can_be_made(experiments: Path, name: str) -> None:
-    made = ExperimentPlan.read(experiments / name).runs(experiments)
-    networks = [Inputs(experiments).network(run.network) for run in made]
-    ladder = (
-        "scene" if name.startswith(("motivation", "reprojection", "rivals", "loss", "huge", "simulator")) else "paper"
-    )
-    assert ExperimentPlan.read(experiments / name).ladder == ladder, (
-        "what the others say of the paper's rungs is to stay true"
-    )
+@pytest.mark.parametrize("name", plans())
+def test_the_experiments_that_come_along_can_be_made(directory: Path, name: str) -> None:
+    plan = plans()[name]
+    made = plan.runs(directory)
+    networks = [Inputs(directory).network(run.network) for run in made]
     assert all(network.trace_file is None or network.trace_file.is_file() for network in networks)
-    if name == "motivation.toml":
-        return  # one walk, to be looked at
+    assert plan.ladder == ("paper" if name in ("abr-rtt", "rtt", "quality", "enhancement") else "scene")
     blocks = {(run.network.name, run.segment, run.scene, run.movement) for run in made}
-    per_network = Counter(network for network, *_ in blocks).values()
-    if name in ("rivals-two-cores.toml", "simulator.toml"):
-        assert sum(per_network) >= 6, "as many as an interval needs, over all networks"
-        assert seconds(made) < 35 * 60
-        return
-    assert min(per_network) >= 6, "as many as an interval needs, per network"
-    if name == "rivals.toml":
-        assert {run.mode for run in made} == set(MODES) - {"local-streamed"}, "these scenes have no levels"
-    if name in (
-        "huge.toml",
-        "simulator.toml",
-        "abr-rtt.toml",
-        "comparison.toml",
-        "loss.toml",
-        "rivals.toml",
-        "rivals-webrtc.toml",
-    ):
-        return
-    generated = {"quick-turns"} if name == "reprojection.toml" else set()
-    assert {run.movement for run in made if not run.movement.startswith("recorded/")} == generated
-    assert all(str(run.network.trace_file).startswith("recorded/") for run in made)
-    if name == "paper.toml":
-        assert {run.network.round_trip_ms for run in made} == {20, 50, 100, 200, 300}
-        assert set(Counter((run.mode, run.profile) for run in made).values()) == {3 * 5 * 6}
-    else:
-        assert len({run.network.name for run in made}) == 4
+    assert len(blocks) >= (1 if name in ("quick", "motivation") else 6)
+
+
+def test_parts_of_the_evaluation_are_as_long_as_they_say_and_cover_windows_and_people(directory: Path) -> None:
+    for part in Evaluation.read(EXPERIMENTS / "paper.toml").parts:
+        assert part.minutes <= 120
+        if part.experiment is None:
+            continue
+        made = plans()[part.name].runs(directory)
+        assert seconds(made) / 60 <= part.minutes, part.name
+        windows = {(run.network.name, run.network.offset_s) for run in made}
+        if part.name in ("controllers", "rivals", "rivals-30", "rivals-loss"):
+            assert (len(windows), len({run.movement for run in made})) == (24, 6)
+        if part.name.startswith("turned") or part.name in ("scenes", "quality"):
+            assert len(windows) == 12
 
 
 def test_models_enhance_what_is_stateless(tmp_path: Path) -> None:

@@ -339,7 +339,7 @@ PLAN = {
 
 def seen(console: Console, folder: Path, done: int = 0) -> None:
     """One run, after a number of others."""
-    made = Experiment.of(ExperimentPlan.of(PLAN, "here"), folder, Path("out"), "tigas compare")
+    made = Experiment.of(ExperimentPlan.of(PLAN, "here"), folder, Path("out"), "tigas experiment run")
     with progress(made, made.runs[done:], run_names(made.runs), console) as listener:
         listener.on_stage("starts the services")
         listener.on_begin(made.runs[done])

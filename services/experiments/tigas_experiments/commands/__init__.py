@@ -1,1 +1,1 @@
-"""The commands that make runs and write a report: `tigas experiment` and `tigas compare`."""
+"""The commands that make and score runs: `tigas experiment`, `tigas paper` and `tigas quality`."""

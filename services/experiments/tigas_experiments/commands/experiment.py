@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-from tigas_common.command import POSITIONAL, Command, Group
+from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.terminal import make_console
-from tigas_experiments.commands.options import Measure, command_as_typed, end_as_ctrl_c, make_runs
+from tigas_experiments.commands.options import command_as_typed, end_as_ctrl_c
 from tigas_experiments.commands.rerender import Rerender
+
+if TYPE_CHECKING:  # heavy
+    from tigas_experiments.run.experiment import Experiment
 
 
 class _ExperimentCommand(Command):
@@ -35,37 +39,50 @@ class Plan(_ExperimentCommand):
         print(f"{len(planned.runs)} runs, {len(missing)} missing, which take about {lasting(missing)}.")
 
 
-class Run(_ExperimentCommand, Measure):
+class Run(_ExperimentCommand):
     """Make an experiment's missing runs. Start it again to resume after an interruption."""
 
+    url: Annotated[str | None, Metavar("URL")] = None
+    """Viewer page of running services to measure; without it, the lab is started."""
     allow_changes: bool = False
     """Resume even if the commit, browser, ladder or a scene has changed."""
 
     def run(self) -> None:
-        from tigas_experiments.report.cli import Report
-        from tigas_experiments.run.experiment import Experiment, reserved
-
-        def say(text: str) -> None:
-            console.print(text, soft_wrap=True)
+        from tigas_experiments.run.experiment import Experiment
 
         end_as_ctrl_c()
-        console = make_console(stderr=True)
-        again = command_as_typed()
-        made = Experiment.read(self.file, self.out, again)
-        with reserved(made):
-            try:
-                make_runs(made, self.url, allow_changes=self.allow_changes)
-            except KeyboardInterrupt:
-                say(f"Interrupted. To resume: {again}")
-                raise SystemExit(130) from None
-            incomplete = made.missing()
-        if incomplete:
-            say(f"{len(incomplete)} of {len(made.runs)} runs are incomplete. To repeat them: {again}")
-        else:
-            say(f"All {len(made.runs)} runs are complete.")
-        Report(folder=made.out).run()
-        if incomplete:
-            raise SystemExit(1)
+        made = Experiment.read(self.file, self.out, command_as_typed())
+        perform(made, self.url, allow_changes=self.allow_changes)
+
+
+def perform(made: Experiment, url: str | None, *, allow_changes: bool) -> None:
+    """Make the missing runs of an experiment and its report. Raises StartError, OSError, and SystemExit if any lack."""
+    from tigas_experiments.report.cli import Report
+    from tigas_experiments.report.controllers import run_names
+    from tigas_experiments.run.experiment import reserved
+    from tigas_experiments.run.progress import progress
+    from tigas_experiments.run.runner import make_missing_runs
+
+    def say(text: str) -> None:
+        console.print(text, soft_wrap=True)
+
+    console = make_console(stderr=True)
+    with reserved(made):
+        try:
+            if missing := made.missing():
+                with progress(made, missing, run_names(made.runs), console) as callbacks:
+                    asyncio.run(make_missing_runs(made, missing, url, callbacks, allow_changes=allow_changes))
+        except KeyboardInterrupt:
+            say(f"Interrupted. To resume: {made.command}")
+            raise SystemExit(130) from None
+        incomplete = made.missing()
+    if incomplete:
+        say(f"{len(incomplete)} of {len(made.runs)} runs are incomplete. To repeat them: {made.command}")
+    else:
+        say(f"All {len(made.runs)} runs are complete.")
+    Report(folder=made.out).run()
+    if incomplete:
+        raise SystemExit(1)
 
 
 experiment = Group(

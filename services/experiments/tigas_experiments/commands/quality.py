@@ -14,7 +14,7 @@ from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import StartError
 from tigas_common.terminal import make_console, printable, progress_bar
 from tigas_experiments.commands.options import end_as_ctrl_c
-from tigas_experiments.commands.rerender import RenderCommand, SamplesCommand, rerender_all
+from tigas_experiments.commands.rerender import RenderCommand, SamplesCommand, render_url, rerender_all
 
 if TYPE_CHECKING:  # heavy
     from tigas_experiments.quality.metrics import PictureMetric
@@ -61,12 +61,13 @@ class Ladder(RenderCommand):
         from tigas_experiments.report.ladder import Step, middle_view, write_ladder
         from tigas_experiments.report.ladder import ladder as steps
 
-        async def asked() -> list[Step]:
-            async with RenderClient.at(self.render) as renderer:
-                return await steps(renderer, *middle_view(self.folder))
+        async def asked(url: str) -> list[Step]:
+            async with RenderClient.at(url) as renderer:
+                return await steps(renderer, *view)
 
-        with in_a_sentence(BrokenPicture):
-            for path in write_ladder(asyncio.run(asked()), self.folder):
+        view = middle_view(self.folder)
+        with in_a_sentence(BrokenPicture), render_url(self.folder, self.render) as url:
+            for path in write_ladder(asyncio.run(asked(url)), self.folder):
                 print(printable(str(path)))
 
 

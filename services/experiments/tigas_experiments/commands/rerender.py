@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tigas_common.command import POSITIONAL, Command, Metavar
 from tigas_common.terminal import make_console, progress_bar
-from tigas_common.topology import PAGE
 from tigas_experiments.commands.options import end_as_ctrl_c
 
 if TYPE_CHECKING:  # heavy
     from tigas_experiments.records.samples import SampledRun
-
-RENDER_URL = f"http://{PAGE.loopback}"
 
 
 class SamplesCommand(Command):
@@ -30,8 +28,8 @@ class SamplesCommand(Command):
 class RenderCommand(Command):
     """A command that needs a render service."""
 
-    render: Annotated[str, Metavar("URL")] = RENDER_URL
-    """Render service."""
+    render: Annotated[str | None, Metavar("URL")] = None
+    """Render service; one with the experiment's ladder is started unless given."""
 
 
 class Rerender(SamplesCommand, RenderCommand):
@@ -46,7 +44,8 @@ class Rerender(SamplesCommand, RenderCommand):
         end_as_ctrl_c()
         console = make_console()
         try:
-            outcomes = rerender_all(self.folder, self.render, again=self.again)
+            with render_url(self.folder, self.render) as url:
+                outcomes = rerender_all(self.folder, url, again=self.again)
         except KeyboardInterrupt:
             console.print("Interrupted. The same command goes on.")
             raise SystemExit(130) from None
@@ -67,6 +66,24 @@ class Rerender(SamplesCommand, RenderCommand):
             console.print(doubt, style="yellow", soft_wrap=True)
         if any(one.problems for one in outcomes):
             raise SystemExit(1)
+
+
+@contextmanager
+def render_url(folder: Path, given: str | None) -> Iterator[str]:
+    """The URL of the given render service, or of one that runs during the context. Raises StartError."""
+    from tigas_common.render_requests import render_service
+    from tigas_experiments.records.files import BrokenRecording
+    from tigas_experiments.records.folder import read_experiment
+
+    if given is not None:
+        yield given
+        return
+    try:
+        ladder = read_experiment(folder).plan.get("ladder")
+    except BrokenRecording:  # a run's folder
+        ladder = None
+    with render_service(ladder="paper" if ladder == "paper" else "scene") as url:
+        yield url
 
 
 def rerender_all(folder: Path, render: str, *, again: bool = False) -> list[SampledRun]:

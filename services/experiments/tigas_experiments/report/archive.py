@@ -1,10 +1,12 @@
-"""A reproducible archive of a report's raw runs: equal runs give equal bytes."""
+"""A reproducible archive of the raw runs of one or several experiments: equal runs give equal bytes."""
 
 from __future__ import annotations
 
+import hashlib
 import io
 import lzma
 import tarfile
+from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import BinaryIO
@@ -14,11 +16,16 @@ from pydantic import Field, ValidationError
 from tigas_common.errors import StartError
 from tigas_common.parsing import legible
 from tigas_common.wire.model import WireModel
-from tigas_experiments.report.run_table import LADDER, run_folders
+from tigas_experiments.report.run_table import LADDER, RUNS, run_folders
 
 MOST_TIMES = 1000
 """Maximum expansion: records expand ten to twenty times, zeros up to seven thousand times."""
 OPTIONS = "options.json"
+DIGESTS = "SHA256SUMS"
+"""Digests of the tables and figures that the runs give."""
+TABLES_AND_FIGURES = ("*.csv", "*.md", "*.svg")
+PICTURES = ("captures", "samples")
+"""Folders of pictures in a run's; their quality is in its records."""
 
 
 class Options(WireModel):
@@ -40,31 +47,67 @@ def read_options(folder: Path) -> Options:
         raise StartError(f"{folder / OPTIONS} cannot be read: {' '.join(str(error).split())[:200]}") from None
 
 
-def pack(folder: Path, archive: Path, options: Options) -> None:
-    """Write an experiment's record, ladder, runs and options as .tar.xz, without owners, times and links.
+def experiments(folder: Path) -> list[Path]:
+    """The experiment's folder itself, or the experiments in it, sorted by name."""
+    if (folder / RUNS).is_dir() or not folder.is_dir():
+        return [folder]
+    return [path for path in sorted(folder.iterdir()) if (path / RUNS).is_dir()] or [folder]
+
+
+def digests(folder: Path) -> dict[str, str]:
+    """SHA-256 of the tables and figures of a folder and the experiments in it, by path."""
+    folders = {folder, *experiments(folder)}
+    found = sorted(path for each in folders for kind in TABLES_AND_FIGURES for path in each.glob(kind))
+    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in found}
+
+
+def changed(folder: Path) -> list[str]:
+    """The tables and figures in the folder of an unpacked archive that differ from the archived ones."""
+    lines = (folder / DIGESTS).read_text(encoding="utf-8").splitlines()
+    archived = {path: digest for digest, _, path in (line.partition("  ") for line in lines)}
+    return sorted({path for path, _ in archived.items() ^ digests(folder).items()})
+
+
+def pack(folder: Path, archive: Path, options: Mapping[Path, Options], *, pictures: bool = True) -> None:
+    """Write records, ladders, runs and options of all experiments in a folder, and the digests of their tables and
+    figures, as .tar.xz, without owners, times and links. Files of folders beside the experiments come along.
 
     An existing archive is only replaced on success. Raises StartError if there are no runs, and OSError.
     """
-    name = folder.resolve().name
     unfinished = archive.with_name(f".{archive.name}.part")
 
-    def add(path: str | Path, file: BinaryIO, size: int) -> None:
-        entry = tarfile.TarInfo(str(Path(name, path)))
+    def add(path: Path, file: BinaryIO, size: int) -> None:
+        entry = tarfile.TarInfo(str(folder.resolve().name / path.relative_to(folder)))
         entry.size = size
         tar.addfile(entry, file)
 
+    def add_text(path: Path, text: str) -> None:
+        add(path, io.BytesIO(text.encode()), len(text.encode()))
+
     try:
         with tarfile.open(unfinished, "w:xz", format=tarfile.GNU_FORMAT) as tar:
-            data = (options.model_dump_json(indent=2) + "\n").encode()
-            add(OPTIONS, io.BytesIO(data), len(data))
-            runs = [path for run in run_folders(folder) for path in sorted(run.rglob("*")) if not path.is_symlink()]
-            for path in (folder / "experiment.json", folder / LADDER, *runs):
-                if path.is_file():
-                    with path.open("rb") as file:
-                        add(path.relative_to(folder), file, path.stat().st_size)
+            for each in experiments(folder):
+                add_text(each / OPTIONS, options[each].model_dump_json(indent=2) + "\n")
+            add_text(folder / DIGESTS, "".join(f"{digest}  {path}\n" for path, digest in digests(folder).items()))
+            for path in _raw(folder, pictures=pictures):
+                with path.open("rb") as file:
+                    add(path, file, path.stat().st_size)
         unfinished.replace(archive)
     finally:
         unfinished.unlink(missing_ok=True)
+
+
+def _raw(folder: Path, *, pictures: bool) -> Iterator[Path]:
+    for each in experiments(folder):
+        files = (each / "experiment.json", each / LADDER, each / "ladder.csv")
+        runs = (path for run in run_folders(each) for path in sorted(run.rglob("*")))
+        for path in (*files, *runs):
+            if path.is_file() and not path.is_symlink() and (pictures or path.parent.name not in PICTURES):
+                yield path
+    if not (folder / RUNS).is_dir():
+        for path in sorted(folder.glob("*/*")):
+            if path.is_file() and not path.is_symlink() and not (path.parent / RUNS).is_dir():
+                yield path
 
 
 def unpack(archive: Path) -> Path:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tigas_common.command import POSITIONAL, Command, Metavar
+from tigas_common.errors import StartError
 from tigas_common.terminal import make_console, printable, progress_bar
 
 if TYPE_CHECKING:  # heavy
@@ -21,28 +23,47 @@ class Report(Command):
     """Write the report of an experiment into its folder: report.html, tables and figures."""
 
     folder: Annotated[Path, POSITIONAL, Metavar("DIR")]
-    """Experiment's folder, with runs/; or an archive of one, which is unpacked first."""
+    """Experiment's folder, with runs/; a folder of such; or an archive of either, which is unpacked first."""
     baseline: str | None = None
     """Controller to compare the others with, such as latency, profile-2 or dash-tuned; the first unless named."""
     archive: Path | None = None
     """Archive (.tar.xz) to pack the raw runs into as well, from which the report can be made again."""
+    without_pictures: bool = False
+    """Leave captures and samples out of the archive: tables and figures do not need them."""
 
     def run(self) -> None:
-        from tigas_experiments.report.archive import Options, pack, read_options, unpack
-        from tigas_experiments.report.report import write_report
+        from tigas_experiments.report.archive import DIGESTS, Options, changed, experiments, pack, read_options, unpack
+        from tigas_experiments.report.report import BEST_FILE, write_report
+        from tigas_experiments.report.tables import best_markdown
 
         def on_progress(step: str, done: int, total: int | None) -> None:
             show(1.0 if total is None else done / total, step if total else f"{step}: {done}")
 
+        made = {}
         with progress_bar() as show:
             folder = unpack(self.folder) if self.folder.is_file() else self.folder
-            baseline = self.baseline or read_options(folder).baseline
-            made = write_report(folder, folder, on_progress, baseline=baseline)
+            for each in experiments(folder):
+                baseline = self.baseline or read_options(each).baseline
+                made[each] = write_report(each, each, on_progress, baseline=baseline)
+            if folder not in made:
+                rows = [row for report in made.values() for row in report.best]
+                (folder / BEST_FILE).write_text(best_markdown(rows), encoding="utf-8")
             if self.archive is not None:
-                pack(folder, self.archive, Options(baseline=made.baseline))
-        _print(made)
+                options = {each: Options(baseline=report.baseline) for each, report in made.items()}
+                pack(folder, self.archive, options, pictures=not self.without_pictures)
+        for report in made.values():
+            _print(report)
         if self.archive is not None:
-            print(printable(f"The archive: {self.archive}"))
+            with self.archive.open("rb") as file:
+                digest = hashlib.file_digest(file, "sha256").hexdigest()
+            print(printable(f"The archive: {self.archive}, SHA-256 {digest}"))
+        if self.folder.is_file() and self.baseline is None and (folder / DIGESTS).is_file():
+            if differ := changed(folder):
+                raise StartError(
+                    f"{len(differ)} tables and figures differ from the archived ones, such as {differ[0]}: another "
+                    "version of TIGAS or its libraries made them."
+                )
+            print("All tables and figures are equal to the archived ones.")
 
 
 def _print(made: Written) -> None:

@@ -49,15 +49,20 @@ OVERVIEW = chosen(
     "render_mean_ms",
     "received_mbit_s",
     "mean_height_px",
+    "median_height_px",
     "mean_profile",
     "profile_changes_per_min",
+    "seen_ssim",
 )
 OVER_RTT = chosen(
+    "response_time_mean_ms",
     "frame_age_mean_ms",
     "motion_to_photon_p95_ms",
-    IN_TIME,
     "mean_profile",
     "profile_changes_per_min",
+    IN_TIME,
+    "median_height_px",
+    "received_mbit_s",
     "new_views_per_s",
 )
 PARTS = chosen(*(f"age_{part}_ms" for part in PART_TITLES))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -22,6 +23,7 @@ from tigas_experiments.wire.recording import Input, Lens
 
 PICTURE_IN = 3.2
 DPI = 150
+MOST_COLUMNS = 5
 DETAIL = 4
 """Magnification of the detail below each picture."""
 
@@ -78,14 +80,20 @@ def write_ladder(steps: Sequence[Step], folder: Path) -> list[Path]:
     """Write both files and return their paths. Raises OSError."""
     picture, table = folder / LADDER, folder / "ladder.csv"
     height, width = steps[0].shown.shape[:2]
+    columns = min(len(steps), MOST_COLUMNS)
+    rows = 2 * math.ceil(len(steps) / columns)
     inner = [slice((side - side // DETAIL) // 2, (side + side // DETAIL) // 2) for side in (height, width)]
     with style():
-        figure = Figure(figsize=(PICTURE_IN * len(steps), 2 * PICTURE_IN * height / width + 0.5), layout="constrained")
-        panels = figure.subplots(2, len(steps), squeeze=False)
-        for (whole, detail), step in zip(panels.T, steps, strict=True):
+        row_in = PICTURE_IN * height / width + 0.25
+        figure = Figure(figsize=(PICTURE_IN * columns, row_in * rows), layout="constrained")
+        panels = figure.subplots(rows, columns, squeeze=False)
+        for axes in panels.flat:
+            axes.set_axis_off()
+        for number, step in enumerate(steps):
+            row, column = divmod(number, columns)
+            whole, detail = panels[2 * row : 2 * row + 2, column]
             for axes, shown in ((whole, step.shown), (detail, step.shown[inner[0], inner[1]])):
                 axes.imshow(shown, interpolation="antialiased")
-                axes.set_axis_off()
             whole.set_title(
                 f"{step.number} {step.rung.name}: {step.width}×{step.height}, q{step.rung.quality}\n"
                 f"{step.bytes / 1000:,.1f} kB, {step.quality.psnr_db:.1f} dB, SSIM {step.quality.ssim:.3f}"

@@ -49,8 +49,8 @@ STYLE: Any = {
 PANEL_IN, HEIGHT_IN = 3.5, 2.5
 """Usual panel size, inches."""
 WIDE_IN = 2.6 * PANEL_IN
-LEGEND_IN = 1.25
-"""Width of a legend entry."""
+LEGEND_IN, LETTER_IN = 0.55, 0.065
+"""Width of a legend entry without its text, and of a letter."""
 MOST_COLUMNS = 3
 NAME_LENGTH = 18
 """Maximum length of a name on an axis."""
@@ -121,7 +121,7 @@ def add_legend(figure: Figure, panels: Iterable[Axes]) -> None:
         str(label): handle for axes in panels for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
     }
     if entries:
-        columns = max(2, int(figure.get_figwidth() / LEGEND_IN))
+        columns = max(1, int(figure.get_figwidth() / (LEGEND_IN + LETTER_IN * max(map(len, entries)))))
         figure.legend(entries.values(), entries.keys(), loc="outside upper left", ncols=columns, fontsize=8)
 
 

@@ -22,11 +22,12 @@ from tigas_experiments.report.plot import Plot
 from tigas_experiments.report.rate_distortion import QUALITIES, by_condition, over_all
 from tigas_experiments.report.run_listing import COLUMN_GROUPS, by_network, markdown, titles
 from tigas_experiments.report.run_table import LADDER, OnProgress, Results, Run, load
-from tigas_experiments.report.tables import overall_markdown, write_csv
+from tigas_experiments.report.tables import BEST, best, best_markdown, overall_markdown, write_csv
 from tigas_experiments.report.time_figures import write_headline
 from tigas_experiments.report.warnings import warnings
 from tigas_experiments.wire.figures import INTERACTIVE_MS
 
+BEST_FILE = "best.md"
 MOST_RUNS = 16
 """Maximum number of runs of a network that are listed one by one."""
 Plots = dict[str | None, list[Plot]]
@@ -39,6 +40,8 @@ class Report(NamedTuple):
     """Name of the controller that the others were compared with; None without runs."""
     warnings: list[str]
     page: Path
+    best: list[list[str]]
+    """Rows of BEST."""
 
 
 class Listing(NamedTuple):
@@ -71,7 +74,10 @@ def write_report(
     totals, complete = groups.overall(), [run for run in results.made if run.problem is None]
     (out / "table.md").write_text(markdown(results.made), encoding="utf-8")
     (out / "overall.md").write_text(overall_markdown(totals), encoding="utf-8")
-    report = Report(results, None if base is None else base.name, warnings(results), out / "report.html")
+    rows = best(groups, results.title)
+    if rows:
+        (out / BEST_FILE).write_text(best_markdown(rows), encoding="utf-8")
+    report = Report(results, None if base is None else base.name, warnings(results), out / "report.html", rows)
     plots = _write_figures(groups, out, on_progress)
     streams = {run: run.record.recording.dash for run in complete if run.record.recording}
     environment = Environment(
@@ -88,6 +94,8 @@ def write_report(
         warnings=report.warnings,
         plots=plots,
         listings=_listings(results, plots),
+        best=rows,
+        best_headings=BEST,
         totals=totals if len(groups.networks) > 1 else [],
         differences=differences,
         equal_rates=[each for each in distortions if each.equal_rates],

@@ -26,6 +26,7 @@ from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.metrics import Value, values_of
 from tigas_experiments.wire.run import Configuration
 
+RUNS = "runs"
 LADDER = "ladder.jpg"
 """One view of the experiment at each rung, made by `tigas quality ladder`."""
 Floats = NDArray[np.float64]
@@ -162,7 +163,7 @@ def load(folder: Path, on_progress: OnProgress = lambda step, done, total: None)
 
 def run_folders(folder: Path) -> list[Path]:
     """Folders of an experiment's runs, sorted by name, without hidden ones. Raises StartError if there are none."""
-    where = folder / "runs"
+    where = folder / RUNS
     try:
         found = sorted(path for path in where.iterdir() if path.is_dir() and not path.name.startswith("."))
     except OSError as error:

@@ -12,12 +12,17 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from tigas_experiments.report.estimates import Estimate
+from tigas_experiments.report.estimates import LEAST_WINDOWS, Estimate, certain, signed
 from tigas_experiments.report.groups import Difference, Group, Groups
-from tigas_experiments.report.metrics import METRICS, TABLE
+from tigas_experiments.report.metrics import METRICS, TABLE, chosen
 from tigas_experiments.report.picture_scores import computed, rows_of
 from tigas_experiments.report.rate_distortion import QUALITIES, RateDistortion
 from tigas_experiments.report.run_table import Results, Row, run_table
+
+SEEN, RECEIVED = chosen("seen_ssim", "received_mbit_s")
+BEST = ("experiment", "round trip, ms", "best picture on the screen", "SSIM", "Mbit/s", "not certainly worse")
+"""The controller with the highest SSIM at display time, over all networks, and those whose paired difference from it
+is not certain."""
 
 
 def write_csv(
@@ -48,6 +53,43 @@ def overall_markdown(rows: Sequence[Group]) -> str:
         means = [None if (found := row.estimate(metric)) is None else found.mean for metric in TABLE]
         lines.append([*row.labels[1:], *(metric.text(mean) for metric, mean in zip(TABLE, means, strict=True))])
     return markdown_table(headings, lines, left=["controller"])
+
+
+def best(groups: Groups, experiment: str) -> list[list[str]]:
+    """A row of BEST for each round trip at which all networks have captures of several controllers."""
+    rows = []
+    everywhere = groups.overall() if len(groups.networks) > 1 else groups
+    several = len({controller.mode for controller in groups.looks}) > 1
+
+    def title(row: Group | Difference) -> str:
+        controller = row.condition.controller
+        return controller.title_with_mode if several else controller.title
+
+    for condition in dict.fromkeys(group.condition[:2] for group in everywhere):
+        own = {group: group.estimate(SEEN) for group in everywhere if group.condition[:2] == condition}
+        means = {group: estimate.mean for group, estimate in own.items() if estimate is not None}
+        if len(means) < 2:
+            continue
+        first = max(means, key=lambda group: means[group])
+        pairs = {
+            pair: pair.estimate(SEEN) for pair in groups.against(first.controller) if pair.condition[:2] == condition
+        }
+        known = {pair: estimate for pair, estimate in pairs.items() if estimate and estimate.interval}
+        worse = certain(known.values())
+        alike = (
+            f"{title(pair)} ({signed(SEEN, estimate.mean)} {estimate.interval_text(SEEN)})"
+            for pair, estimate in known.items()
+            if estimate not in worse
+        )
+        rate = first.estimate(RECEIVED)
+        cells = (title(first), SEEN.text(means[first]), RECEIVED.text(None if rate is None else rate.mean))
+        others = "; ".join(alike) or "none" if known else f"unknown: fewer than {LEAST_WINDOWS} network windows"
+        rows.append([experiment, first.labels[1], *cells, others])
+    return rows
+
+
+def best_markdown(rows: Sequence[Sequence[str]]) -> str:
+    return markdown_table(BEST, rows, left=["experiment", BEST[2], BEST[-1]])
 
 
 def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]], left: Collection[str]) -> str:

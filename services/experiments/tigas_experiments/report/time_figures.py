@@ -145,7 +145,8 @@ def draw_boxes(axes: Axes, groups: Sequence[Group], looks: Looks) -> list[float]
         )
         whiskers += np.percentile(values, (5, 95)).tolist()
     interactive_limit(axes)
-    axes.set_xticks(range(len(places)), [controller.title for controller in places], rotation=20, ha="right")
+    slant: dict[str, Any] = {"rotation": 40, "ha": "right", "rotation_mode": "anchor"}
+    axes.set_xticks(range(len(places)), [short(controller.title) for controller in places], **slant)
     axes.set_ylabel("Frame age, ms")
     return whiskers
 

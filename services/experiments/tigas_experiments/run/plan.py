@@ -122,7 +122,7 @@ class ExperimentPlan(WireModel):
     movements: Several[Text]
     """Movement traces' files, and names of generated movements."""
     networks: Several[Text]
-    """Networks in the syntax of `tigas compare --network`."""
+    """Networks in the syntax of `parse_network`."""
     rtts_ms: Several[Annotated[float, Field(ge=0, le=MAX_RTT_MS)]] | None = None
     """Round trips in place of the networks' own; without them, each network keeps its own."""
     modes: Several[RunMode] = ("stateless",)
@@ -154,6 +154,8 @@ class ExperimentPlan(WireModel):
     """DASH modes: `tcp`, or `h3`, by the sender of frames."""
     segments: int = Field(default=1, ge=1, le=1000)
     """Number of different parts of the traces and movements, chosen by the seed; 1 uses their beginnings."""
+    movements_in_turn: bool = False
+    """Whether movements take turns over the parts of the traces, instead of all movements over all parts."""
     repeats: int = Field(default=1, ge=1, le=1000)
     duration_s: float = 20.0
     viewport: str = "640x360"
@@ -215,7 +217,8 @@ class ExperimentPlan(WireModel):
         count = (
             self.repeats
             * self.segments
-            * math.prod(map(len, (self.scenes, self.movements, self.networks, self.rtts_ms or (0,), profiles)))
+            * math.prod(map(len, (self.scenes, self.networks, self.rtts_ms or (0,), profiles)))
+            * (1 if self.movements_in_turn else len(self.movements))
         )
         if count > MAX_RUNS:
             raise StartError(f"{self.name} would have {count} runs; the limit is {MAX_RUNS}.")
@@ -277,7 +280,7 @@ class ExperimentPlan(WireModel):
         transports: Fields = [{"dash_transport": transport} for transport in self.dash_transports]
         nothing: Fields = [{}]
         for mode in self.modes:
-            choices = controllers if mode in PER_VIEW else nothing if mode in LOCAL else representations
+            choices = controllers if mode in PER_VIEW else representations if mode in DASH else nothing
             ways = transports if mode in DASH else nothing
             for choice, way, motion in product(choices, ways, nothing if mode in LOCAL else motions):
                 yield mode, choice | way | motion
@@ -293,9 +296,16 @@ class ExperimentPlan(WireModel):
             return chance.sample(every, len(every)) if self.shuffled else every
 
         for repeat in range(self.repeats):
-            for inputs in in_order(product(self.scenes, self.movements, networks)):
+            for inputs in in_order(self._inputs(networks)):
                 for profile in in_order(profiles):
                     yield repeat, inputs, profile
+
+    def _inputs(self, networks: Sequence[tuple[int, Network]]) -> Iterator[Inputs]:
+        names = list(dict.fromkeys(network.name for _, network in networks))
+        for scene, (place, movement), (segment, network) in product(self.scenes, enumerate(self.movements), networks):
+            turn = (names.index(network.name) + segment) % len(self.movements)
+            if place == turn or not self.movements_in_turn:
+                yield scene, movement, (segment, network)
 
     def _networks(self, directory: Path, traces_s: Mapping[str, float]) -> list[tuple[int, Network]]:
         """Each with the number of the segment that it begins at."""

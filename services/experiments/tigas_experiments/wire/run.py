@@ -25,7 +25,6 @@ Mode = Literal[PerViewMode, DashMode, "webrtc", LocalMode]
 PER_VIEW: tuple[Mode, ...] = get_args(PerViewMode)
 DASH: tuple[Mode, ...] = get_args(DashMode)
 LOCAL: tuple[Mode, ...] = get_args(LocalMode)
-USUALLY_COMPARED: tuple[Mode, ...] = ("stateless", *DASH)
 MODE_NAMES: dict[Mode, str] = {
     "stateless": "Stateless",
     "video": "Video",
@@ -139,7 +138,7 @@ class Network(WireModel):
 
     @property
     def label(self) -> str:
-        """The network as `tigas compare --network` reads it: `20mbit,0.1%-loss,20ms-rtt` or `4g-bus,100ms-rtt`."""
+        """The network as an experiment's file names it: `20mbit,0.1%-loss,20ms-rtt` or `4g-bus,100ms-rtt`."""
         rtt = self.round_trip_ms
         return self.name if rtt is None or (rtt == 0 and self.trace is None) else f"{self.name},{rtt:g}ms-rtt"
 

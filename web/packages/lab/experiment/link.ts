@@ -116,7 +116,7 @@ export class RunLink {
   }
 }
 
-/** The present link in the form of `tigas compare --network`, such as `20mbit,20ms-rtt`; or why it is unusable, in `problem`. */
+/** The present link in the form of experiment files, such as `20mbit,20ms-rtt`; or why it is unusable, in `problem`. */
 export function presentNetwork(shaper: Shaper | null): { readonly label: string } | { readonly problem: string } {
   if (shaper === null) return { label: UNSHAPED };
   const status = shaper.status.value;

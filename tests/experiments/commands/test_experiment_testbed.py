@@ -1,4 +1,4 @@
-"""`tigas compare` over the real link of the namespace lab: processes, measurements and cleanup."""
+"""`tigas experiment run` over the real link of the namespace lab: processes, measurements and cleanup."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from pathlib import Path
 import psutil
 import pytest
 
-from tests.experiments.commands.test_compare import compare, report
-from tests.experiments.processes import finished, until
+from tests.experiments.commands.test_experiment import report
+from tests.experiments.processes import finished, started, until
+from tests.experiments.run.test_plan import toml
 from tests.prerequisites import BUILT_PAGE, CHROMIUM, FREE_LAB, NAMESPACES
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.wire.recording import LinkSample
@@ -20,7 +21,11 @@ from tigas_testbed.services import NAME
 
 pytestmark = pytest.mark.alone
 
-SHORT = ("--duration", "3", "--modes", "stateless", "--viewport", "320x180", "--profile", "2")
+
+def experiment(out: Path, network: str, duration_s: float = 3) -> subprocess.Popen[str]:
+    file = out.with_suffix(".toml")
+    file.write_text(toml(networks=[network], controllers=[2], duration_s=duration_s, viewport="320x180"))
+    return started("experiment", "run", str(file), "--out", str(out))
 
 
 @pytest.fixture(autouse=True)
@@ -41,7 +46,7 @@ def test_a_trace_s_file_is_played_and_frames_cross_the_link(tmp_path: Path) -> N
         "t_ms,down_kbps,up_kbps,delay_ms,jitter_ms,loss_pct\n0,6000,6000,40,0,0\n2000,3000,,,,\n60000,,,,,\n"
     )
     out = tmp_path / "out"
-    status, _, errors = finished(compare("--network", str(trace), "--out", str(out), *SHORT))
+    status, _, errors = finished(experiment(out, trace.name))
     assert status == 0, errors
     (run,) = report(out)
     figures = run["figures"]
@@ -58,7 +63,7 @@ def test_a_trace_s_file_is_played_and_frames_cross_the_link(tmp_path: Path) -> N
 @pytest.mark.extended
 def test_even_after_a_kill_nothing_is_left(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    process = compare("--network", "20mbit,20ms-rtt", "--out", str(out), *SHORT, "--duration", "60")
+    process = experiment(out, "20mbit,20ms-rtt", 60)
     until(process, lambda: any(out.glob("runs/*/run.json")), "the run never began")
     children = psutil.Process(process.pid).children(recursive=True)
     process.send_signal(signal.SIGKILL)

@@ -1,0 +1,207 @@
+"""The command `tigas paper`: the parts of the published evaluation, which one file describes."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+from pydantic import ValidationError
+from rich.table import Table
+
+from tigas_common.command import POSITIONAL, Command, Metavar
+from tigas_common.errors import StartError
+from tigas_common.parsing import sentence
+from tigas_common.terminal import make_console
+from tigas_common.wire.model import WireModel
+from tigas_experiments.commands.experiment import perform
+from tigas_experiments.commands.options import command_as_typed, end_as_ctrl_c
+
+if TYPE_CHECKING:  # heavy
+    from tigas_experiments.run.plan import ExperimentPlan
+
+PROGRESS = "part.json"
+
+
+class Part(WireModel):
+    name: str
+    shows: str
+    """The tables and figures that it makes."""
+    minutes: float
+    """Approximate time on that machine."""
+    on: str = "2 cores"
+    """The least machine."""
+    like: str | None = None
+    """The part whose keys of the experiment it inherits."""
+    experiment: dict[str, Any] | None = None
+    """Keys of an experiment's file."""
+    then: tuple[str, ...] = ()
+    """Commands for its folder, {out}, after its runs."""
+
+
+class Progress(WireModel):
+    """Contents of part.json in a part's folder."""
+
+    seconds: float = 0.0
+    """Time spent so far."""
+    done: bool = False
+
+    @classmethod
+    def of(cls, folder: Path) -> Self:
+        try:
+            return cls.model_validate_json((folder / PROGRESS).read_bytes())
+        except (OSError, ValidationError):
+            return cls()
+
+    def write(self, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / PROGRESS).write_text(self.model_dump_json() + "\n", encoding="utf-8")
+
+
+class Evaluation(WireModel):
+    """The file of parts."""
+
+    experiment: dict[str, Any]
+    """Keys of all parts' experiments."""
+    parts: tuple[Part, ...]
+    inputs: dict[str, str]
+    """Commands that make files, by path from the repository's root, from recordings and scenes in {data}."""
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Raises StartError."""
+        try:
+            return cls.model_validate_json(json.dumps(tomllib.loads(path.read_text(encoding="utf-8"))))
+        except OSError as error:
+            raise StartError(f"{path} cannot be read ({error.strerror}): run this in a clone of TIGAS.") from None
+        except tomllib.TOMLDecodeError as error:
+            raise StartError(f"{path} is no TOML: {error}.") from None
+        except ValidationError as error:
+            raise StartError(f"{path}: {sentence(error)}") from None
+
+    def part(self, name: str) -> Part:
+        """Raises StartError."""
+        found = next((part for part in self.parts if part.name == name), None)
+        if found is None:
+            raise StartError(f"There is no part {name!r}, only {', '.join(part.name for part in self.parts)}.")
+        return found
+
+    def plan(self, part: Part) -> ExperimentPlan | None:
+        """None for a part that only has commands. Raises StartError."""
+        from tigas_experiments.run.plan import ExperimentPlan
+
+        if part.experiment is None:
+            return None
+        return ExperimentPlan.of({**self.experiment, **self._keys(part), "name": part.name}, f"The part {part.name}")
+
+    def _keys(self, part: Part) -> dict[str, Any]:
+        inherited = {} if part.like is None else self._keys(self.part(part.like))
+        return {**inherited, **(part.experiment or {})}
+
+    def needed(self, part: Part) -> list[str]:
+        """The files of `inputs` that a part uses."""
+        plan = self.plan(part)
+        names = () if plan is None else (*plan.movements, *plan.networks)
+        scenes = () if plan is None else tuple(f"models/{scene}/" for scene in plan.scenes)
+        return [path for path in self.inputs if path.removeprefix("experiments/") in names or path.startswith(scenes)]
+
+
+class Paper(Command):
+    """Make a part of the published evaluation, or continue it. Without PART, list the parts."""
+
+    part: Annotated[str | None, POSITIONAL, Metavar("PART")] = None
+    """Part to make."""
+    data: Path | None = None
+    """Folder with recordings and scenes, which most parts need."""
+    out: Path = Path("results/paper")
+    """Folder with a folder of each part."""
+    file: Path = Path("experiments/paper.toml")
+    """The parts."""
+    allow_changes: bool = False
+    """Continue even if the commit, browser, ladder or a scene has changed."""
+
+    def run(self) -> None:
+        evaluation = Evaluation.read(self.file)
+        if self.part is None:
+            make_console().print(self._listed(evaluation))
+            return
+        end_as_ctrl_c()
+        part = evaluation.part(self.part)
+        making = _Making(self.file.parent, self.out / part.name, self.data)
+        making.inputs({path: evaluation.inputs[path] for path in evaluation.needed(part)})
+        before, began, done = Progress.of(making.out), time.monotonic(), False
+        try:
+            self._make(making, evaluation.plan(part), part.then, before)
+            done = True
+        finally:
+            Progress(seconds=before.seconds + time.monotonic() - began, done=done).write(making.out)
+
+    def _make(self, making: _Making, plan: ExperimentPlan | None, then: Sequence[str], before: Progress) -> None:
+        from tigas_experiments.report.cli import Report
+        from tigas_experiments.run.experiment import Experiment
+
+        complete = before.done
+        if plan is not None:
+            made = Experiment.of(plan, making.directory, making.out, command_as_typed())
+            complete = complete and not made.missing()
+            if not complete:
+                perform(made, None, allow_changes=self.allow_changes)
+        if complete:
+            print(f"{making.out} is complete.")
+            return
+        making.out.mkdir(parents=True, exist_ok=True)
+        for command in then:
+            making.shell(command)
+        if plan is not None and then:
+            Report(folder=making.out).run()
+
+    def _listed(self, evaluation: Evaluation) -> Table:
+        table = Table("Part", "Shows", "On", "Minutes", "Done")
+        for part in evaluation.parts:
+            progress = Progress.of(self.out / part.name)
+            took = f"{progress.seconds / 60:.0f}" if progress.done else f"about {part.minutes:g}"
+            began = "begun" if progress.seconds else ""
+            table.add_row(part.name, part.shows, part.on, took, "yes" if progress.done else began)
+        return table
+
+
+@dataclass(frozen=True, slots=True)
+class _Making:
+    directory: Path
+    """The folder that an experiment's paths are relative to."""
+    out: Path
+    data: Path | None
+
+    def inputs(self, commands: dict[str, str]) -> None:
+        """Make missing files. Raises StartError."""
+        root = self.directory.resolve().parent
+        missing = {root / path: command for path, command in commands.items() if not (root / path).exists()}
+        for path, command in missing.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self.shell(command, path)
+
+    def shell(self, command: str, path: Path | None = None) -> None:
+        """Carry out a command of the file. Raises StartError."""
+        if "{data}" in command and (self.data is None or not self.data.is_dir()):
+            raise StartError(
+                f"{self.out.name} needs recordings or scenes that are not part of TIGAS: name their folder with --data "
+                f"(make paper PART={self.out.name} DATA=../shared; docs/experiments.md)."
+            )
+        tools = os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"}
+        with TemporaryDirectory() as scratch:
+            filled = command
+            for name, value in (("out", self.out), ("data", self.data), ("path", path), ("tmp", scratch)):
+                filled = filled.replace(f"{{{name}}}", str(value))
+            print(f"== {filled.strip()}", flush=True)
+            if subprocess.run(["bash", "-euc", filled], env=tools, stdin=subprocess.DEVNULL).returncode:
+                if path is not None:
+                    path.unlink(missing_ok=True)
+                raise StartError(f"{self.out.name} stopped, since this failed: {filled.strip()}")
