@@ -33,6 +33,7 @@ import httpx
 import psutil
 from websockets.asyncio.client import connect
 
+from benchmarks.load import server
 from benchmarks.services import free_ports, started
 
 RATE = 30
@@ -137,16 +138,15 @@ async def main() -> int:
     parser.add_argument("--width", type=int, default=640, choices=(1280, 960, 640, 320))
     parser.add_argument("--height", type=int, default=360)
     arguments = parser.parse_args()
-    render_port, port = free_ports(socket.SOCK_STREAM, socket.SOCK_STREAM)
-    render_listens = ("--http", f"127.0.0.1:{render_port}", "--quic", "off")
-    dash_listens = ("--http", f"127.0.0.1:{port}", "--render", f"http://127.0.0.1:{render_port}")
-    settings = {"TIGAS_DASH_IDLE_S": "2", "TIGAS_DASH_ENCODER": "libx264"}
+    (port,) = free_ports(socket.SOCK_STREAM)
+    settings = {"TIGAS_DASH_IDLE_S": "2", "TIGAS_DASH_ENCODER": "libx264", "TIGAS_DASH_MAX_SESSIONS": "20"}
     with (
-        tempfile.TemporaryDirectory() as folder,
-        started("render", *render_listens, log=Path(folder, "render.log")) as render,
-        started("dash", *dash_listens, "--max-sessions", "20", log=Path(folder, "dash.log"), **settings) as packager,
+        server.started("render", ()) as render,
+        tempfile.NamedTemporaryFile() as log,
+        started(
+            "dash", "--http", f"127.0.0.1:{port}", "--render", render.url, log=Path(log.name), **settings
+        ) as packager,
     ):
-        render.wait_until_healthy(render_port)
         packager.wait_until_healthy(port)
         async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=60) as http:
             memory = psutil.Process(packager.process.pid)

@@ -14,18 +14,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import socket
 import statistics
-import tempfile
 from bisect import bisect
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 from playwright.sync_api import Browser, CDPSession, Page, ViewportSize, sync_playwright
 
-from benchmarks.services import free_ports, started
+from benchmarks.load.server import started
 from tigas_experiments.run.browser import ARGUMENTS, find_chromium
 
 Event = dict[str, Any]
@@ -59,7 +56,7 @@ def viewer(browser: Browser, url: str) -> Iterator[tuple[Page, CDPSession]]:
         stored = json.dumps(json.dumps(SETTINGS))
         context.add_init_script(f"localStorage.setItem('tigas.settings', {stored})")
         page = context.new_page()
-        page.goto(f"{url}#/scene/courtyard")
+        page.goto(f"{url}/#/scene/courtyard")
         page.wait_for_function(f"{FRAMES} > 0")
         yield page, context.new_cdp_session(page)
 
@@ -101,16 +98,9 @@ def main() -> None:
     parser.add_argument("--blocks", type=int, default=5)
     parser.add_argument("--frames", type=int, nargs="*", default=[3600, 36_000])
     options = parser.parse_args()
-    port, quic = free_ports(socket.SOCK_STREAM, socket.SOCK_DGRAM)
-    listens = ("--http", f"127.0.0.1:{port}", "--quic", f"127.0.0.1:{quic}")
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        started("render", "--device", "instant", *listens, log=Path(folder, "log")) as service,
-        sync_playwright() as playwright,
-    ):
-        service.wait_until_healthy(port)
+    with started("service", ("--device", "instant")) as server, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=find_chromium(), args=[*ARGUMENTS, "--no-sandbox"])
-        url = f"http://localhost:{port}/"
+        url = server.url.replace("127.0.0.1", "localhost")
         for _ in range(options.blocks):
             with viewer(browser, url) as (page, cdp):
                 page.evaluate(PREPARE)

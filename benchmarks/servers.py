@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import math
 import struct
 import subprocess
@@ -29,6 +28,8 @@ from aioquic.h3.events import DataReceived, HeadersReceived, WebTransportStreamD
 from aioquic.quic.configuration import QuicConfiguration
 from aioquic.quic.events import ProtocolNegotiated, QuicEvent
 
+from benchmarks.services import STOP_S
+from tigas_common import processes
 from tigas_common.resources import give_back_regularly
 from tigas_common.wire.render import FrameHeader, RenderRequest, ServerTiming
 from tigas_render.admission.limits import Limits
@@ -52,8 +53,6 @@ class Server:
 
     pid: int
     port: int
-    hash: str
-    """Its certificate's SHA-256, in base 64."""
 
     def cpu_seconds(self) -> float:
         """The process's own clock, as clock_getcpuclockid(3) makes its id."""
@@ -68,12 +67,9 @@ class Server:
 def running(name: str, size: int) -> Iterator[Server]:
     """A server of frames of this many bytes."""
     command = [sys.executable, "-m", "benchmarks.servers", name, str(size)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with processes.running(command, STOP_S, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
-        try:
-            yield Server(process.pid, **json.loads(process.stdout.readline()))
-        finally:
-            process.terminate()
+        yield Server(process.pid, int(process.stdout.readline()))
 
 
 class Memory(FrameSource):
@@ -98,7 +94,7 @@ async def run_ours(certificate: Certificate, size: int) -> None:
     ) as server:
         memory = asyncio.create_task(give_back_regularly())  # as the service does
         await asyncio.sleep(0)
-        announce(server.port, certificate)
+        announce(server.port)
         await memory
 
 
@@ -142,13 +138,13 @@ async def run_stock(certificate: Certificate, size: int) -> None:
     )
     server = await serve("127.0.0.1", 0, configuration=configuration, create_protocol=Stock)
     assert server._transport is not None
-    announce(server._transport.get_extra_info("sockname")[1], certificate)
+    announce(server._transport.get_extra_info("sockname")[1])
     await asyncio.Event().wait()
 
 
-def announce(port: int, certificate: Certificate) -> None:
-    """Report the server's address to the parent process."""
-    print(json.dumps({"port": port, "hash": certificate.sha256}), flush=True)
+def announce(port: int) -> None:
+    """Report the server's port to the parent process."""
+    print(port, flush=True)
 
 
 def main(name: str, size: int) -> None:

@@ -6,8 +6,8 @@ import os
 import socket
 import subprocess
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,32 +39,22 @@ class Service:
     @property
     def megabytes(self) -> float:
         """Resident memory of the service and the processes that it has started; 0 once it has ended."""
-        total = 0
-        for process in self._family():
-            try:
-                total += process.memory_info().rss
-            except psutil.NoSuchProcess:
-                continue
-        return total / 1e6
+        return self._sum(lambda process: process.memory_info().rss) / 1e6
 
     @property
     def cpu_s(self) -> float:
         """Seconds that its processes have computed, in user and kernel mode."""
-        total = 0.0
-        for process in self._family():
-            try:
-                times = process.cpu_times()
-            except psutil.NoSuchProcess:
-                continue
-            total += times.user + times.system
-        return total
+        return self._sum(lambda process: process.cpu_times().user + process.cpu_times().system)
 
-    def _family(self) -> list[psutil.Process]:
-        try:
+    def _sum(self, figure: Callable[[psutil.Process], float]) -> float:
+        """Over the process and those that it has started, as far as they have not ended."""
+        total = 0.0
+        with suppress(psutil.NoSuchProcess):
             top = psutil.Process(self.process.pid)
-            return [top, *top.children(recursive=True)]
-        except psutil.NoSuchProcess:
-            return []
+            for process in (top, *top.children(recursive=True)):
+                with suppress(psutil.NoSuchProcess):
+                    total += figure(process)
+        return total
 
     def wait_until_healthy(self, port: int) -> None:
         """Wait until it answers. Raises StartError if it ends instead, or takes too long."""

@@ -1,10 +1,6 @@
 """Trains the page's linear predictor of poses on recorded movements, and writes its coefficients.
 
     python -m benchmarks.train_predictor MOVEMENT.csv … [--out web/packages/viewer/predict/coefficients.json]
-    python -m benchmarks.train_predictor --errors MOVEMENT.csv …
-
-With `--errors`, it prints the errors of the existing coefficients for each movement, and whether weights adapted to the
-person's first 20 s would have smaller ones.
 
 Movements are in metres, as written by `tigas movement import --anchor start --settings …`; docs/adaptation.md lists the
 recordings behind the shipped coefficients, and their accuracy on others. At each recorded pose the change ahead is a
@@ -35,9 +31,6 @@ PAST_MS = tuple(-STEP_MS * step for step in range(1, STEPS + 1))
 HORIZONS_MS = (20.0, 40.0, 60.0, 80.0, 100.0, 150.0, 200.0, 250.0, 300.0, 400.0, 500.0)
 RIDGE = 1e-6
 """Relative to the mean square of the weighted values."""
-ADAPT_MS, ADAPT_RIDGE = 20_000.0, 0.1
-"""Part of a movement that weights adapt to, and how strongly they are held to the shared ones."""
-ERRORS_AT_MS = (20.0, 100.0, 300.0)
 DECIMALS = 4
 
 
@@ -90,77 +83,15 @@ def train(ways: Sequence[MovementTrace]) -> Weights:
     }
 
 
-def expected(way: MovementTrace, now_ms: Floats, ahead_ms: float, weights: Weights) -> tuple[Floats, Floats]:
-    """Positions [N, 3] and quaternions [N, 4] that `linear` expects at `now_ms` [N] for `ahead_ms` later."""
-    past = changes(way, PAST_MS, now_ms)
-    horizons = (0.0, *HORIZONS_MS)
-
-    def change(of: Floats, kind: str) -> Floats:
-        learned = np.array(weights[kind])  # [axis, horizon, step]
-        learned = np.concatenate((np.zeros((3, 1, STEPS)), learned), axis=1)
-        between = np.array([[np.interp(ahead_ms, horizons, steps) for steps in axis.T] for axis in learned])
-        summed: Floats = np.einsum("nka,ak->na", of, between)
-        return summed
-
-    positions, quaternions = way.poses_at(now_ms)
-    head = Rotation.from_quat(quaternions)
-    turned = head * Rotation.from_rotvec(change(past.turned, "turned"))
-    return positions + head.apply(change(past.moved, "moved")), turned.as_quat()
-
-
-def errors(way: MovementTrace, weights: Weights, ahead_ms: float) -> tuple[float, float, float]:
-    """Mean errors of orientations after the movement's first ADAPT_MS, in degrees, `ahead_ms` ahead.
-
-    Without prediction, with `linear`, and with `linear` adapted to that first part. ahead_ms: one of HORIZONS_MS.
-    Raises MovementError.
-    """
-    now = moments(way, STEP_MS * STEPS, HORIZONS_MS[-1])
-    is_past = now < way.times_ms[0] + ADAPT_MS
-    if not 0 < is_past.sum() < len(now):
-        raise MovementError("The movement is too short to measure.")
-    known, ahead = changes(way, PAST_MS, now).turned, changes(way, (ahead_ms,), now).turned[:, 0]
-    shared = np.array(weights["turned"])[:, HORIZONS_MS.index(ahead_ms)]
-    adapted = shared.copy()
-    for axis in range(3):
-        x = known[is_past, :, axis]
-        missed = ahead[is_past, axis] - x @ shared[axis]
-        adapted[axis] += _ridge(x, missed[:, None], ADAPT_RIDGE)[:, 0]
-    truth = Rotation.from_rotvec(ahead[~is_past])
-
-    def mean(learned: Floats) -> float:
-        guess = Rotation.from_rotvec(np.einsum("nka,ak->na", known[~is_past], learned))
-        return float(np.degrees((guess.inv() * truth).magnitude().mean()))
-
-    return mean(np.zeros_like(shared)), mean(shared), mean(adapted)
-
-
-def error_table(ways: dict[str, MovementTrace], weights: Weights) -> list[str]:
-    """Markdown lines with the errors of each movement, best first, and their quantiles. Raises MovementError."""
-    each = {name: [errors(way, weights, ahead) for ahead in ERRORS_AT_MS] for name, way in ways.items()}
-    at_100 = ERRORS_AT_MS.index(100.0)
-    names = sorted(each, key=lambda name: each[name][at_100][1])
-    rows = [(name, np.array(each[name])) for name in names]
-    values = np.array(list(each.values()))
-    rows += [("mean", values.mean(axis=0))]
-    rows += [(f"{share:.0%} of the movements below", np.quantile(values, share, axis=0)) for share in (0.1, 0.5, 0.9)]
-    columns = "".join(f" {ahead:.0f} ms: off | linear | adapted |" for ahead in ERRORS_AT_MS)
-    lines = [f"| degrees |{columns}", "|---|" + "---:|" * (3 * len(ERRORS_AT_MS))]
-    return lines + [f"| {name} | " + " | ".join(f"{value:.2f}" for value in row.flat) + " |" for name, row in rows]
-
-
-def _ridge(x: Floats, y: Floats, ridge: float) -> Floats:
-    """Weights [K, M] of inputs x [N, K] for targets y [N, M]; ridge: relative to the inputs' mean square."""
-    square = x.T @ x
-    size = ridge * max(np.trace(square) / x.shape[1], np.finfo(float).tiny)
-    weights: Floats = np.linalg.solve(square + size * np.eye(x.shape[1]), x.T @ y)
-    return weights
-
-
 def _weights(known: Sequence[Floats], ahead: Sequence[Floats]) -> list[list[list[float]]]:
     inputs, targets = np.concatenate(known), np.concatenate(ahead)
     weights = []
     for axis in range(3):
-        weights.append(_ridge(inputs[:, :, axis], targets[:, :, axis], RIDGE).T.round(DECIMALS).tolist())
+        x, y = inputs[:, :, axis], targets[:, :, axis]
+        square = x.T @ x
+        size = RIDGE * max(np.trace(square) / STEPS, np.finfo(float).tiny)
+        solved = np.linalg.solve(square + size * np.eye(STEPS), x.T @ y)
+        weights.append(solved.T.round(DECIMALS).tolist())
     return weights
 
 
@@ -175,13 +106,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("movements", type=Path, nargs="+")
     parser.add_argument("--out", type=Path, default=OUT)
-    parser.add_argument("--errors", action="store_true", help="measure the existing coefficients")
     options = parser.parse_args()
     try:
-        if options.errors:
-            measured = {path.stem: MovementTrace.read(path) for path in options.movements}
-            print(*error_table(measured, json.loads(OUT.read_text(encoding="utf-8"))), sep="\n")
-            return
         ways = [_in_metres(path) for path in options.movements]
         weights = train(ways)
     except MovementError as error:

@@ -1,11 +1,10 @@
-"""Our transport against a stock aioquic server, in the same run: processor time of a frame, and frames to Chromium.
+"""Our transport against a stock aioquic server, in the same run: processor time of a frame.
 
-    python -m benchmarks.transport [--blocks 5] [--seconds 1] [--bytes 23000 197000] [--over webtransport post browser]
+    python -m benchmarks.transport [--blocks 5] [--seconds 1] [--bytes 23000 197000] [--over webtransport post]
 
-Both servers answer from memory, each in its own process (`benchmarks.servers`), and take turns block by block. Over
-`webtransport` and `post`, one client process requests frames over loopback, one at a time for each of four viewers; the
-server's time is its process's own clock (user and system) over the frames of a block. `browser` is headless Chromium
-over WebTransport, with one request and with four in flight.
+Both servers answer from memory, each in its own process (`benchmarks.servers`), and take turns block by block. One
+client process requests frames over loopback, one at a time for each of four viewers; the server's time is its process's
+own clock (user and system) over the frames of a block.
 """
 
 from __future__ import annotations
@@ -13,74 +12,23 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
-import http.server
 import json
 import random
 import statistics
-import threading
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable
 from functools import partial
 
 import uvloop
-from playwright.sync_api import sync_playwright
 
 from benchmarks.hostile.client import Client, connect, request
 from benchmarks.servers import NAMES, Server, running
-from tigas_experiments.run.browser import find_chromium
 
 VIEWERS = 4
 WARM_UP_FRAMES = 30
 """Of each viewer, until the congestion window has grown."""
-IN_FLIGHT = (1, 4)
-"""Requests of the browser."""
 REQUEST = request(1280, 720, profile=0, deadline_ms=1000)
 BODY = json.dumps(REQUEST).encode()
-CHROMIUM_ARGUMENTS = [
-    "--no-sandbox",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-default-apps",
-    "--disable-sync",
-    "--no-first-run",
-]
-PAGE_SCRIPT = """
-async ({ port, hash, request, size, warmUp, inFlight, milliseconds }) => {
-  const bytes = Uint8Array.from(atob(hash), (c) => c.charCodeAt(0));
-  const transport = new WebTransport(`https://127.0.0.1:${port}/render`, {
-    serverCertificateHashes: [{ algorithm: "sha-256", value: bytes }],
-  });
-  await transport.ready;
-  const encoder = new TextEncoder();
-  let seq = 0;
-  const frame = async () => {
-    const start = performance.now();
-    const stream = await transport.createBidirectionalStream();
-    const writer = stream.writable.getWriter();
-    writer.write(encoder.encode(JSON.stringify({ ...request, seq: seq++ })));
-    writer.close();
-    let received = 0;
-    const reader = stream.readable.getReader();
-    for (;;) {
-      const { value, done } = await reader.read();
-      if (done) break;
-      received += value.byteLength;
-    }
-    if (received < size) throw new Error(`a frame of ${received} bytes`);
-    return performance.now() - start;
-  };
-  for (let i = 0; i < warmUp; i++) await frame();
-  const times = [];
-  const start = performance.now();
-  const worker = async () => {
-    while (performance.now() - start < milliseconds) times.push(await frame());
-  };
-  await Promise.all(Array.from({ length: inFlight }, worker));
-  const seconds = (performance.now() - start) / 1000;
-  transport.close();
-  return { times, seconds };
-}
-"""
 
 
 async def view(client: Client, session: int) -> None:
@@ -134,56 +82,12 @@ async def processor_us(servers: dict[str, Server], over: str, blocks: int, secon
     return costs
 
 
-@contextlib.contextmanager
-def blank_page() -> Iterator[str]:
-    """A secure context: an empty page on http://localhost."""
-
-    class Handler(http.server.BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            self.send_response(200)
-            self.send_header("Content-Type", "text/html")
-            self.end_headers()
-
-        def log_message(self, *_: object) -> None:
-            pass
-
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://localhost:{server.server_port}/"
-        server.shutdown()
-
-
-def browse(servers: dict[str, Server], size: int, blocks: int, seconds: float) -> None:
-    """Print frames/s and milliseconds of a browser."""
-    options = {"request": REQUEST, "size": size, "warmUp": WARM_UP_FRAMES, "milliseconds": seconds * 1000}
-    with blank_page() as url, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=find_chromium(), args=CHROMIUM_ARGUMENTS)
-        page = browser.new_page()
-        page.goto(url)
-        for in_flight in IN_FLIGHT:
-            rates: dict[str, list[float]] = {name: [] for name in servers}
-            times: dict[str, list[float]] = {name: [] for name in servers}
-            for _ in range(blocks):
-                for name, server in servers.items():
-                    where = {"port": server.port, "hash": server.hash, "inFlight": in_flight}
-                    result = page.evaluate(PAGE_SCRIPT, options | where)
-                    rates[name].append(len(result["times"]) / result["seconds"])
-                    times[name] += result["times"]
-            about = f"{size:9,} bytes, browser, {in_flight} in flight"
-            report(about, "frames/s", rates)
-            for name, each in times.items():
-                p50, p95 = statistics.median(each), statistics.quantiles(each, n=20)[18]
-                print(f"{about}  {name:5} p50 {p50:5.1f}, p95 {p95:5.1f} ms")
-        browser.close()
-
-
-def report(about: str, unit: str, values: dict[str, list[float]]) -> None:
+def report(about: str, values: dict[str, list[float]]) -> None:
     """Print the mean over blocks of each server, and of their ratios."""
     for name, each in values.items():
-        print(f"{about}  {name:5} {interval(each)} {unit}")
-    if len(values) == 2:
-        ratios = [ours / stock for ours, stock in zip(values["ours"], values["stock"], strict=True)]
-        print(f"{about}  ratio {interval(ratios)}", flush=True)
+        print(f"{about}  {name:5} {interval(each)} µs of the processor a frame")
+    ratios = [ours / stock for ours, stock in zip(values["ours"], values["stock"], strict=True)]
+    print(f"{about}  ratio {interval(ratios)}", flush=True)
 
 
 def interval(values: list[float]) -> str:
@@ -196,24 +100,20 @@ def interval(values: list[float]) -> str:
 
 
 def main() -> None:
-    ways = ("webtransport", "post", "browser")
+    ways = ("webtransport", "post")
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--blocks", type=int, default=5)
     parser.add_argument("--seconds", type=float, default=1, help="of a block")
     parser.add_argument("--bytes", type=int, nargs="+", default=[23_000, 197_000], help="of a frame")
     parser.add_argument("--over", nargs="+", choices=ways, default=ways)
-    parser.add_argument("--servers", nargs="+", choices=NAMES, default=NAMES)
     arguments = parser.parse_args()
     print(f"Means of {arguments.blocks} blocks of {arguments.seconds:g} s (95 %)")
     for size in arguments.bytes:
         with contextlib.ExitStack() as stack:
-            servers = {name: stack.enter_context(running(name, size)) for name in arguments.servers}
+            servers = {name: stack.enter_context(running(name, size)) for name in NAMES}
             for over in arguments.over:
-                if over == "browser":
-                    browse(servers, size, arguments.blocks, arguments.seconds)
-                else:
-                    costs = uvloop.run(processor_us(servers, over, arguments.blocks, arguments.seconds))
-                    report(f"{size:9,} bytes, {over}", "µs of the processor a frame", costs)
+                costs = uvloop.run(processor_us(servers, over, arguments.blocks, arguments.seconds))
+                report(f"{size:9,} bytes, {over}", costs)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from rich.table import Table
 
 from benchmarks.hostile.attacks import ATTACKS
 from benchmarks.hostile.measure import Cores, Outcome, Times, measure
-from benchmarks.hostile.services import isolate, plug_in
+from benchmarks.hostile.services import plug_in
 from tigas_common.installation import this_commit
 
 ISOLATED = "--isolated"
@@ -66,7 +66,8 @@ def main() -> int:
     arguments = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the services end as well
     if os.geteuid() == 0 and not arguments.isolated:
-        isolate([sys.executable, "-m", "benchmarks.hostile", ISOLATED, *sys.argv[1:]])
+        command = [sys.executable, "-m", "benchmarks.hostile", ISOLATED, *sys.argv[1:]]
+        os.execvp("unshare", ["unshare", "--net", "--", *command])  # where the shaper can shape
     if arguments.isolated:
         plug_in()
     console = Console(width=150 if not sys.stdout.isatty() else None)

@@ -43,11 +43,11 @@ class Attacker:
         self.done["connections"] += 1
         return await asyncio.open_connection("127.0.0.1", port, local_addr=(ADDRESS, 0))
 
-    async def post(self, port: int, path: str, body: bytes, *headers: str) -> tuple[int, bytes]:
+    async def post(self, port: int, path: str, body: bytes, *headers: str, method: str = "POST") -> tuple[int, bytes]:
         """The status and body of an answer over HTTP/1.1 and a new connection."""
         reader, writer = await self.open(port)
         try:
-            writer.write(head("POST", port, path, f"Content-Length: {len(body)}", "Connection: close", *headers))
+            writer.write(head(method, port, path, f"Content-Length: {len(body)}", "Connection: close", *headers))
             writer.write(body)
             await writer.drain()
             answer = await reader.read()

@@ -16,6 +16,9 @@ from tigas.http3 import WEBTRANSPORT_CANCELLED, Http3Connection, Protocol, confi
 HANDSHAKE_S = 10
 FAR = 2.5
 """From the scene's centre, in scene units."""
+EXPERIMENT = {"file": f'name = "hostile"\nscenes = ["{SCENE}"]\nmovements = ["stroll"]\nnetworks = ["unshaped"]'}
+RUN = f"{SCENE}_stroll_unshaped_stateless-seen_0"
+"""The name of its only run."""
 
 
 def request(width: int = 320, height: int = 180, **changes: Any) -> dict[str, Any]:

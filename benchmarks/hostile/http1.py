@@ -10,7 +10,7 @@ from functools import partial
 import websockets.asyncio.client
 
 from benchmarks.hostile.attacker import ADDRESS, Attacker, attack, head
-from benchmarks.hostile.client import request
+from benchmarks.hostile.client import EXPERIMENT, RUN, request
 from benchmarks.hostile.services import SCENE, Name
 
 LOW = json.dumps(request(profile=3)).encode()
@@ -130,22 +130,21 @@ async def deep_json(attacker: Attacker) -> None:
 async def large_uploads(attacker: Attacker) -> None:
     """Sixteen uploads that promise as much as a run may have, and go on for ever."""
     port = attacker.ports.store
-    begin = head("POST", port, await experiment(attacker), JSON, "Content-Length: 255000000") + b'{"link": ['
+    begin = head("PUT", port, await run(attacker), JSON, "Content-Length: 255000000") + b'{"link": ['
     await attacker.dribble(port, begin, b"{}," * 100_000, 0.2)
 
 
 async def upload(attacker: Attacker, body: bytes) -> None:
-    """Upload a run to a new experiment, again and again."""
-    path = await experiment(attacker)
+    """Upload the run of a new experiment, again and again."""
+    path = await run(attacker)
     while True:
-        await attacker.post(attacker.ports.store, path, body, JSON)
+        await attacker.post(attacker.ports.store, path, body, JSON, method="PUT")
 
 
-async def experiment(attacker: Attacker) -> str:
-    """The path of a new experiment's runs."""
-    plan = json.dumps({"name": "hostile", "plan": {"seed": 1}}).encode()
-    _, answer = await attacker.post(attacker.ports.store, "/experiments", plan, JSON)
-    return f"/experiments/{json.loads(answer)['id']}/runs"
+async def run(attacker: Attacker) -> str:
+    """The path of a new experiment's run."""
+    _, answer = await attacker.post(attacker.ports.store, "/experiments", json.dumps(EXPERIMENT).encode(), JSON)
+    return f"/experiments/{json.loads(answer)['id']}/runs/{RUN}"
 
 
 @attack(copies=4, service="shaper", guests=("shaper",))

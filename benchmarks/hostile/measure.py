@@ -19,9 +19,10 @@ from typing import Any
 import httpx
 
 from benchmarks.hostile.attacks import Attack
-from benchmarks.hostile.client import request
+from benchmarks.hostile.client import EXPERIMENT, RUN, request
 from benchmarks.hostile.services import Name, Ports, running
-from benchmarks.services import START_S
+from benchmarks.services import START_S, STOP_S
+from tigas_common import processes
 
 WARM_UP_S = 5.0
 STREAMS, STREAM_S = 4, 3.0
@@ -192,9 +193,9 @@ def _streams(http: httpx.Client) -> None:
 
 def _upload(http: httpx.Client) -> None:
     """An upload of usual size that is refused: it has started the checking process."""
-    made = http.post("/experiments", json={"name": "warm-up", "plan": {"seed": 1}}).raise_for_status().json()["id"]
+    made = http.post("/experiments", json=EXPERIMENT).raise_for_status().json()["id"]
     run = {"link": [dict.fromkeys(LINK, 1.0)] * LINKS}
-    assert http.post(f"/experiments/{made}/runs", json=run).status_code == 400
+    assert http.put(f"/experiments/{made}/runs/{RUN}", json=run).status_code == 400
 
 
 Span = tuple[float, float]
@@ -217,15 +218,8 @@ def _process(
     """One of this package's programs, which writes into a file, until the context ends."""
     listed = ",".join(map(str, sorted(cores.clients)))
     command = [sys.executable, "-m", f"benchmarks.hostile.{module}", str(ports), listed, *arguments]
-    with output.open("wb") as file, subprocess.Popen(command, stdout=file) as process:
-        try:
-            yield process
-        finally:
-            process.terminate()
-            try:
-                process.wait(10)
-            except subprocess.TimeoutExpired:
-                process.kill()
+    with output.open("wb") as file, processes.running(command, STOP_S, stdout=file) as process:
+        yield process
 
 
 def _await(process: subprocess.Popen[bytes], condition: Callable[[], bool]) -> None:
@@ -251,8 +245,6 @@ def _lines(output: Path) -> list[Any]:
 
 def _done(output: Path) -> dict[str, int]:
     """The attacker's counters; empty if it had to be killed."""
-    for line in output.read_text().splitlines():
-        if line.startswith("{"):
-            done: dict[str, int] = json.loads(line)
-            return done
-    return {}
+    *_, last = output.read_text().splitlines() or [""]
+    done: dict[str, int] = json.loads(last) if last.startswith("{") else {}
+    return done

@@ -58,7 +58,11 @@ def running(
     """Run the render service on a device, and the other wanted services, on these cores, as a context manager."""
     write_scene(folder / "models" / SCENE / f"{SCENE}.ply")
     arguments = _arguments(ports, folder, device)
-    variables = {"TIGAS_DASH_ENCODER": "libx264", "TIGAS_STORE_MOVEMENTS": str(folder / "models")}
+    variables = {
+        "TIGAS_DASH_ENCODER": "libx264",
+        "TIGAS_STORE_MOVEMENTS": str(folder / "models"),
+        "TIGAS_STORE_RENDER": f"http://127.0.0.1:{ports.render}",
+    }
     with ExitStack() as stack:
         services = {}
         with _restricted(cores):
@@ -111,11 +115,6 @@ def _restricted(cores: set[int]) -> Iterator[None]:
     finally:
         os.sched_setaffinity(0, mine)
         resource.setrlimit(resource.RLIMIT_NOFILE, files)
-
-
-def isolate(command: list[str]) -> None:
-    """Restart in a new network namespace, where the shaper can shape and all ports are free; needs root."""
-    os.execvp("unshare", ["unshare", "--net", "--", *command])
 
 
 def plug_in() -> None:

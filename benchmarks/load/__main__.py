@@ -53,7 +53,6 @@ def main() -> int:
     viewers.add_argument("--fps", type=float, default=30, help="frames/s of each (default: 30)")
     viewers.add_argument("--transport", choices=["webtransport", "post", "mixed"], default="webtransport")
     viewers.add_argument("--movement", type=Path, nargs="+", default=MOVEMENTS, help="instead of the repository's own")
-    viewers.add_argument("--deadline-ms", type=float, help="of each request; none, if left out, as in the page")
     viewers.add_argument("--processes", type=int, default=max(1, (os.cpu_count() or 1) // 2), help="of viewers")
     steps = parser.add_argument_group("the steps")
     steps.add_argument("--viewers", type=int, nargs="+", help="measure so many, and look for nothing")
@@ -143,7 +142,6 @@ def subjects(arguments: argparse.Namespace, stack: ExitStack) -> tuple[Subject, 
         plan = Plan.of(
             server.address(), server.scene(arguments.scene), arguments.movement, transport=arguments.transport,
             frames_per_s=arguments.fps, profile=arguments.profile, depth=arguments.depth,
-            deadline_ms=arguments.deadline_ms,
         )  # fmt: skip
         device = server.config().device or "unknown"
         return Subject(server, device, stack.enter_context(Crowds(plan, arguments.processes)))

@@ -21,7 +21,7 @@ import uvloop
 from benchmarks.load.plan import ARRIVALS_PER_S, PATIENCE_S, Plan
 from benchmarks.load.step import Observed
 from benchmarks.load.viewer import Viewer
-from tigas_common.processes import with_parent
+from tigas_common import processes
 
 END_S = 5
 FULL_S = 7.0
@@ -32,20 +32,21 @@ ASK_EVERY_S = 0.25
 class Crowds:
     """Viewers of one service, in several processes; a context manager."""
 
-    def __init__(self, plan: Plan, processes: int) -> None:
+    def __init__(self, plan: Plan, count: int) -> None:
         self._plan = plan
-        self._count = processes
-        self._processes: list[subprocess.Popen[str]] = []
+        self._count = count
+        self._processes: list[subprocess.Popen[bytes]] = []
         self._viewers = 0
 
     def __enter__(self) -> Self:
         with ExitStack() as stack:
             for place in range(self._count):
                 command = [sys.executable, "-m", "benchmarks.load.crowd", str(place), str(self._count)]
-                process = subprocess.Popen(
-                    with_parent(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-                )
-                stack.callback(_end, process)
+                pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+                process = stack.enter_context(processes.running(command, END_S, **pipes))
+                assert process.stdin is not None
+                stack.enter_context(suppress(BrokenPipeError))  # of a process that has ended
+                stack.callback(process.stdin.close)
                 self._processes.append(process)
             self._tell(self._plan.to_json())
             self._ending = stack.pop_all()
@@ -90,7 +91,7 @@ class Crowds:
         for process in self._processes:
             assert process.stdin is not None
             try:
-                process.stdin.write(line + "\n")
+                process.stdin.write(f"{line}\n".encode())
                 process.stdin.flush()
             except BrokenPipeError:
                 raise RuntimeError("A process of viewers has ended.") from None
@@ -100,19 +101,10 @@ class Crowds:
         lines = []
         for process in self._processes:
             assert process.stdout is not None
-            lines.append(process.stdout.readline())
+            lines.append(process.stdout.readline().decode())
         if not all(lines):
             raise RuntimeError("A process of viewers has ended.")
         return lines
-
-
-def _end(process: subprocess.Popen[str]) -> None:
-    process.terminate()
-    with suppress(BrokenPipeError), process:
-        try:
-            process.wait(END_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
 
 
 class Crowd:

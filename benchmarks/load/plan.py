@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, Self
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from tigas_common.sample_cameras import intrinsics
 from tigas_common.wire.render import RenderRequest, SceneInfo
@@ -51,14 +52,9 @@ class Plan:
         frames_per_s: float,
         profile: int,
         depth: bool = False,
-        deadline_ms: float | None = None,
     ) -> Self:
         """Viewers that walk along movements in a scene of a service. Raises MovementError."""
-        view: dict[str, Any] = {"scene": scene.id, **asdict(intrinsics(WIDTH, HEIGHT)), "profile": profile}
-        if depth:
-            view["depth"] = True
-        if deadline_ms is not None:
-            view["deadline_ms"] = deadline_ms
+        view = {"scene": scene.id, **asdict(intrinsics(WIDTH, HEIGHT)), "profile": profile, "depth": depth}
         routes = tuple(_route(MovementTrace.read(path), scene, frames_per_s) for path in movements)
         plan = cls(*address, transport, frames_per_s, _fields(view), routes)
         RenderRequest.model_validate_json(plan.request(0, 0, 0))
@@ -76,8 +72,7 @@ class Plan:
     @classmethod
     def from_json(cls, text: str) -> Self:
         """Parse the output of `to_json`."""
-        given = json.loads(text)
-        return cls(**{**given, "routes": tuple(map(tuple, given["routes"]))})
+        return TypeAdapter(cls).validate_json(text)
 
 
 def _route(movement: MovementTrace, scene: SceneInfo, frames_per_s: float) -> tuple[str, ...]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from pydantic_core import to_json
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
@@ -117,15 +117,7 @@ def comparison_lines(comparison: Comparison) -> list[str]:
 def write_json(path: Path, steps: Sequence[Step], figures: dict[str, Any]) -> None:
     """All results for programs; unknown values are null."""
     told = [{**asdict(step), "served": step.served, "bottleneck": step.bottleneck} for step in steps]
-    path.write_text(json.dumps(_plain({**figures, "steps": told}), indent=1) + "\n", encoding="utf-8")
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    path.write_bytes(to_json({**figures, "steps": told}, indent=1, inf_nan_mode="null"))
 
 
 def draw(capacity: Capacity, frames_per_s: float, title: str, path: Path) -> None:

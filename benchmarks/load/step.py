@@ -11,6 +11,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from benchmarks.load.viewer import SERVED, Due
 
@@ -91,8 +92,7 @@ class Observed:
     @classmethod
     def from_json(cls, text: str) -> Self:
         """Parse the output of `to_json`."""
-        given = json.loads(text)
-        return cls(**{**given, "served": [(at, took) for at, took in given["served"]]})
+        return TypeAdapter(cls).validate_json(text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,11 +202,7 @@ def _percentiles(spans: list[Floats]) -> list[tuple[float, Interval]]:
     filled = [span for span in spans if len(span)]
     if len(filled) < LEAST_SPANS:
         return [(value, (math.nan, math.nan)) for value in values]
-    random = np.random.default_rng(SEED)
-    drawn = [
-        np.percentile(np.concatenate([filled[n] for n in random.integers(len(filled), size=len(filled))]), (50, 95))
-        for _ in range(RESAMPLES)
-    ]
+    drawn = [np.percentile(np.concatenate([filled[n] for n in chosen]), (50, 95)) for chosen in _resamples(len(filled))]
     low, high = np.percentile(drawn, (2.5, 97.5), axis=0).tolist()
     return list(zip(values, zip(low, high, strict=True), strict=True))
 
@@ -214,7 +210,10 @@ def _percentiles(spans: list[Floats]) -> list[tuple[float, Interval]]:
 def _mean_interval(values: Floats) -> Interval:
     if len(values) < LEAST_SPANS:
         return math.nan, math.nan
-    random = np.random.default_rng(SEED)
-    means = values[random.integers(len(values), size=(RESAMPLES, len(values)))].mean(axis=1)
-    low, high = np.percentile(means, (2.5, 97.5)).tolist()
+    low, high = np.percentile(values[_resamples(len(values))].mean(axis=1), (2.5, 97.5)).tolist()
     return low, high
+
+
+def _resamples(count: int) -> NDArray[np.int64]:
+    """For each resample, the indices of its values [RESAMPLES, count]."""
+    return np.random.default_rng(SEED).integers(count, size=(RESAMPLES, count))

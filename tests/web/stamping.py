@@ -1,9 +1,8 @@
-"""The `tigas` command with a CPU rasteriser that encodes the camera's heading in each picture.
+"""The `tigas` command with a CPU rasteriser that draws the directions of the world instead of a scene.
 
-A test reads the pose of the pixels on a screen, independently of all reports. One row of 32 square cells along the
-upper edge: white, black, white, black; the heading's 24 bits, the most significant first, white for 1; and 4 bits of
-checksum, the exclusive or of the heading's six groups of four bits. Cells are a thirty-second of the picture's width,
-at any resolution, and so survive the lowest quality and any scaling.
+A test reads the view's heading from the pixels on a screen, independently of all reports: also of a picture that the
+page has turned since it was rendered. The horizon is divided into 127 black and white cells in the order of a maximum
+length sequence, in which any seven neighbours are unique. Cameras have to be level.
 """
 
 from __future__ import annotations
@@ -25,56 +24,66 @@ from tigas_render.raster.host_image import HostImage
 
 STAMPING = (sys.executable, "-m", "tests.web.stamping")
 """In place of `tigas`."""
-CELLS = 32
-BITS = 24
-ROUNDING = 2
-"""Maximum difference between headings of one pose after conversions."""
-_FINDER = [1, 0, 1, 0]
-_BACK = 0.5
-"""Radians: a camera that begins straight ahead and turns by half a circle to the right passes no end of the numbers."""
+STEP = math.radians(0.1)
+"""Between the headings that `read_headings` tells apart."""
+TOLERANCE = math.radians(0.3)
+"""Of a reading."""
+ALIKE = 0.7
+"""Correlation of a row of pixels with that of the best heading; less is not a reading."""
+
+Floats = NDArray[np.float64]
 
 
-def heading(pose: Pose) -> int:
-    """Which way a camera looks about the vertical axis, as a number of 24 bits that grows to the right."""
-    angle = math.atan2(pose.rotation[0][2], pose.rotation[2][2])
-    return round((angle + _BACK) % (2 * math.pi) / (2 * math.pi) * (1 << BITS)) % (1 << BITS)
+def heading(pose: Pose) -> float:
+    """Which way a camera looks about the vertical axis, in radians; to the right is more."""
+    return math.atan2(pose.rotation[0][2], pose.rotation[2][2])
 
 
-def read_stamp(pixels: NDArray[np.uint8]) -> int | None:
-    """The heading in RGB pixels, uint8 [H, W, 3], of any size; None if it is unreadable."""
-    side = pixels.shape[1] / CELLS
-    centres = ((np.arange(CELLS) + 0.5) * side).astype(int)
-    cells = [int(pixels[int(side / 2), centre].mean() > 127) for centre in centres]
-    number = int("".join(map(str, cells[len(_FINDER) : len(_FINDER) + BITS])), 2)
-    return number if cells == _cells(number) else None
+def read_headings(rows: Floats) -> list[float | None]:
+    """The headings of rows of brightness [N, samples] across a screen, of cameras that turn by at most half a circle
+    from straight ahead to the right; None where it is unreadable. The lens is that which fits most of them best.
+    """
+    headings = np.arange(-0.1, math.pi + 0.1, STEP)
+    readings: list[tuple[float, Floats, Floats]] = []
+    for half in np.arange(0.5, 1.6, 0.025):
+        samples = np.linspace(-half, half, 4 * rows.shape[1] + 1)
+        fine = _cells(headings[:, None] + np.arctan(0.5 * (samples[1:] + samples[:-1])))
+        likeness = _normalised(rows) @ _normalised(fine.reshape(len(headings), -1, 4).mean(2)).T
+        best = likeness.max(1)
+        readings.append((float(np.median(best)), best, headings[likeness.argmax(1)]))
+    _, best, found = max(readings, key=lambda reading: reading[0])
+    return [float(angle) if score >= ALIKE else None for score, angle in zip(best, found, strict=True)]
 
 
 class StampingRasterizer(CpuRasterizer):
-    """Draws each view's heading over it."""
+    """Draws each column's direction over the scene."""
 
     def render(self, scene: PreparedScene, camera: Camera, *arguments: Any, **options: Any) -> HostImage:
         image = super().render(scene, camera, *arguments, **options)
-        _draw(image.to_host(), heading(camera.pose))
+        k = camera.intrinsics
+        across = (np.arange(k.width) + 0.5 - k.cx) / k.fx
+        image.to_host()[:] = (255 * _cells(heading(camera.pose) + np.arctan(across))).astype(np.uint8)[:, None]
         return image
 
 
-def _draw(pixels: NDArray[np.uint8], number: int) -> None:
-    edges = np.round(np.arange(CELLS + 1) * pixels.shape[1] / CELLS).astype(int)
-    row = np.zeros((pixels.shape[1], 1), np.uint8)
-    for left, right, cell in zip(edges, edges[1:], _cells(number), strict=False):
-        row[left:right] = 255 * cell
-    pixels[: edges[1]] = row
+def _sequence() -> Floats:
+    """The maximum length sequence of x⁷ + x⁶ + 1."""
+    bits = [1] * 7
+    while len(bits) < 127:
+        bits.append(bits[-7] ^ bits[-6])
+    return np.array(bits, np.float64)
 
 
-def _cells(number: int) -> list[int]:
-    checksum = 0
-    for shift in range(0, BITS, 4):
-        checksum ^= number >> shift & 0xF
-    return [*_FINDER, *_bits(number, BITS), *_bits(checksum, 4)]
+def _cells(directions: Floats) -> Floats:
+    """0 or 1 for each direction."""
+    cells: Floats = _sequence()[np.floor(directions / math.tau * 127).astype(int) % 127]
+    return cells
 
 
-def _bits(value: int, count: int) -> list[int]:
-    return [value >> place & 1 for place in reversed(range(count))]
+def _normalised(rows: Floats) -> Floats:
+    centred = rows - rows.mean(1, keepdims=True)
+    normalised: Floats = centred / np.maximum(np.linalg.norm(centred, axis=1, keepdims=True), 1e-9)
+    return normalised
 
 
 def _create(device: str, cache: Path) -> Rasterizer:

@@ -8,7 +8,7 @@ import { load, run } from "./page-module.mjs";
 const USAGE = `npm run abr-sim -- [options] TRACE.csv...
   --controller NAME   seen, latency, latency-transfer, lol+, l2a, fixed:RUNG, one with other parameters (as in
                       l2a@horizon=8,react=4), or a file with a default export that makes a controller; may be
-                      repeated [all of the first five]
+                      repeated [all but fixed]
   --rtt MS            round trip in place of the traces' own delay; may be repeated
   --seconds N         how long each visit lasts [each trace once]
   --render MS         the server's time for a frame [11, the paper's RTX 2060 Super]
@@ -27,11 +27,7 @@ async function main() {
   const { values, positionals } = parseArgs({
     allowPositionals: true,
     options: {
-      controller: {
-        type: "string",
-        multiple: true,
-        default: ["seen", "latency", "latency-transfer", "lol+", "l2a"],
-      },
+      controller: { type: "string", multiple: true },
       rtt: { type: "string", multiple: true },
       seconds: { type: "string" },
       render: { type: "string" },
@@ -57,6 +53,7 @@ async function main() {
     { PaperEndpoints },
     { INTERACTIVE_MS },
     { WAYS },
+    { CONTROLLER_NAMES },
   ] = await Promise.all(
     [
       "tools/simulator/simulate",
@@ -67,6 +64,7 @@ async function main() {
       "tools/simulator/endpoints",
       "packages/client/wire/figures",
       "packages/client/abr/controller",
+      "packages/client/abr/registry",
     ].map(load),
   );
   const seed = number("--seed", values.seed);
@@ -79,7 +77,7 @@ async function main() {
     ...(values.batch !== undefined && { batch: number("--batch", values.batch) }),
   };
   const factories = await Promise.all(
-    values.controller.map(async (name) =>
+    (values.controller ?? CONTROLLER_NAMES).map(async (name) =>
       name.endsWith(".ts")
         ? [basename(name, ".ts"), (await run(resolve(name))).default]
         : [name, controllerFactory(name)],

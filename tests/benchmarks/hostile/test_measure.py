@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 
 from benchmarks.hostile.attacks import ATTACKS
+from benchmarks.hostile.client import EXPERIMENT, RUN
 from benchmarks.hostile.measure import Memory, Polite, Times
+from tigas_experiments.run.plan import ExperimentPlan
 
 ALONE = Times.of([10.0] * 100)
 
 
 def test_every_attack_has_a_name_of_its_own() -> None:
     assert len({attack.name for attack in ATTACKS}) == len(ATTACKS)
+
+
+def test_attacks_upload_the_run_of_their_experiment(tmp_path: Path) -> None:
+    (planned,) = ExperimentPlan.parse(EXPERIMENT["file"], "attack").runs(tmp_path)
+    assert planned.slug == RUN
 
 
 def test_a_frame_that_never_came_took_for_ever() -> None:

@@ -13,11 +13,12 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 from playwright.async_api import Page
 
 from tests.experiments.conftest import Services, running
-from tests.web.stamping import ROUNDING, STAMPING, heading, read_stamp
+from tests.web.stamping import STAMPING, TOLERANCE, heading, read_headings
 from tigas_common.pose import Pose
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.run.browser import SampleList, Viewer, chromium
@@ -60,10 +61,10 @@ async def opened(url: str, script: str = "") -> AsyncIterator[tuple[Page, Viewer
         yield page, Viewer(page)
 
 
-def recorded(url: str, settings: dict[str, Any]) -> tuple[Recording, list[int | None]]:
+def recorded(url: str, settings: dict[str, Any]) -> tuple[Recording, list[float | None]]:
     """A run, and the headings that its pictures show."""
 
-    async def run() -> tuple[Recording, list[int | None]]:
+    async def run() -> tuple[Recording, list[float | None]]:
         async with opened(url) as (_, viewer):
             with pytest.raises(RunFailed):
                 await viewer.prepare({"seed": -1}, TURN[0])
@@ -72,15 +73,16 @@ def recorded(url: str, settings: dict[str, Any]) -> tuple[Recording, list[int | 
             pictures = [await viewer.capture(index) for index in range(len(recording.captures))]
             with pytest.raises(RunFailed, match="there is no picture 0"):
                 await viewer.capture(0)
-            return recording, [stamped(png) for png in pictures]
+            return recording, read_headings(np.array([middle_row(png) for png in pictures], np.float64))
 
     return asyncio.run(run())
 
 
-def stamped(png: bytes) -> int | None:
-    """The heading in a picture, if any."""
+def middle_row(png: bytes) -> NDArray[np.uint8]:
+    """The brightness of its pixels."""
     with Image.open(io.BytesIO(png)) as image:
-        return read_stamp(np.asarray(image.convert("RGB")))
+        row: NDArray[np.uint8] = np.asarray(image.convert("L"))[image.height // 2]
+        return row
 
 
 @pytest.mark.parametrize(
@@ -95,7 +97,7 @@ def test_pictures_show_the_poses_that_they_are_said_to_show(services: Services, 
     first = recording.inputs[0].pose
     headings = {one.pose: heading(one.camera) for one in recording.inputs if not one.missed}
 
-    def expected(pose: int) -> int:
+    def expected(pose: int) -> float:
         """Heading of a pose; those before the run stand, and on a busy machine they are shown for its first ticks."""
         return headings[pose] if pose >= first else STANDING
 
@@ -105,10 +107,10 @@ def test_pictures_show_the_poses_that_they_are_said_to_show(services: Services, 
         assert number is not None
         # A busy browser skips reports of video frames, and may report a frame just before it shows it.
         last = expected(following.get(pose, pose))
-        assert number <= last + ROUNDING, "a picture is of its frame, or of one before the next"
-        early += number < expected(pose) - ROUNDING
+        assert number <= last + TOLERANCE, "a picture is of its frame, or of one before the next"
+        early += number < expected(pose) - TOLERANCE
         if settings["mode"] == "stateless":
-            assert number == pytest.approx(expected(pose), abs=ROUNDING)
+            assert number == pytest.approx(expected(pose), abs=TOLERANCE)
     assert early <= 1
     if settings["mode"] == "stateless":
         check_replies(recording)

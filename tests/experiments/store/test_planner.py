@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, TypeVarTuple
 
 import pytest
 
 from tests.experiments.made_up import SERVER, png
-from tests.experiments.store.conftest import Running, plan, running_store, services, slug, upload
+from tests.experiments.store.conftest import Running, in_a_thread, plan, running_store, services, slug, upload
 from tests.scenes import scene
 from tigas_common.errors import StartError
+from tigas_common.offload import Limit
 from tigas_common.wire.render import SceneInfo, ServerConfig
 from tigas_experiments.quality.ground_truth import GroundTruth
 from tigas_experiments.quality.picture import decode
@@ -23,6 +25,8 @@ from tigas_experiments.wire.recording import Input
 from tigas_experiments.wire.run import Configuration
 
 pytestmark = pytest.mark.anyio
+T = TypeVar("T")
+Ts = TypeVarTuple("Ts")
 WALK = "# anchor: start\nt_ms,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n{end},1,0,0,0,0,0,1\n"
 TOML = 'name = "abr"\nscenes = ["courtyard"]\nmovements = ["stroll"]\nnetworks = ["unshaped"]\n'
 
@@ -55,6 +59,25 @@ async def test_a_file_is_summarised_as_toml_and_as_json(store: Running) -> None:
         answer = await store.http.post("/plans", json={"file": file})
         assert answer.json() == {"runs": 1, "lasting": "25 seconds", "problem": None}
     assert store.kept() == []
+
+
+async def test_files_are_expanded_in_turn(tmp_path: Path) -> None:
+    """Each may take a gigabyte of memory."""
+    working, most = 0, 0
+
+    async def counted(function: Callable[[*Ts], T], *arguments: *Ts, limit: Limit | None = None) -> T:
+        nonlocal working, most
+        working, most = working + 1, max(most, working + 1)
+        try:
+            return await in_a_thread(function, *arguments)
+        finally:
+            working -= 1
+
+    async with running_store(tmp_path, offload=counted) as store:
+        asked = [store.http.post(path, json={"file": TOML}) for path in ("/plans", "/experiments") * 3]
+        answers = await asyncio.gather(*asked)
+    assert {answer.status_code for answer in answers} <= {200, 201}
+    assert most == 1
 
 
 MANY = [f"c{number}" for number in range(1000)]

@@ -21,7 +21,7 @@ interface TextProps
 
 export function TextField({ label, unit, value, numeric, wide, invalid, problems, onValue, ...rest }: TextProps) {
   return (
-    <label class="number-field" data-wide={wide}>
+    <label class="number-field small" data-wide={wide}>
       <span>
         {label} {unit && <span class="muted">{unit}</span>}
       </span>
@@ -61,7 +61,7 @@ export function NumberField({ label, unit, value, min, max, locked, onValue }: N
     if (number >= min && number <= max) onValue(number);
   };
   return (
-    <label class="number-field" data-locked={locked || undefined}>
+    <label class="number-field small" data-locked={locked || undefined}>
       <span>
         {label} <span class="muted">{unit}</span>
       </span>
@@ -124,7 +124,7 @@ export function Select({ label, swatch, bare, title, value, options, onValue, di
   if (bare) return list;
   const field = (
     // biome-ignore lint/a11y/noLabelWithoutControl: the list is its control
-    <label class="number-field" title={title}>
+    <label class="number-field small" title={title}>
       <span>
         {swatch}
         {label}
@@ -134,7 +134,7 @@ export function Select({ label, swatch, bare, title, value, options, onValue, di
   );
   if (!note) return field;
   return (
-    <div class="number-field">
+    <div class="number-field small">
       {field}
       <p class="muted small">{note}</p>
     </div>

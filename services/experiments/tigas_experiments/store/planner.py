@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -135,6 +135,8 @@ class Planner:
         self._clock = clock
         self._sessions: dict[str, _Session] = {}
         self._opening = asyncio.Lock()
+        self._expanding = asyncio.Lock()
+        """Files are expanded in turn: the largest take a gigabyte."""
         self.checks = MonitoredLock()
         """Runs are checked in turn: a long one takes much memory."""
 
@@ -142,7 +144,7 @@ class Planner:
         """Expand a file without keeping anything. Raises InvalidRequest and TooCostly."""
         with storage_explained(), self._workspace.folder() as folder:
             try:
-                experiment, _ = await self._offload(expand, body, self._movements, folder / "experiment", limit=LIMIT)
+                experiment, _ = await self._expand(body, folder / "experiment")
             except BrokenPlan as error:
                 return PlanSummary(runs=0, lasting="", problem=error.detail)
         return PlanSummary(runs=len(experiment.runs), lasting=lasting(experiment.runs), problem=None)
@@ -151,10 +153,14 @@ class Planner:
         """Begin an experiment; its id. Raises InvalidRequest, TooCostly and DiskFull."""
         with storage_explained(), self._workspace.folder() as folder:
             made = folder / "experiment"
-            experiment, traces_s = await self._offload(expand, body, self._movements, made, limit=LIMIT)
+            experiment, traces_s = await self._expand(body, made)
             name = await asyncio.to_thread(self._experiments.new_name, experiment.plan.name)
             await asyncio.to_thread(experiment.write, traces_s, name)
             return await asyncio.to_thread(self._experiments.create, made, name, datetime.now(UTC))
+
+    async def _expand(self, body: bytes, made: Path) -> tuple[Experiment, Mapping[str, float]]:
+        async with self._expanding:
+            return await self._offload(expand, body, self._movements, made, limit=LIMIT)
 
     async def next(self, experiment: str, asked: NextRequest) -> NextRun:
         """Reserve a run for a page.

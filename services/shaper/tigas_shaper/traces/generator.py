@@ -1,6 +1,6 @@
 """The project's own traces in traces/network: shapes that test one thing each, and stochastic links.
 
-The parameters of the stochastic ones, and the data they were fitted to, are in docs/network.md. Changing anything here
+The data to which the stochastic ones were fitted are in docs/results/2026-11-trace-models.md. Changing anything here
 changes the files: run `python -m tigas_shaper.traces.generator traces/network` afterwards. Their model is a Markov
 chain of regimes, and autoregressive variation within each.
 

@@ -43,7 +43,7 @@ export function SceneCard({ scene, added, onRendered, onRename, onDelete }: Prop
           </p>
         )}
       </div>
-      <div class="card-foot row spread">
+      <div class="card-foot row spread small">
         <span class="state" data-state={scene.state}>
           {STATES[scene.state]}
           {scene.state === "loaded" && <span class="muted"> · {bytes(scene.memory_bytes)}</span>}

@@ -31,7 +31,7 @@ export function UploadCard({ upload }: { upload: SceneUpload }) {
           </>
         )}
       </div>
-      <div class="card-foot row spread">
+      <div class="card-foot row spread small">
         <span class="state" data-state={failed ? "broken" : "loading"}>
           {failed ? "Not added" : "Uploading"}
         </span>

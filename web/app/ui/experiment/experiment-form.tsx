@@ -228,7 +228,7 @@ function ConditionChoice({ draft, onChange }: PartProps) {
   return (
     <>
       <fieldset>
-        <legend>Modes</legend>
+        <legend class="small">Modes</legend>
         {MODES.map((mode) => (
           <Check
             key={mode}
@@ -241,7 +241,7 @@ function ConditionChoice({ draft, onChange }: PartProps) {
         ))}
       </fieldset>
       <fieldset disabled={!draft.modes.some(isPerView)}>
-        <legend>Controllers, stateless and video</legend>
+        <legend class="small">Controllers, stateless and video</legend>
         {controllers.map((controller) => (
           <Check
             key={controller}

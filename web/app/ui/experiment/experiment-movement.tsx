@@ -50,7 +50,7 @@ export function MovementChoice({ list: { listed, silence }, chosen, onChoose, on
           </option>
         )}
       </Select>
-      <div class="number-field">
+      <div class="number-field small">
         <span>&nbsp;</span>
         <FileButton
           label="Movement file of the experiment"

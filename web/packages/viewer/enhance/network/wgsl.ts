@@ -19,7 +19,7 @@ export type Precision = "f16" | "f32";
 
 /**
  * The faster number format of a device. NVIDIA's compiler has no immediate operands in half precision: on an H200 the
- * shaders took up to twice as long with it (docs/experiments.md).
+ * shaders took up to twice as long with it (docs/results/2026-11-enhancement-cost.md).
  */
 export function fasterPrecision(device: Pick<GPUDevice, "features"> & { adapterInfo?: { vendor: string } }): Precision {
   return device.features.has("shader-f16") && device.adapterInfo?.vendor !== "nvidia" ? "f16" : "f32";
