@@ -5,9 +5,9 @@
 The service sends grey pictures of 23 kB at once, so that the machine is left to the browser. A walk holds the arrow
 keys, a quarter of a second each. A picture's time, from Chromium's trace, is all since the one before: `script` is that
 of the page's callbacks with their microtasks and garbage collection, in processor time of the thread; `elapsed` the
-same by the clock, with waits for a processor; `tasks` the processor time of everything, including the browser's
-drawing, which is in software without a graphics processor. The processor is slowed down as Chromium's developer tools
-do it. Memory is the JavaScript heap after collection, after walks of so many frames.
+same by the clock, with waits for a processor; `tasks` the processor time of everything. The pictures are not drawn. The
+processor is slowed down as Chromium's developer tools do it. Memory is the JavaScript heap after collection, after
+walks of so many frames.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ KEYS = ("ArrowRight", "w", "ArrowLeft", "s")
 KEY_MS = 250
 FRAMES = "() => Number(document.querySelector('.stage')?.dataset.frames ?? 0)"
 SETTINGS = {"refine": False, "reprojection": False, "surround": False, "sidebar": False, "hud": False}
-MARK = """() => {
+PREPARE = """() => {
+  document.querySelector(".pane").style.visibility = "hidden";
   const { prototype } = ImageBitmapRenderingContext;
   const show = prototype.transferFromImageBitmap;
   prototype.transferFromImageBitmap = function (picture) {
@@ -40,6 +41,7 @@ MARK = """() => {
     return show.call(this, picture);
   };
 }"""
+"""Mark pictures in the trace and hide them: drawn in software, they would take most of two processors."""
 CATEGORIES = ["devtools.timeline", "disabled-by-default-devtools.timeline"]
 CALLBACKS = ("FireAnimationFrame", "HandlePostMessage", "EventDispatch", "TimerFire")
 COSTS = {"script": (CALLBACKS, "tdur"), "elapsed": (CALLBACKS, "dur"), "tasks": (("RunTask",), "tdur")}
@@ -101,7 +103,7 @@ def main() -> None:
         url = server.url.replace("127.0.0.1", "localhost")
         for _ in range(options.blocks):
             with viewer(browser, url) as (page, cdp):
-                page.evaluate(MARK)
+                page.evaluate(PREPARE)
                 cdp.send("Emulation.setCPUThrottlingRate", {"rate": options.throttle})
                 walk(page, WARM_UP_S)
                 events = traced(browser, page, options.seconds)
