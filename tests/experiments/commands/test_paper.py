@@ -123,8 +123,10 @@ def test_inputs_are_made_from_the_folder_of_recordings(stub: Stub, repository: P
 
 
 def test_a_part_may_be_commands_alone(repository: Path) -> None:
-    (repository / "figures.txt").write_text("27.2 dB")
-    assert paper("simulated", "--data", str(repository)).exit_code == 0
+    data = repository / "my recordings"
+    data.mkdir()
+    (data / "figures.txt").write_text("27.2 dB")
+    assert paper("simulated", "--data", str(data)).exit_code == 0
     assert Path("results", "paper", "simulated", "table.txt").read_text() == "27.2 dB"
     assert "is complete" in paper("simulated").output
 

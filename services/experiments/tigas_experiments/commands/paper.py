@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 import time
@@ -199,7 +200,7 @@ class _Making:
         with TemporaryDirectory() as scratch:
             filled = command
             for name, value in (("out", self.out), ("data", self.data), ("path", path), ("tmp", scratch)):
-                filled = filled.replace(f"{{{name}}}", str(value))
+                filled = filled.replace(f"{{{name}}}", shlex.quote(str(value)))
             print(f"== {filled.strip()}", flush=True)
             if subprocess.run(["bash", "-euc", filled], env=tools, stdin=subprocess.DEVNULL).returncode:
                 if path is not None:
