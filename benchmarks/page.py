@@ -41,7 +41,7 @@ PREPARE = """() => {
     return show.call(this, picture);
   };
 }"""
-"""Mark pictures in the trace and hide them: drawn in software, they would take most of two processors."""
+"""Mark pictures in the trace and hide them: drawn in software, they take up to two thirds of a processor."""
 CATEGORIES = ["devtools.timeline", "disabled-by-default-devtools.timeline"]
 CALLBACKS = ("FireAnimationFrame", "HandlePostMessage", "EventDispatch", "TimerFire")
 COSTS = {"script": (CALLBACKS, "tdur"), "elapsed": (CALLBACKS, "dur"), "tasks": (("RunTask",), "tdur")}
