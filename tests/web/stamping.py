@@ -24,6 +24,8 @@ from tigas_render.raster.host_image import HostImage
 
 STAMPING = (sys.executable, "-m", "tests.web.stamping")
 """In place of `tigas`."""
+FIRST = -0.1
+"""The least heading that is found, in radians; the greatest is half a circle and as much."""
 STEP = math.radians(0.1)
 """Between the headings that `read_headings` tells apart."""
 TOLERANCE = math.radians(0.3)
@@ -43,16 +45,22 @@ def read_headings(rows: Floats) -> list[float | None]:
     """The headings of rows of brightness [N, samples] across a screen, of cameras that turn by at most half a circle
     from straight ahead to the right; None where it is unreadable. The lens is that which fits most of them best.
     """
-    headings = np.arange(-0.1, math.pi + 0.1, STEP)
-    readings: list[tuple[float, Floats, Floats]] = []
-    for half in np.arange(0.5, 1.6, 0.025):
-        samples = np.linspace(-half, half, 4 * rows.shape[1] + 1)
-        fine = _cells(headings[:, None] + np.arctan(0.5 * (samples[1:] + samples[:-1])))
-        likeness = _normalised(rows) @ _normalised(fine.reshape(len(headings), -1, 4).mean(2)).T
-        best = likeness.max(1)
-        readings.append((float(np.median(best)), best, headings[likeness.argmax(1)]))
-    _, best, found = max(readings, key=lambda reading: reading[0])
-    return [float(angle) if score >= ALIKE else None for score, angle in zip(best, found, strict=True)]
+    some = rows[:: max(1, len(rows) // 10)]
+    half = max(np.arange(0.5, 1.6, 0.0125), key=lambda half: np.median(_likeness(some, half, 5 * STEP).max(1)))
+    likeness = _likeness(rows, half, STEP)
+    found = zip(likeness.argmax(1), likeness.max(1), strict=True)
+    return [float(FIRST + STEP * number) if score >= ALIKE else None for number, score in found]
+
+
+def _likeness(rows: Floats, half: float, step: float) -> Floats:
+    """Correlations [N, headings] with what cameras show whose lens reaches as far to each side as forward, times
+    `half`.
+    """
+    headings = np.arange(FIRST, math.pi - FIRST, step)
+    edges = np.linspace(-half, half, 2 * rows.shape[1] + 1)
+    fine = _cells(headings[:, None] + np.arctan(0.5 * (edges[1:] + edges[:-1])))
+    likeness: Floats = _normalised(rows) @ _normalised(fine.reshape(len(headings), -1, 2).mean(2)).T
+    return likeness
 
 
 class StampingRasterizer(CpuRasterizer):

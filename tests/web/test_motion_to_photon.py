@@ -17,13 +17,15 @@ from tests.web.modes import wait_for_stream, with_settings
 from tests.web.server import Packager
 from tests.web.stage import SCENE, wait_for_frames
 from tests.web.stamp import Seen, first_shown, seen, watch_screen
-from tests.web.stamping import STAMPING, heading
+from tests.web.stamping import STAMPING, TOLERANCE, heading
 from tigas_common.pose import Pose
 
 pytestmark = pytest.mark.alone
 
 WALK_MS = 4000
 VIDEO_FRAME_MS = 1000 / 30
+READING_MS = WALK_MS * TOLERANCE / math.pi
+"""In which the camera turns by the tolerance of a reading."""
 
 
 @pytest.fixture(scope="module")
@@ -38,13 +40,13 @@ def viewer_url(models: Path) -> Iterator[str]:
     [
         ("stateless", "tuned", False),
         ("stateless", "tuned", True),
-        ("video", "tuned", False),
-        ("video", "tuned", True),
-        ("dash", "tuned", False),
+        pytest.param("video", "tuned", False, marks=pytest.mark.extended),
+        pytest.param("video", "tuned", True, marks=pytest.mark.extended),
+        pytest.param("dash", "tuned", False, marks=pytest.mark.extended),
         ("dash", "edge", False),
-        ("dash", "edge", True),
+        pytest.param("dash", "edge", True, marks=pytest.mark.extended),
         ("webrtc", "tuned", False),
-        ("webrtc", "tuned", True),
+        pytest.param("webrtc", "tuned", True, marks=pytest.mark.extended),
     ],
 )
 def test_the_reported_latency_is_what_the_screen_shows(
@@ -56,8 +58,8 @@ def test_the_reported_latency_is_what_the_screen_shows(
     reported, on_screen, screen = walk(page)
     assert len(on_screen) > 0.9 * len(reported) > 0, "the stamps cannot be read"
 
-    # One frame: of the screen or of the video, the longer of the two.
-    frame = max(screen, 0 if reprojection or mode == "stateless" else VIDEO_FRAME_MS)
+    # One frame: of the screen or of the video, the longer of the two; and what a reading leaves open.
+    frame = max(screen, 0 if reprojection or mode == "stateless" else VIDEO_FRAME_MS) + READING_MS
     errors = sorted(abs(reported[pose] - latency) for pose, latency in on_screen.items())
     assert errors[math.floor(0.95 * len(errors))] <= frame
     both = (median(reported[pose] for pose in on_screen), median(on_screen.values()))

@@ -58,20 +58,14 @@ def test_the_archive_of_several_experiments_gives_their_tables_and_figures_again
     After a change of reports: tigas report evaluation.tar.xz; tigas report paper --without-pictures --archive
     evaluation.tar.xz
     """
-    rebuilt = []
-    for place in ("one", "two"):
-        archive = tmp_path / place / "paper.tar.xz"
-        archive.parent.mkdir()
-        shutil.copy(EVALUATION, archive)
-        said = run_report(archive)
-        assert said.exit_code == 0, said.output
-        assert "All tables and figures are equal to the archived ones." in said.output
-        folder = tmp_path / place / "paper"
-        rebuilt.append({path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()})
-        listed = (folder / "SHA256SUMS").read_text()
-        for name in ("best.md", "modes/runs.csv", "modes/overview.svg", "controllers/quality-heatmap.svg"):
-            assert f"  {name}\n" in listed
-    assert rebuilt[0] == rebuilt[1]
+    archive, folder = tmp_path / "paper.tar.xz", tmp_path / "paper"
+    shutil.copy(EVALUATION, archive)
+    said = run_report(archive)
+    assert said.exit_code == 0, said.output
+    assert "All tables and figures are equal to the archived ones." in said.output
+    listed = (folder / "SHA256SUMS").read_text()
+    for name in ("best.md", "modes/runs.csv", "modes/overview.svg", "controllers/quality-heatmap.svg"):
+        assert f"  {name}\n" in listed
     pack(folder, tmp_path / "again.tar.xz", {each: read_options(each) for each in experiments(folder)}, pictures=False)
     assert (tmp_path / "again.tar.xz").read_bytes() == EVALUATION.read_bytes()
 
