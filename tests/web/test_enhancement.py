@@ -179,6 +179,7 @@ def test_the_enhanced_picture_is_what_is_turned(open_page: OpenPage, server: Ren
     assert np.abs(plain - np.asarray(source, dtype=np.int16)).max() <= 1
 
 
+@pytest.mark.extended
 def test_a_scene_s_network_is_pytorch_s(open_page: OpenPage, tmp_path: Path) -> None:
     source = pattern(320, 180)
     networks = random_networks({3: 2}, layers=2, channels=4)

@@ -116,7 +116,7 @@ def random_frame(width: int, height: int) -> Frame:
 @pytest.mark.parametrize(
     ("scale", "layers", "channels"),
     [
-        (2, 5, 16),
+        pytest.param(2, 5, 16, marks=pytest.mark.extended),
         pytest.param(1, 5, 16, marks=pytest.mark.extended),
         pytest.param(2, 3, 24, marks=pytest.mark.extended),
         (2, 2, 4),
