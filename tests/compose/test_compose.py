@@ -45,12 +45,14 @@ def test_the_page_shows_frames_over_webtransport(stack: Stack, page: Page) -> No
     walk(page)
     wait_until_settled(page)
     assert page.evaluate("isSecureContext")
+    page.keyboard.press("p")  # opens the lab
     assert stat(page, "transport") == "WebTransport streams"
     assert picture(page).std() > 10, "the picture is blank"
 
 
 def test_without_pytorch_page_and_command_say_what_training_needs(stack: Stack, page: Page) -> None:
     walk(page)
+    page.keyboard.press("p")  # opens the lab
     expect(page.locator(".scene-training")).to_contain_text("Training needs PyTorch")
     expect(page.locator(".scene-training button")).to_have_count(0)
     said = stack.inside("render", "tigas enhance train courtyard --out /tmp/networks")
