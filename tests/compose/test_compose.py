@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.compose.stack import SERVICES, Service, Stack, answers, docker, download_kbps, round_trips_ms, store
-from tests.experiments.store.conftest import upload
+from tests.experiments.store.conftest import plan, slug, upload
 from tests.testbed.inside import wait_until
 from tests.web.conftest import PATIENCE
 from tests.web.modes import wait_for_stream
@@ -70,8 +70,10 @@ def test_the_same_walk_as_a_dash_stream(stack: Stack, page: Page) -> None:
 
 
 def test_experiments_survive_a_killed_store(stack: Stack) -> None:
-    experiment = store("POST", "/experiments", {"name": "kept", "plan": {}})["id"]
-    row = store("POST", f"/experiments/{experiment}/runs", upload())
+    experiment = store("POST", "/experiments", plan("kept"))["id"]
+    run = f"/experiments/{experiment}/runs/{slug()}"
+    store("PUT", run, upload())
+    row = store("POST", f"{run}/complete")
     assert b"<html" in store("GET", f"/experiments/{experiment}/report")
     docker("kill", stack.container("store"))
     stack.up()
