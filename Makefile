@@ -28,14 +28,14 @@ help:
 	@echo "make demo          install dependencies, start the demo and print its URL"
 	@echo "make test          install dependencies and run the fast tests (at most 6 minutes)"
 	@echo "make test-all      run nearly all tests: also browsers, the shaped link and containers (at most 25 minutes)"
-	@echo "make test-extended run the longest tests, of what changes seldom"
+	@echo "make test-extended run the longest tests, of parts that seldom change"
 	@echo "make fuzz          try EXAMPLES=1000 random inputs in each fuzzer (about 20 minutes)"
 	@echo "make paper         list the parts of the published evaluation; PART=quick makes one, into results/paper/ (10 minutes, needs root)"
 	@echo "make paper-archive pack its runs into results/paper.tar.xz"
 	@echo "make lint          check types, style and generated files"
 	@echo "make bench         measure speed and memory against baselines (about 10 minutes)"
 	@echo "make bench-hostile measure a polite viewer while somebody else attacks (over half an hour; needs root for all of it)"
-	@echo "make bench-load    find how many viewers the render service serves, and what becomes of twice as many (about 3 minutes)"
+	@echo "make bench-load    find how many viewers the render service serves, and overload it twofold (about 3 minutes)"
 	@echo "make gpu           install GPU support for NVIDIA, as in: make gpu demo"
 	@echo "make lab           install experiments and their store, reports and training, as in: make lab demo"
 	@echo "make bench-gpu     measure GPU rendering (needs a GPU)"
@@ -180,7 +180,7 @@ TORCH = torch==$(shell sed -n '/^name = "torch"$$/{n;s/version = "\(.*\)"/\1/p}'
 	@$(UV_SYNC) --extra cluster --group dev
 	@touch $@
 
-# Only what builds the page: without types, source maps, debug builds and other module formats, which are most of it.
+# Only the packages that build the page: without types, source maps, debug builds and other module formats, which are most of it.
 UNUSED := typescript @typescript dashjs/dist/legacy dashjs/dist/modern/umd lucide/dist/cjs lucide/dist/umd \
 	playcanvas/build/playcanvas.* mediabunny/dist/bundles mediabunny/src
 web/node_modules/.build: web/package.json web/package-lock.json

@@ -61,7 +61,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", action="append", choices=[one.name for one in ATTACKS], metavar="NAME", default=[])
     parser.add_argument("--seconds", type=float, default=10, help="of each attack, and of the time before it")
-    parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="what the render service renders with")
+    parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="device of the render service")
     parser.add_argument(ISOLATED, action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the services end as well
@@ -87,7 +87,7 @@ def main() -> int:
 
                 outcome = measure(attack, arguments.seconds, cores, arguments.device, tell)
                 outcomes.append(outcome)
-                done = ", ".join(f"{count:,} {what}" for what, count in sorted(outcome.done.items())) or "unknown"
+                done = ", ".join(f"{count:,} {kind}" for kind, count in sorted(outcome.done.items())) or "unknown"
                 console.print(f"{attack.name}: {done}", highlight=False)
                 progress.advance(task)
     finally:  # results before an interruption count

@@ -95,8 +95,8 @@ def run(arguments: argparse.Namespace) -> int:
         progress = stack.enter_context(Progress(*columns, console=Console(stderr=True), transient=True))
         task = progress.add_task("starting")
 
-        def wait(what: str, until: float) -> None:
-            progress.update(task, description=what)
+        def wait(reason: str, until: float) -> None:
+            progress.update(task, description=reason)
             time.sleep(max(0.0, until - time.monotonic()))
 
         one, other = subjects(arguments, stack)

@@ -1,4 +1,4 @@
-"""What the viewers of a measurement request, passed to their processes."""
+"""The requests of a measurement's viewers, passed to their processes."""
 
 from __future__ import annotations
 

@@ -158,13 +158,13 @@ def _listening(as_json: bool) -> Iterator[Listener]:
     if as_json:
         said = -1.0
 
-        def say(what: str, done: float) -> None:
+        def say(stage: str, done: float) -> None:
             nonlocal said
             if done >= said + 0.01:
                 said = done
-                print(json.dumps({"stage": what, "progress": round(done, 3)}), flush=True)
+                print(json.dumps({"stage": stage, "progress": round(done, 3)}), flush=True)
 
         yield say
         return
     with progress_bar() as bar:
-        yield lambda what, done: bar(done, what)
+        yield lambda stage, done: bar(done, stage)

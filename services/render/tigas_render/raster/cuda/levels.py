@@ -29,7 +29,7 @@ EDGE_PIXELS = 0.5
 PARENTS_AT_ONCE = 2048
 """Two million Gaussians, which take about a gigabyte of intermediate results."""
 NEVER = math.inf
-"""The edge of a parent that has no room for what its children hold; they are drawn from everywhere."""
+"""The edge of a parent that has no room for its children's Gaussians; they are drawn from everywhere."""
 DEVIATION, EDGE, PARENT = 4, 5, 6
 """Fields of a chunk's bounds, after centre and radius; `begin.cu` says the same."""
 ROTATIONS = 5 * ((0, 1), (0, 2), (1, 2))
@@ -176,7 +176,7 @@ def _copy(scene: CudaScene, source: torch.Tensor, into: torch.Tensor) -> None:
 def _write_merged(
     scene: CudaScene, slots: torch.Tensor, finer: Finer, lengths: torch.Tensor, into: torch.Tensor, blur: torch.Tensor
 ) -> None:
-    """Write what each run of Gaussians becomes."""
+    """Write each run of Gaussians as one."""
     if not len(into):
         return
     means, covariances, opacity, weights = merge(finer.means, finer.covariances, finer.opacities, lengths, blur)

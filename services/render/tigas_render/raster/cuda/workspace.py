@@ -323,8 +323,9 @@ class Workspace:
         self._most_entries, self._most_chunks = max(self._most_entries, entries), max(self._most_chunks, chunks)
         self._fitting += 1
         if self._fitting == SHRUNK_AFTER:
-            has_much_entries = 10 * max(self._most_entries, FIRST_CAPACITY) < plan.capacity
-            if has_much_entries or 10 * max(self._most_chunks, FIRST_ROOM) < self._room:
+            lists_idle = 10 * max(self._most_entries, FIRST_CAPACITY) < plan.capacity
+            room_idle = 10 * max(self._most_chunks, FIRST_ROOM) < self._room
+            if lists_idle or room_idle:
                 self.shrink()
             self._most_entries, self._most_chunks, self._fitting = 0, 0, 0
         return True

@@ -1,6 +1,6 @@
 // Sorts the tiles' entries and blends them front to back. A block takes up one segment of a tile at a time. Each warp
 // has 8 × 4 pixels, one a lane; where a tile has fewer of those than the block has warps, several warps blend the same
-// pixels, each its part of the depth. What lies in different depths is blended apart and put together in order, as
+// pixels, each its part of the depth. Different depths are blended apart and put together in order, as
 // "over" is associative (Porter and Duff 1984).
 #include "frame.cuh"
 #include "pixels.cuh"
@@ -150,7 +150,7 @@ __device__ __forceinline__ u32 next_batch(Shared& s, const u64* entries, u32 n, 
     }
 }
 
-// What a pixel has got so far, and the light that still passes.
+// A pixel's colour so far, and the light that still passes.
 struct Pixel {
     float r, g, b, light;
     bool alive;
@@ -262,7 +262,7 @@ struct Blender {
         return pixel;
     }
 
-    // Puts a partial picture behind what the pixel has.
+    // Puts a partial picture behind the pixel's colour.
     __device__ __forceinline__ void add(Pixel& pixel, float4 behind) {
         if (pixel.light <= TRANSMITTANCE_MIN) return;
         pixel.r += pixel.light * behind.x, pixel.g += pixel.light * behind.y, pixel.b += pixel.light * behind.z;

@@ -1,4 +1,4 @@
-// What a frame carries of its depth: 8-bit codes, and the inverse depth of code 255, as encode/depth_segment.py makes
+// The depth that a frame carries: 8-bit codes, and the inverse depth of code 255, as encode/depth_segment.py makes
 // them on the host.
 #include "frame.cuh"
 
@@ -47,7 +47,7 @@ __device__ u32 radix_select(const float2* means, u32 count, u32 rank) {
     return prefix;
 }
 
-// One block, after the frame's depth was blended: the codes go behind it, what code 255 stands for to status[2].
+// One block, after the frame's depth was blended: the codes go behind it, the inverse depth of code 255 to status[2].
 extern "C" __global__ void __launch_bounds__(DEPTH_THREADS) code_depth(const Frame* frame) {
     __shared__ u32 greatest;
     const Frame& f = *frame;

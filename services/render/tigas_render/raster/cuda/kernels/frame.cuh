@@ -1,4 +1,4 @@
-// What every kernel knows of one frame, and the arithmetic that they share.
+// One frame's parameters and buffers, and the arithmetic that all kernels share.
 // No headers are included: NVRTC compiles this on machines without a CUDA toolkit.
 #pragma once
 
@@ -81,7 +81,7 @@ struct Frame {
     float* lights;          // [tiles, MAX_SEGMENTS] the most light that passes a segment at any pixel; 1 until finished
     float4* partials;       // [capacity / 256, side²] red, green, blue, light
     u8* pixels;             // RGB [H, W, 3], three planes, or depth
-    u32* status;            // pinned, `Status` of workspace.py: entries that the frame needed, at most 2^32 - 1, and chosen chunks
+    u32* status;            // pinned, `Status` of workspace.py: entries needed, at most 2^32 - 1, and chosen chunks
     Progress* progress;
     u32 padded, capacity, room;  // room: chosen chunks that there are slots for
     u32 tiles, tiles_x, slices;  // slices: a power of two, at most 256
@@ -128,6 +128,6 @@ __device__ __forceinline__ bool touches(const Splat& s, float x0, float x1, floa
     float x_best = clamp(__fdividef(-0.5f * s.b * dy, s.a), x0, x1);  // on the facing horizontal edge
     float on_vertical = s.a * dx * dx + s.b * dx * y_best + s.c * y_best * y_best;
     float on_horizontal = s.a * x_best * x_best + s.b * x_best * dy + s.c * dy * dy;
-    // a hair wider than exact, for rounding: what is drawn is decided again for each pixel
+    // a hair wider than exact, for rounding: each pixel decides again whether it is drawn
     return fminf(on_vertical, on_horizontal) <= (s.log_alpha - LOG2_ALPHA_MIN) * 1.0001f + 1e-4f;
 }

@@ -77,7 +77,7 @@ __device__ bool project_one(const Frame& f, u32 i, float4& s0, float4& s1, ushor
     float q2 = scale2 * (bx * x2 + by * y2 + bz * z2);
     float cxx = p0 * p0 + p1 * p1 + p2 * p2, cyy = q0 * q0 + q1 * q1 + q2 * q2;
     float cxy = p0 * q0 + p1 * q1 + p2 * q2;
-    // what opacity loses to the filter: det(Σ + c I) = det Σ + c tr Σ + c², safe where det Σ is nearly 0
+    // opacity lost to the filter: det(Σ + c I) = det Σ + c tr Σ + c², safe where det Σ is nearly 0
     float area = fmaxf(cxx * cyy - cxy * cxy, 0.f), trace = cxx + cyy;
     log_alpha += 0.5f * log2f((area + f.dilation * (trace + f.dilation)) / (area + f.filtered * (trace + f.filtered)));
     if (!(log_alpha >= LOG2_ALPHA_MIN)) return false;
@@ -86,7 +86,7 @@ __device__ bool project_one(const Frame& f, u32 i, float4& s0, float4& s1, ushor
     float scale = 0.5f * LOG2_E / determinant;
     float reach = (log_alpha - LOG2_ALPHA_MIN) * (2 / LOG2_E);  // squared, in deviations
     float rx = sqrtf(reach * cxx), ry = sqrtf(reach * cyy);
-    // false for NaN, and for what would overflow later on
+    // false for NaN, and for values that would overflow later on
     if (!(determinant > 0 && scale * (cxx + cyy) < 1e6f && fabsf(u) < FARTHEST && fabsf(v) < FARTHEST &&
           rx < 1e30f && ry < 1e30f))
         return false;
