@@ -89,7 +89,7 @@ def run(*arguments: str) -> tuple[int, str]:
 @pytest.mark.slow
 def test_networks_are_trained_and_evaluated(server: ThreadingHTTPServer, options: list[str], tmp_path: Path) -> None:
     file = tmp_path / "garden" / FILE
-    status, said = run("train", "garden", *options, "--seconds", "3", "--out", str(file))
+    status, said = run("train", "garden", *options, "--seconds", "1", "--out", str(file))
     assert status == 0, said
     weights = read_weights(file)
     assert weights.scene_sha256 == DIGEST

@@ -23,7 +23,8 @@ CROP = 64
 """The longest side of a crop, in pixels of the rung."""
 CANDIDATES = 4
 """Places that are tried for each crop, until one shows something other than the background."""
-LEAST_STEPS = 3
+LEAST_STEPS = 60
+"""A slow machine takes longer than the given time rather than fewer steps."""
 
 Report = Callable[[float], None]
 """Progress callback with the completed share of a training, 0 to 1."""
@@ -60,10 +61,10 @@ def train(
     network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # PyTorch's own signature lacks it
     optimiser = torch.optim.Adam(network.parameters(), LEARNING_RATE, BETAS, fused=device.type == "cuda")
     began, step, done = clock(), 0, 0.0
-    while done < 1 or step < LEAST_STEPS:
+    while done < 1:
         for group in optimiser.param_groups:
             rising = min(1, (step + 1) / WARM_UP)
-            group["lr"] = LEARNING_RATE * rising * (1 + math.cos(math.pi * min(done, 1))) / 2
+            group["lr"] = LEARNING_RATE * rising * (1 + math.cos(math.pi * done)) / 2
         low, place, target = crops.draw()
         variation = Variation.random(len(low), device) if varied else Variation()
         with torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda"):
@@ -75,8 +76,8 @@ def train(
         step += 1
         if device.type == "cpu" or step % 20 == 0:  # so that the processor waits for a GPU now and then
             loss.item()
-            done = (clock() - began) / seconds
-            report(min(done, 1))
+            done = min(step / LEAST_STEPS, (clock() - began) / seconds, 1)
+            report(done)
     return network.cpu()
 
 
