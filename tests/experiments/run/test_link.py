@@ -15,7 +15,7 @@ from tests.experiments.made_up import SERVER
 from tests.web.fake_shaper import FakeShaper
 from tigas_common.wire.shaper import DirectionStatus, LinkSetting, ShaperStatus
 from tigas_experiments.errors import RunFailed
-from tigas_experiments.run.link import HeldLink, ShaperClient, held, watching_link
+from tigas_experiments.run.link import OPENING_S, RunLink, ShaperClient, link_for, watching_link
 from tigas_experiments.run.parsing import parse_network
 from tigas_experiments.run.targets import Target
 from tigas_experiments.wire.run import Network
@@ -42,15 +42,14 @@ def status(at_ms: float, position_ms: float | None = None, **changes: Any) -> Sh
 
 
 def played(begin_ms: float, **at: dict[str, Any]) -> list[ShaperStatus]:
-    """A trace that waits for 400 ms and is then played for two seconds; with changes of the n-th status, `_n`."""
-    told = [status(200.0 * n, begin_ms, mode="paused") for n in (0, 1)]
-    told += [status(200.0 * n, (begin_ms + 200 * (n - 2)) % DURATION_MS) for n in range(2, 12)]
+    """A trace that is played for two seconds; with changes of the n-th status, `_n`."""
+    told = [status(200.0 * n, (begin_ms + 200 * n) % DURATION_MS) for n in range(12)]
     return [each.model_copy(update=at.get(f"_{n}", {})) for n, each in enumerate(told)]
 
 
 def left_alone(network: Network, seen: list[ShaperStatus]) -> bool:
     """Judged like in a run, with the first one as the reference."""
-    return HeldLink(ShaperClient("http://127.0.0.1:9", ""), network, seen[0]).left_alone(seen)
+    return RunLink(ShaperClient("http://127.0.0.1:9", ""), network, 0, seen[0]).left_alone(seen)
 
 
 BUS = Network(trace="bus")
@@ -106,23 +105,43 @@ def watched(shaper: FakeShaper, network: str, somebody: tuple[str, dict[str, Any
 
     async def run() -> None:
         target = Target("http://127.0.0.1:9", SERVER.model_copy(update={"services": {"shaper": shaper.url}}))
-        async with held(target, parse_network(network)) as link, watching_link(link) as seen:
+        async with link_for(target, parse_network(network)) as link:
             assert link is not None
             await link.play()
-            for request in (somebody, None):
-                known = len(seen)
-                await eventually(lambda known=known: len(seen) >= known + 2)  # type: ignore[misc]
-                if request is not None:
-                    async with httpx.AsyncClient(base_url=shaper.url) as http:
-                        assert (await http.post(request[0], json=request[1])).is_success
+            async with watching_link(link) as seen:
+                for request in (somebody, None):
+                    known = len(seen)
+                    await eventually(lambda known=known: len(seen) >= known + 2)  # type: ignore[misc]
+                    if request is not None:
+                        async with httpx.AsyncClient(base_url=shaper.url) as http:
+                            assert (await http.post(request[0], json=request[1])).is_success
 
     asyncio.run(run())
 
 
 @pytest.mark.parametrize("network", ["20mbit,20ms-rtt", "unshaped", "stairs", "stairs,50ms-rtt"])
-def test_a_link_of_ones_own_is_held_and_released(shaper: FakeShaper, network: str) -> None:
+def test_a_link_of_ones_own_is_left_alone_and_released(shaper: FakeShaper, network: str) -> None:
     watched(shaper, network, None)
     assert shaper.asked[-1] == ("/stop", {})
+
+
+@pytest.mark.parametrize(("offset_s", "before"), [(0, 30 - 3), (20, 20 - 3)])
+def test_a_trace_plays_while_the_viewer_opens_and_warms_up(shaper: FakeShaper, offset_s: int, before: int) -> None:
+    """So that an outage, at any moment, does not keep a viewer from getting ready."""
+
+    async def run() -> None:
+        target = Target("http://127.0.0.1:9", SERVER.model_copy(update={"services": {"shaper": shaper.url}}))
+        network = parse_network("stairs").model_copy(update={"offset_s": offset_s})
+        async with link_for(target, network, warm_up_s=3) as link:
+            assert link is not None
+            await link.warm_up()
+            await link.play()
+
+    shaper.asked.clear()
+    asyncio.run(run())
+    begin, *seeks, stop = [(path, body.get("position_ms")) for path, body in shaper.asked]
+    assert (begin[0], stop[0]) == ("/start", "/stop")
+    assert seeks == [("/seek", 1000 * at) for at in (before - OPENING_S, before, offset_s)]
 
 
 @pytest.mark.parametrize(
@@ -148,7 +167,7 @@ def test_who_else_touches_the_link_spoils_the_run(
 def test_a_shaper_that_ends_in_good_order_spoils_the_run_too() -> None:
     async def run(shaper: FakeShaper) -> None:
         target = Target("http://127.0.0.1:9", SERVER.model_copy(update={"services": {"shaper": shaper.url}}))
-        async with held(target, parse_network("unshaped")) as link, watching_link(link) as seen:
+        async with link_for(target, parse_network("unshaped")) as link, watching_link(link) as seen:
             await eventually(lambda: bool(seen))
             await asyncio.to_thread(shaper.stop)
 

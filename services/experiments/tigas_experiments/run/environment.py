@@ -21,7 +21,7 @@ from tigas_experiments.run.browser import chromium, find_chromium, responds, vie
 from tigas_experiments.run.checks import MadeWith, check_services
 from tigas_experiments.run.inputs import Inputs, points_sha256
 from tigas_experiments.run.job import MadeFrom
-from tigas_experiments.run.link import held
+from tigas_experiments.run.link import link_for
 from tigas_experiments.run.targets import LAB_URL, Target, alive, lab_target, load_scene, make_download, url_target
 from tigas_experiments.wire.movement import TimedPose
 from tigas_experiments.wire.run import PER_VIEW, Configuration, Network
@@ -97,7 +97,7 @@ class Environment:
         check_services(runs, target, scenes, self._ladder)
         for network in {run.network: None for run in runs}:
             try:
-                async with held(target, self._inputs.network(network)):
+                async with link_for(target, self._inputs.network(network)):
                     pass
             except RunFailed as error:
                 raise StartError(str(error)) from None

@@ -1,4 +1,4 @@
-"""The link of a run: held at its network's first state, watched while the run lasts, and fast again afterwards."""
+"""The link of a run: played from before the run's part of the trace, watched meanwhile, and fast again afterwards."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pydantic import ValidationError
 
 from tigas_common.files import read_regular
 from tigas_common.parsing import sentence
-from tigas_common.wire.shaper import MAX_UPLOAD_BYTES, ShaperStatus
+from tigas_common.wire.shaper import MAX_DURATION_MS, MAX_UPLOAD_BYTES, ShaperStatus
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.run.targets import Target
 from tigas_experiments.wire.recording import LinkSample
@@ -26,26 +26,36 @@ from tigas_experiments.wire.run import Network
 
 TIMEOUT_S = 10
 UPLOAD_TIMEOUT_S = 60
+OPENING_S = 10
+"""A trace begins so long before the warm-up, because a viewer opened at the moment of an outage may never be ready."""
 JUMP_MS = 500
 """A trace so far from where time has brought it was moved; less may pass between the shaper's looks at its clock."""
 
 
 @dataclass(frozen=True, slots=True)
-class HeldLink:
+class RunLink:
     """A link reserved for a run."""
 
     shaper: ShaperClient
     network: Network
+    warm_up_s: float
     first: ShaperStatus
-    """How it was when it was first held."""
+    """How it was when it was reserved."""
+
+    async def warm_up(self) -> None:
+        """Play the network's trace, if it is one, from where the warm-up begins. Raises RunFailed."""
+        await self._seek(self.warm_up_s)
 
     async def play(self) -> None:
-        """Play the network's trace, if it is one, from where a run begins. Raises RunFailed."""
+        """Play it from where the movement begins. Raises RunFailed."""
+        await self._seek(0)
+
+    async def _seek(self, before_s: float) -> None:
         if self.network.trace is not None:
-            await self.shaper.play(self.network)
+            await self.shaper.seek(self.network, before_s, self.first.duration_ms)
 
     def left_alone(self, seen: Iterable[ShaperStatus]) -> bool:
-        """Whether the link only changed according to its network; `seen` begins before the trace was played."""
+        """Whether the link only changed according to its network while the movement lasted."""
         playing: ShaperStatus | None = None
         for status in seen:
             if status.trace != self.first.trace:
@@ -56,8 +66,6 @@ class HeldLink:
                 continue
             if self.network.rtt_ms is not None and status.link.delay_ms != self.first.link.delay_ms:
                 return False
-            if playing is None and status.mode == "paused":
-                continue
             playing = playing or status
             if status.mode != "playing" or _jump_ms(playing, status) > JUMP_MS:
                 return False
@@ -65,8 +73,8 @@ class HeldLink:
 
 
 @asynccontextmanager
-async def held(target: Target, network: Network) -> AsyncIterator[HeldLink | None]:
-    """A network, held at its first state; afterwards the shaper's own fast link. Raises RunFailed.
+async def link_for(target: Target, network: Network, warm_up_s: float = 0) -> AsyncIterator[RunLink | None]:
+    """A network, for a viewer to open in; afterwards the shaper's own fast link. Raises RunFailed.
 
     None where there is no shaper, and none is needed.
     """
@@ -77,7 +85,8 @@ async def held(target: Target, network: Network) -> AsyncIterator[HeldLink | Non
         return
     shaper = ShaperClient(target.shaper, target.url)
     try:
-        yield HeldLink(shaper, network, await (shaper.hold(network) if network.shaped else shaper.release()))
+        first = await (shaper.begin(network, warm_up_s + OPENING_S) if network.shaped else shaper.release())
+        yield RunLink(shaper, network, warm_up_s, first)
     finally:
         with contextlib.suppress(RunFailed):
             await shaper.release()
@@ -85,7 +94,7 @@ async def held(target: Target, network: Network) -> AsyncIterator[HeldLink | Non
 
 
 @asynccontextmanager
-async def watching_link(link: HeldLink | None) -> AsyncIterator[list[tuple[float, ShaperStatus]]]:
+async def watching_link(link: RunLink | None) -> AsyncIterator[list[tuple[float, ShaperStatus]]]:
     """Record (unix ms, status) of the link during the context.
 
     Raises RunFailed at the end if the link was closed or changed from outside.
@@ -149,8 +158,8 @@ class ShaperClient:
     async def close(self) -> None:
         await self._http.aclose()
 
-    async def hold(self, network: Network) -> ShaperStatus:
-        """Put the network's first state in force, and keep it."""
+    async def begin(self, network: Network, before_s: float) -> ShaperStatus:
+        """Put the network in force; its trace plays from so long before the run's part, and again after its end."""
         if network.link is not None:
             return await self._post("/link", asdict(network.link))
         name = network.trace if network.trace_file is None else await self._upload(network.trace_file)
@@ -158,13 +167,12 @@ class ShaperClient:
         playing = await self._post("/start", {"trace": name, "loop": True, "delay_ms": delay_ms})
         if network.offset_s * 1000 >= (playing.duration_ms or math.inf):
             raise RunFailed(f"The trace {name} is shorter than {network.offset_s:g} s, so no run can begin there.")
-        await self._post("/pause", {})
-        return await self._seek(network)
+        return await self.seek(network, before_s, playing.duration_ms)
 
-    async def play(self, network: Network) -> None:
-        """Play the held trace from where a run begins."""
-        await self._seek(network)
-        await self._post("/resume", {})
+    async def seek(self, network: Network, before_s: float, duration_ms: float | None) -> ShaperStatus:
+        """Play the network's trace from so long before the run's part; before its start comes its end."""
+        position_ms = (network.offset_s - before_s) * 1000
+        return await self._post("/seek", {"position_ms": position_ms % (duration_ms or MAX_DURATION_MS)})
 
     async def release(self) -> ShaperStatus:
         """Back to the shaper's own constant rate, which is fast."""
@@ -180,9 +188,6 @@ class ShaperClient:
         except (httpx.HTTPError, json.JSONDecodeError) as error:
             raise RunFailed(f"The shaper at {self.url} stopped reporting its link ({_reason(error)}).") from None
         raise RunFailed(f"The shaper at {self.url} stopped reporting its link (it has ended).")
-
-    async def _seek(self, network: Network) -> ShaperStatus:
-        return await self._post("/seek", {"position_ms": network.offset_s * 1000})
 
     def _status(self, data: Any) -> ShaperStatus:
         try:

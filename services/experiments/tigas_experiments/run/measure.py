@@ -17,7 +17,7 @@ from tigas_experiments.records.samples import write_sample_file, write_samples
 from tigas_experiments.run.browser import Viewer, viewer
 from tigas_experiments.run.environment import Environment, Setup
 from tigas_experiments.run.job import complete, page_settings, run_plan, write_records
-from tigas_experiments.run.link import held, link_sample, watching_link
+from tigas_experiments.run.link import link_for, link_sample, watching_link
 from tigas_experiments.run.targets import alive
 from tigas_experiments.run.watched import watched
 from tigas_experiments.wire.recording import Recording
@@ -69,17 +69,20 @@ async def _measure(
     url, scene = setup.target.url, configuration.scene
     plan = run_plan(configuration, setup.points)
     async with viewer(setup.browser, url, scene, configuration.width, configuration.height) as page:
-        async with held(setup.target, setup.network) as link:
+        async with link_for(setup.target, setup.network, configuration.warm_up_s) as link:
             await page.prepare(page_settings(configuration), setup.points[0])
             stage("warms up")
+            if link is not None:
+                await link.warm_up()
             await asyncio.sleep(configuration.warm_up_s)
             stage("measures")
             watch = await asyncio.to_thread(watched, setup.target)
-            async with watching_load(processes=watch.processes) as load, watching_link(link) as seen:
+            async with watching_load(processes=watch.processes) as load:
                 if link is not None:
                     await link.play()
-                recording = await page.record(plan, patience_s=configuration.duration_s + DRAIN_S)
-                await page.check()
+                async with watching_link(link) as seen:
+                    recording = await page.record(plan, patience_s=configuration.duration_s + DRAIN_S)
+                    await page.check()
         start = recording.started_unix_ms
         # A page that no longer receives frames still plays to the end.
         ended = not await alive(setup.target)

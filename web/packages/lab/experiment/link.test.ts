@@ -41,7 +41,7 @@ function fakeShaper(answer: ShaperStatus) {
       asked.push([name, ...values]);
       return answer;
     };
-  const names = ["start", "pause", "seek", "resume", "stop", "link"];
+  const names = ["start", "seek", "stop", "link"];
   const api = Object.fromEntries(names.map((name) => [name, call(name)]));
   const status = signal<ShaperStatus | null>(null);
   const connectionError = signal<string | null>(null);
@@ -51,8 +51,8 @@ function fakeShaper(answer: ShaperStatus) {
 /** What is reported of a run's link that is in one state at first, and in others afterwards. */
 async function seen(network: Configuration["network"], first: ShaperStatus, ...later: (ShaperStatus | null)[]) {
   const { shaper, status, connectionError } = fakeShaper(first);
-  const link = new RunLink(shaper, network);
-  await link.hold();
+  const link = new RunLink(shaper, network, 0);
+  await link.begin();
   await link.play();
   const problems: string[] = [];
   const stop = link.watch(
@@ -108,21 +108,17 @@ test("a shaper that falls silent is noticed, and a state from before the run is 
 });
 
 test.each([
-  [BUS, [["start", { trace: "bus", loop: true, delay_ms: 40 }], ["pause"], ["seek", 0]], [["seek", 0], ["resume"]]],
-  [
-    { trace: "bus", offset_s: 3 },
-    [["start", { trace: "bus", loop: true, delay_ms: null }], ["pause"], ["seek", 3000]],
-    [["seek", 3000], ["resume"]],
-  ],
-  [{ link: LINK }, [["link", LINK]], []],
-  [{}, [["stop"]], []],
-])("the network %j is held, played and given back", async (network, held, played) => {
+  [BUS, ["start", { trace: "bus", loop: true, delay_ms: 40 }], [17_000, 27_000, 0]],
+  [{ trace: "bus", offset_s: 20 }, ["start", { trace: "bus", loop: true, delay_ms: null }], [7000, 17_000, 20_000]],
+  [{ link: LINK }, ["link", LINK], []],
+  [{}, ["stop"], []],
+])("the network %j plays from before the run, and is given back", async (network, begun, sought) => {
   const { shaper, asked, status } = fakeShaper(PLAYING);
-  const link = new RunLink(shaper, network);
-  await link.hold();
-  expect(asked.splice(0)).toEqual(held);
+  const link = new RunLink(shaper, network, 3);
+  await link.begin();
+  await link.warmUp();
   await link.play();
-  expect(asked.splice(0)).toEqual(played);
+  expect(asked.splice(0)).toEqual([begun, ...sought.map((position) => ["seek", position])]);
   const stop = link.watch(
     () => 500,
     () => undefined,
@@ -136,9 +132,10 @@ test.each([
 });
 
 test("without a shaper only an unshaped run can be made", async () => {
-  expect(() => new RunLink(null, BUS)).toThrow("There is no shaper");
-  const link = new RunLink(null, {});
-  await link.hold();
+  expect(() => new RunLink(null, BUS, 0)).toThrow("There is no shaper");
+  const link = new RunLink(null, {}, 0);
+  await link.begin();
+  await link.warmUp();
   await link.play();
   await link.release();
   expect([link.backend, link.reports(9000)]).toEqual([null, true]);

@@ -1,4 +1,4 @@
-/** The network of a run: held at its first state, played from there, watched meanwhile, and given back. */
+/** The network of a run: played from before the run's part of its trace, watched meanwhile, and given back. */
 import { effect } from "@preact/signals";
 import { LINK_TERMS, UNSHAPED } from "#client/wire/run";
 import type { LinkSetting, ShaperStatus } from "#client/wire/shaper";
@@ -8,6 +8,8 @@ import { RunFailed } from "./errors";
 
 type Network = Configuration["network"];
 
+/** A trace begins so many seconds before the warm-up: a viewer opened during an outage may never be ready. */
+const OPENING = 10;
 /** Tolerated difference between a trace's position and the elapsed time, in milliseconds. */
 const JUMP = 1000;
 /** A shaper reports its link five times per second; without a report for this many milliseconds it counts as lost. */
@@ -21,33 +23,38 @@ export class RunLink {
   #known: ShaperStatus | null = null;
   readonly #seen: { readonly at: number; readonly status: ShaperStatus }[] = [];
 
-  /** Without a shaper, the network must be unshaped. */
-  constructor(shaper: Shaper | null, network: Network) {
+  readonly #warmUp: number;
+
+  /** Without a shaper, the network must be unshaped. The warm-up is in seconds. */
+  constructor(shaper: Shaper | null, network: Network, warmUp: number) {
     if (shaper === null && (network.link || network.trace)) {
       throw new RunFailed("There is no shaper behind this page, so that the network must be “unshaped”.");
     }
     this.#shaper = shaper;
     this.#network = network;
+    this.#warmUp = warmUp;
   }
 
-  /** Put the network's first state in force, and keep it. */
-  async hold(): Promise<void> {
+  /** Put the network in force, for the viewer to open in. */
+  async begin(): Promise<void> {
     if (this.#shaper === null) return;
     const { api } = this.#shaper;
     const { link, trace, rtt_ms } = this.#network;
     if (link) this.#known = await api.link(link);
     else if (trace) {
-      await api.start({ trace, loop: true, delay_ms: rtt_ms == null ? null : rtt_ms / 2 });
-      await api.pause();
-      await this.#seek();
+      this.#known = await api.start({ trace, loop: true, delay_ms: rtt_ms == null ? null : rtt_ms / 2 });
+      await this.#seek(this.#warmUp + OPENING);
     } else this.#known = await api.stop();
   }
 
-  /** Play the held trace from where the run begins. */
-  async play(): Promise<void> {
-    if (this.#shaper === null || !this.#network.trace) return;
-    await this.#seek();
-    this.#known = await this.#shaper.api.resume();
+  /** Play the trace from where the warm-up begins. */
+  warmUp(): Promise<void> {
+    return this.#seek(this.#warmUp);
+  }
+
+  /** Play the trace from where the movement begins. */
+  play(): Promise<void> {
+    return this.#seek(0);
   }
 
   /** Records the link until stopped, and reports the first fault in one sentence. */
@@ -96,8 +103,12 @@ export class RunLink {
     this.#shaper?.api.abandon();
   }
 
-  async #seek(): Promise<void> {
-    this.#known = (await this.#shaper?.api.seek((this.#network.offset_s ?? 0) * 1000)) ?? null;
+  /** Play from so many seconds before the run's part; before the trace's start comes its end. */
+  async #seek(before: number): Promise<void> {
+    if (this.#shaper === null || !this.#network.trace) return;
+    const position = ((this.#network.offset_s ?? 0) - before) * 1000;
+    const duration = this.#known?.duration_ms || 1;
+    this.#known = await this.#shaper.api.seek(position - duration * Math.floor(position / duration));
   }
 
   #problem(status: ShaperStatus): string | null {

@@ -64,7 +64,7 @@ async function performed() {
     if (refused && name === "start") throw new ShaperError("There is no trace bus.");
     return STATUS;
   };
-  const names = ["start", "pause", "seek", "resume", "stop"];
+  const names = ["start", "seek", "stop"];
   const api = { ...Object.fromEntries(names.map((name) => [name, ask(name)])), abandon: () => events.push("abandon") };
   const runner = {
     stand: () => events.push("stand"),
@@ -105,20 +105,21 @@ async function performed() {
   return work;
 }
 
-test("the link is held before the connection of the run, and the movement begins with the trace", async () => {
+test("the link is in force before the connection of the run, and the movement begins with its part of the trace", async () => {
   vi.spyOn(Date, "now").mockReturnValue(5);
   const { upload, captures, samples } = await performed();
   expect(events).toEqual([
     "stand",
     "Connects",
     "Waits for the first view",
-    ...["start", "pause", "seek"],
+    ...["start", "seek"],
     "seed 7",
     'settings {"mode":"stateless"}',
     "reconnect",
     "Warms up",
+    "seek",
     "Plays the movement",
-    ...["seek", "resume"],
+    "seek",
     'run {"experiment":"e1","run":"r","stored":false,"title":"Seen","started_unix_ms":5}',
     "stop",
   ]);

@@ -42,7 +42,8 @@ const HIDDEN = "The page was hidden, so that not all of the run could be shown."
 export async function perform(job: RunJob, performance_: Performance): Promise<Performed> {
   const { session, runner, shaper, experiment, stage, signal } = performance_;
   const { configuration, settings, plan } = job;
-  const link = new RunLink(shaper, configuration.network);
+  const warmUp = configuration.warm_up_s ?? 0;
+  const link = new RunLink(shaper, configuration.network, warmUp);
   const onLeave = () => link.abandon();
   addEventListener("pagehide", onLeave);
   try {
@@ -54,7 +55,7 @@ export async function perform(job: RunJob, performance_: Performance): Promise<P
       signal,
     );
     stage("Waits for the first view");
-    await link.hold();
+    await link.begin();
     const { seed, ...chosen } = settings as { readonly seed: number } & Partial<Settings>;
     runner.seed(seed);
     runner.settings(chosen);
@@ -66,7 +67,8 @@ export async function perform(job: RunJob, performance_: Performance): Promise<P
     );
     failIfUnlike(runner);
     stage("Warms up");
-    await sleep((configuration.warm_up_s ?? 0) * 1000, signal);
+    await link.warmUp();
+    await sleep(warmUp * 1000, signal);
     stage("Plays the movement");
     await waitUntil(visible, () => HIDDEN, signal);
     await link.play();
