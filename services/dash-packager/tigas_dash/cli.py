@@ -12,7 +12,7 @@ from tigas_dash.settings import DashSettings
 
 
 class Dash(DashSettings, Command):
-    """Stream the render service's views, one stream per viewer: low-latency DASH, and WebRTC if it is installed.
+    """Stream the render service's views, one stream per viewer, over low-latency DASH or WebRTC.
 
     WebRTC is on the UDP port of the same number as the API.
     """

@@ -26,4 +26,4 @@ class EncoderUnavailable(TigasError):
 
 
 class WebRtcUnavailable(TigasError):
-    status, type, title = 503, "webrtc-unavailable", "The packager has no WebRTC"
+    status, type, title = 503, "webrtc-unavailable", "WebRTC cannot reach this viewer"

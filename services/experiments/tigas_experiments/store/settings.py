@@ -23,6 +23,6 @@ class StoreSettings(ServiceSettings):
     movements: Annotated[Path, NO_FLAG] = Path("traces/movement")
     """The directory of movement traces."""
     render: Annotated[Url, NO_FLAG] = f"http://{PAGE.loopback}"
-    """Base URL of the render service that renders samples again."""
+    """Base URL of the render service that pages use, for ground truth."""
     http: Listen = STORE.loopback
     """Address of the API."""

@@ -42,7 +42,7 @@ DashTransport = Literal["tcp", "h3"]
 DASH_TRANSPORTS: dict[DashTransport, str] = {"tcp": "TCP", "h3": "HTTP/3"}
 """How the segments of DASH are fetched: over HTTP/1.1, or from the sender of frames; with display names."""
 SOURCES = ("stateless", "video", "dash", "webrtc", "local")
-"""How the page can show a scene; one file each in web/app/sources."""
+"""How the page can show a scene; one file each in web/packages/viewer/sources."""
 SIDE_MODES = (*PER_VIEW, *DASH, "dash-custom", "webrtc", "local")
 """Choices for a side of the page's comparison: a source, with the preset of a stream."""
 USUAL_SIDES = ("stateless", "dash-tuned")

@@ -141,7 +141,7 @@ def shown(source: str) -> str:
 
 
 def _fetch(url: str, part: Path, listener: Listener, limit: int) -> None:
-    too_large = NotAdded(f"{shown(url)} is larger than {limit / 1e9:g} GB; --max-gb allows more.")
+    too_large = NotAdded(f"{shown(url)} is larger than {limit / 1e9:g} GB; download it, and add the file.")
     try:
         with (
             httpx.stream("GET", url, headers=AS_IT_IS, follow_redirects=True, timeout=TIMEOUT_S) as answer,

@@ -51,7 +51,7 @@ function StoredExperiments({ base }: { base: string }) {
   useEffect(() => void look(), [look]);
   if (list === undefined && problem.value === null) return <p class="muted">Asking the store…</p>;
   if (list?.length === 0)
-    return <p>No experiments yet. To start one, open a scene and choose Experiment in the toolbar, or press X.</p>;
+    return <p>No experiments yet. To start one, open a scene and choose Experiment… in the lab, or press X.</p>;
   return (
     <>
       <Notice>{problem.value}</Notice>
