@@ -93,7 +93,7 @@ async def test_what_the_service_refuses_is_said_as_the_service_says_it(served: S
         with pytest.raises(tigas.Refused, match="no scene 'attic'") as refused:
             await client.render(AHEAD, scene="attic")
         assert (refused.value.type, refused.value.status) == ("tigas:unknown-scene", 404)
-        with pytest.raises(tigas.ClientError, match=r"^Say which scene: courtyard, wall\.$"):
+        with pytest.raises(tigas.ClientError, match=r"^Choose a scene: courtyard, wall\.$"):
             await client.render(AHEAD)
         with pytest.raises(ValueError, match=r"^width: input should be greater than or equal to 1\.$"):
             await client.render(AHEAD, scene="wall", size=(0, 36))
@@ -109,9 +109,9 @@ async def test_nobody_and_strangers_are_named_in_a_sentence() -> None:
 
     everything = Route("/{path:path}", hello, methods=["GET", "POST"])
     async with answering(everything) as url, tigas.AsyncClient(url) as client:
-        with pytest.raises(tigas.Unreachable, match="is no TIGAS render service"):
+        with pytest.raises(tigas.Unreachable, match="is not a TIGAS render service"):
             await client.scenes()
-        with pytest.raises(tigas.Unreachable, match="is no TIGAS render service"):
+        with pytest.raises(tigas.Unreachable, match="is not a TIGAS render service"):
             await client.render(AHEAD, **WALL)
 
 

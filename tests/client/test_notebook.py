@@ -48,7 +48,7 @@ def test_the_camera_follows_the_user_and_the_program() -> None:
 
 @pytest.mark.anyio
 async def test_a_scene_may_only_be_left_out_if_there_is_one(served: Served) -> None:
-    with pytest.raises(tigas.ClientError, match="Say which scene: courtyard, wall"):
+    with pytest.raises(tigas.ClientError, match="Choose a scene: courtyard, wall"):
         await asyncio.to_thread(tigas.show, server=served.url)
 
 

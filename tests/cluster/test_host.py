@@ -129,7 +129,7 @@ def test_the_status_of_no_cluster_is_a_sentence(monkeypatch: pytest.MonkeyPatch,
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     run = tigas("cluster", "status")
     assert run.exit_code == 1
-    assert run.stderr.startswith("No cluster runs on this machine: `tigas cluster up` starts one")
+    assert run.stderr.startswith("No cluster is running here: start one with `tigas cluster up`")
 
 
 def test_what_a_ray_of_our_own_has_left_is_not_taken_for_one_that_runs(tmp_path: Path) -> None:

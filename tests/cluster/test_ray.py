@@ -180,7 +180,7 @@ def test_hosts_outlive_a_second_up_and_a_killed_one_and_the_next_finds_them_and_
             tigas("cluster", "up", "--http=127.0.0.1:0"), env=cluster.environment, capture_output=True, text=True
         )
         assert second.returncode == 1
-        assert second.stderr.endswith("Another `tigas cluster up` looks after this cluster; end that one first.\n")
+        assert second.stderr.endswith("Another `tigas cluster up` manages this cluster; stop it first.\n")
         assert [each["since"] for each in cluster.status()] == [host["since"]]
         cluster.process.kill()
         cluster.process.wait()

@@ -214,13 +214,16 @@ async def test_a_host_comes_and_goes_with_demand(hosts: RayFleet, cluster: FakeC
     cluster.ahead += 10
     await eventually(lambda: len(hosts.fleet.hosts()) == 2)
     assert "green" not in cluster.running.values()
-    assert [line.partition(" ")[2] for line in cluster.said[-2:]] == ["drains: it gets no new viewers.", "has ended."]
+    assert [line.partition(" ")[2] for line in cluster.said[-2:]] == [
+        "is draining: it gets no new viewers.",
+        "exited.",
+    ]
 
 
 async def test_a_host_with_another_version_is_named_and_not_used(cluster: FakeCluster) -> None:
     cluster.version = "0.0.1"
     async with kept(cluster) as hosts:
-        with pytest.raises(StartError, match="install the same on every machine"):
+        with pytest.raises(StartError, match="install the same version everywhere"):
             await hosts.began
         assert hosts.fleet.hosts() == []
     assert len([line for line in cluster.said if line.startswith("host-1: It has TIGAS 0.0.1")]) == 1

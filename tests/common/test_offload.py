@@ -26,9 +26,9 @@ def end_myself(how: int) -> None:
 async def test_work_that_the_system_ends_is_told_and_the_next_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as without:
         without.setattr(sys, "executable", "/nowhere/python")
-        with pytest.raises(Overloaded, match="No process can be started"):
+        with pytest.raises(Overloaded, match="No process could be started"):
             await offload_to_process(os.getppid)
-    with pytest.raises(Overloaded, match="ended by the system"):
+    with pytest.raises(Overloaded, match="The system killed the process"):
         await offload_to_process(end_myself, signal.SIGKILL)
     assert await offload_to_process(os.getppid) == os.getpid()
     with pytest.raises(InvalidRequest) as raised:

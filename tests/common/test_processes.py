@@ -102,14 +102,14 @@ def test_a_service_that_is_killed_comes_back_and_the_others_stay(
     keep_running([Service("one", stays), Service("other", dies)], stop)
     assert [process.returncode for process in dies.processes] == [-signal.SIGKILL, -signal.SIGTERM]
     assert [process.returncode for process in stays.processes] == [-signal.SIGTERM]
-    assert capfd.readouterr().err == "The other has ended (signal SIGKILL); it is started again in 0.02 s.\n"
+    assert capfd.readouterr().err == "The other exited (signal SIGKILL); restarting it in 0.02 s.\n"
 
 
 def test_one_that_ends_again_and_again_is_given_up_with_the_others(
     at_once: None, capfd: pytest.CaptureFixture[str]
 ) -> None:
     ends, stays = Started([sys.executable, "-c", ""], lambda _: None), Started(WAITS, lambda _: None)
-    with pytest.raises(StartError, match=r"^The one has ended 5 times within 60 s, the last time with exit status 0"):
+    with pytest.raises(StartError, match=r"^The one exited 5 times within 60 s, the last time with exit status 0"):
         keep_running([Service("other", stays), Service("one", ends)], threading.Event())
     assert len(ends.processes) == 5
     assert capfd.readouterr().err.count("started again") == 4

@@ -47,7 +47,7 @@ async def test_a_slow_body_is_waited_for_as_long_as_it_comes() -> None:
 @pytest.mark.parametrize("apart", [60.0, 0.02], ids=["silence", "trickle"])
 async def test_silence_and_a_trickle_are_given_up(apart: float) -> None:
     async with asyncio.timeout(20):
-        with pytest.raises(RequestTimeout, match="did not come in time"):
+        with pytest.raises(RequestTimeout, match="did not arrive in time"):
             await read_body(request(every(apart, 10_000, 1)), 100_000)
 
 

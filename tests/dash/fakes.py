@@ -97,4 +97,4 @@ def grey(width: int, height: int, luma: int) -> bytes:
     return np.full(width * height, luma, np.uint8).tobytes() + b"\x80" * (width * height // 2)
 
 
-BUSY = Overloaded("Too many requests wait; ask less often.")
+BUSY = Overloaded("Too many requests are waiting; send fewer.")

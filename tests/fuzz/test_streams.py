@@ -164,7 +164,7 @@ class StreamMachine(RuleBasedStateMachine):
 
     @rule(fails=st.booleans())
     def render_fails(self, fails: bool) -> None:
-        self.render.error = Overloaded("Too many requests wait.") if fails else None
+        self.render.error = Overloaded("Too many requests are waiting.") if fails else None
 
     @rule()
     def stream(self) -> None:

@@ -95,7 +95,7 @@ def test_a_lab_comes_up_for_this_machine_and_goes_even_after_a_kill(
     for service in ("dash", "store", "shaper"):
         assert asked_over_https(service) > 2 * DELAY_MS / 1000, "it did not cross the link"
     second = subprocess.run(tigas("lab", "up"), capture_output=True, text=True)
-    assert (second.returncode, second.stderr) == (1, "The lab is already up; `tigas lab down` ends it.\n")
+    assert (second.returncode, second.stderr) == (1, "The lab is already up; stop it with `tigas lab down`.\n")
     pids = [pid for role in ROLES for pid in LAB.processes(role)]
     assert pids
     up.kill()

@@ -87,7 +87,7 @@ def test_an_interface_that_disappears_closes_the_link(own_lab: Lab, interface: s
 
         wait_until(lambda: closed() is not None, 5)
         print(closed())
-        assert "nothing passes until the shaper is started again" in (closed() or "")
+        assert "nothing passes until the shaper is restarted" in (closed() or "")
         if interface == "tigas-down":
             assert not answers(own_lab)
             code, problem = running.request("POST", "/link", b'{"down_kbps": 1000, "up_kbps": 1000}')
@@ -160,9 +160,7 @@ def test_a_service_that_is_killed_comes_back_and_all_end_together(demo: subproce
     assert killed
     killed.kill()
     assert demo.stderr
-    assert demo.stderr.readline() == (
-        "The experiment store has ended (signal SIGKILL); it is started again in 0.5 s.\n"
-    )
+    assert demo.stderr.readline() == ("The experiment store exited (signal SIGKILL); restarting it in 0.5 s.\n")
     wait_until(lambda: service(demo, "store") not in (None, killed), 20)
     services = psutil.Process(demo.pid).children()
     demo.terminate()

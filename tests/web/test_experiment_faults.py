@@ -71,7 +71,7 @@ def test_somebody_else_at_the_link_and_a_hidden_page_spoil_a_run(open_page: Open
     page.evaluate("show()")
     expect(outcome(page)).to_contain_text("2 runs are incomplete.", timeout=STORED_MS)
     expect(remarks(page).nth(0)).to_contain_text(CHANGED)
-    expect(remarks(page).nth(1)).to_contain_text("The page was hidden, so that not all of the run could be shown.")
+    expect(remarks(page).nth(1)).to_contain_text("The page was hidden during the run.")
     statuses = [run["status"] for run in lab.runs("Disturbed-*").values()]
     assert sorted(statuses) == ["complete", "failed", "failed"]
 

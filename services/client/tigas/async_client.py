@@ -140,7 +140,7 @@ class AsyncClient:
         if self._only is None:
             ids = [each.id for each in await self.scenes() if each.state != "broken"]
             if len(ids) != 1:
-                raise ClientError(f"Say which scene: {', '.join(ids)}." if ids else "The service has no scene.")
+                raise ClientError(f"Choose a scene: {', '.join(ids)}." if ids else "The service has no scenes.")
             self._only = ids[0]
         return self._only
 
@@ -166,4 +166,4 @@ class AsyncClient:
             raise Unreachable(self._stranger()) from None
 
     def _stranger(self) -> str:
-        return f"The server at {self._http.base_url} is no TIGAS render service, or one of another version."
+        return f"The server at {self._http.base_url} is not a TIGAS render service, or has another version."

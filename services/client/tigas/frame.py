@@ -49,7 +49,7 @@ class Frame:
             with Image.open(io.BytesIO(self.body)) as picture:
                 return picture.convert("RGB")
         except OSError:
-            raise Unreachable("The server is no TIGAS render service: it sent no picture.") from None
+            raise Unreachable("The server is not a TIGAS render service: it sent no image.") from None
 
 
 def read_timing(header: str) -> ServerTiming:

@@ -126,7 +126,7 @@ class Http3Connection(QuicConnectionProtocol):
         response = self.responses[stream_id]
         await self.until(lambda: response.done or self.is_closed)
         if not response.done:
-            raise Http3Failed("The connection has ended.")
+            raise Http3Failed("The connection was closed.")
         return response
 
     # -- HTTP --------------------------------------------------------------------------------------------------------
@@ -165,7 +165,7 @@ class Http3Connection(QuicConnectionProtocol):
         finally:
             self.responses.pop(stream_id, None)
         if response.reset is not None:
-            raise Http3Failed("The server has reset the request.")
+            raise Http3Failed("The server reset the request.")
         fields = [each for each in response.fields if not each[0].startswith(b":")]
         extensions = {"http_version": b"HTTP/3"}
         return httpx.Response(
@@ -183,7 +183,7 @@ class Http3Connection(QuicConnectionProtocol):
         session = self.open_request("CONNECT", path, [protocol, *headers], authority=authority)
         await self.until(lambda: self.responses[session].status or self.is_closed)
         if not self.responses[session].status:
-            raise Http3Failed("The connection has ended.")
+            raise Http3Failed("The connection was closed.")
         return session
 
     def open_stream(self, session: int, data: bytes = b"", end: bool = True) -> int:
@@ -213,7 +213,7 @@ class Http3Connection(QuicConnectionProtocol):
             self.responses.pop(stream_id, None)
             self._webtransport_streams.discard(stream_id)
         if response.reset is not None:
-            raise Http3Failed("The server has reset the stream.")
+            raise Http3Failed("The server reset the stream.")
         return split_frame(bytes(response.body))
 
     def _withdraw(self, stream_id: int, code: int) -> None:
@@ -225,7 +225,7 @@ class Http3Connection(QuicConnectionProtocol):
 
     def _check(self) -> None:
         if self.is_closed:
-            raise Http3Failed("The connection has ended.")
+            raise Http3Failed("The connection was closed.")
 
 
 def split_frame(answer: bytes) -> tuple[dict[str, Any], bytes]:

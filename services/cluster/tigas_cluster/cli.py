@@ -50,7 +50,7 @@ class Status(Command):
         if self.json_:
             print(json.dumps([each.model_dump(mode="json") for each in found], indent=2))
         else:
-            make_console().print(table(found) if found else "No host runs.")
+            make_console().print(table(found) if found else "No host is running.")
 
 
 cluster = Group("Serve scenes from several machines under one address, with Ray.", {"up": Up, "status": Status})

@@ -50,7 +50,7 @@ class AnotherUp(StartError):
     """Another process looks after the cluster."""
 
     def __init__(self) -> None:
-        super().__init__("Another `tigas cluster up` looks after this cluster; end that one first.")
+        super().__init__("Another `tigas cluster up` manages this cluster; stop it first.")
 
 
 class OwnRay:
@@ -120,7 +120,7 @@ class OwnRay:
             self._folder.mkdir(mode=0o700)
             self._token.write_text(secrets.token_hex(32))
         except OSError as error:
-            raise StartError(f"Ray's folder {self._folder} cannot be made ({error.strerror}).") from None
+            raise StartError(f"Ray's folder {self._folder} cannot be created ({error.strerror}).") from None
 
     def _pid(self) -> int | None:
         """Its process, while it lives."""

@@ -40,11 +40,11 @@ from tigas_common.wire.render import RenderRequest, SceneInfo, ServerConfig
 MAX_NAME = 256
 """Maximum length of a scene's or host's name in a query."""
 HOST_GAUGES: Mapping[str, tuple[str, Callable[[HostState], float]]] = {
-    "viewers": ("Viewers that a host has taken", lambda host: host.viewers),
+    "viewers": ("Viewers of a host", lambda host: host.viewers),
     "host_full": ("Whether it refuses new viewers", lambda host: host.full is not None),
-    "host_draining": ("Whether it is to end", lambda host: host.draining),
-    "host_utilisation_ratio": ("Share of the time at work, 0 to 1", lambda host: host.load.utilisation),
-    "host_queue_age_seconds": ("Longest wait of the last second", lambda host: host.load.queue_age_s),
+    "host_draining": ("Whether it is draining", lambda host: host.draining),
+    "host_utilisation_ratio": ("Share of time at work, 0 to 1", lambda host: host.load.utilisation),
+    "host_queue_age_seconds": ("Longest wait in the last second", lambda host: host.load.queue_age_s),
 }
 """Prometheus' gauges of each host: their meaning, and their value."""
 
@@ -93,9 +93,7 @@ class Director:
         self.fleet = fleet
         self._choice = Choice(clock)
         self._services = services
-        self._placements = Counter(
-            "tigas_director_placements", "Viewers that were sent to a host", ["host"], registry=registry
-        )
+        self._placements = Counter("tigas_director_placements", "Viewers sent to a host", ["host"], registry=registry)
         self._redirects = Counter(
             "tigas_director_redirects",
             "Viewers sent to another host: refused ones are `lost`, unanswered ones `silent`, others `moved`",
@@ -217,7 +215,7 @@ async def healthz(request: Request) -> Response:
 def _named(request: Request, parameter: str) -> str | None:
     name = request.query_params.get(parameter)
     if name and len(name) > MAX_NAME:
-        raise InvalidRequest(f"{parameter}: no name has more than {MAX_NAME} characters.")
+        raise InvalidRequest(f"{parameter}: a name has at most {MAX_NAME} characters.")
     return name or None
 
 

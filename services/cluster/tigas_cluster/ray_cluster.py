@@ -64,7 +64,7 @@ class RayCluster(Cluster):
             ray.get(actor.facts.remote(), timeout=START_S)
         except ray.exceptions.GetTimeoutError:
             raise StartError(
-                f"{node.address} is no host {START_S:g} s after it was to be one; others may use what it has."
+                f"The host on {node.address} did not start within {START_S:g} s; others may use its resources."
             ) from None
         except (ray.exceptions.RayError, ValueError) as error:  # ValueError: the name is taken
             reason = str(getattr(error, "cause", None) or error).strip().splitlines()[-1]

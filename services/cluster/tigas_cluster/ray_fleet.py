@@ -125,7 +125,7 @@ class RayFleet:
                 await self._look()
                 await asyncio.sleep(LOOK_S)
             except Exception:  # Ray's calls fail in many ways while a machine goes; the next one may not
-                logger.exception("Ray could not be asked")
+                logger.exception("Ray did not answer")
                 await asyncio.sleep(PAUSE_S)
 
     async def _look(self) -> None:
@@ -142,7 +142,7 @@ class RayFleet:
         plan = self._scaler.plan(self.fleet.hosts(), len(serving - self._up))
         if plan.draining != self._draining:
             for name in sorted(plan.draining - self._draining):
-                self._say(f"{name} drains: it gets no new viewers.")
+                self._say(f"{name} is draining: it gets no new viewers.")
             self._draining = plan.draining
             self._follow()
         for name in (hosts.keys() - present.keys() | plan.ending) - self._ending:
@@ -229,7 +229,7 @@ class RayFleet:
             self._facts.pop(name, None)
             self._up -= {name}
             self._follow()
-            self._say(f"{name} has ended.")
+            self._say(f"{name} exited.")
         finally:
             self._ending.remove(name)
 
@@ -244,5 +244,5 @@ class RayFleet:
 
 def _failure(facts: Facts) -> str | None:
     if facts["version"] != VERSION:
-        return f"It has TIGAS {facts['version']}, and this is {VERSION}: install the same on every machine."
+        return f"It has TIGAS {facts['version']}, but this is {VERSION}: install the same version everywhere."
     return facts["failure"]

@@ -53,7 +53,7 @@ def status() -> Sequence[HostStatus]:
         address = own.running()
         if address is None:
             raise StartError(
-                "No cluster runs on this machine: `tigas cluster up` starts one; RAY_ADDRESS names another."
+                "No cluster is running here: start one with `tigas cluster up`, or name another in RAY_ADDRESS."
             )
     with connected(own, address):
         from tigas_cluster.ray_cluster import RayCluster
@@ -73,7 +73,7 @@ def table(hosts: Sequence[HostStatus]) -> Table:
     for each in hosts:
         since = each.since.astimezone().strftime("%Y-%m-%d %H:%M") if each.since else ""
         if each.viewers is None or each.utilisation is None or each.queue_age_s is None:
-            made.add_row(each.host, each.address, each.failure or "does not serve", "", "", "", "", since)
+            made.add_row(each.host, each.address, each.failure or "not serving", "", "", "", "", since)
             continue
         made.add_row(
             each.host,

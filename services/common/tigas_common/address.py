@@ -40,7 +40,7 @@ class Address:
             raise ValueError(f"{text[:100]!r} is not HOST:PORT, such as 127.0.0.1:8080 or [::]:4433")
         host = host.removeprefix("[").removesuffix("]")
         if not host:
-            raise ValueError(f"{text!r} has no host; to listen on every address write 0.0.0.0:{port}")
+            raise ValueError(f"{text!r} has no host; to listen on all addresses, write 0.0.0.0:{port}")
         return cls(host, int(port))
 
     def __str__(self) -> str:

@@ -24,7 +24,7 @@ class InvalidRequest(TigasError):
 
 
 class RequestTimeout(TigasError):
-    status, type, title = 408, "request-timeout", "The request came too slowly"
+    status, type, title = 408, "request-timeout", "The request arrived too slowly"
 
 
 class TooManyConnections(TigasError):
@@ -36,7 +36,7 @@ class BodyTooLarge(TigasError):
 
 
 class TooCostly(TigasError):
-    status, type, title = 422, "too-costly", "It takes too much to check"
+    status, type, title = 422, "too-costly", "Checking it takes too much"
 
 
 class DiskFull(TigasError):
@@ -60,15 +60,15 @@ class SceneInUse(TigasError):
 
 
 class Superseded(TigasError):
-    status, type, title = 409, "superseded", "A newer request took this one's place"
+    status, type, title = 409, "superseded", "The request was superseded"
 
 
 class DeadlineExceeded(TigasError):
-    status, type, title = 504, "deadline-exceeded", "The frame would have come too late"
+    status, type, title = 504, "deadline-exceeded", "The frame would be too late"
 
 
 class Overloaded(TigasError):
-    status, type, title = 503, "overloaded", "The server has too much to do"
+    status, type, title = 503, "overloaded", "The server is overloaded"
 
 
 class NoRoom(Overloaded):
@@ -80,7 +80,7 @@ class ServerFull(Overloaded):
 
 
 class AskedTooOften(TigasError):
-    status, type, title = 429, "asked-too-often", "You ask too often"
+    status, type, title = 429, "asked-too-often", "Too many requests"
 
 
 class UnknownService(TigasError):
@@ -88,11 +88,11 @@ class UnknownService(TigasError):
 
 
 class ServiceAway(TigasError):
-    status, type, title = 502, "service-away", "Another service is away"
+    status, type, title = 502, "service-away", "Another service is unreachable"
 
 
 class ServiceSilent(TigasError):
-    status, type, title = 504, "service-silent", "Another service does not answer in time"
+    status, type, title = 504, "service-silent", "Another service did not answer in time"
 
 
 class OutOfDeviceMemory(TigasError):

@@ -115,10 +115,10 @@ class LimitedServer(Server):
     def _check(self, client: str, clients: Counter[str]) -> None:
         if clients[client] >= self._limits.connections_per_address:
             raise TooManyConnections(
-                f"Your address has {clients[client]} connections, and may have no more; close some, or try later."
+                f"Your address has {clients[client]} connections, the maximum; close some, or try later."
             )
         if clients.total() >= self._limits.connections:
-            raise TooManyConnections(f"There are {clients.total()} connections, and may be no more; try later.")
+            raise TooManyConnections(f"There are {clients.total()} connections, the maximum; try later.")
 
     def _refuse(self, connection: socket.socket, error: TooManyConnections) -> None:
         with connection, suppress(OSError):
@@ -215,7 +215,7 @@ class LimitedProtocol(H11Protocol):
             self._timer = self.loop.call_at(self._timeout.until, self._expired)
         else:
             what = "body" if self._awaited is h11.SEND_BODY else "headers"
-            self._give_up(RequestTimeout(f"The request's {what} did not come in time."))
+            self._give_up(RequestTimeout(f"The request's {what} did not arrive in time."))
 
     def send_400_response(self, msg: str) -> None:
         """uvicorn would answer even if the application has, and let the application answer even after that."""

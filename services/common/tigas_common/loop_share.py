@@ -61,7 +61,7 @@ class LoopShare:
         delay = self._used.delay(address, self._clock(), self._share, BURST_S / self._share, EXPECTED_S)
         if delay > MAX_WAIT_S:
             await self._sleep(MAX_WAIT_S)
-            error = AskedTooOften("Your address asks for more than its share; ask less often.", delay)
+            error = AskedTooOften("Your address exceeds its share; send fewer requests.", delay)
             return await refuse(error, self._origins, scope, receive, send)
         self._use(address, EXPECTED_S)
         meter, is_frame = _Meter(self._busy_clock), False

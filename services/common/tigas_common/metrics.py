@@ -105,7 +105,7 @@ class CountedRequests:
             route.endpoint: route.path_format for route in routes if isinstance(route, Route)
         }
         self._answered = Counter(
-            "tigas_http_requests", "HTTP requests that were answered", ["route", "method", "status"], registry=registry
+            "tigas_http_requests", "Answered HTTP requests", ["route", "method", "status"], registry=registry
         )
         self._in_flight = Gauge(
             "tigas_http_requests_in_flight", "HTTP requests with incomplete answers", registry=registry

@@ -60,9 +60,9 @@ async def offload_to_process(function: Callable[[*Ts], T], *arguments: *Ts, limi
                 f"It took more than {limit.memory // 1_000_000:,} MB of memory or {limit.cpu_s} s to check, "
                 "or more than the machine has."
             ) from None
-        raise Overloaded("The work was ended by the system, probably because memory is short.") from None
+        raise Overloaded("The system killed the process, probably because memory is short.") from None
     except OSError as error:
-        raise Overloaded(f"No process can be started for the work: {error.strerror or error}.") from None
+        raise Overloaded(f"No process could be started: {error.strerror or error}.") from None
 
 
 def _within(limit: Limit, function: Callable[[*Ts], T], *arguments: *Ts) -> T:

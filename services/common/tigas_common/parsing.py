@@ -35,7 +35,7 @@ def parse(kind: type[Message], body: bytes, limit: int = MAX_BODY) -> Message:
 def sentence(error: ValidationError) -> str:
     """The first thing that is wrong, with the field that it concerns; of very many, only how many they are."""
     if error.error_count() > MOST_ERRORS:
-        return f"It is wrong in {error.error_count():,} places."
+        return f"There are errors in {error.error_count():,} places."
     first = error.errors(include_url=False, include_input=False, include_context=False)[0]
     where = ".".join(legible(str(part), 60) for part in first["loc"])
     what = legible(first["msg"].removeprefix("Value error, "), 250)

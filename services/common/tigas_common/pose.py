@@ -44,7 +44,7 @@ class Pose:
         """
         scale = max(map(abs, quaternion))
         if scale == 0:
-            raise ValueError("a quaternion of length zero is no rotation")
+            raise ValueError("a quaternion of length zero is not a rotation")
         x, y, z, w = quaternion
         x, y, z, w = x / scale, y / scale, z / scale, w / scale
         s = 2 / (x * x + y * y + z * z + w * w)

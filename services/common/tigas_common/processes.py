@@ -173,10 +173,10 @@ class Service(Supervised):
             raise StartError(f"The {self.name} did not start ({how}), so the others end as well.")
         if delay_s is None:
             raise StartError(
-                f"The {self.name} has ended {BackOff.ENDS} times within {BackOff.WINDOW_S:g} s, the last time with "
-                f"{how}: it is not started again, and the others end as well."
+                f"The {self.name} exited {BackOff.ENDS} times within {BackOff.WINDOW_S:g} s, the last time with "
+                f"{how}: it is not restarted, and the others end as well."
             )
-        print(f"The {self.name} has ended ({how}); it is started again in {delay_s:g} s.", file=sys.stderr, flush=True)
+        print(f"The {self.name} exited ({how}); restarting it in {delay_s:g} s.", file=sys.stderr, flush=True)
         return delay_s
 
     def _signal(self, number: signal.Signals) -> None:

@@ -46,7 +46,7 @@ Message = TypeVar("Message")
 
 
 class RenderUnavailable(TigasError):
-    status, type, title = 502, "render-unavailable", "The render service gives no frames"
+    status, type, title = 502, "render-unavailable", "The render service sends no frames"
 
 
 class RenderProblem(TigasError):
@@ -196,7 +196,7 @@ class RenderClient:
             problem = Problem.model_validate_json(answer.content)
         except ValidationError:
             raise RenderUnavailable(
-                f"{self._name} answers with status {answer.status_code}, as no TIGAS render service does."
+                f"{self._name} answers with status {answer.status_code}, unlike a TIGAS render service."
             ) from None
         raise RenderProblem(problem)
 
@@ -204,7 +204,7 @@ class RenderClient:
         try:
             return parse(kind, content, MAX_LIST)
         except TigasError:
-            raise RenderUnavailable(f"{self._name} is no TIGAS render service.") from None
+            raise RenderUnavailable(f"{self._name} is not a TIGAS render service.") from None
 
 
 @contextmanager
@@ -213,7 +213,7 @@ def render_service(device: str = "auto", *, ladder: LadderName = "scene") -> Ite
     options = ["--http", "127.0.0.1:0", "--quic", "off", "--device", device, "--ladder", ladder]
     with running(tigas("render", *options), STOP_S, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
         assert process.stdout is not None
-        last = "it says nothing"
+        last = "no output"
         for line in process.stdout:
             last = line.decode(errors="replace").strip() or last
             if found := re.search(r"Open (http://\S+)/", last):

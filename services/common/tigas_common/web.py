@@ -125,9 +125,9 @@ async def read_body(request: Request, limit: int) -> bytes:
                 idle.progress(len(part), loop.time())
                 timeout.reschedule(idle.until)
     except TimeoutError:
-        raise RequestTimeout("The request's body did not come in time.") from None
+        raise RequestTimeout("The request's body did not arrive in time.") from None
     except ClientDisconnect:
-        raise InvalidRequest("The client left before its request was complete.") from None
+        raise InvalidRequest("The client disconnected before its request was complete.") from None
     return bytes(body)
 
 
@@ -183,7 +183,7 @@ async def on_http_error(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     path = legible(request.url.path, 100)
     if error.status_code == 405:
-        detail = f"{path} does not take {legible(request.method, 20)}."
+        detail = f"{path} does not accept {legible(request.method, 20)}."
         answer = Problem(type="tigas:method-not-allowed", title="Method not allowed", status=405, detail=detail)
     else:
         detail = f"There is nothing at {path}."

@@ -127,11 +127,11 @@ def read_weights(path: Path) -> Weights:
 def parse_weights(content: bytes) -> Weights:
     """The content of a file's bytes. Raises BrokenWeights with one sentence."""
     if len(content) > MAX_BYTES:
-        raise BrokenWeights(f"The weights' file has more than {MAX_BYTES:,} bytes.")
+        raise BrokenWeights(f"The weights file has more than {MAX_BYTES:,} bytes.")
     try:
         found = safetensors.numpy.load(content)
     except (safetensors.SafetensorError, KeyError, TypeError, ValueError):
-        raise BrokenWeights("The weights' file is no whole safetensors file.") from None
+        raise BrokenWeights("The weights are not a complete safetensors file.") from None
     metadata = _metadata(content)
     if metadata["architecture"] != ARCHITECTURE:
         known = legible(metadata["architecture"], 60)
@@ -143,9 +143,9 @@ def parse_weights(content: bytes) -> Weights:
         if tensor is None or tensor.shape != shape or tensor.dtype != np.float16:
             raise BrokenWeights(f"The weights lack {name} as 16-bit floats of shape {list(shape)}.")
         if not np.isfinite(tensor).all():
-            raise BrokenWeights(f"The weights in {name} are not all numbers.")
+            raise BrokenWeights(f"The weights in {name} are not all finite.")
     if len(found) > len(expected):
-        raise BrokenWeights("The weights' file has tensors that belong to no network.")
+        raise BrokenWeights("The weights file has tensors that belong to no network.")
     return Weights(metadata["scene_sha256"], networks, found, metadata["created"], metadata["version"])
 
 
@@ -154,7 +154,7 @@ def _metadata(content: bytes) -> dict[str, str]:
     header: Any = json.loads(content[8 : 8 + int.from_bytes(content[:8], "little")])
     metadata: dict[str, str] = header.get("__metadata__") or {}
     if missing := next((name for name in _METADATA if name not in metadata), None):
-        raise BrokenWeights(f"The weights' file does not say its {missing}.")
+        raise BrokenWeights(f"The weights file does not name its {missing}.")
     return metadata
 
 
@@ -162,7 +162,7 @@ def _networks(text: str) -> tuple[NetworkInfo, ...]:
     try:
         networks = parse(_Networks, f'{{"networks":{text}}}'.encode()).networks
     except TigasError as error:
-        raise BrokenWeights(f"The weights' list of networks is not valid: {error.detail}") from None
+        raise BrokenWeights(f"The list of networks is not valid: {error.detail}") from None
     if not networks or len({network.rung for network in networks}) < len(networks):
-        raise BrokenWeights("The weights' list of networks must have each rung once, and at least one.")
+        raise BrokenWeights("The list of networks must have at least one rung, and each only once.")
     return networks

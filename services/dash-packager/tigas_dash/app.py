@@ -212,5 +212,5 @@ def _session(request: Request) -> Session:
 
 def _of_dash(stream: Stream) -> Session:
     if not isinstance(stream, Session):
-        raise UnknownSession("The session of this name is no DASH stream.")
+        raise UnknownSession("The session is not a DASH stream.")
     return stream

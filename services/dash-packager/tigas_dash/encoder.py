@@ -131,7 +131,7 @@ class LadderEncoder:
         try:
             return self._encode(images, number, True)
         except (av.FFmpegError, ValueError) as error:
-            raise EncoderUnavailable(f"The encoder failed twice at one frame: {error}.") from None
+            raise EncoderUnavailable(f"The encoder failed twice for the same frame: {error}.") from None
 
     def _encode(self, images: Sequence[av.VideoFrame], number: int, keyframe: bool) -> list[Sample]:
         pairs = zip(self._encoders, images, strict=True)

@@ -18,7 +18,7 @@ class UnknownSegment(TigasError):
 
 
 class ExpiredSegment(TigasError):
-    status, type, title = 410, "expired-segment", "The segment is kept no longer"
+    status, type, title = 410, "expired-segment", "The segment has expired"
 
 
 class EncoderUnavailable(TigasError):

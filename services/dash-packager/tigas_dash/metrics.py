@@ -14,11 +14,11 @@ from tigas_dash.stream import Stream, Transport
 
 _OF_RUNGS = ("scene", "rung", "transport")
 COUNTERS: Mapping[str, tuple[str, Sequence[str]]] = {
-    "frames": ("Frames that were encoded, in each representation", _OF_RUNGS),
-    "sent_bytes": ("Bytes of segments or datagrams that were sent", _OF_RUNGS),
-    "repeated_frames": ("Frames that show the last view again, as no newer came", ("transport",)),
-    "dropped_frames": ("Frames that were left out, as the stream was late", ("transport",)),
-    "poses": ("Poses that came from viewers", ("transport",)),
+    "frames": ("Encoded frames, in each representation", _OF_RUNGS),
+    "sent_bytes": ("Sent bytes of segments or datagrams", _OF_RUNGS),
+    "repeated_frames": ("Frames that repeat the last view, as there was no newer one", ("transport",)),
+    "dropped_frames": ("Frames skipped because the stream was late", ("transport",)),
+    "poses": ("Poses received from viewers", ("transport",)),
     "render_failures": ("Requests that the render service did not answer with a frame", ("transport",)),
     "encoder_failures": ("Frames that an encoder refused", ("transport",)),
 }
@@ -51,11 +51,11 @@ class DashMetrics(Collector):
             yield family
         alike = {name: [each for each in streams if each.transport == name] for name in get_args(Transport)}
         running = {name: len(own) for name, own in alike.items()}
-        yield labelled_gauge("tigas_dash_sessions", "Streams that run", "transport", running)
+        yield labelled_gauge("tigas_dash_sessions", "Running streams", "transport", running)
         behind = {name: max((each.behind_s for each in own), default=0.0) for name, own in alike.items()}
-        text = "For how long the most belated frame has been due"
+        text = "How overdue the latest frame is"
         yield labelled_gauge("tigas_dash_behind_seconds", text, "transport", behind)
-        yield GaugeMetricFamily("tigas_dash_session_limit", "Streams that may run", self._limit)
+        yield GaugeMetricFamily("tigas_dash_session_limit", "Maximum number of streams", self._limit)
 
     def _counts(self, stream: Stream) -> Counter[tuple[str, tuple[str, ...]]]:
         status, transport = stream.status, stream.transport

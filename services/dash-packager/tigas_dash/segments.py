@@ -44,7 +44,7 @@ class SegmentWindow:
         if number < 1 or number > self._growing + AHEAD or self._closed:
             raise UnknownSegment(f"There is no segment {number}; the newest is {self._growing}.")
         if number not in self._chunks and number <= self._growing:
-            raise ExpiredSegment(f"Segment {number} is kept no longer; the newest is {self._growing}.")
+            raise ExpiredSegment(f"Segment {number} has expired; the newest is {self._growing}.")
         return self._follow(number, self._chunks.setdefault(number, []))
 
     async def _follow(self, number: int, chunks: list[bytes]) -> AsyncIterator[bytes]:

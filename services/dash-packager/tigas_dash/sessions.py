@@ -61,7 +61,7 @@ class Sessions:
         """Open and run a stream if there is room. Raises TooManySessions, and the errors of making it."""
         if len(self._running) + self._opening >= self._limit:
             raise TooManySessions(
-                f"{self._limit} sessions run already; end one, or start the packager with a higher limit."
+                f"{self._limit} sessions are running already; end one, or start the packager with a higher limit."
             )
         self._opening += 1
         try:
@@ -78,7 +78,7 @@ class Sessions:
         """A running stream, which counts as used by that. Raises UnknownSession."""
         found = self._running.get(name)
         if found is None:
-            raise UnknownSession("There is no session of this name; it has ended, or never was.")
+            raise UnknownSession("There is no such session; it may have ended.")
         found[0].used_at = self.clock.now()
         return found[0]
 

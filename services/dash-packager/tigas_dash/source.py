@@ -54,7 +54,7 @@ class ViewSource:
                 self._scene, pose.pose, lens, display_scale=self._display_scale, format="yuv420p"
             )
         except ValidationError as error:  # a lens that fits the viewport may be too long for the stream's size
-            raise InvalidRequest(f"The stream's size does not suit the lens: {sentence(error)}") from None
+            raise InvalidRequest(f"The stream's size does not fit the intrinsics: {sentence(error)}") from None
         data = await self._client.frame(request, within_s)
         expected = self._width * self._height * 3 // 2
         if len(data) != expected:

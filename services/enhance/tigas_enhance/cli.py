@@ -39,7 +39,7 @@ class _EnhanceCommand(Command):
         from tigas_common.weights import FILE
 
         if name is None:
-            raise StartError("Networks for any scene need the path of a file: --out.")
+            raise StartError("--general needs the path of a file: --out.")
         scenes: Path = settings_of("render").scenes
         folder = scenes / name
         if Path(name).name != name or not folder.is_dir():

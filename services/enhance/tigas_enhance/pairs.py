@@ -75,7 +75,7 @@ class ScenePairs:
             if len(found) >= number or (len(found) >= LEAST_VIEWS and time.monotonic() > until):
                 break
         if not found:
-            raise NothingToLearn("No view of the scene shows anything.")
+            raise NothingToLearn("All views of the scene are empty.")
         return found
 
     def _rendered(self, poses: Iterator[Pose]) -> Iterator[Pair]:

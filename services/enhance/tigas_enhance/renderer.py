@@ -45,4 +45,4 @@ class Renderer:
         try:
             return np.asarray(Image.open(io.BytesIO(body)).convert("RGB"))
         except OSError:
-            raise RenderUnavailable("The render service answered with something that is no picture.") from None
+            raise RenderUnavailable("The render service's answer is not an image.") from None

@@ -88,7 +88,7 @@ def training_rungs(ladder: Sequence[Rung]) -> tuple[int, ...]:
     """
     low = range(1, len(ladder))
     if not low:
-        raise NothingToLearn("The ladder has one rung only, and that needs no enhancement.")
+        raise NothingToLearn("The ladder has only one rung, which needs no enhancement.")
 
     def worth(chosen: tuple[int, ...]) -> tuple[int, float]:
         away = [min(distance(ladder[trained], ladder[rung])[0] for trained in chosen) for rung in low]
@@ -102,6 +102,6 @@ def gaining(weights: Weights) -> Weights:
     """Without the networks that make held-out views no better. Raises NothingToLearn if none is left."""
     networks = tuple(network for network in weights.networks if (network.gain_db or 0) > 0)
     if not networks:
-        raise NothingToLearn("The networks make no view better than bicubic enlargement; give them more --seconds.")
+        raise NothingToLearn("The networks are no better than bicubic enlargement; give them more --seconds.")
     names = [name for network in networks for name in network.shapes]
     return replace(weights, networks=networks, tensors={name: weights.tensors[name] for name in names})

@@ -44,7 +44,7 @@ def services_lock(url: str) -> Path:
         parts = urlsplit(url)
         port = parts.port
     except ValueError as error:
-        raise StartError(f"{url!r} is no URL: {error}.") from None
+        raise StartError(f"{url!r} is not a URL: {error}.") from None
     host = "localhost" if parts.hostname in (None, "127.0.0.1", "::1") else parts.hostname
     safe = "".join(c if c.isalnum() or c in ".-" else "-" for c in f"{host}-{port or parts.scheme}")
     return Path(tempfile.gettempdir(), f"tigas-{safe}.lock")

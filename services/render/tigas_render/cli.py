@@ -106,7 +106,7 @@ class Add(Command):
         with terminated_as_interrupted(), _bar(f"fetching {shown(self.source)}") as listener:
             id, file = add_scene(self.source, load(RenderSettings, {}).scenes, self.id, listener, MAX_DOWNLOAD_BYTES)
         what = f"{file.format}, {file.count:,} Gaussians, SH degree {file.sh_degree}, {file.file_bytes / 1e6:.1f} MB"
-        print(f"{file.files[0]}: {what}. A running service offers it as {id} once it has looked for new scenes.")
+        print(f"{file.files[0]}: {what}. A running service offers it as {id} after its next scan.")
 
 
 class Preview(_SceneCommand):
@@ -150,7 +150,7 @@ class Grid(_SceneCommand):
 
         columns, rows = map(int, self.size.split("x"))
         if self.out.suffix.lower() != ".ply":
-            raise StartError(f"{self.out} is to be a compressed PLY; name it .ply.")
+            raise StartError(f"{self.out} is a compressed PLY; its name must end in .ply.")
         metadata, file = read_metadata(self.scene), read_scene_file(self.scene)
         with _bar(f"reading {self.scene}") as listener:
             gaussians = file.open(listener).gathered()

@@ -178,7 +178,7 @@ class _Events(StreamingResponse):
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         state = scope["app"].state
         if state.watchers >= MAX_WATCHERS:
-            raise Overloaded(f"{MAX_WATCHERS} pages watch the link already.")
+            raise Overloaded(f"{MAX_WATCHERS} pages are watching the link already.")
         state.watchers += 1
         try:
             await super().__call__(scope, receive, send)

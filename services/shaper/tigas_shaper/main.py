@@ -63,7 +63,7 @@ async def serve(settings: ShaperSettings) -> None:
 def check_rights() -> None:
     """Raises StartError if this process cannot shape a network."""
     if platform.system() != "Linux":
-        raise StartError("The shaper runs on Linux only; on other systems run it in its container.")
+        raise StartError("The shaper needs Linux; on other systems, run it in its container.")
     if not has_capabilities(CAP_NET_ADMIN):
         raise StartError(
             "The shaper needs permission to configure the network (CAP_NET_ADMIN): "

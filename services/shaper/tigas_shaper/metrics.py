@@ -31,16 +31,14 @@ class ShaperMetrics(Collector):
         drops, rates = of_each(lambda one: one.drops), of_each(lambda one: one.target_kbps * BYTES_PER_KBIT)
         waiting, ages = of_each(lambda one: one.queue_bytes), of_each(lambda one: one.queue_ms / 1000)
         modes = {mode: mode == status.mode for mode in get_args(PlaybackMode)}
-        yield labelled_counter("tigas_shaper_sent_bytes", "Bytes that crossed the link", "direction", sent)
-        yield labelled_counter(
-            "tigas_shaper_dropped_packets", "Packets that were lost, as the queue was full", "direction", drops
-        )
-        yield labelled_gauge("tigas_shaper_rate_bytes_per_second", "Present capacity of the link", "direction", rates)
-        yield labelled_gauge("tigas_shaper_queue_bytes", "Bytes that wait", "direction", waiting)
+        yield labelled_counter("tigas_shaper_sent_bytes", "Delivered bytes", "direction", sent)
+        yield labelled_counter("tigas_shaper_dropped_packets", "Packets dropped by a full queue", "direction", drops)
+        yield labelled_gauge("tigas_shaper_rate_bytes_per_second", "Current rate of the link", "direction", rates)
+        yield labelled_gauge("tigas_shaper_queue_bytes", "Waiting bytes", "direction", waiting)
         yield labelled_gauge(
             "tigas_shaper_queue_age_seconds", "Queueing delay of a packet arriving now", "direction", ages
         )
-        yield labelled_gauge("tigas_shaper_playback", "Playback state: 1 for the present one", "mode", modes)
-        yield GaugeMetricFamily("tigas_shaper_delay_seconds", "One-way delay that is added", link.delay_ms / 1000)
-        yield GaugeMetricFamily("tigas_shaper_loss_ratio", "Share of packets that is lost", link.loss_pct / 100)
-        yield GaugeMetricFamily("tigas_shaper_link_up", "Whether anything passes at all", status.closed is None)
+        yield labelled_gauge("tigas_shaper_playback", "Playback state: 1 for the current one", "mode", modes)
+        yield GaugeMetricFamily("tigas_shaper_delay_seconds", "Added one-way delay", link.delay_ms / 1000)
+        yield GaugeMetricFamily("tigas_shaper_loss_ratio", "Share of packets lost at random", link.loss_pct / 100)
+        yield GaugeMetricFamily("tigas_shaper_link_up", "Whether the link is open", status.closed is None)

@@ -123,7 +123,7 @@ class Shaper:
         try:
             await self._gateway.check()
         except CommandError as error:
-            self._link.close(f"Forwarding failed, so that nothing passes until the shaper is started again: {error}")
+            self._link.close(f"Forwarding failed; nothing passes until the shaper is restarted: {error}")
             raise LinkClosed(str(self._link.closed)) from None
         now = time.monotonic()
         self._down.sample(down, now, self.player.state.down_kbps)

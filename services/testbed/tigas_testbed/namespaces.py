@@ -50,7 +50,7 @@ _NAME = re.compile(r"[a-z0-9]{1,20}")
 class Lab:
     def __init__(self, name: str) -> None:
         if not _NAME.fullmatch(name):
-            raise ValueError(f"a lab's name is 1 to 20 small letters and digits, not {name!r}")
+            raise ValueError(f"a lab's name is 1 to 20 lower-case letters and digits, not {name!r}")
         self.name = name
 
     def namespace(self, role: Role) -> str:
@@ -133,7 +133,7 @@ def _set_tcp_congestion_control(namespace: str) -> None:
 def check_rights() -> None:
     """Raises StartError if this process cannot make network namespaces, or lacks a tool for it."""
     if os.geteuid() != 0 or not has_capabilities(CAP_NET_ADMIN, CAP_SYS_ADMIN):
-        raise StartError("The lab makes network namespaces, which needs root: run it with sudo.")
+        raise StartError("The lab creates network namespaces, which needs root: run it with sudo.")
     if missing := {package for tool, package in TOOLS.items() if shutil.which(tool) is None}:
         raise StartError(f"The lab needs more tools: sudo apt-get install {' '.join(sorted(missing))}")
 
@@ -144,7 +144,7 @@ def _lock(name: str) -> Iterator[None]:
         try:
             lock.bind(f"\0tigas-lab-{name}")
         except OSError:
-            raise StartError("The lab is already up; `tigas lab down` ends it.") from None
+            raise StartError("The lab is already up; stop it with `tigas lab down`.") from None
         yield
 
 

@@ -111,12 +111,12 @@ def https_port(address: Address | None) -> Port | None:
         return None
     if address.host not in ("localhost", "127.0.0.1"):
         raise StartError(
-            f"The lab is for this machine alone, so --https {address} is not: to other devices, the shaped link runs "
-            "in containers (docs/deploy.md)."
+            f"The lab is only for this machine, so not for --https {address}; for other devices, run the shaped "
+            "link in containers (docs/deploy.md)."
         )
     port = Port("tcp", address.port)
     if port in PORTS or not port.number:
-        raise StartError(f"--https {address}: the lab has another use for this port; choose 127.0.0.1:8443, say.")
+        raise StartError(f"--https {address}: the lab needs this port itself; choose another, such as 127.0.0.1:8443.")
     return port
 
 

@@ -96,7 +96,7 @@ async def test_a_viewer_who_never_comes_or_falls_silent_is_given_up() -> None:
         (lambda sdp: sdp + sdp[sdp.index("m=") :], "one video and one data transport"),
         (lambda sdp: sdp.replace("VP8/90000", "AV1/90000").replace("H264/90000", "H265/90000"), "no video codec"),
         (lambda sdp: sdp.replace("a=group:BUNDLE 0 1", "a=other"), "BUNDLE"),
-        (lambda sdp: sdp.replace("a=recvonly", "a=sendonly"), "does not ask for a video"),
+        (lambda sdp: sdp.replace("a=recvonly", "a=sendonly"), "does not request video"),
         (lambda sdp: sdp.replace("a=recvonly\r\n", ""), "no SDP"),
         (lambda sdp: sdp.replace("a=mid:0", "a=mid:9"), "BUNDLE"),
         (lambda sdp: sdp.replace("a=fmtp:", "a=fmtp:999999"), "no SDP"),
@@ -109,7 +109,7 @@ async def test_a_viewer_who_never_comes_or_falls_silent_is_given_up() -> None:
         (lambda sdp: sdp.replace("a=ice-pwd", "a=other"), "no SDP"),
         (lambda sdp: sdp.replace("a=sctp-port:5000", "a=sctp-port:99999"), "SCTP port"),
         (lambda sdp: sdp.replace("a=sctp-port:5000", "a=other"), "SCTP port"),
-        (lambda sdp: re.sub("a=max-message-size:.*", "a=max-message-size:-1\r", sdp), "must take messages"),
+        (lambda sdp: re.sub("a=max-message-size:.*", "a=max-message-size:-1\r", sdp), "must accept messages"),
     ],
 )
 async def test_an_offer_that_cannot_be_answered_is_refused_in_a_sentence(
@@ -169,5 +169,5 @@ async def test_a_viewer_elsewhere_hears_that_the_port_is_for_this_machine_alone(
     offer = webrtc_request(await offer_of_nobody())
     answer = await packager.http.post("/webrtc", json=offer, headers={"Host": "192.0.2.7:8443"})
     assert (answer.status_code, answer.json()["type"]) == (503, "tigas:webrtc-unavailable")
-    assert answer.json()["detail"].endswith("--http 0.0.0.0:8081 opens it.")
+    assert answer.json()["detail"].endswith("open it with --http 0.0.0.0:8081.")
     assert (await packager.http.get("/sessions")).json() == [], "it takes nobody's place"

@@ -202,7 +202,7 @@ def test_what_cannot_be_had_is_said_before_anything_is_measured(
     ("url", "sentence"),
     [
         ("http://127.0.0.1:9", "No TIGAS render service answers at http://127.0.0.1:9."),
-        ("nonsense", "'nonsense' is no URL of a viewer"),
+        ("nonsense", "'nonsense' is not the URL of a viewer"),
     ],
 )
 def test_services_that_do_not_answer_get_one_sentence(out: Path, url: str, sentence: str) -> None:

@@ -99,7 +99,7 @@ def test_commands_follow_the_runs_and_a_broken_one_is_repeated_alone(stub: Stub)
     (folder / "broken").touch()
     stopped = paper("scored")
     assert stopped.exit_code == 1
-    assert "scored stopped, since this failed: test ! -e results/paper/scored/broken" in stopped.output
+    assert "scored stopped because this failed: test ! -e results/paper/scored/broken" in stopped.output
     assert progress("scored")["done"] is False
     (folder / "broken").unlink()
     assert paper("scored").exit_code == 0

@@ -84,18 +84,18 @@ def test_without_weights_only_these_two_are_left_out(tmp_path: Path, monkeypatch
     write_triplets(tmp_path, 1, enhance=None)
     result = quality(str(tmp_path))
     assert result.exit_code == 0
-    assert "LPIPS is left out, since its weights are not here: tigas quality fetch" in words(result)
+    assert "LPIPS is left out, because its weights are missing: tigas quality fetch" in words(result)
     assert "DISTS is left out" in words(result)
     assert set(read_scores(tmp_path)[0].values) == {"psnr", "ssim", "vmaf", "vif"}
     alone = quality(str(tmp_path), "--metrics", "dists")
     assert alone.exit_code == 1
-    assert "DISTS is left out, since its weights are not here: tigas quality fetch" in words(alone)
+    assert "DISTS is left out, because its weights are missing: tigas quality fetch" in words(alone)
 
 
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["--metrics", "psnr,beauty"], "'beauty' is no metric; there are psnr, ssim, vmaf, vif, lpips, dists."),
+        (["--metrics", "psnr,beauty"], "'beauty' is not a metric; choose from psnr, ssim, vmaf, vif, lpips, dists."),
         (["--metrics", " , "], "--metrics names none"),
         (["--metrics", "psnr"], "has no samples or captures with ground truth (docs/experiments.md)."),
     ],
@@ -126,7 +126,7 @@ def test_a_folder_in_which_runs_are_made_is_left_alone(experiment: Path) -> None
         for folder in (experiment, experiment / "runs" / "latency-0"):
             result = quality(str(folder), "--metrics", "psnr")
             assert result.exit_code == 1
-            assert "are being made or scored; try again when that is done" in words(result)
+            assert "are being made or scored; try again later" in words(result)
 
 
 @pytest.fixture(scope="module")

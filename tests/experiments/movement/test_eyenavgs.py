@@ -131,7 +131,7 @@ def test_in_a_scene_that_is_not_level_it_comes_out_where_it_was_recorded(tmp_pat
 
 @pytest.mark.parametrize(("content", "sentence"), [
     ("", "is empty"),
-    ("t_ms,x\n0,1\n", "is no recording of EyeNavGS: it has no column timestep or Timestamp"),
+    ("t_ms,x\n0,1\n", "is not a recording of EyeNavGS: it has no column timestep or Timestamp"),
     (NTHU.replace("QuaternionW", "Q4"), "has no column 'QuaternionW'"),
     (NTHU, "has no poses"),
 ])  # fmt: skip
@@ -144,12 +144,12 @@ def test_what_is_no_recording(tmp_path: Path, content: str, sentence: str) -> No
 
 @pytest.mark.parametrize(("rows", "sentence"), [
     ([(0, 0.0, (math.nan, 0.0, 0.0), UPRIGHT)], "line 2: the row has a value that is not finite, or far too large"),
-    ([(0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))], "line 2: the row has a quaternion that is no rotation"),
+    ([(0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))], "line 2: the row has a quaternion that is not a rotation"),
     ([(2, 0.0, (0.0, 0.0, 0.0), UPRIGHT)], "line 2: the row has a ViewIndex that is neither 0 nor 1"),
     ([(0, 0.0, (0.0, 2e6, 0.0), UPRIGHT)], "line 2: the row is farther away than 1,000,000"),
     ([(0, 0.0, (0.0, 0.0, 0.0), UPRIGHT)], "has no rows of the right eye"),
     ([(0, 0.0, (0.0, 0.0, 0.0), UPRIGHT), (1, 9.0, (0.0, 0.0, 0.0), UPRIGHT)], "no time at which both eyes"),
-    ([(eye, -at, (0.0, 0.0, 0.0), UPRIGHT) for at in range(5) for eye in (0, 1)], "in no order of time: 4 of 5 rows"),
+    ([(eye, -at, (0.0, 0.0, 0.0), UPRIGHT) for at in range(5) for eye in (0, 1)], "not in order of time: 4 of 5 rows"),
 ])  # fmt: skip
 def test_what_cannot_be_imported(tmp_path: Path, rows: list[Row], sentence: str) -> None:
     with pytest.raises(MovementError, match=sentence):
@@ -167,14 +167,14 @@ def test_a_clock_that_stumbles_costs_its_rows_only(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("content", "sentence"), [
-    ("Scene_Name,Quaternion,Scale\nroom,\"0,0,0,1\",2\n", "says nothing of the scene 'train'; it knows 'room'"),
+    ("Scene_Name,Quaternion,Scale\nroom,\"0,0,0,1\",2\n", "has no scene 'train'; it has 'room'"),
     ("Scene_Name,Quaternion,Scale\ntrain,\"0,0,1\",2\n", "no Scale and Quaternion that are numbers"),
     ("Scene_Name,Quaternion,Scale\ntrain,\"0,0,0,0\",2\n", "no Scale and Quaternion that are numbers"),
     ("Scene_Name,Quaternion,Scale\ntrain,\"0,0,0,1\",0\n", "no Scale and Quaternion that are numbers"),
     ("Scene_Name,Quaternion,Scale\ntrain,\"0,0,0,1\",nan\n", "no Scale and Quaternion that are numbers"),
     ("Scene_Name,Quaternion,Scale\ntrain\n", "no Scale and Quaternion that are numbers"),
-    ("", "says nothing of the scene 'train'; it knows none"),
-    ("Scene_Name\n" + "x" * 200_000, "is no table of scenes: field larger than field limit"),
+    ("", "has no scene 'train'; it has none"),
+    ("Scene_Name\n" + "x" * 200_000, "is not a table of scenes: field larger than field limit"),
 ])  # fmt: skip
 def test_what_is_no_scene_setting(tmp_path: Path, content: str, sentence: str) -> None:
     path = tmp_path / "scene_setting.csv"

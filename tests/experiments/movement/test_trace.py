@@ -39,7 +39,7 @@ def parse(text: str) -> MovementTrace:
     (HEADER + POSE + "20,1,2,3,0.001,0,0,0.999\n", None),
     ("gaze," + HEADER.strip() + ",pupil\n1,0,1,2,3,0,0,0,1,2\n", "does not have were ignored: gaze, pupil."),
     (HEADER + POSE + POSE + LATER, "Rows that have the time of the row before them were left out: 1."),
-    (HEADER + POSE + "20,1,2,3,0,0,0,2\n", "Quaternions that did not have the length 1 were scaled to it: 1."),
+    (HEADER + POSE + "20,1,2,3,0,0,0,2\n", "Quaternions normalised to length 1: 1."),
     (HEADER + POSE + "1520,1,2,3,0,0,0,1\n", "One gap between poses, up to 1,520 ms long, will be played straight"),
     (HEADER + POSE + "220,1,2,3,0,0,0,1\n" + "420,1,2,3,0,0,0,1\n", "2 gaps between poses, up to 220 ms long"),
 ])  # fmt: skip
@@ -57,20 +57,20 @@ def test_what_is_repaired_is_said(text: str, note: str | None) -> None:
     ("t_ms,x,y\n0,1,2\n", "walk.csv has no column 'z'; it needs t_ms, x, y, z, qx, qy, qz, qw."),
     (HEADER + POSE + "\n# remark\n20,1,2,nan,0,0,0,1\n",
      "walk.csv, line 5: the row has a value that is not finite, or far too large."),
-    (HEADER + "0,1,2,three,0,0,0,1\n", "walk.csv, line 2: z is 'three', which is no number."),
+    (HEADER + "0,1,2,three,0,0,0,1\n", "walk.csv, line 2: z is 'three', which is not a number."),
     (HEADER + "-1e308,1,2,3,0,0,0,1\n1e308,1,2,3,0,0,0,1\n",
      "walk.csv, line 2: the row has a value that is not finite, or far too large."),
     (HEADER + POSE + "20,1,2\n", "walk.csv, line 3: the row has 3 of 8 cells."),
     (HEADER + LATER + POSE, "walk.csv, line 3: the row is earlier than the one before it."),
     (HEADER + "0,1,2,3,0,0,0,0\n",
-     "walk.csv, line 2: the row has a quaternion that is no rotation: its length is not 1."),
+     "walk.csv, line 2: the row has a quaternion that is not a rotation: its length is not 1."),
     (HEADER + "0,1e7,2,3,0,0,0,1\n", "walk.csv, line 2: the row is farther away than 1,000,000."),
     ("# anchor: moon\n" + HEADER + POSE, "walk.csv: its anchor is 'moon', and not start or scene."),
     ("# unit: m\n" + HEADER + POSE,
      "walk.csv: `anchor: scene` is in the scene's own unit; only `anchor: start` may be in m."),
     (HEADER + "1" * 20_000, "walk.csv, line 2 is longer than 10,000 characters."),
     ("ViewIndex,FOV1\n0,1\n",
-     "walk.csv is a recording of EyeNavGS; `tigas movement import` makes a movement of it."),
+     "walk.csv is a recording of EyeNavGS; convert it with `tigas movement import`."),
 ])  # fmt: skip
 def test_what_is_refused_is_named_with_its_line(text: str, sentence: str) -> None:
     with pytest.raises(MovementError) as refused:

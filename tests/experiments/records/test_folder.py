@@ -139,7 +139,7 @@ def test_a_run_that_was_killed_is_incomplete(tmp_path: Path) -> None:
     path.write_text(json.dumps(json.loads(path.read_text()) | {"status": "running"}))
     summary = summarise(tmp_path / "run")
     assert summary.figures is None
-    assert summary.problem == "The run is incomplete: it was never ended."
+    assert summary.problem == "The run is incomplete: it never ended."
 
 
 @pytest.mark.parametrize(
@@ -236,7 +236,7 @@ def test_samples_of_an_older_version_stay_readable(tmp_path: Path) -> None:
 def test_two_samples_of_one_number_are_refused(tmp_path: Path) -> None:
     run = write_run(tmp_path / "run")
     write_samples(run, [sampled(3), sampled(3)])
-    with pytest.raises(BrokenRecording, match="two samples of one sequence number"):
+    with pytest.raises(BrokenRecording, match="two samples with the same sequence number"):
         read_samples(run)
 
 

@@ -156,7 +156,7 @@ def test_runs_without_result_are_listed_with_reasons_and_in_no_figure(experiment
         "run.json is broken",
         "frames.ndjson cannot be read: No such file or directory.",
         "mood",
-        "The run is incomplete: it was never ended.",
+        "The run is incomplete: it never ended.",
         "inputs.ndjson, line 100",
         "frames.ndjson, line 1",
     ):

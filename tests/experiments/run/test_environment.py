@@ -69,7 +69,7 @@ def test_one_holder_at_a_time(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("url", ["http://localhost:99999", "http://[::1"])
 def test_what_is_no_url_is_told_in_a_sentence(url: str) -> None:
-    with pytest.raises(StartError, match=r"is no URL: .+\.$"):
+    with pytest.raises(StartError, match=r"is not a URL: .+\.$"):
         services_lock(url)
 
 
@@ -232,7 +232,7 @@ def test_rungs_are_those_of_the_scenes_own_ladder_unless_the_papers_is_asked_for
     world.check(unshaped(profile=5))
     with pytest.raises(StartError, match=r"There is no rung 6: .* has 6"):
         world.check(unshaped(profile=6))
-    with pytest.raises(StartError, match=r"a ladder of its own, .* start the render service with --ladder paper\.$"):
+    with pytest.raises(StartError, match=r"with its own ladder, .* start the render service with --ladder paper\.$"):
         world.check(unshaped(profile=3), ladder="paper")
 
 

@@ -145,7 +145,7 @@ def test_a_download_begins_with_the_recording(world: World, tmp_path: Path) -> N
 def test_a_service_that_ended_meanwhile_costs_the_run(world: World, tmp_path: Path) -> None:
     world.services_live = False
     record = run(world, tmp_path / "run")
-    assert (record.status, record.problem) == ("failed", "A service ended, or was started again, during the run.")
+    assert (record.status, record.problem) == ("failed", "A service ended or was restarted during the run.")
     assert StoredRun(tmp_path / "run").read(ShownFrame), "what was recorded is kept"
 
 

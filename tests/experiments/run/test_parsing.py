@@ -67,15 +67,15 @@ def test_the_same_rates_at_another_round_trip() -> None:
         assert parse_network(text).with_rtt(300).round_trip_ms == 300
     other = parse_network("20mbit,5ms-rtt,1%-loss").with_rtt(300)
     assert other == parse_network("20mbit,1%-loss,300ms-rtt")
-    with pytest.raises(ValueError, match="has the round trip that it has"):
+    with pytest.raises(ValueError, match="the round trip of an unshaped network cannot be set"):
         parse_network("unshaped").with_rtt(20)
 
 
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("20mbit,fast", "'fast' is no part of a link"),
-        ("20ms-rtt,5ms-jitter", "says no rate"),
+        ("20mbit,fast", "'fast' is not part of a link"),
+        ("20ms-rtt,5ms-jitter", "has no rate"),
         ("20mbit,10mbit", "says mbit twice"),
         ("gone.csv", "there is no trace file 'gone.csv'"),
         ("../up/x", "there is no trace file"),

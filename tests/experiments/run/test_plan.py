@@ -159,7 +159,7 @@ def test_a_constant_link_has_segments_of_the_movement_alone(tmp_path: Path) -> N
         ({"segments": 23}, "bus.csv has room for 22 segments of 8 s from 0 s on, not 23."),
         ({"segments": 2, "trace_offset_s": 200}, "bus.csv has room for 0 segments of 8 s from 200 s on, not 2."),
         ({"segments": 2, "networks": ["4g-bus"]}, "Segments need the trace's file, so '4g-bus' must be a path."),
-        ({"segments": 2, "networks": ["walk.csv"]}, "walk.csv is no trace of TIGAS's own"),
+        ({"segments": 2, "networks": ["walk.csv"]}, "walk.csv is not a TIGAS trace"),
         ({"segments": 2, "movements": ["bus.csv"]}, "bus.csv"),
         ({"segments": 2, "duration_s": 61}, "The movement walk.csv lasts 60.0 s, less than a run's 61 s."),
     ],
@@ -260,19 +260,19 @@ def test_dash_runs_do_not_change_with_the_controllers(tmp_path: Path) -> None:
         ({"name": ".."}, "name: '..' must not be a path"),
         ({"name": ""}, "name: string should have at least 1"),
         ({"name": "  "}, "name: string should have at least 1"),
-        ({"movements": ["gone.csv"]}, "There is no movement's file"),
+        ({"movements": ["gone.csv"]}, "There is no movement file"),
         ({"networks": ["gone.csv"]}, "there is no trace file 'gone.csv'"),
-        ({"networks": ["4g-bus", "4g-bus"]}, "networks: '4g-bus' is there twice"),
+        ({"networks": ["4g-bus", "4g-bus"]}, "networks: '4g-bus' occurs twice"),
         ({"networks": ["20mbit,200%-loss"]}, "less than or equal to 100"),
-        ({"networks": ["unshaped"], "rtts_ms": [20]}, "an unshaped network has the round trip"),
+        ({"networks": ["unshaped"], "rtts_ms": [20]}, "the round trip of an unshaped network cannot be set"),
         ({"rtts_ms": [-1]}, "rtts_ms.0: input should be greater than or equal to 0"),
         ({"rtts_ms": []}, "rtts_ms: there must be at least one"),
         ({"modes": ["rtsp"]}, "modes.0: input should be"),
         ({"prediction": "auto"}, "prediction.0: input should be 'off', 'velocity' or 'linear'"),
-        ({"modes": ["local-ply"]}, "there are no runs in the mode 'local-ply' any more, use 'local-compressed'."),
-        ({"variants": [{"modes": ["local-ply"]}]}, "variants.0.modes.0: there are no runs in the mode 'local-ply'"),
+        ({"modes": ["local-ply"]}, "the mode 'local-ply' was removed; use 'local-compressed'."),
+        ({"variants": [{"modes": ["local-ply"]}]}, "variants.0.modes.0: the mode 'local-ply' was removed"),
         ({"controllers": [-1]}, "The profile is a rung"),
-        ({"controllers": [0, "0"]}, "0 is there twice"),
+        ({"controllers": [0, "0"]}, "0 occurs twice"),
         ({"repeats": 0}, "repeats: input should be greater"),
         ({"repeats": True}, "repeats: input should be a valid integer"),
         ({"duration_s": 1e300}, "duration_s: input should be less than or equal to 7200"),
@@ -298,8 +298,8 @@ def test_nonsense_gets_one_sentence(tmp_path: Path, fields: dict[str, Any], sent
     [
         (b"duration_s = nan", "duration_s: input should be a finite number"),
         (b"duration_s = inf", "duration_s: input should be a finite number"),
-        (b"name = 1999-01-01T00:00:00Z\nname = 2", "is no TOML"),
-        (b"= 1", "is no TOML"),
+        (b"name = 1999-01-01T00:00:00Z\nname = 2", "is not TOML"),
+        (b"= 1", "is not TOML"),
         (b"\xff", "cannot be read"),
         (b"#" * 200_000, "more than 100,000 characters"),
         (b"", "name: field required"),
@@ -459,7 +459,7 @@ def test_variants_may_have_modes_of_their_own(tmp_path: Path) -> None:
 
 
 def test_what_is_no_model_s_name_is_told_in_a_sentence(tmp_path: Path) -> None:
-    with pytest.raises(StartError, match=r"upscale: 'Scene!' is no name of a model or predictor\.$"):
+    with pytest.raises(StartError, match=r"upscale: 'Scene!' is not the name of a model or predictor\.$"):
         runs(tmp_path, upscale="Scene!")
 
 

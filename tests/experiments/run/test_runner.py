@@ -176,7 +176,7 @@ def test_an_experiment_may_grow_but_not_become_another(stub: Stub, file: Path) -
     file.write_text(toml(controllers=["latency"], repeats=2))
     result = tigas("run", file)
     assert result.exit_code == 1
-    assert "has 6 runs that are not of this experiment, such as courtyard_stroll_4g-bus_stateless-0_0" in result.output
+    assert "has 6 runs of another experiment, such as courtyard_stroll_4g-bus_stateless-0_0" in result.output
     assert status(file) == before
 
 
@@ -257,7 +257,7 @@ def test_many_failures_in_a_row_end_it(stub: Stub, file: Path) -> None:
     result = tigas("run", file)
     assert result.exit_code == 1
     assert len(stub.made) == GIVE_UP_AFTER == 5
-    assert "5 runs in a row failed, so the others are not tried; the same command goes on." in result.output
+    assert "5 runs in a row failed, so the others are not tried; the same command continues." in result.output
     assert result.output.endswith("this: The viewer failed: Target closed\n")
     file.write_text(toml(controllers=["latency", "l2a", 0], repeats=4))
     stub.happenings = [fails, fails, None] * 4

@@ -140,7 +140,7 @@ def test_what_is_no_url(url: str) -> None:
         async with url_target(url):
             pass
 
-    with pytest.raises(StartError, match="is no URL of a viewer"):
+    with pytest.raises(StartError, match="is not the URL of a viewer"):
         asyncio.run(open_it())
 
 

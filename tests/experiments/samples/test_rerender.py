@@ -255,7 +255,7 @@ async def test_another_service_at_the_address_gets_a_sentence(run: Path) -> None
     async with httpx.AsyncClient(
         base_url="http://render", transport=httpx.MockTransport(lambda _: httpx.Response(404, text="nginx"))
     ) as http:
-        with pytest.raises(RenderUnavailable, match="no TIGAS render service"):
+        with pytest.raises(RenderUnavailable, match="not a TIGAS render service"):
             await rerender(run, patient_client(http))
 
 
@@ -264,8 +264,7 @@ async def test_a_scene_whose_file_has_changed_is_no_ground_truth(run: Path) -> N
     renderer = FakeRenderer(file_sha256="b" * 64)
     found = await made(run, renderer)
     assert found.problems == [
-        "The file of the scene 'courtyard' has changed since the run: what the service would render now is no ground "
-        "truth of it."
+        "The file of the scene 'courtyard' has changed since the run, so the service cannot render its ground truth."
     ]
     assert (found.missing, renderer.asked) == (1, [])
     unknown = FakeRenderer(file_sha256=None)
@@ -299,7 +298,7 @@ async def test_a_run_without_samples_is_left_alone(tmp_path: Path) -> None:
     run = write_run(tmp_path / "runs" / "old")
     assert (await made(run, FakeRenderer())).samples == ()
     assert not (run / RERENDERED).exists()
-    with pytest.raises(StartError, match="has no samples: only runs with a `sample_stride` have"):
+    with pytest.raises(StartError, match="has no samples: only runs with a `sample_stride` do"):
         sampled_runs(tmp_path)
     with pytest.raises(StartError, match="neither a run nor an experiment"):
         sampled_runs(tmp_path / "nothing")
@@ -311,7 +310,7 @@ async def test_runs_are_found_from_an_experiment_and_by_themselves(tmp_path: Pat
     assert sampled_runs(tmp_path) == sampled_runs(tmp_path / "runs" / "new") == [tmp_path / "runs" / "new"]
     with (
         locked(tmp_path / "runs" / "new"),
-        pytest.raises(StartError, match="Something else is at work"),
+        pytest.raises(StartError, match="Another command is using"),
         locked(tmp_path),
     ):
         pass
@@ -351,7 +350,7 @@ async def test_links_lead_nowhere(tmp_path: Path) -> None:
     (run / RERENDERED).unlink()
     (run / "samples").rename(outside / "samples")
     (run / "samples").symlink_to(outside / "samples")
-    assert "is no folder of pictures" in " ".join((await made(run, FakeRenderer())).problems)
+    assert "is not a folder of images" in " ".join((await made(run, FakeRenderer())).problems)
     assert mine.read_bytes() == picture(1, 32, 18, "JPEG")
 
 

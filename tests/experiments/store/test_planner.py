@@ -82,10 +82,10 @@ async def test_files_are_expanded_in_turn(tmp_path: Path) -> None:
 
 MANY = [f"c{number}" for number in range(1000)]
 HOSTILE: list[tuple[str, str]] = [
-    ("{", "The file is no JSON"),
-    ("name = ", "The file is no TOML"),
-    ("[" * 50_000, "The file is no TOML"),
-    ('{"name": ' + "[" * 50_000, "The file is no JSON"),
+    ("{", "The file is not JSON"),
+    ("name = ", "The file is not TOML"),
+    ("[" * 50_000, "The file is not TOML"),
+    ('{"name": ' + "[" * 50_000, "The file is not JSON"),
     (TOML.replace("abr", "../up"), "must not be a path"),
     (TOML.replace("stroll", "../../etc/passwd"), "must not be a path"),
     (TOML.replace("unshaped", "../x.csv"), "must not be a path"),
@@ -305,7 +305,7 @@ async def test_captures_are_compared_with_ground_truth(store: Running, monkeypat
     run = f"/experiments/{experiment}/runs/{slug()}"
     folder = store.results / experiment / "runs" / slug()
     kept = await store.http.put(run, json=upload(captures=[CAPTURE]))
-    assert (kept.json()["status"], kept.json()["problem"]) == ("running", "The run is incomplete: it was never ended.")
+    assert (kept.json()["status"], kept.json()["problem"]) == ("running", "The run is incomplete: it never ended.")
     for name, content in (("0000.png", png()[:-4]), ("0120.png", png()), ("0.png", png()), ("0000.jpg", png())):
         assert (await store.http.put(f"{run}/captures/{name}", content=content)).status_code == 400
     assert (await store.http.put(f"{run}/captures/0000.png", content=png(100))).status_code == 204
@@ -335,8 +335,8 @@ async def test_a_run_without_its_captures_or_ground_truth_fails(store: Running) 
     ("changes", "told"),
     [
         ({"complete": False}, "The movement was not played to its end."),
-        ({"complete": False, "hidden": True}, "The page was hidden, so that not all of the run could be shown."),
-        ({"frames": []}, "No frame came during the run."),
+        ({"complete": False, "hidden": True}, "The page was hidden during the run."),
+        ({"frames": []}, "No frame arrived during the run."),
     ],
 )
 async def test_a_recording_that_is_no_measurement_fails_its_run(

@@ -60,7 +60,7 @@ async def test_samples_come_picture_by_picture_and_are_there_once_all_are(store:
         {"name": "000009.jpg", "bytes": len(JPEG)},
     ]
     early = await store.http.put(f"{run}/samples", json=index(3, 9, enhanced=True))
-    assert (early.status_code, early.json()["detail"]) == (400, "000009.enhanced.webp has not come yet.")
+    assert (early.status_code, early.json()["detail"]) == (400, "000009.enhanced.webp is missing.")
     assert read_samples(folder) == []
     assert await put(store, run, "000009.enhanced.png", PNG) == (204, "")
     assert (await store.http.put(f"{run}/samples", json=index(3, 9, enhanced=True))).status_code == 204
@@ -107,7 +107,7 @@ async def test_what_is_no_whole_picture_is_refused(store: Running, name: str, co
     run = await begun(store)
     assert await put(store, run, name, content) == (
         400,
-        f"What came as {name} is no such picture, or only a part of one.",
+        f"{name} is not such an image, or is incomplete.",
     )
     assert not any("samples" in path for path in store.kept())
 
@@ -141,9 +141,9 @@ async def test_a_picture_and_a_run_have_limits(store: Running, monkeypatch: pyte
     ("body", "sentence"),
     [
         ({"samples": []}, "samples: tuple should have at least 1 item"),
-        (index(3, 3), "Two samples have one sequence number."),
+        (index(3, 3), "Two samples have the same sequence number."),
         (index(4), "000004.jpg of"),
-        ({"samples": [index(3)["samples"][0] | {"bytes": 1}]}, "000003.jpg of 1 bytes has not come yet."),
+        ({"samples": [index(3)["samples"][0] | {"bytes": 1}]}, "000003.jpg of 1 bytes is missing."),
         ({"samples": [{"seq": 3}]}, "samples.0.at"),
     ],
 )

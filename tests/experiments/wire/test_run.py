@@ -127,7 +127,7 @@ def test_the_longest_names_fit_into_a_file_system() -> None:
 
 @pytest.mark.parametrize("name", ["", "Off", "../x", "x" * 25, "a b", "ä"])
 def test_what_cannot_be_a_model_is_told_in_a_sentence(name: str) -> None:
-    with pytest.raises(ValidationError, match=r"is no name of a model or predictor"):
+    with pytest.raises(ValidationError, match=r"is not the name of a model or predictor"):
         configuration(upscale=name)
 
 

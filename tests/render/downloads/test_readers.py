@@ -137,4 +137,4 @@ async def test_so_many_may_read_at_once(client: httpx.AsyncClient, service: Rend
         reading(addresses)
         refused = await client.get(URL)
         assert (refused.status_code, refused.headers["retry-after"]) == (503, "5")
-        assert refused.json()["detail"].startswith("As many scenes are being downloaded as may be;")
+        assert refused.json()["detail"].startswith("Too many scenes are being downloaded;")

@@ -251,7 +251,7 @@ async def test_wrong_scene_and_rung_are_refused_before_anything_is_queued(bench:
 
 @pytest.mark.parametrize(
     ("limit", "addresses", "sentence"),
-    [("MAX_WAITING", "abc", "Too many requests wait"), ("WAITING_PER_ADDRESS", "xxx", "from this address")],
+    [("MAX_WAITING", "abc", "Too many requests are waiting"), ("WAITING_PER_ADDRESS", "xxx", "from this address")],
 )
 async def test_too_many_waiting_requests_are_refused(
     bench: Bench, monkeypatch: pytest.MonkeyPatch, limit: str, addresses: str, sentence: str

@@ -65,7 +65,7 @@ def test_the_general_ones_serve_where_a_scenes_own_do_not(scene: SceneSource, sh
     write_weights(file, replace(made(NETWORK), scene_sha256=GENERAL))
     shelf.place(scene).write_bytes(b"no weights")
     assert shelf.kind(scene) == "general"
-    assert shelf.problem(scene) == "The weights' file is no whole safetensors file."
+    assert shelf.problem(scene) == "The weights are not a complete safetensors file."
     assert shelf.general() == file.read_bytes()
     assert Shelf(DEFAULT_LADDER[:2], tmp_path, file).kind(scene) is None, "another ladder"
     train(scene, shelf)

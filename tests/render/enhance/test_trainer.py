@@ -49,7 +49,7 @@ async def test_a_training_reports_and_is_done(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("code", "problem"),
     [
-        ("sys.exit('It was\\nNo view of the scene shows anything.')", "No view of the scene shows anything."),
+        ("sys.exit('It was\\nAll views of the scene are empty.')", "All views of the scene are empty."),
         ("sys.exit(3)", "The training ended with status 3."),
         ("print('no JSON', flush=True); time.sleep(600)", "The training failed; the server's log says why."),
     ],

@@ -45,7 +45,7 @@ def test_scene_grid(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("size", "out", "sentence"),
-    [("0x4", "a.ply", "SIZE: "), ("4", "a.ply", "SIZE: "), ("2x2", "a.sog", "is to be a compressed PLY")],
+    [("0x4", "a.ply", "SIZE: "), ("4", "a.ply", "SIZE: "), ("2x2", "a.sog", "is a compressed PLY")],
 )
 def test_a_grid_that_cannot_be_is_explained(tmp_path: Path, size: str, out: str, sentence: str) -> None:
     result = tigas("scene", "grid", plys.write(tmp_path / "scene.ply", plys.binary_ply()), size, tmp_path / out)

@@ -38,7 +38,7 @@ def test_the_last_iteration_of_a_training_goes_before_its_input(tmp_path: Path) 
 
 def test_a_folder_without_a_scene_says_so(tmp_path: Path) -> None:
     (tmp_path / "folder.ply").mkdir()
-    with pytest.raises(BrokenScene, match=r"has no scene in it: no \.ply, \.sog, \.spz, \.splat, no lod-meta\.json"):
+    with pytest.raises(BrokenScene, match=r"has no scene: no \.ply, \.sog, \.spz, \.splat, no lod-meta\.json"):
         find_scene_file(tmp_path)
 
 
@@ -54,7 +54,7 @@ def test_what_is_no_file_makes_its_scene_broken_and_no_other(tmp_path: Path, kin
     sources = scan_directory(tmp_path)
     assert sources["ladder"].ladder is None
     errors = {id: source.error for id, source in sources.items()}
-    assert str(errors.pop("scene")).startswith("The folder scene has no scene in it")
+    assert str(errors.pop("scene")).startswith("The folder scene has no scene:")
     assert str(errors.pop("description")).startswith("scene.json cannot be read: ")
     assert errors == {"good": None, "preview": None, "ladder": None}
 
@@ -62,7 +62,7 @@ def test_what_is_no_file_makes_its_scene_broken_and_no_other(tmp_path: Path, kin
 @pytest.mark.parametrize("kind", NOT_FILES)
 def test_a_scene_that_became_no_file_is_broken(tmp_path: Path, kind: str) -> None:
     NOT_FILES[kind](tmp_path / "scene.ply")
-    with pytest.raises(BrokenScene, match=r"scene.ply (cannot be read: .+|has no scene in it.+)\."):
+    with pytest.raises(BrokenScene, match=r"scene.ply (cannot be read: .+|has no scene:.+)\."):
         read_scene_file(tmp_path / "scene.ply").load()
 
 

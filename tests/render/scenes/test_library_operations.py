@@ -122,7 +122,7 @@ def test_nobody_at_home_is_said_in_a_sentence(tmp_path: Path, site: str) -> None
 
 
 @pytest.mark.parametrize(
-    ("path", "words"), [("endless.ply", "is larger than 0.001 GB; download it"), ("trickle.ply", "comes too slowly")]
+    ("path", "words"), [("endless.ply", "is larger than 0.001 GB; download it"), ("trickle.ply", "is too slow")]
 )
 def test_a_download_ends(tmp_path: Path, site: str, path: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(library_operations, "TIMEOUT_S", 0.5)

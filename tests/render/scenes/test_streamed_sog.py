@@ -204,7 +204,7 @@ def test_one_can_be_added_and_downloaded_with_its_environment(tmp_path: Path, en
 def test_one_that_cannot_be_added_leaves_nothing(tmp_path: Path) -> None:
     write(tmp_path / "hall")
     (tmp_path / "hall" / "0_1" / "quats.webp").write_bytes(b"GIF89a" + bytes(100))
-    with pytest.raises(BrokenScene, match=r"^0_1/meta\.json: quats\.webp is no lossless WebP image\.$"):
+    with pytest.raises(BrokenScene, match=r"^0_1/meta\.json: quats\.webp is not a lossless WebP image\.$"):
         add_scene(str(tmp_path / "hall"), tmp_path / "models", None, lambda _: None, 1_000_000)
     assert list((tmp_path / "models").iterdir()) == []
 

@@ -339,7 +339,7 @@ async def test_only_loopback_lets_pages_change_scenes_unless_it_is_told_to(
         ]
     refusals = [answer for answer in answers if answer.status_code == 403]
     assert len(refusals) == (0 if editable else 5)
-    assert all("--edit-scenes lets them" in answer.json()["detail"] for answer in refusals)
+    assert all("--edit-scenes allows it" in answer.json()["detail"] for answer in refusals)
     assert (models / "attic.ply").exists() is not editable
 
 
@@ -540,12 +540,12 @@ def saving(kind: str, **changes: Any) -> str:
         (saving("views", position=[0, float("inf"), 0]), "views.a.position.1"),
         (saving("views", position=[1e10, 0, 0]), "views.a.position.0"),
         (saving("views", position=[0, 0]), "views.a.position.2"),
-        (saving("views", quaternion=[0, 0, 0, 0]), "a quaternion of length zero is no rotation"),
+        (saving("views", quaternion=[0, 0, 0, 0]), "a quaternion of length zero is not a rotation"),
         (saving("views", else_=1), "views.a.else_"),
         (json.dumps({"views": {"": POSE}}), "at least 1 character"),
         (json.dumps({"views": {"x" * 101: POSE}}), "at most 100 characters"),
-        (json.dumps({"views": {" a": POSE}}), "no blanks around them"),
-        (json.dumps({"views": {"a\x1b[2J": POSE}}), "printable characters alone"),
+        (json.dumps({"views": {" a": POSE}}), "no spaces around them"),
+        (json.dumps({"views": {"a\x1b[2J": POSE}}), "only printable characters"),
         (json.dumps({"views": {str(number): POSE for number in range(100)}}), "at most 100 saved views and 20 paths"),
         (json.dumps({"paths": {str(number): TOUR for number in range(21)}}), "at most 100 saved views and 20 paths"),
         (json.dumps({"views": [POSE]}), "views"),

@@ -113,7 +113,7 @@ async def test_one_that_cannot_be_forked_for_a_moment_is_started_again(capsys: p
     await eventually(lambda: bench.starts == 2 and bench.worker._serves)
     await ended([bench], tasks)
     assert capsys.readouterr().err.splitlines() == [
-        f"The edge 0 has ended ({how}); it is started again." for how in ("exit status 1", NO_MEMORY, NO_MEMORY)
+        f"The edge 0 exited ({how}); restarting it." for how in ("exit status 1", NO_MEMORY, NO_MEMORY)
     ]
 
 

@@ -140,7 +140,7 @@ def test_a_file_is_downloaded_with_progress_and_again_only_if_it_was_changed(
 
 def test_an_interrupted_download_goes_on_where_it_stopped(server: Server, client: httpx.Client, tmp_path: Path) -> None:
     server.break_after = 300_000
-    with pytest.raises(FetchError, match=r"broke off after 300,000 bytes; run it again to go on"):
+    with pytest.raises(FetchError, match=r"broke off after 300,000 bytes; run it again to continue"):
         fetch(server, client, tmp_path)
     assert names(tmp_path) == {"set.bin.part", "set.bin.part.tag"}
     server.break_after = None

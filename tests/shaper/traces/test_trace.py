@@ -76,7 +76,7 @@ def test_times_start_at_0_rise_and_end(times: tuple[int, ...], duration: int, se
 
 
 def test_there_is_one_state_a_time() -> None:
-    with pytest.raises(TraceError, match="one state a time"):
+    with pytest.raises(TraceError, match="one state for each time"):
         NetworkTrace("t", (0, 1), (FAST,), 100)
 
 

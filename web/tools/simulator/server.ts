@@ -36,7 +36,7 @@ const SUPERSEDED = {
   type: "tigas:superseded",
   title: "Superseded",
   status: 409,
-  detail: "A newer request took this one's place.",
+  detail: "The request was superseded.",
 } as const;
 
 export class Server {

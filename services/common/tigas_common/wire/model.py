@@ -24,7 +24,7 @@ Entries = Annotated[tuple[Entry, ...], Field(fail_fast=True)]
 
 def _is_rotation(quaternion: tuple[float, ...]) -> tuple[float, ...]:
     if not any(quaternion):
-        raise ValueError("a quaternion of length zero is no rotation")
+        raise ValueError("a quaternion of length zero is not a rotation")
     return quaternion
 
 

@@ -235,7 +235,7 @@ MAX_KEYFRAMES = 64
 
 def _is_name(name: str) -> str:
     if name != name.strip() or not name.isprintable():
-        raise ValueError("a name has printable characters alone, and no blanks around them")
+        raise ValueError("a name has only printable characters, and no spaces around them")
     return name
 
 

@@ -20,7 +20,7 @@ LEAST_MESSAGE = 1024
 """A viewer must take messages of this size on the data channel, in bytes."""
 UNLIMITED = 0
 """The largest message of a viewer that takes messages of any size (RFC 8841, 6.1)."""
-NO_SDP = "The offer is no SDP of a WebRTC connection."
+NO_SDP = "The offer is not SDP of a WebRTC connection."
 _CANDIDATES = re.compile(r"^a=(candidate:|end-of-candidates).*(\r\n|\n|$)", re.MULTILINE)
 _CODEC = re.compile(r"^a=rtpmap:\d+ ([\w-]+)/", re.MULTILINE)
 
@@ -108,7 +108,7 @@ def _check(offer: SessionDescription) -> None:
                 raise InvalidRequest("The offer's data transport must have an SCTP port from 1 to 65535.")
             takes = media.sctpCapabilities
             if takes is not None and takes.maxMessageSize < LEAST_MESSAGE and takes.maxMessageSize != UNLIMITED:
-                raise InvalidRequest(f"The offer's data transport must take messages of {LEAST_MESSAGE} bytes.")
+                raise InvalidRequest(f"The offer's data transport must accept messages of {LEAST_MESSAGE} bytes.")
 
 
 async def answered(connection: RTCPeerConnection, track: MediaStreamTrack, candidate: str) -> tuple[str, str]:
@@ -122,6 +122,6 @@ async def answered(connection: RTCPeerConnection, track: MediaStreamTrack, candi
         raise InvalidRequest(NO_SDP) from None
     codec = _CODEC.search(connection.localDescription.sdp)
     if video.currentDirection != "sendonly" or codec is None:
-        raise InvalidRequest("The offer does not ask for a video.")
+        raise InvalidRequest("The offer does not request video.")
     sdp = re.sub("a=candidate:.*", f"a=candidate:{candidate}\r", connection.localDescription.sdp)
     return sdp, codec[1]

@@ -66,7 +66,7 @@ class WebRtcStream(Stream):
         candidate = self._port.candidate(host).to_sdp()
         sdp, codec = await answered(self._connection, self._track, candidate)
         if codec == "H264" and self._request.frame_rate != 30:
-            raise InvalidRequest("aiortc encodes H.264 at 30 frames a second only: offer VP8, or ask for 30.")
+            raise InvalidRequest("aiortc encodes H.264 only at 30 frames a second: offer VP8, or request 30.")
         if (most := self._request.bitrate_kbps) is not None:
             (sender,) = self._connection.getSenders()
             limit_bitrate(sender, codec, most * 1000)
@@ -173,7 +173,7 @@ class WebRtc:
         """
         if self._on_loopback and not is_loopback(host):
             raise WebRtcUnavailable(
-                "This packager sends WebRTC to its own machine alone; --http 0.0.0.0:8081 opens it."
+                "This packager sends WebRTC only to its own machine; open it with --http 0.0.0.0:8081."
             )
         async with taken(request.sdp) as connection:
             size = single_size(request, await ladder(self._client, request.scene), request.rung)

@@ -84,7 +84,7 @@ class Evaluation(WireModel):
         except OSError as error:
             raise StartError(f"{path} cannot be read ({error.strerror}): run this in a clone of TIGAS.") from None
         except tomllib.TOMLDecodeError as error:
-            raise StartError(f"{path} is no TOML: {error}.") from None
+            raise StartError(f"{path} is not TOML: {error}.") from None
         except ValidationError as error:
             raise StartError(f"{path}: {sentence(error)}") from None
 
@@ -205,4 +205,4 @@ class _Making:
             if subprocess.run(["bash", "-euc", filled], env=tools, stdin=subprocess.DEVNULL).returncode:
                 if path is not None:
                     path.unlink(missing_ok=True)
-                raise StartError(f"{self.out.name} stopped, since this failed: {filled.strip()}")
+                raise StartError(f"{self.out.name} stopped because this failed: {filled.strip()}")

@@ -40,7 +40,7 @@ class Score(SamplesCommand):
                 console.print(problem, style="yellow", soft_wrap=True)
             rows, sentences = _score(self.folder, asked, again=self.again)
         except KeyboardInterrupt:
-            console.print("Interrupted. The same command goes on.")
+            console.print("Interrupted. The same command continues.")
             raise SystemExit(130) from None
         for sentence in sentences:
             console.print(sentence, style="yellow", soft_wrap=True)
@@ -100,9 +100,9 @@ def _asked(names: str) -> list[PictureMetric]:
     known = {metric.name: metric for metric in PICTURE_METRICS}
     asked = [name.strip().lower() for name in names.split(",") if name.strip()]
     if unknown := [name for name in asked if name not in known]:
-        raise StartError(f"{unknown[0]!r} is no metric; there are {', '.join(known)}.")
+        raise StartError(f"{unknown[0]!r} is not a metric; choose from {', '.join(known)}.")
     if not asked:
-        raise StartError(f"--metrics names none; there are {', '.join(known)}.")
+        raise StartError(f"--metrics names none; choose from {', '.join(known)}.")
     return [metric for name, metric in known.items() if name in asked]
 
 
@@ -124,7 +124,7 @@ def _score(folder: Path, asked: list[PictureMetric], *, again: bool) -> tuple[li
     scorings: dict[Path, Scoring] = {}
     scored = []
     finished, current = 0, ""
-    busy = f"Runs in {lock} are being made or scored; try again when that is done."
+    busy = f"Runs in {lock} are being made or scored; try again later."
     with exclusive(lock / EXPERIMENT, busy), progress_bar() as show:
 
         def on_progress(steps: int) -> None:

@@ -47,7 +47,7 @@ class Rerender(SamplesCommand, RenderCommand):
             with render_url(self.folder, self.render) as url:
                 outcomes = rerender_all(self.folder, url, again=self.again)
         except KeyboardInterrupt:
-            console.print("Interrupted. The same command goes on.")
+            console.print("Interrupted. The same command continues.")
             raise SystemExit(130) from None
         table = Table()
         table.add_column("Run", overflow="fold")

@@ -52,7 +52,7 @@ def read_eyes(path: Path, eye: Eye) -> MovementTrace:
     table = Table(read_text(path), str(path))
     time = next((column for column in TIMES if column in table.columns), None)
     if time is None:
-        raise MovementError(f"{path} is no recording of EyeNavGS: it has no column {' or '.join(TIMES)}.")
+        raise MovementError(f"{path} is not a recording of EyeNavGS: it has no column {' or '.join(TIMES)}.")
     values = table.numbers(("ViewIndex", time, *POSE))
     views, times, positions = values[:, 0], values[:, 1], values[:, 2:5]
     table.refuse(~np.isin(views, list(VIEWS.values())), "has a ViewIndex that is neither 0 nor 1")
@@ -72,7 +72,7 @@ def read_eyes(path: Path, eye: Eye) -> MovementTrace:
         kept = np.diff(latest, prepend=-np.inf) > 0
         if left_out := int((~kept).sum()):
             if left_out > MOST_LEFT_OUT * len(kept):
-                raise MovementError(f"{path} is in no order of time: {left_out:,} of {len(kept):,} rows run back.")
+                raise MovementError(f"{path} is not in order of time: {left_out:,} of {len(kept):,} rows run back.")
             notes.append(f"Rows of the {side} eye that are no later than one before them were left out: {left_out:,}.")
         ways[side] = MovementTrace(
             times[mine][kept], positions[mine][kept] * FLIP, quaternions[mine][kept], "scene", "scene"
@@ -103,11 +103,11 @@ def read_settings(path: Path, scene: str) -> SceneSettings:
     try:
         rows = list(csv.DictReader(read_text(path).splitlines()))
     except csv.Error as error:
-        raise MovementError(f"{path} is no table of scenes: {error}.") from None
+        raise MovementError(f"{path} is not a table of scenes: {error}.") from None
     row = next((row for row in rows if row.get("Scene_Name") == scene), None)
     if row is None:
         known = ", ".join(repr(row.get("Scene_Name"))[:30] for row in rows[:8])
-        raise MovementError(f"{path} says nothing of the scene {scene!r}; it knows {known or 'none'}.")
+        raise MovementError(f"{path} has no scene {scene!r}; it has {known or 'none'}.")
     try:
         scale, level = float(row["Scale"]), [float(part) for part in row["Quaternion"].split(",")]
         if 0 < scale < math.inf and 0 < math.hypot(*level) < math.inf and len(level) == 4:

@@ -39,7 +39,7 @@ def read_text(path: Path) -> str:
     except OSError as error:
         raise MovementError(f"The movement {path} cannot be read: {error.strerror or error}.") from None
     if len(data) > MAX_BYTES:
-        raise MovementError(f"{path} is larger than {MAX_BYTES // 1_000_000} MB, which no movement needs to be.")
+        raise MovementError(f"{path} is larger than {MAX_BYTES // 1_000_000} MB, too large for a movement.")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -120,8 +120,8 @@ class Table:
                     float(cells[index].replace("_", "no number"))
                 except ValueError:
                     cell, column = cells[index].strip()[:30], self.columns[index]
-                    return MovementError(f"{self.name}, line {line}: {column} is {cell!r}, which is no number.")
-        return MovementError(f"{self.name} has other than numbers in its rows.")
+                    return MovementError(f"{self.name}, line {line}: {column} is {cell!r}, which is not a number.")
+        return MovementError(f"{self.name} has cells that are not numbers.")
 
     def _rows(self) -> Iterator[tuple[int, str]]:
         return (

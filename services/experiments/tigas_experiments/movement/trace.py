@@ -65,7 +65,7 @@ class MovementTrace:
         """Read the text of a file, which messages call `name`. Raises MovementError."""
         table = Table(text, name)
         if "ViewIndex" in table.columns:
-            raise MovementError(f"{name} is a recording of EyeNavGS; `tigas movement import` makes a movement of it.")
+            raise MovementError(f"{name} is a recording of EyeNavGS; convert it with `tigas movement import`.")
         comments = dict(table.comments)
         anchor = _choice(comments.pop("anchor", "scene"), ANCHORS, name, "anchor")
         unit = _choice(comments.pop("unit", "scene"), UNITS, name, "unit")
@@ -145,9 +145,9 @@ def unit_quaternions(table: Table, quaternions: Floats) -> tuple[Floats, list[st
     """Rotations [N, 4] of length 1, one for each row of a table, and a note if they were not. Raises MovementError."""
     lengths = np.linalg.norm(quaternions, axis=1)
     low, high = QUATERNION_LENGTHS
-    table.refuse((lengths < low) | (lengths > high), "has a quaternion that is no rotation: its length is not 1")
+    table.refuse((lengths < low) | (lengths > high), "has a quaternion that is not a rotation: its length is not 1")
     scaled = int((np.abs(lengths - 1) > ROUNDED).sum())
-    notes = [f"Quaternions that did not have the length 1 were scaled to it: {scaled:,}."] if scaled else []
+    notes = [f"Quaternions normalised to length 1: {scaled:,}."] if scaled else []
     return quaternions / lengths[:, None], notes
 
 

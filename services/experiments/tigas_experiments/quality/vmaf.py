@@ -37,10 +37,10 @@ def ffmpeg() -> str:
         listed = subprocess.run([program, "-hide_banner", "-filters"], capture_output=True, text=True, check=False)
     except (ImportError, RuntimeError, OSError):
         raise MetricUnavailable(
-            f"VMAF and VIFp are left out, since ffmpeg is missing: {install_command('lab')}"
+            f"VMAF and VIFp are left out, because ffmpeg is missing: {install_command('lab')}"
         ) from None
     if " libvmaf " not in listed.stdout:
-        raise MetricUnavailable(f"VMAF and VIFp are left out, since {program} has no libvmaf.")
+        raise MetricUnavailable(f"VMAF and VIFp are left out, because {program} has no libvmaf.")
     return program
 
 
@@ -78,7 +78,7 @@ def vmaf_and_vif(frames: Iterable[tuple[int, Picture, Picture]]) -> dict[int, tu
         with suppress(OSError, ValueError):
             found = [frame["metrics"] for frame in json.loads((folder / LOG).read_text())["frames"]]
         if ended.returncode or len(found) != len(numbers):
-            said = legible(ended.stderr.strip(), 200) or f"it ended with status {ended.returncode}"
+            said = legible(ended.stderr.strip(), 200) or f"exit status {ended.returncode}"
             raise StartError(f"ffmpeg could not compute VMAF: {said}")
         return {number: (metrics["vmaf"], metrics["vif"]) for number, metrics in zip(numbers, found, strict=True)}
 

@@ -41,8 +41,8 @@ class Source:
                 return read_regular(self.cached, self.size)
             reason = f"{self.cached} differs from the published file"
         except OSError:
-            reason = "its weights are not here"
-        raise MetricUnavailable(f"{metric} is left out, since {reason}: tigas quality fetch")
+            reason = "its weights are missing"
+        raise MetricUnavailable(f"{metric} is left out, because {reason}: tigas quality fetch")
 
 
 FEATURES = Source(

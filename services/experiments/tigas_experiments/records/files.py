@@ -70,4 +70,4 @@ def _read(path: Path, limit: int) -> str:
     except OSError as error:
         raise BrokenRecording(f"{path} cannot be read: {error.strerror or error}.") from None
     except UnicodeDecodeError:
-        raise BrokenRecording(f"{path} is no text.") from None
+        raise BrokenRecording(f"{path} is not text.") from None

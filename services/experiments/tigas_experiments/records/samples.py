@@ -54,7 +54,7 @@ def read_samples(run: Path) -> list[Sample]:
         return []
     samples = read_lines(path, Sample, gone=STAMP)
     if len({sample.seq for sample in samples}) < len(samples):
-        raise BrokenRecording(f"{path} has two samples of one sequence number.")
+        raise BrokenRecording(f"{path} has two samples with the same sequence number.")
     return samples
 
 

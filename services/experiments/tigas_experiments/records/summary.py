@@ -41,7 +41,7 @@ class Records:
         """Records of a complete run. Raises BrokenRecording."""
         head = stored.record.recording
         if head is None:
-            raise BrokenRecording(f"{stored.folder / 'run.json'} says nothing of the recording.")
+            raise BrokenRecording(f"{stored.folder / 'run.json'} does not describe the recording.")
         scores: list[Score] = []
         scores_problem = None
         try:
@@ -69,7 +69,7 @@ def read(folder: Path) -> tuple[Summary, Records | None]:
     """A run's summary, with its records if there are figures. Raises BrokenRecording as `summarise` does."""
     stored = StoredRun(folder)
     record = stored.record
-    records, problem = None, record.problem or "The run is incomplete: it was never ended."
+    records, problem = None, record.problem or "The run is incomplete: it never ended."
     if record.status == "complete":
         try:
             records = Records.of(stored)

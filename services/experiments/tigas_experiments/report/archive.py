@@ -121,7 +121,7 @@ def unpack(archive: Path) -> Path:
                 name = _one_folder(archive, tar)
                 folder = archive.parent / name
                 if folder.exists():
-                    raise StartError(f"{folder} exists already, so {archive} is not unpacked.")
+                    raise StartError(f"{folder} exists already, so {archive} was not unpacked.")
                 tar.extractall(scratch, filter="data")
         except (tarfile.TarError, lzma.LZMAError, EOFError, ValueError, OverflowError, KeyError) as error:
             raise _no_archive(archive, legible(str(error), 200)) from None
@@ -135,7 +135,7 @@ def _one_folder(archive: Path, tar: tarfile.TarFile) -> str:
     for entry in tar:
         parts = PurePosixPath(entry.name).parts
         if not entry.isreg() or len(parts) < 2 or parts[0] == "/" or ".." in parts:
-            raise _no_archive(archive, f"it holds {legible(entry.name, 60)!r}, which is no file in a folder")
+            raise _no_archive(archive, f"it holds {legible(entry.name, 60)!r}, which is not a file in a folder")
         names.add(parts[0])
         room -= entry.size
         if room < 0:

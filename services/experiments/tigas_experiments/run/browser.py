@@ -79,7 +79,7 @@ async def chromium(config: ServerConfig | None = None, *, webgpu: bool = False) 
                 executable_path=path, args=arguments, handle_sigint=False, handle_sigterm=False
             )
         except Error as error:
-            raise StartError(f"{path} does not start: {_first_line(error)}") from None
+            raise StartError(f"{path} did not start: {_first_line(error)}") from None
         try:
             yield browser
         finally:
@@ -163,7 +163,7 @@ class Viewer:
         """One kept picture, as PNG; it is given up by the page then."""
         picture = await self._call("capture", index)
         if not isinstance(picture, str):
-            raise RunFailed(f"The viewer gave no picture {index}.")
+            raise RunFailed(f"The viewer sent no image {index}.")
         return base64.b64decode(picture)
 
     async def samples(self) -> SampleList:
@@ -176,7 +176,7 @@ class Viewer:
     async def sample_picture(self, name: str) -> bytes:
         picture = await self._call("samplePicture", name)
         if not isinstance(picture, str):
-            raise RunFailed(f"The viewer gave no picture {name}.")
+            raise RunFailed(f"The viewer sent no image {name}.")
         return base64.b64decode(picture)
 
     async def _call(self, name: str, argument: object, patience_s: float = ANSWER_S) -> Any:
@@ -204,7 +204,7 @@ async def viewer(browser: Browser, url: str, scene: str, width: int, height: int
     try:
         context = await browser.new_context(viewport={"width": width, "height": height}, ignore_https_errors=True)
     except Error as error:
-        raise RunFailed(f"The browser opens no page: {_first_line(error)}") from None
+        raise RunFailed(f"The browser could not open a page: {_first_line(error)}") from None
     try:
         try:
             page = await context.new_page()

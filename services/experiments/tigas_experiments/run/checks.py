@@ -40,8 +40,8 @@ def check_services(
             raise StartError(f"{run.scene} is not offered for download, so {run.mode} cannot be measured.")
         if ladder == "paper" and scene.ladder is not None:
             raise StartError(
-                f"The services at {target.url} show {run.scene} with a ladder of its own, and the experiment asks for "
-                "the paper's: start the render service with --ladder paper."
+                f"The services at {target.url} show {run.scene} with its own ladder, but the experiment needs the "
+                "paper's: start the render service with --ladder paper."
             )
         rungs = len(scene.ladder or target.config.ladder)
         if run.mode not in PER_VIEW:

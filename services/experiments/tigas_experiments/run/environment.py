@@ -170,7 +170,7 @@ async def open_environment(
     find_chromium()
     where = url or LAB_URL
 
-    with exclusive(services_lock(where), f"Another experiment uses the services at {where}; wait until it has ended."):
+    with exclusive(services_lock(where), f"Another experiment uses the services at {where}; wait until it ends."):
         target = Supervised(lambda: lab_target(ladder) if url is None else url_target(url), alive)
         browser = Supervised(lambda: _browser_for(target, webgpu=webgpu), responds)
         try:

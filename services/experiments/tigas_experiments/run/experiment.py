@@ -111,11 +111,11 @@ def reserved(experiment: Experiment) -> Iterator[None]:
     """
     is_new = not experiment.out.exists()
     experiment.out.mkdir(parents=True, exist_ok=True)
-    busy = f"Another experiment is writing into {experiment.out}; wait until it has ended, or choose another --out."
+    busy = f"Another experiment is writing into {experiment.out}; wait until it ends, or choose another --out."
     with exclusive(experiment.out / EXPERIMENT, busy):
         if unrelated := experiment.unrelated():
             raise StartError(
-                f"{experiment.out} has {len(unrelated)} runs that are not of this experiment, such as {unrelated[0]}; "
+                f"{experiment.out} has {len(unrelated)} runs of another experiment, such as {unrelated[0]}; "
                 "choose another --out, or remove them."
             )
         try:

@@ -26,8 +26,8 @@ from tigas_experiments.wire.run import OFF, Configuration, RunPlan
 from tigas_experiments.wire.store import RunUpload
 
 NOT_PLAYED = "The movement was not played to its end."
-HIDDEN = "The page was hidden, so that not all of the run could be shown."
-NO_FRAME = "No frame came during the run."
+HIDDEN = "The page was hidden during the run."
+NO_FRAME = "No frame arrived during the run."
 
 
 def page_settings(configuration: Configuration) -> dict[str, Any]:
@@ -140,7 +140,7 @@ async def complete(folder: Path, render: str) -> RunRecord:
     writer = RunWriter.resumed(run)
     head, captures, inputs = run.record.recording, run.read(Capture), run.read(Input)
     if head is None:
-        raise BrokenRecording(f"{folder / 'run.json'} says nothing of the recording.")
+        raise BrokenRecording(f"{folder / 'run.json'} does not describe the recording.")
     predicted = run.record.configuration.prediction != OFF
     assessed: list[CaptureQuality] = []
     async with RenderClient.at(render) as renderer:

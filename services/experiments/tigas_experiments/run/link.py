@@ -204,7 +204,7 @@ class ShaperClient:
             raise RunFailed(f"{path} cannot be read: {error.strerror or error}.") from None
         answer = await self._send("POST", "/traces", params={"name": path.name}, content=data, timeout=UPLOAD_TIMEOUT_S)
         if not isinstance(answer, dict) or not isinstance(answer.get("name"), str):
-            raise RunFailed(f"The shaper at {self.url} took {path.name} and does not say as what.")
+            raise RunFailed(f"The shaper at {self.url} accepted {path.name} but did not name it.")
         return str(answer["name"])
 
     async def _post(self, path: str, body: dict[str, Any]) -> ShaperStatus:

@@ -88,7 +88,7 @@ async def _measure(
         ended = not await alive(setup.target)
         sampled = configuration.sample_stride > 0
         upload = RunUpload(
-            problem="A service ended, or was started again, during the run." if ended else None,
+            problem="A service ended or was restarted during the run." if ended else None,
             recording=recording,
             link=tuple(link_sample(status, at - start) for at, status in seen),
             backend=seen[-1][1].backend if seen else None,

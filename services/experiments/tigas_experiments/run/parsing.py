@@ -58,12 +58,12 @@ def _constant(text: str) -> LinkSetting:
         found = _PART.fullmatch(part.strip())
         if found is None:
             raise ValueError(
-                f"{part.strip()!r} is no part of a link, such as 20mbit, 5mbit-up, 20ms-rtt, 2ms-jitter or 0.1%-loss"
+                f"{part.strip()!r} is not part of a link, such as 20mbit, 5mbit-up, 20ms-rtt, 2ms-jitter or 0.1%-loss"
             )
         name, factor = _UNITS[found["unit"]]
         if name in fields:
-            raise ValueError(f"{text!r} says {found['unit']} twice")
+            raise ValueError(f"{text!r} has {found['unit']} twice")
         fields[name] = float(found["value"]) * factor
     if "down_kbps" not in fields:
-        raise ValueError(f"{text!r} says no rate, such as 20mbit")
+        raise ValueError(f"{text!r} has no rate, such as 20mbit")
     return LinkSetting(**{"up_kbps": USUAL_UP_KBPS, **fields})

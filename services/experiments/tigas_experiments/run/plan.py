@@ -63,7 +63,7 @@ def _no_path(name: str) -> str:
 
 def _made(mode: Mode) -> Mode:
     if mode not in MODES:
-        raise ValueError(f"there are no runs in the mode {mode!r} any more, use 'local-compressed'")
+        raise ValueError(f"the mode {mode!r} was removed; use 'local-compressed'")
     return mode
 
 
@@ -74,7 +74,7 @@ def _several(values: tuple[Value, ...]) -> tuple[Value, ...]:
         raise ValueError(f"there are {len(values)}; the limit is {MAX_VALUES}")
     for index, value in enumerate(values):
         if value in values[:index]:
-            raise ValueError(f"{value!r} is there twice")
+            raise ValueError(f"{value!r} occurs twice")
     return values
 
 
@@ -188,7 +188,7 @@ class ExperimentPlan(WireModel):
         try:
             data = json.loads(text) if is_json else tomllib.loads(text)
         except (ValueError, RecursionError) as error:
-            raise StartError(f"{source} is no {'JSON' if is_json else 'TOML'}: {legible(str(error), 200)}.") from None
+            raise StartError(f"{source} is not {'JSON' if is_json else 'TOML'}: {legible(str(error), 200)}.") from None
         return cls.of(data, source)
 
     @classmethod
@@ -375,7 +375,7 @@ def _check_movement(text: str, directory: Path) -> None:
     """Raises StartError for the path of a file that is not there. A name may be that of a generated movement."""
     path = directory / text
     if not path.is_file() and (Path(text).name != text or Path(text).suffix):
-        raise StartError(f"There is no movement's file {str(path)!r}.")
+        raise StartError(f"There is no movement file {str(path)!r}.")
 
 
 def _check_folders(runs: Sequence[Configuration]) -> None:

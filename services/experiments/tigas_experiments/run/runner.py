@@ -55,7 +55,7 @@ async def _check_changes(experiment: Experiment, missing: Sequence[Configuration
     if changed:
         raise StartError(
             f"Since the complete runs in {experiment.out} were made, there is another {' and another '.join(changed)}: "
-            "choose another --out, or --allow-changes to take them together."
+            "choose another --out, or --allow-changes to combine them."
         )
 
 
@@ -71,6 +71,6 @@ async def _make(
         failures = 0 if record.status == "complete" else failures + 1
         if failures == GIVE_UP_AFTER:
             raise StartError(
-                f"{failures} runs in a row failed, so the others are not tried; the same command goes on. The last one "
-                f"failed for this: {record.problem}"
+                f"{failures} runs in a row failed, so the others are not tried; the same command continues. The last "
+                f"failure: {record.problem}"
             )

@@ -83,5 +83,5 @@ def _trace_duration_s(path: Path) -> float:
     head, *rows = [line for line in text.splitlines() if line and not line.startswith("#")] or [""]
     end_ms = rows[-1].split(",")[0] if rows else ""
     if not head.startswith("t_ms,down_kbps") or not re.fullmatch("[0-9]{1,15}", end_ms):
-        raise StartError(f"{path} is no trace of TIGAS's own, as segments need; `tigas trace import` makes one.")
+        raise StartError(f"{path} is not a TIGAS trace, which segments need; convert it with `tigas trace import`.")
     return int(end_ms) / 1000

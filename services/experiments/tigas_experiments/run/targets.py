@@ -56,7 +56,7 @@ async def lab_target(ladder: LadderName) -> AsyncIterator[Target]:
     """The namespace lab, as a context manager. Raises StartError."""
     await asyncio.to_thread(_check)
     if await _serves(LAB_URL):
-        raise StartError(f"Something serves {LAB_URL} already; stop it, or measure it with --url {LAB_URL}.")
+        raise StartError(f"Something is serving {LAB_URL} already; stop it, or measure it with --url {LAB_URL}.")
     # A separate session: Ctrl+C only reaches this process, so runs end before their services. The lab ends if this
     # process dies.
     process = subprocess.Popen(  # noqa: ASYNC220 - starting takes no time
@@ -81,7 +81,7 @@ async def url_target(url: str) -> AsyncIterator[Target]:
     """Running services. Raises StartError."""
     parts = urlsplit(url)
     if parts.scheme not in ("http", "https") or not parts.hostname:
-        raise StartError(f"{url!r} is no URL of a viewer, such as {LAB_URL}.")
+        raise StartError(f"{url!r} is not the URL of a viewer, such as {LAB_URL}.")
     base = f"{parts.scheme}://{parts.netloc}"
     yield Target(base, await read_config(base))
 

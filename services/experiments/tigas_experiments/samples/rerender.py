@@ -53,7 +53,7 @@ async def rerender(
     if before.problem is not None or not before.samples:
         return before
     if (run / "samples").is_symlink() or not (run / "samples").is_dir():
-        return replace(before, problem=f"{run / 'samples'} is no folder of pictures.")
+        return replace(before, problem=f"{run / 'samples'} is not a folder of images.")
     known: Mapping[int, Rerendered] = {} if again else before.known
     todo = [one for one in before.samples if not await asyncio.to_thread(_is_complete, run, one, known)]
     if not todo:
@@ -110,8 +110,8 @@ def changed_scene(record: RunRecord, sha256: str | None) -> str | None:
     if None in (record.scene_sha256, sha256) or record.scene_sha256 == sha256:
         return None
     return (
-        f"The file of the scene {record.configuration.scene!r} has changed since the run: what the service would "
-        "render now is no ground truth of it."
+        f"The file of the scene {record.configuration.scene!r} has changed since the run, so the service cannot "
+        "render its ground truth."
     )
 
 
@@ -119,7 +119,7 @@ def sampled_runs(folder: Path) -> list[Path]:
     """Runs with samples in an experiment's or a run's folder. Raises StartError without any."""
     found = with_samples(folder)
     if not found:
-        raise StartError(f"{folder} has no samples: only runs with a `sample_stride` have (docs/experiments.md).")
+        raise StartError(f"{folder} has no samples: only runs with a `sample_stride` do (docs/experiments.md).")
     return found
 
 
@@ -145,7 +145,7 @@ def _is_run(path: Path) -> bool:
 def locked(folder: Path) -> Iterator[None]:
     """Lock an experiment against other writers during the context. Raises StartError and OSError."""
     experiment = folder.parent.parent if folder.parent.name == "runs" else folder
-    busy = f"Something else is at work on {experiment}, such as an experiment that makes its runs; try again after it."
+    busy = f"Another command is using {experiment}; try again later."
     with exclusive(experiment / EXPERIMENT, busy):
         yield
 
@@ -225,7 +225,7 @@ def check_truth(data: bytes, sample: Sample) -> None:
     """Raises BrokenPicture if it is no whole PNG of a sample's size."""
     with opened(data) as image:
         if image.format != "PNG":
-            raise BrokenPicture(f"The ground truth is no PNG, but {image.format}.")
+            raise BrokenPicture(f"The ground truth is not PNG, but {image.format}.")
         if image.size != shown_size(sample):
             (width, height), (wanted_width, wanted_height) = image.size, shown_size(sample)
             raise BrokenPicture(f"The ground truth has {width}×{height} pixels, not {wanted_width}×{wanted_height}.")

@@ -294,7 +294,7 @@ async def _receive(request: Request, path: Path, limit: int) -> int:
             try:
                 part = await anext(parts, None)  # the server waits no longer than its limits say
             except ClientDisconnect:
-                raise InvalidRequest("The client left before its request was complete.") from None
+                raise InvalidRequest("The client disconnected before its request was complete.") from None
             if part is None:
                 return size
             size += len(part)
@@ -308,7 +308,7 @@ async def _keep_picture(request: Request, keep: Callable[[Path, Path], None]) ->
     """Receive a picture under its name, and have `keep` move it to its run."""
     run, name = await asyncio.to_thread(lambda: _page_run(request)), request.path_params["name"]
     if Path(name).name != name or len(name) > MAX_NAME:
-        raise InvalidRequest(f"{name[:60]!r} is no picture's name.")
+        raise InvalidRequest(f"{name[:60]!r} is not an image's name.")
     with storage_explained(), _store(request).workspace.folder() as folder:
         await _receive(request, folder / name, MAX_PICTURE_BYTES)
         await asyncio.to_thread(keep, folder / name, run)

@@ -25,7 +25,7 @@ class UnknownMovement(TigasError):
 
 
 class ExperimentInUse(TigasError):
-    status, type, title = 409, "experiment-in-use", "The experiment is a command's"
+    status, type, title = 409, "experiment-in-use", "The experiment belongs to a command"
 
 
 class CannotStart(TigasError):

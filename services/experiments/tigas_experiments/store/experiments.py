@@ -134,7 +134,7 @@ class Experiments:
         """Folder and record of an experiment of the page. Raises UnknownExperiment and ExperimentInUse."""
         folder, record = self.find(experiment)
         if record.source == "command":
-            raise ExperimentInUse(f"The experiment {experiment} is a command's; begin one of the page's own.")
+            raise ExperimentInUse(f"The experiment {experiment} belongs to a command; start a new one on the page.")
         return folder, record
 
     def remove(self, experiment: str) -> None:
@@ -146,13 +146,13 @@ class Experiments:
                 with exclusive(lock, "") if lock.exists() else nullcontext():
                     self._workspace.remove(folder)
             except StartError:
-                raise ExperimentInUse(f"A command is making the experiment {experiment}; end it first.") from None
+                raise ExperimentInUse(f"A command is running the experiment {experiment}; stop it first.") from None
             except FileNotFoundError:
-                raise UnknownExperiment(f"The experiment {experiment} was removed meanwhile.") from None
+                raise UnknownExperiment(f"The experiment {experiment} has been removed.") from None
 
 
 def made_runs(folder: Path) -> list[Path]:
-    """The folders of an experiment's runs, by name; none if it was removed meanwhile."""
+    """The folders of an experiment's runs, by name; none if it has been removed."""
     runs = folder / "runs"
     if not _is_folder(runs):
         return []

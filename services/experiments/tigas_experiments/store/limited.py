@@ -91,7 +91,7 @@ def _check_names(names: Iterable[str]) -> None:
     """Raises StartError for a path."""
     for name in names:
         if Path(name).name != name or not name.isprintable():
-            raise StartError(f"{name[:100]!r} must not be a path: the store has its own files.")
+            raise StartError(f"{name[:100]!r} must not be a path: only the store's files can be used.")
 
 
 def _keep_movement(name: str, own: Mapping[str, str], movements: Path, inputs: Path) -> None:

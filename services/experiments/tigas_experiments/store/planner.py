@@ -85,8 +85,7 @@ class _Session:
         if self.failures < GIVE_UP_AFTER:
             return None
         return (
-            f"{self.failures} runs in a row failed, so the others are not tried. The last one failed for this: "
-            f"{self.last_problem}"
+            f"{self.failures} runs in a row failed, so the others are not tried. The last failure: {self.last_problem}"
         )
 
     def ended(self, run: str, problem: str | None) -> None:
@@ -221,7 +220,7 @@ class Planner:
             try:
                 await asyncio.to_thread(_place, made, session.experiment, configuration)
             except FileNotFoundError:
-                raise UnknownExperiment(f"The experiment {experiment} was removed meanwhile.") from None
+                raise UnknownExperiment(f"The experiment {experiment} has been removed.") from None
         if record.status == "failed":
             session.ended(run, record.problem)
         return await asyncio.to_thread(self._experiments.row, experiment, run)

@@ -57,7 +57,7 @@ def _still_there(experiment: str) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError:
-        raise UnknownExperiment(f"The experiment {experiment} was removed meanwhile.") from None
+        raise UnknownExperiment(f"The experiment {experiment} has been removed.") from None
 
 
 def draw(folder: Path, out: Path) -> None:

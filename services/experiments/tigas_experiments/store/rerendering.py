@@ -91,7 +91,7 @@ class Rerendering:
             try:
                 stack.enter_context(locked(folder))
             except StartError:
-                raise ExperimentInUse(f"A command is at work on the experiment {experiment}.") from None
+                raise ExperimentInUse(f"A command is using the experiment {experiment}.") from None
             lock = stack.pop_all()
 
         def ended(_: object) -> None:

@@ -105,7 +105,7 @@ def uploaded(run: Path) -> UploadedSamples:
 def check_room(run: Path, name: str) -> None:
     """Whether another picture may come. Raises InvalidRequest, SamplesComplete, BodyTooLarge and StorageFailed."""
     if not UPLOADED.fullmatch(name):
-        raise InvalidRequest(f"{name[:60]!r} is no picture of a sample, such as 000123.jpg.")
+        raise InvalidRequest(f"{name[:60]!r} is not an image of a sample, such as 000123.jpg.")
     if (run / INDEX).exists():
         raise SamplesComplete(f"The samples of the run {run.name} are complete.")
     files = _files(run)
@@ -119,7 +119,7 @@ def keep_picture(part: Path, run: Path) -> None:
     """Move a picture, which has its name already, to its run. Raises as `check_room` does, and OSError."""
     check_room(run, part.name)
     if not _is_whole(part):
-        raise InvalidRequest(f"What came as {part.name} is no such picture, or only a part of one.")
+        raise InvalidRequest(f"{part.name} is not such an image, or is incomplete.")
     (run / FOLDER).mkdir(exist_ok=True)
     to_disk(part.parent)
     part.replace(run / FOLDER / part.name)
@@ -129,11 +129,13 @@ def keep_picture(part: Path, run: Path) -> None:
 def keep_capture(part: Path, run: Path) -> None:
     """Move a capture, which has its name already, to its run. Raises InvalidRequest, RunMade and OSError."""
     if not CAPTURE.fullmatch(part.name) or int(part.stem) >= MOST_PICTURES:
-        raise InvalidRequest(f"{part.name[:60]!r} is no capture, such as 0012.png; a run has at most {MOST_PICTURES}.")
+        raise InvalidRequest(
+            f"{part.name[:60]!r} is not a capture, such as 0012.png; a run has at most {MOST_PICTURES}."
+        )
     if StoredRun(run).record.status != "running":
         raise RunMade(f"The run {run.name} has ended.")
     if not _is_whole(part):
-        raise InvalidRequest(f"What came as {part.name} is no PNG, or only a part of one.")
+        raise InvalidRequest(f"{part.name} is not a PNG, or is incomplete.")
     part.replace(capture_path(run, int(part.stem)))
 
 
@@ -142,11 +144,11 @@ def keep_index(index: SampleIndex, workspace: Path, run: Path) -> None:
     if (run / INDEX).exists():
         raise SamplesComplete(f"The samples of the run {run.name} are complete.")
     if len({sample.seq for sample in index.samples}) < len(index.samples):
-        raise InvalidRequest("Two samples have one sequence number.")
+        raise InvalidRequest("Two samples have the same sequence number.")
     files = _files(run)
     for sample in index.samples:
         if (missing := _missing(sample, files)) is not None:
-            raise InvalidRequest(f"{missing} has not come yet.")
+            raise InvalidRequest(f"{missing} is missing.")
     write_samples(workspace, index.samples)
     to_disk(workspace)
     (workspace / INDEX).replace(run / INDEX)

@@ -297,7 +297,7 @@ class Recording(RecordingHead):
     @model_validator(mode="after")
     def _check(self) -> Self:
         if any(later.pose < earlier.pose + (not earlier.missed) for earlier, later in pairwise(self.inputs)):
-            raise ValueError("the numbers of poses must grow")
+            raise ValueError("the numbers of poses must increase")
         for name in ("inputs", "frames", "replies", "requests", "traffic"):
             times = [entry.at for entry in getattr(self, name)]
             if any(later < earlier for earlier, later in pairwise(times)):

@@ -80,7 +80,7 @@ MAX_OFFSET_S = 86_400.0
 
 def _page_name(name: str) -> str:
     if not re.fullmatch("[a-z0-9][a-z0-9-]{0,23}", name):
-        raise ValueError(f"{name!r} is no name of a model or predictor")
+        raise ValueError(f"{name!r} is not the name of a model or predictor")
     return name
 
 
@@ -147,7 +147,7 @@ class Network(WireModel):
         if self.link is not None:
             return self.model_copy(update={"link": replace(self.link, delay_ms=rtt_ms / 2)})
         if self.trace is None:
-            raise ValueError("an unshaped network has the round trip that it has")
+            raise ValueError("the round trip of an unshaped network cannot be set")
         return self.model_copy(update={"rtt_ms": rtt_ms})
 
 

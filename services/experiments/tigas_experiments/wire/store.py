@@ -146,9 +146,9 @@ class RunUpload(WireModel):
                 yield "a run has a recording or a problem"
             return
         if not 0 <= recording.started_unix_ms <= LATEST_UNIX_MS:
-            yield "the recording started at no time of this century"
+            yield "the recording's start time is impossible"
         if recording.traffic and max(entry.bytes for entry in recording.traffic) > MOST_BYTES:
-            yield "nobody receives so many bytes"
+            yield "the number of bytes is impossible"
         if any(later.at < earlier.at or later.drops < earlier.drops for earlier, later in pairwise(link)):
             yield "the times and the drops of link must not go back"
         rates = (rate for at in link for rate in (at.target_kbps, at.delivered_kbps, at.up_delivered_kbps))
@@ -158,7 +158,7 @@ class RunUpload(WireModel):
         lists = (recording.inputs, recording.frames, recording.replies, recording.requests, recording.traffic, link)
         for entries in lists:  # in the order of time
             if entries and not -AROUND_MS <= entries[0].at <= entries[-1].at <= last:
-                yield "something was recorded long before the run or long after it"
+                yield "the recording has times long before or long after the run"
         if recording.ended_ms > last:
             yield "the recording ended long after the run"
 

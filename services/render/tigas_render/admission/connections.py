@@ -28,17 +28,17 @@ class Usage:
     def request_refusal(self, limits: Limits, running: int) -> str | None:
         """Return the reason to refuse another request of a connection with so many running ones, if any."""
         if running >= limits.requests:
-            return "This connection has too many requests running."
+            return "This connection has too many running requests."
         if self.requests >= limits.requests_per_address:
-            return "Your address has too many requests running."
+            return "Your address has too many running requests."
         return None
 
     def session_refusal(self, limits: Limits, open_sessions: int) -> str | None:
         """Return the reason to refuse another session of a connection with so many open ones, if any."""
         if open_sessions >= limits.sessions:
-            return "This connection has as many sessions as it may."
+            return "This connection has the maximum number of sessions."
         if self.sessions >= limits.sessions_per_address:
-            return "Your address has as many sessions as it may."
+            return "Your address has the maximum number of sessions."
         return None
 
 
@@ -70,9 +70,9 @@ class ConnectionAdmission:
         except ServerFull as error:
             return error.detail
         if connections >= self._limits.connections:
-            return "The server has as many connections as it may; try again later."
+            return "The server has the maximum number of connections; try again later."
         if usage.connections >= self._limits.connections_per_address:
-            return "Your address has as many connections as it may; close some."
+            return "Your address has the maximum number of connections; close some."
         rate = self._limits.handshakes_per_s
         if not self._openings.allows(usage.address, now, rate, self._limits.connections_per_address / rate):
             return "Your address opens connections too fast; try again in a second."

@@ -62,16 +62,16 @@ class EdgeLoads(Collector):
         return max((age for state in self.states.values() for age in state.ages.values()), default=0.0)
 
     def collect(self) -> Iterator[Metric]:
-        age = "The longest that something waited in the last second"
+        age = "Longest wait in the last second"
         ages = Gauge("tigas_render_queue_age_seconds", age, labels=["queue", "edge"])
-        shares = Gauge("tigas_render_utilisation_ratio", "Share of the time at work, 0 to 1", labels=["of", "edge"])
-        viewers = Gauge("tigas_render_viewers", "Viewers that were taken", labels=["edge"])
+        shares = Gauge("tigas_render_utilisation_ratio", "Share of time at work, 0 to 1", labels=["of", "edge"])
+        viewers = Gauge("tigas_render_viewers", "Admitted viewers", labels=["edge"])
         full = Gauge("tigas_render_full", "Whether new viewers are refused", labels=["edge"])
-        rate = "Of each viewer, while there is too much to do"
+        rate = "Rate of each viewer, while limited"
         allowed = Gauge("tigas_render_allowed_requests_per_second", rate, labels=["edge"])
-        refused = Counter("tigas_render_refused_viewers", "Viewers that were refused", labels=["edge"])
+        refused = Counter("tigas_render_refused_viewers", "Refused viewers", labels=["edge"])
         stale = Counter("tigas_render_stale_datagrams", "Datagrams dropped for their age", labels=["edge"])
-        batch = "Batches of datagrams that the kernel refused"
+        batch = "Datagram batches refused by the kernel"
         batches = Counter("tigas_render_refused_batches", batch, labels=["edge"])
         for number, state in self.states.items():
             edge = [str(number)]

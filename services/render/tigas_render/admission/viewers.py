@@ -69,7 +69,7 @@ class RequestRate:
         rate = self._most if told is None else min(self._most, SLACK * told)
         if not self._limit.allows(client, self._clock(), rate, max(LEAST_BURST / rate, BURST_S)):
             often = f"more than {told or self._most:.0f} times a second"
-            raise AskedTooOften(f"This session asks {often}; ask less often.", 1 / rate)
+            raise AskedTooOften(f"This session sends {often}; send fewer.", 1 / rate)
 
 
 class HttpViewers:

@@ -58,7 +58,7 @@ class NoSuchDownload(TigasError):
 class NoSpace(TigasError):
     """The file cannot be kept."""
 
-    status, type, title = 507, "no-space", "There is no room for the file"
+    status, type, title = 507, "no-space", "There is no space for the file"
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,6 +218,6 @@ class _Reading(FileResponse):
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         client = scope.get("client")
-        busy = Overloaded("As many scenes are being downloaded as may be; try again in a few seconds.", RETRY_S)
+        busy = Overloaded("Too many scenes are being downloaded; try again in a few seconds.", RETRY_S)
         with self._limit.one_more(client_network(client[0]) if client else "unknown", busy):
             await super().__call__(scope, receive, send)

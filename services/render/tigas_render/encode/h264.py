@@ -118,7 +118,7 @@ class H264Encoder:
         except (av.FFmpegError, ValueError) as error:
             raise EncodingFailed(f"H.264 could not be encoded: {error}.") from None
         if len(packets) != 1:
-            raise EncodingFailed(f"The H.264 encoder gave {len(packets)} frames for one.")
+            raise EncodingFailed(f"The H.264 encoder returned {len(packets)} frames for one.")
         body = bytes(packets[0])
         if packets[0].is_keyframe:
             units = list(nal_units(body))

@@ -80,8 +80,8 @@ class LargeFrames:
         usual = self._costs.at_least(request.scene, request.format, self._best)
         if self._costs.at_most(request.scene, request.format, size.pixels) > max(usual, SHORT_S):
             raise Overloaded(
-                f"{size.width}×{size.height} pixels would keep other viewers waiting; ask for a profile, for a smaller "
-                "viewport or overscan, or again when they have left.",
+                f"{size.width}×{size.height} pixels would keep other viewers waiting; request a profile, a smaller "
+                "viewport or less overscan, or try again later.",
                 retry_after_s=ACTIVE_S,
             )
 

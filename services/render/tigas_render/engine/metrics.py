@@ -66,17 +66,17 @@ class EngineMetrics(Collector):
         self._encode.add(timing.encode / 1000)
 
     def collect(self) -> Iterator[Metric]:
-        requests = CounterMetricFamily("tigas_render_requests", "Render requests by how they ended", labels=["outcome"])
+        requests = CounterMetricFamily("tigas_render_requests", "Render requests, by outcome", labels=["outcome"])
         for outcome, number in list(self._requests.items()):
             requests.add_metric([outcome], number)
         labels = ["scene", "rung", "transport"]
-        frames = CounterMetricFamily("tigas_render_frames", "Frames that were answered", labels=labels)
+        frames = CounterMetricFamily("tigas_render_frames", "Frames sent", labels=labels)
         sizes = CounterMetricFamily("tigas_render_frame_bytes", "Their bytes", labels=labels)
         for (scene, rung, transport), (count, size) in list(self._frames.items()):
             values = [scene, "none" if rung is None else str(rung), transport]
             frames.add_metric(values, count)
             sizes.add_metric(values, size)
-        seconds = HistogramMetricFamily("tigas_render_frame_seconds", "Time of a frame by stage", labels=["stage"])
+        seconds = HistogramMetricFamily("tigas_render_frame_seconds", "Time of a frame, by stage", labels=["stage"])
         for stage, times in (("queue", self._queue), ("render", self._render), ("encode", self._encode)):
             seconds.add_metric([stage], times.buckets, times.sum)
         yield from (requests, frames, sizes, seconds)

@@ -83,9 +83,9 @@ class WorkQueue:
         client, request = work.client, work.request
         with self._lock:
             if self._closed or len(self._schedule) >= MAX_WAITING:
-                raise Overloaded(STOPPING if self._closed else "Too many requests wait; ask less often.")
+                raise Overloaded(STOPPING if self._closed else "Too many requests are waiting; send fewer.")
             if self._schedule.waiting(client.address) >= WAITING_PER_ADDRESS:
-                raise Overloaded("Too many requests from this address wait; ask less often.")
+                raise Overloaded("Too many requests from this address are waiting; send fewer.")
             now = self._clock()
             self._utilisation.work(now)
             self._large_frames.heard_of(client, now)
@@ -95,7 +95,7 @@ class WorkQueue:
             if not self._is_rendering:
                 self._call()
         if pushed_out is not None:
-            self._refuse(pushed_out, Superseded("Newer requests of this client took this one's place."))
+            self._refuse(pushed_out, Superseded("Newer requests of this client superseded this one."))
 
     def remove(self, work: Work) -> None:
         """Remove cancelled work, if it waits."""

@@ -54,7 +54,7 @@ class Shelf:
             if source.folder is None:
                 place.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise NoPlace(f"The folder {place.parent} cannot be made: {error.strerror or error}.") from None
+            raise NoPlace(f"The folder {place.parent} cannot be created: {error.strerror or error}.") from None
         if not os.access(place.parent, os.W_OK):
             raise NoPlace(f"The service may not write into the folder of {source.name}.")
         return place
@@ -116,7 +116,7 @@ def _bytes(path: Path) -> bytes:
     try:
         return read_regular(path, MAX_BYTES)
     except OSError as error:
-        raise BrokenWeights(f"The weights' file cannot be read: {error.strerror or error}.") from None
+        raise BrokenWeights(f"The weights file cannot be read: {error.strerror or error}.") from None
 
 
 def _digest(source: SceneSource) -> str | None:

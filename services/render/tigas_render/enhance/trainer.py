@@ -71,7 +71,7 @@ class Trainer:
     def start(self, scene_id: str, out: Path, url: str) -> Training:
         """Train a scene's networks on views rendered by the service at this URL. Raises TrainingRuns."""
         if self._running is not None:
-            raise TrainingRuns(f"The networks of {self._running[0]} are being trained; wait, or stop it.")
+            raise TrainingRuns(f"The networks of {self._running[0]} are being trained; wait, or stop the training.")
         self._states[scene_id] = Training(state="running", stage="starting")
         task = asyncio.create_task(self._run(scene_id, self._command(scene_id, out, url, self._device)))
         task.add_done_callback(lambda task: self._ended(scene_id, task))

@@ -109,7 +109,7 @@ def measure(
             if number == views:
                 break
     if number == 0:
-        raise StartError("No view about the scene's start camera shows anything.")
+        raise StartError("All views near the scene's start camera are empty.")
     return [
         Point(*setting, kb=float(size) / 1000, mse=float(error))
         for setting, (size, error) in zip(settings, totals / number, strict=True)

@@ -36,7 +36,7 @@ class EngineGone(Overloaded):
     """There is no engine, or no more."""
 
     def __init__(self) -> None:
-        super().__init__("The renderer is starting again; try again soon.", RETRY_AFTER_S)
+        super().__init__("The renderer is restarting; try again soon.", RETRY_AFTER_S)
 
 
 class PipeClient(FrameSource):

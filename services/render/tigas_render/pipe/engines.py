@@ -187,7 +187,7 @@ class Engines(FrameSource):
             if now - looked < SILENT_S / 2:  # else it is this process that has stopped
                 for engine in self.up():
                     if now - max(engine.heard_at, engine.pipe.connected_at) > SILENT_S:
-                        engine.pipe.give_up(f"The engine on {engine.name} says nothing.")
+                        engine.pipe.give_up(f"The engine on {engine.name} does not answer.")
             looked = now
             for scene in [scene for scene, sharing in self._sharings.items() if not sharing.forget(now)]:
                 del self._sharings[scene]

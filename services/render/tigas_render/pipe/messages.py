@@ -105,7 +105,7 @@ def unpack_frame(content: bytes, *, is_inline: bool) -> FrameMessage:
     if format >= len(_FORMATS) or profile < _NO_PROFILE or (is_inline and (len(inline) != length or offset)):
         raise BadMessage("A frame has a format, a profile or a length that cannot be.")
     if not (math.isfinite(queue) and math.isfinite(render) and math.isfinite(encode)):
-        raise BadMessage("A frame's times are no numbers.")
+        raise BadMessage("A frame's times are not numbers.")
     timing = ServerTiming.trusted({"queue": queue, "render": render, "encode": encode})
     chosen, video = None if profile == _NO_PROFILE else profile, None
     if _FORMATS[format] == "h264":
@@ -205,4 +205,4 @@ def _text(encoded: bytes) -> str:
     try:
         return encoded.decode()
     except UnicodeDecodeError:
-        raise BadMessage("A text in a message is no UTF-8.") from None
+        raise BadMessage("A text in a message is not UTF-8.") from None

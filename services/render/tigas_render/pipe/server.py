@@ -230,7 +230,7 @@ class EdgeLink(Link):
         if offset is None and self.unsent + len(frame.body) > MOST_QUEUED:
             if frame.video is not None:
                 self._server.source.forget(client)
-            return messages.pack_failure(id, Overloaded("There is no room for the frame; ask less often."))
+            return messages.pack_failure(id, Overloaded("There is no room for the frame; send fewer requests."))
         return messages.pack_frame(id, frame, offset)
 
 

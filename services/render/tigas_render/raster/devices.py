@@ -40,7 +40,7 @@ def create_rasterizer(device: str, cache: Path | None = None) -> Rasterizer:
                     raise
                 missing = str(error)
         elif device != "auto":
-            raise ValueError(f"{missing} Start the service with --device cpu, or put that right.")
+            raise ValueError(f"{missing} Start the service with --device cpu, or correct this.")
         if shutil.which("nvidia-smi"):  # comes with NVIDIA's driver
             logger.warning("Rendering on the CPU. %s", missing)
     from tigas_render.raster.cpu import CpuRasterizer

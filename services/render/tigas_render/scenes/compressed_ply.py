@@ -70,11 +70,11 @@ def read_compressed_ply(path: Path) -> SceneFile:
     """Description of the file. Raises OSError, and BrokenScene, with one sentence, if its header or size is wrong."""
     layout = read_layout(path)
     if layout.ply.text:
-        raise BrokenScene(f"{path.name} is a compressed PLY as text; such files are binary.")
+        raise BrokenScene(f"{path.name} is a compressed PLY in text form; only binary ones can be read.")
     tables = dict(_tables(path.name, layout))
     for name in ("chunk", "vertex"):
         if name not in tables:
-            raise BrokenScene(f"{path.name} is no compressed PLY: it has no element '{name}'.")
+            raise BrokenScene(f"{path.name} is not a compressed PLY: it has no element '{name}'.")
     chunks, vertices, coefficients, sh_degree = tables["chunk"], tables["vertex"], tables.get("sh"), 0
     _check_fields(path.name, "vertex", vertices, PACKED, "<u4")
     _check_fields(path.name, "chunk", chunks, RANGES if _has_colours(chunks.dtype) else RANGES[:12], "<f4")

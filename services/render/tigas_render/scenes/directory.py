@@ -178,7 +178,7 @@ def read_scene_file(path: Path) -> SceneFile:
             return read_sog(path, bundled=False)
         if looks_like_splat(start, file_bytes):
             return read_splat(path)
-    raise BrokenScene(f"{path.name} is no scene: it is neither PLY, SPZ, SOG nor .splat.")
+    raise BrokenScene(f"{path.name} is not a scene: it is neither PLY, SPZ, SOG nor .splat.")
 
 
 def find_scene_file(folder: Path) -> Path:
@@ -198,7 +198,7 @@ def find_scene_file(folder: Path) -> Path:
         return folder / META
     if not files:
         endings = ", ".join(ENDINGS)
-        raise BrokenScene(f"The folder {folder.name} has no scene in it: no {endings}, no {LOD_META} or {META} of SOG.")
+        raise BrokenScene(f"The folder {folder.name} has no scene: no {endings}, no {LOD_META} or {META} of SOG.")
     if len(files) > 1:
         _log.warning("%s has %d files that may be the scene; %s is used", folder.name, len(files), files[0].name)
     return files[0]

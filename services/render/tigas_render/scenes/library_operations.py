@@ -78,7 +78,7 @@ def add_scene(source: str, directory: Path, id: str | None, listener: Listener, 
 def check_free(directory: Path, id: str) -> None:
     """Whether a scene can be called so. Raises NotAdded."""
     if not SAFE_NAME.fullmatch(id):
-        raise NotAdded(f"{id[:100]!r} cannot be a scene's name: that has letters, digits, blanks and _.()+- alone.")
+        raise NotAdded(f"{id[:100]!r} cannot be a scene's name: use only letters, digits, spaces and _.()+-.")
     if (other := scene_id(Path(f"{id}.ply"))) != id:
         raise NotAdded(f"{id} cannot be a scene's name: its file would be the scene {other}.")
     if id in BUILTIN or id in scene_paths(directory):
@@ -160,7 +160,7 @@ def _fetch(url: str, part: Path, listener: Listener, limit: int) -> None:
                 if got > limit:
                     raise too_large
                 if (now := time.monotonic()) > patience.until:
-                    raise NotAdded(f"{shown(url)} comes too slowly, so it was given up.")
+                    raise NotAdded(f"{shown(url)} is too slow, so it was given up.")
                 patience.progress(len(content), now)
                 target.write(content)
                 if size:

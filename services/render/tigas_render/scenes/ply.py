@@ -139,7 +139,7 @@ def _header_and_counts(name: str, start: bytes, file_bytes: int) -> tuple[bytes,
     end = _END.search(start)
     if end is None:
         if file_bytes > MAX_HEADER:
-            raise BrokenScene(f"{name} has a header of more than {MAX_HEADER // 1024} KiB; that is no 3DGS PLY.")
+            raise BrokenScene(f"{name} has a header of more than {MAX_HEADER // 1024} KiB; it is not a 3DGS PLY.")
         raise BrokenScene(f"{name} is truncated: its header has no 'end_header'.")
     header = start[: end.end()]
     for number, line in enumerate(header.split(b"\n"), 1):

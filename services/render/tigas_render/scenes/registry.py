@@ -340,8 +340,8 @@ class SceneRegistry:
         victims = sorted((o for o in others if o.loaded and not o.users), key=lambda other: other.last_used)
         if sum(other.reserved for other in victims) < excess:
             raise NoRoom(
-                f"There is no room for {entry.source.name} ({needed / 1e6:.1f} MB) beside the scenes that are in use;"
-                " try again later."
+                f"There is no room for {entry.source.name} ({needed / 1e6:.1f} MB) next to the scenes in use; try "
+                "again later."
             )
         for victim in victims:
             if excess <= 0:

@@ -221,7 +221,7 @@ class _Images:
         content = self._read(name, self._limit)
         size = _webp_size(content)
         if size is None:
-            raise BrokenScene(f"{name} is no lossless WebP image.")
+            raise BrokenScene(f"{name} is not a lossless WebP image.")
         if not fits(*size):
             raise BrokenScene(f"{name} has {size[0]} × {size[1]} pixels, which does not fit the scene's meta.json.")
         try:

@@ -85,7 +85,7 @@ def _check_directory(name: str, file: io.BufferedReader) -> None:
 
 def _within(name: str, content: bytes, limit: int) -> bytes:
     if len(content) > limit:
-        raise BrokenScene(f"{name} is larger than {limit} bytes, which is more than it can need.")
+        raise BrokenScene(f"{name} is larger than {limit} bytes, more than it can need.")
     return content
 
 

@@ -168,7 +168,7 @@ def _read_header(name: str, file: io.BufferedReader, file_bytes: int) -> tuple[_
         _exactly(name, _Inflated(file) if packed else file, _HEADER.size)
     )
     if magic != MAGIC:
-        raise BrokenScene(f"{name} is no SPZ: it does not begin with {MAGIC.decode()!r}.")
+        raise BrokenScene(f"{name} is not SPZ: it does not begin with {MAGIC.decode()!r}.")
     if version not in (2, 3, 4) or (version == 4) == packed:
         raise BrokenScene(f"{name} has version {version} of SPZ; 2 and 3 in gzip, and 4, can be read.")
     if sh_degree > 3:
@@ -176,7 +176,7 @@ def _read_header(name: str, file: io.BufferedReader, file_bytes: int) -> tuple[_
     if fractional_bits > MOST_FRACTIONAL_BITS:
         raise BrokenScene(f"{name} has {fractional_bits} fractional bits in its positions, which have 24.")
     if flags & _EXTENSIONS:
-        raise BrokenScene(f"{name} has extensions of SPZ, which cannot be read; write it again without them.")
+        raise BrokenScene(f"{name} has extensions of SPZ, which cannot be read; export it without them.")
     check_packed_count(name, count, file_bytes)
     header = _Header(version, count, sh_degree, fractional_bits)
     if version == 4:

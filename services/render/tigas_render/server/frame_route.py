@@ -130,7 +130,7 @@ def _viewer(request: Request) -> str:
     """The viewer's identifier, which separates it from others behind the same gateway."""
     name = request.headers.get(VIEWER, "")
     if len(name) > MOST_NAME:
-        raise InvalidRequest(f"{VIEWER}: no name has more than {MOST_NAME} characters.")
+        raise InvalidRequest(f"{VIEWER}: a name has at most {MOST_NAME} characters.")
     return name
 
 

@@ -69,7 +69,7 @@ class StateMetrics(Collector):
         states: Counter[str] = Counter(info.state for info in self._scenes.infos())
         in_flight, memory = self._engine.in_flight, self._scenes.memory()
         yield labelled_gauge("tigas_render_requests_in_flight", "Unanswered requests, by stage", "stage", in_flight)
-        yield labelled_gauge("tigas_render_scenes", "Scenes that are offered, by state", "state", states)
+        yield labelled_gauge("tigas_render_scenes", "Scenes, by state", "state", states)
         yield labelled_gauge("tigas_render_scene_memory_bytes", "Memory of a scene", "scene", memory)
         yield GaugeMetricFamily(
             "tigas_render_scene_memory_limit_bytes", "Memory limit of all scenes together", self._scenes.budget

@@ -133,7 +133,7 @@ class _Service:
         try:
             yield
         except httpx.ReadTimeout:
-            raise ServiceSilent(f"The {self._title} has said nothing for {SILENCE_S:.0f} s.") from None
+            raise ServiceSilent(f"The {self._title} has not answered for {SILENCE_S:.0f} s.") from None
         except (httpx.TransportError, OSError):
             raise ServiceAway(f"The {self._title} does not answer; it may be starting, so try again.") from None
 
@@ -193,7 +193,7 @@ async def _carry(socket: WebSocket, service: ClientConnection) -> None:
         if socket.client_state is WebSocketState.CONNECTED:
             end = service.protocol.close_rcvd
             if end is None:
-                await socket.close(SERVICE_LOST, "The service does not answer any more.")
+                await socket.close(SERVICE_LOST, "The service stopped answering.")
             else:
                 await socket.close(NORMAL if end.code == NO_CODE else end.code, end.reason)
 

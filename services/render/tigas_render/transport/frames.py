@@ -80,7 +80,7 @@ class RenderSession:
         number = self._datagrams.next_request()
         try:
             if len(self._running) >= MAX_DATAGRAM_REQUESTS:
-                raise Overloaded(f"This session has {MAX_DATAGRAM_REQUESTS} requests running.")
+                raise Overloaded(f"This session has {MAX_DATAGRAM_REQUESTS} running requests.")
             self.check()
         except TigasError as error:
             self._send_problem(error, body)

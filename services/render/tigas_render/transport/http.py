@@ -139,7 +139,7 @@ class HttpRequest:
             case "http.response.body" if self._started and not self._complete:
                 await self._send_body(message.get("body", b""), message.get("more_body", False))
             case other:
-                raise RuntimeError(f"The application sent {other!r} out of turn.")
+                raise RuntimeError(f"The application sent {other!r} out of order.")
 
     async def _send_body(self, body: bytes | memoryview, more: bool) -> None:
         try:

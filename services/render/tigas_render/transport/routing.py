@@ -254,7 +254,7 @@ class Router:
         """Open a session, or return the application that refuses it."""
         make_session = self._service.webtransport.get(_path(pseudo))
         if pseudo.get(b":protocol") != b"webtransport":
-            return refusal(501, "Only WebTransport sessions are connected to.")
+            return refusal(501, "CONNECT is only for WebTransport sessions.")
         if make_session is None:
             return refusal(404, "There are no sessions at this path.")
         load, stream_id = self._service.load, outlet.stream_id

@@ -52,7 +52,7 @@ class UnknownUpload(TigasError):
 class WrongOffset(TigasError):
     """The received part does not start at the end of the previous ones."""
 
-    status, type, title = 409, "wrong-offset", "The upload goes on elsewhere"
+    status, type, title = 409, "wrong-offset", "The upload continues at another offset"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ class Uploads:
     def create(self, scene: str, length: int, address: str) -> Upload:
         """Begin one. Raises BodyTooLarge, Overloaded if there are too many, DiskFull and StorageFailed."""
         if length > self.limit:
-            raise BodyTooLarge(f"The file has {_gb(length)}; this service takes up to {_gb(self.limit)}.")
+            raise BodyTooLarge(f"The file has {_gb(length)}; this service accepts up to {_gb(self.limit)}.")
         with storage_explained(MODELS):
             self._root.mkdir(exist_ok=True)
             with locked(self._root):
@@ -118,7 +118,7 @@ class Uploads:
             added = not path.exists() and (folder / _ADDED).exists()
             offset = about["length"] if added else path.stat().st_size
         except (OSError, ValueError):
-            raise UnknownUpload("There is no such upload; it may have been given up.") from None
+            raise UnknownUpload("There is no such upload; it may have expired.") from None
         return Upload(id, about["scene"], about["length"], offset, path, added, about.get("address", ""))
 
     def append(self, id: str, offset: int, part: bytes) -> None:
@@ -128,13 +128,13 @@ class Uploads:
         """
         upload = self.get(id)
         if offset + len(part) > upload.length:
-            raise BodyTooLarge(f"This is more than the {upload.length} bytes that the upload was to have.")
+            raise BodyTooLarge(f"This is more than the {upload.length} bytes announced for the upload.")
         with storage_explained(MODELS), upload.path.open("r+b", buffering=0) as file:
             check_room(self._root, len(part))
             fcntl.flock(file, fcntl.LOCK_EX)
             has = file.seek(0, os.SEEK_END)
             if has != offset:
-                raise WrongOffset(f"The upload has {has} bytes, and this would go on at {offset}.")
+                raise WrongOffset(f"The upload has {has} bytes, but this part begins at {offset}.")
             rest = memoryview(part)
             while rest:
                 rest = rest[file.write(rest) :]
@@ -192,7 +192,7 @@ def _gb(size: int) -> str:
 def open_uploads(settings: RenderSettings) -> Uploads:
     """The uploads to the models directory, if pages may change it. Raises ScenesFixed."""
     if not settings.pages_edit_scenes:
-        raise ScenesFixed("Pages may not change this service's scenes; outside a cluster, --edit-scenes lets them.")
+        raise ScenesFixed("Pages may not change this service's scenes; outside a cluster, --edit-scenes allows it.")
     if not os.access(settings.scenes, os.W_OK | os.X_OK):
         raise ScenesFixed("The service may not write to its models directory.")
     return Uploads(settings.scenes, limit=int(settings.memory_gb * 1e9))

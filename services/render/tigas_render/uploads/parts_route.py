@@ -38,7 +38,7 @@ class OtherVersion(TigasError):
 class NotAPart(TigasError):
     """A body that does not say that it is a part of an upload."""
 
-    status, type, title = 415, "not-a-part", "This is no part of an upload"
+    status, type, title = 415, "not-a-part", "This is not a part of an upload"
 
 
 def uploads_app(settings: RenderSettings) -> Starlette:
@@ -56,7 +56,7 @@ def tus(endpoint: Endpoint) -> Endpoint:
         try:
             said = request.headers.get("tus-resumable", "")
             if said != VERSION and request.method != "OPTIONS":
-                raise OtherVersion(f"Tus-Resumable: this service speaks {VERSION}, and not {said[:20]!r}.")
+                raise OtherVersion(f"Tus-Resumable: this service supports {VERSION}, not {said[:20]!r}.")
             response = await endpoint(request)
         except TigasError as error:
             response = await on_error(request, error)
@@ -98,7 +98,7 @@ async def _parts(request: Request) -> AsyncIterator[bytes]:
 def number_of(request: Request, header: str) -> int:
     text = request.headers.get(header, "")
     if not re.fullmatch("[0-9]{1,18}", text):
-        raise InvalidRequest(f"{header.title()}: {text[:30]!r} is no number of bytes.")
+        raise InvalidRequest(f"{header.title()}: {text[:30]!r} is not a number of bytes.")
     return int(text)
 
 

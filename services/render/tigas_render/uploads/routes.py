@@ -63,7 +63,7 @@ def _file_name(request: Request) -> str:
         [encoded] = [pair[1] for pair in pairs if len(pair) == 2 and pair[0] == "filename"]
         name = base64.b64decode(encoded, validate=True).decode()
     except ValueError:
-        raise InvalidRequest("Upload-Metadata: there has to be a filename, in base64.") from None
+        raise InvalidRequest("Upload-Metadata: a filename in base64 is required.") from None
     if not 0 < len(name) <= MOST_NAME:
         raise InvalidRequest(f"Upload-Metadata: a filename has 1 to {MOST_NAME} characters.")
     return name

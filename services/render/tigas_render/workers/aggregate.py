@@ -257,9 +257,9 @@ class _Metrics(Collector):
         up, shares, ages = (
             GaugeMetricFamily(f"tigas_render_device_{name}", documentation, labels=["device"])
             for name, documentation in (
-                ("up", "Whether its engine runs"),
-                ("utilisation_ratio", "Share of the time at work, 0 to 1"),
-                ("queue_age_seconds", "How long a client waits for its turn"),
+                ("up", "Whether its engine is running"),
+                ("utilisation_ratio", "Share of time at work, 0 to 1"),
+                ("queue_age_seconds", "Longest wait of a client for its turn"),
             )
         )
         for engine in self._engines:

@@ -131,7 +131,7 @@ class Worker(Supervised):
             self._rare_s = None
         if self._rare_s is None and self.ready.is_set() and delay_s is not None:
             why = f" {self._failure}" if self._failure else ""
-            _warn(f"The {self.name} has ended ({how_it_ended(status)}); it is started again.{why}")
+            _warn(f"The {self.name} exited ({how_it_ended(status)}); restarting it.{why}")
             return 0.0 if delay_s == BackOff.FIRST_S else delay_s  # the first time at once: viewers wait
         if not await self._are_others_up():
             raise StartError(self._why(status))
@@ -168,7 +168,7 @@ class Worker(Supervised):
             return f"The {self.name} did not start: {self._failure}" if self.others else self._failure
         reason = f" {self._failure}" if self._failure else ""
         return (
-            f"The {self.name} has ended {BackOff.ENDS} times within {BackOff.WINDOW_S:g} s, the last time with "
+            f"The {self.name} exited {BackOff.ENDS} times within {BackOff.WINDOW_S:g} s, the last time with "
             f"{how_it_ended(status)}.{reason}"
         )
 

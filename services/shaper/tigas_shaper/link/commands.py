@@ -83,7 +83,7 @@ class Channel:
                 raise CommandError(f"{line!r} is not one line of plain text.")
         assert self._process.stdin
         if self._ended or self._process.returncode is not None:
-            raise CommandError("The tool has ended.")
+            raise CommandError("The tool exited.")
         self._process.stdin.write("".join(line + "\n" for line in lines).encode())
 
     async def ask(self, line: str, answer: str) -> str:
@@ -106,7 +106,7 @@ class Channel:
             except TimeoutError:
                 raise CommandError("The tool does not answer.") from None
             self._ended = True
-            raise CommandError(" ".join(heard) or "The tool has ended.")
+            raise CommandError(" ".join(heard) or "The tool exited.")
 
     async def _read(self) -> str | None:
         assert self._process.stdout

@@ -91,7 +91,7 @@ class RelayStage(DelayStage):
         assert process.stdout
         try:
             if (answer := await process.stdout.readline()) != b"ready\n":
-                raise CommandError(f"The relay cannot start: {answer.decode(errors='replace').strip()}.")
+                raise CommandError(f"The relay could not start: {answer.decode(errors='replace').strip()}.")
             # Without an address, the kernel sends no packets of its own into the device.
             await run("ip", "link", "set", device, "addrgenmode", "none", "up")
             # Packets leaving the device's far end, the relay, go out of the interface.
@@ -113,7 +113,7 @@ class RelayStage(DelayStage):
 
     def check(self) -> None:
         if self._process.returncode is not None:
-            raise CommandError("The relay has ended.")
+            raise CommandError("The relay exited.")
 
 
 async def detect() -> Backend:

@@ -110,7 +110,7 @@ class ShapedLink:
         try:
             yield
         except CommandError as error:
-            reason = f"Shaping failed, so that nothing passes until the shaper is started again: {error}"
+            reason = f"Shaping failed; nothing passes until the shaper is restarted: {error}"
             self.close(reason)
             raise LinkClosed(reason) from None
 

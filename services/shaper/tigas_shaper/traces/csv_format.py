@@ -32,7 +32,7 @@ def parse_csv(name: str, text: str, up_kbps: float = DEFAULT_UP_KBPS) -> Network
     for line, content in rows:
         found = cells(line, content)
         if len(found) != len(columns):
-            raise TraceError(f"Line {line}: {len(columns)} cells are expected, not {len(found)}.")
+            raise TraceError(f"Line {line}: {len(columns)} cells expected, not {len(found)}.")
         row = dict(zip(columns, found, strict=True))
         time = _time(row.pop("t_ms"), line, start)
         if pending:
@@ -84,7 +84,7 @@ def _time(cell: str, line: int, before: int) -> int:
     if before < 0 and time != 0:
         raise TraceError(f"Line {line}: the first t_ms must be 0, not {time}.")
     if time <= before:
-        raise TraceError(f"Line {line}: t_ms must rise, but {time} comes after {before}.")
+        raise TraceError(f"Line {line}: t_ms must increase, but {time} comes after {before}.")
     return time
 
 

@@ -90,7 +90,7 @@ def download(file: SourceFile, directory: Path, client: httpx.Client, progress: 
     try:
         return Path(pooch.retrieve(file.url, file.sha256, file.name, directory, downloader=resume))
     except httpx.HTTPError as error:
-        kept = f" after {part.stat().st_size:,} bytes; run it again to go on" if part.exists() else ""
+        kept = f" after {part.stat().st_size:,} bytes; run it again to continue" if part.exists() else ""
         raise FetchError(f"{file.url} broke off{kept}: {error or type(error).__name__}.") from None
     except ValueError as error:  # the first of pooch's sentences names both checksums
         raise FetchError(f"{file.url} was not kept: {str(error).partition('. ')[0]}.") from None
@@ -168,7 +168,7 @@ def _check(archive: str, members: list[zipfile.ZipInfo]) -> None:
         megabytes = MAX_UNPACKED_BYTES // 1_000_000
         raise FetchError(f"{archive} holds more than {MAX_UNPACKED_FILES:,} files or {megabytes:,} MB.")
     if len({member.filename for member in members}) < len(members):
-        raise FetchError(f"{archive} cannot be unpacked: it holds two files of one name.")
+        raise FetchError(f"{archive} cannot be unpacked: it has two files of the same name.")
     for member in members:
         path = PurePosixPath(member.filename)
         if not path.name:

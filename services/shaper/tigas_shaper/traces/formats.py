@@ -58,7 +58,7 @@ def recognise(text: str) -> str:
         return "pensieve"
     if len(words) == 6:
         return "ghent-4g"
-    raise TraceError(f"Line {line}: {quoted(first)} is the beginning of no trace format that TIGAS reads.")
+    raise TraceError(f"Line {line}: {quoted(first)} does not begin any trace format that TIGAS reads.")
 
 
 def trace_name(filename: str) -> str:

@@ -68,7 +68,7 @@ def parse_pensieve(name: str, text: str, up_kbps: float) -> NetworkTrace:
         seconds, mbps = number(cells[0], line, "the time"), number(cells[1], line, "the rate")
         if before is not None:
             if seconds <= before:
-                raise TraceError(f"Line {line}: time must rise, but {seconds:g} s comes after {before:g} s.")
+                raise TraceError(f"Line {line}: time must increase, but {seconds:g} s comes after {before:g} s.")
             builder.add(line, (seconds - before) * 1000, mbps * 1000, up_kbps)
         before = seconds
     return builder.build()
@@ -179,7 +179,7 @@ def _rows(text: str) -> Iterator[tuple[int, datetime, float | None]]:
     for line, content in rows:
         found = cells(line, content)
         if len(found) < len(columns):
-            raise TraceError(f"Line {line}: {len(columns)} cells are expected, not {len(found)}.")
+            raise TraceError(f"Line {line}: {len(columns)} cells expected, not {len(found)}.")
         row = dict(zip(columns, found, strict=False))
         try:
             stamp = datetime.strptime(row["Timestamp"], "%Y.%m.%d_%H.%M.%S")

@@ -61,7 +61,9 @@ class TraceLibrary:
         """Keep an uploaded trace, in place of one of the same name. Raises TraceError and TooManyTraces."""
         trace = parse_trace(trace_name(filename), data)
         if trace.name not in self._uploads and len(self._uploads) >= MAX_UPLOADS:
-            raise TooManyTraces(f"{MAX_UPLOADS} uploaded traces are kept; restart the shaper, or use its directory.")
+            raise TooManyTraces(
+                f"{MAX_UPLOADS} traces were uploaded, the maximum; restart the shaper, or use its directory."
+            )
         self._uploads[trace.name] = trace
         return trace
 

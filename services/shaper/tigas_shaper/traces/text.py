@@ -94,4 +94,4 @@ def number(cell: str, line: int, what: str) -> float:
 
 
 def _too_large() -> TraceError:
-    return TraceError(f"The file is larger than {MAX_BYTES // 1_000_000} MB, which no network trace needs to be.")
+    return TraceError(f"The file is larger than {MAX_BYTES // 1_000_000} MB, too large for a network trace.")

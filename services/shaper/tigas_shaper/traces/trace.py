@@ -53,12 +53,12 @@ class NetworkTrace:
         if len(self.times_ms) > MAX_STEPS:
             raise TraceError(f"A trace may have {MAX_STEPS:,} steps; this one has {len(self.times_ms):,}.")
         if len(self.times_ms) != len(self.states):
-            raise TraceError(f"A trace has one state a time, not {len(self.states)} for {len(self.times_ms)}.")
+            raise TraceError(f"A trace has one state for each time, not {len(self.states)} for {len(self.times_ms)}.")
         if self.times_ms[0] != 0:
             raise TraceError(f"A trace starts at 0 ms, not at {self.times_ms[0]} ms.")
         for time, end in pairwise((*self.times_ms, self.duration_ms)):
             if end <= time:
-                raise TraceError(f"Times must rise: {end} ms comes after {time} ms.")
+                raise TraceError(f"Times must increase: {end} ms comes after {time} ms.")
         if self.duration_ms > MAX_DURATION_MS:
             raise TraceError(f"A trace may last 30 days; this one ends at {self.duration_ms} ms.")
 

@@ -75,7 +75,7 @@ def test_a_frame_that_shows_more_of_its_scene_than_there_is_room_for_is_drawn_ag
 def test_a_frame_with_too_many_entries_is_refused(gpu: FakeGpu, rasterizer: CudaRasterizer) -> None:
     frame(rasterizer)
     before, gpu.entries = gpu.allocated, 2**32 - 1
-    with pytest.raises(Overloaded, match="ask for a smaller picture"):
+    with pytest.raises(Overloaded, match="request a smaller image"):
         frame(rasterizer)
     assert gpu.allocated == before
     gpu.entries = 1000

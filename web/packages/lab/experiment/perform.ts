@@ -33,7 +33,7 @@ export interface Performed {
 /** How long the viewer may take to show the first pose, in milliseconds. */
 const READY_WITHIN = 60_000;
 const LOOK_EVERY = 50;
-const HIDDEN = "The page was hidden, so that not all of the run could be shown.";
+const HIDDEN = "The page was hidden during the run.";
 
 /**
  * Rejects with a RunFailed or a ShaperError, or with the reason of `signal`. Afterwards the link is the shaper's own

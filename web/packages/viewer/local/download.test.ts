@@ -84,9 +84,9 @@ test("a file that has changed meanwhile begins anew", async () => {
 test("a server that is full for the moment is asked again; one that refuses is not", async () => {
   const problem = (status: number, detail: string) => () =>
     Response.json({ type: "about:blank", title: "", status, detail }, { status });
-  const { file, onCut } = fetched([problem(503, "As many scenes are being downloaded as may be."), () => part()]);
+  const { file, onCut } = fetched([problem(503, "Too many scenes are being downloaded."), () => part()]);
   expect(await file).toEqual(FILE);
-  expect(onCut).toHaveBeenCalledWith("As many scenes are being downloaded as may be.");
+  expect(onCut).toHaveBeenCalledWith("Too many scenes are being downloaded.");
   const refused = fetched([problem(404, "There is no scene garden.")]).file;
   await expect(refused).rejects.toEqual(new ApiError("There is no scene garden.", false));
 });

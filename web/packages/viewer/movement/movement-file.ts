@@ -118,7 +118,7 @@ function readPoints(lines: readonly Line[], columns: readonly string[], name: st
     if (Math.max(...[x, y, z].map(Math.abs)) > MAX_COORDINATE) throw refuse("is farther away than a million");
     const length = Math.hypot(...quaternion);
     if (length < QUATERNION_LENGTHS[0] || length > QUATERNION_LENGTHS[1]) {
-      throw refuse("has a quaternion that is no rotation: its length is not 1");
+      throw refuse("has a quaternion that is not a rotation: its length is not 1");
     }
     if (t_ms === before) continue; // recorders repeat a row now and then
     const unit = quaternion.map((value) => value / length) as ScenePose["quaternion"];

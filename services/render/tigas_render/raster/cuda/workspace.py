@@ -311,7 +311,7 @@ class Workspace:
         entries = max(self._status.entries, self._depth_status.entries)
         chunks = max(self._status.chunks, self._depth_status.chunks)
         if entries > MOST_ENTRIES:
-            raise Overloaded("The view shows too many large Gaussians to draw; ask for a smaller picture.")
+            raise Overloaded("The view shows too many large Gaussians to draw; request a smaller image.")
         plan = self._kind.picture.plan
         if chunks > plan.room:
             self._room = chunks * 5 // 4
