@@ -349,7 +349,9 @@ def test_the_url_chooses_models_and_says_which_there_are_not(open_page: OpenPage
     assert json.loads(page.evaluate("() => localStorage['tigas.settings']"))["upscale"] == "lanczos"
     page.goto(server.url + SCENE + "?upscale=magic")
     note = page.locator("[data-stat=link-note]")
-    expect(note).to_contain_text("The link sets upscale to “magic”, which it cannot be; choose one of off, bicubic, ")
+    expect(note).to_contain_text(
+        "The link sets upscale to “magic”, which is not possible; choose one of off, bicubic, "
+    )
     assert json.loads(page.evaluate("() => localStorage['tigas.settings']"))["upscale"] == "lanczos"
 
 

@@ -104,7 +104,7 @@ def test_cancelling_keeps_what_was_finished_and_gives_the_link_back(open_page: O
     fill(page, name="Cancelled", movement="store/walk", seconds="1.5", network="stairs")
     start(page)
     expect(progress(page)).to_contain_text("Run 2 of 2")
-    expect(progress(page)).to_contain_text("Plays the movement")
+    expect(progress(page)).to_contain_text("Playing the movement")
     page.get_by_role("button", name="Cancel").click()
     expect(outcome(page)).to_contain_text("It was cancelled.", timeout=STORED_MS)
     assert len(lab.runs("Cancelled-*")) == 1

@@ -52,7 +52,7 @@ def begun(page: Page, *, name: str, network: str) -> None:
 
 def wait_until_played(page: Page, run: str) -> None:
     expect(progress(page)).to_contain_text(run)
-    expect(progress(page)).to_contain_text("Plays the movement")
+    expect(progress(page)).to_contain_text("Playing the movement")
 
 
 CHANGED = "The link was changed from outside during the run."
@@ -65,7 +65,7 @@ def test_somebody_else_at_the_link_and_a_hidden_page_spoil_a_run(open_page: Open
     begun(page, name="Disturbed", network="stairs")
     assert page.request.post(f"{lab.shaper.url}/seek", data={"position_ms": 15_000}).ok
     expect(remarks(page)).to_have_count(1)
-    expect(progress(page)).to_contain_text("Plays the movement")
+    expect(progress(page)).to_contain_text("Playing the movement")
     page.evaluate(HIDE)
     page.wait_for_timeout(1500)
     page.evaluate("show()")
@@ -96,7 +96,7 @@ def test_two_pages_share_an_experiment_and_a_link(open_page: OpenPage, lab: Page
     page = open_page(SCENE, url=lab.url)
     begun(page, name="Shared", network="stairs")
     other = open_page(page.url.removeprefix(lab.url), url=lab.url)
-    expect(progress(other)).to_contain_text("Waits for other pages")
+    expect(progress(other)).to_contain_text("Waiting for other pages")
     page.close(run_before_unload=False)
     expect(outcome(other)).to_contain_text("All runs are complete.", timeout=STORED_MS)
     assert [run["status"] for run in lab.runs("Shared-*").values()] == ["complete"] * 3

@@ -79,7 +79,7 @@ def test_the_cell_says_what_is_wrong_and_ends(open_cell: OpenCell) -> None:
     page = open_cell(expected_errors="404")
     expect(page.locator(".stage")).to_have_attribute("data-phase", "playing")
     page.evaluate("model.set('mode', 'magic')")
-    expect(page.get_by_role("status")).to_have_text("mode cannot be that")
+    expect(page.get_by_role("status")).to_have_text("mode has an invalid value")
     page.evaluate("model.set('mode', 'video')")
     expect(page.get_by_role("status")).to_have_text("")
     page.evaluate("model.set('scene', 'attic')")

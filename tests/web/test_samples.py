@@ -46,7 +46,7 @@ def begin(page: Page, name: str, seconds: str = "1.5") -> None:
 
 def play(page: Page, shown: int) -> None:
     """Until the movement has had the time for so many frames."""
-    expect(progress(page)).to_contain_text("Plays the movement")
+    expect(progress(page)).to_contain_text("Playing the movement")
     page.wait_for_timeout(100 * shown)
 
 

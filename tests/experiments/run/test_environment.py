@@ -91,7 +91,7 @@ def test_another_experiment_s_services_are_left_alone() -> None:
         asyncio.run(open_it())
 
 
-REFUSED = "The viewer failed: controller cannot be that"
+REFUSED = "The viewer failed: controller has an invalid value"
 
 
 def supervised(resource: Any) -> Supervised[Any]:

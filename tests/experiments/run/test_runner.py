@@ -341,9 +341,9 @@ def seen(console: Console, folder: Path, done: int = 0) -> None:
     """One run, after a number of others."""
     made = Experiment.of(ExperimentPlan.of(PLAN, "here"), folder, Path("out"), "tigas experiment run")
     with progress(made, made.runs[done:], run_names(made.runs), console) as listener:
-        listener.on_stage("starts the services")
+        listener.on_stage("starting the services")
         listener.on_begin(made.runs[done])
-        listener.on_stage("compares with ground truth")
+        listener.on_stage("comparing with ground truth")
         listener.on_finish(
             RunRecord(status="complete", problem=None, configuration=made.runs[done], machine=MACHINE, started="now")
         )

@@ -37,7 +37,7 @@ export function linkedPose({ at, view = "" }: Asked, views: SceneInfo["views"] =
 /** One sentence on invalid settings in a link, which have no effect; null if all are valid. */
 export function linkNote(asked: Asked, unknown: readonly string[] = [], scene?: SceneInfo | null): string | null {
   if (unknown.length > 0) {
-    return `The link names “${unknown.join("”, “")}”, which means nothing here; it may name ${ASKABLE.join(", ")}.`;
+    return `The link has no setting “${unknown.join("”, “")}”; choose from ${ASKABLE.join(", ")}.`;
   }
   if (asked.at !== undefined && linkedPose({ at: asked.at }) === null) {
     return "The link's place cannot be read: “at” takes seven numbers, x, y, z and a quaternion.";
@@ -49,7 +49,7 @@ export function linkNote(asked: Asked, unknown: readonly string[] = [], scene?: 
   if (wrong === undefined) return null;
   const choices = choicesOf(wrong);
   const hint = choices ? `; choose one of ${choices.join(", ")}` : "";
-  return `The link sets ${wrong} to “${asked[wrong]}”, which it cannot be${hint}.`;
+  return `The link sets ${wrong} to “${asked[wrong]}”, which is not possible${hint}.`;
 }
 
 function inText(value: Settings[LinkedName]): string {

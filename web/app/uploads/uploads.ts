@@ -17,7 +17,7 @@ export function addFiles(files: readonly File[], limit: number): void {
   for (const file of files) {
     const upload = new SceneUpload(file);
     uploads.value = [...uploads.value, upload];
-    if (file.size > limit) upload.fail(`It is larger than the ${Math.floor(limit / 1e6)} MB that this server takes.`);
+    if (file.size > limit) upload.fail(`It is larger than the ${Math.floor(limit / 1e6)} MB that this server accepts.`);
     else queue = queue.then(() => follow(upload));
   }
 }

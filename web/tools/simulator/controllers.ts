@@ -53,7 +53,7 @@ export function controllerFactory(name: string): ControllerFactory {
     ([each, { defaults }]) => `${each}@${Object.keys(defaults).join("=N,")}=N`,
   );
   throw new Error(
-    `"${name}" is no controller; there are ${[...CONTROLLER_NAMES, "fixed:RUNG", ...others].join(", ")}.`,
+    `"${name}" is not a controller; choose from ${[...CONTROLLER_NAMES, "fixed:RUNG", ...others].join(", ")}.`,
   );
 }
 

@@ -215,9 +215,9 @@ test("LoL+ and L2A take other parameters than their authors'", async () => {
 });
 
 test("an unknown controller is refused with a sentence", () => {
-  expect(() => controllerFactory("bola")).toThrow(/no controller/);
-  expect(() => controllerFactory("fixed:best")).toThrow(/no controller/);
-  expect(() => controllerFactory("latency@target=0")).toThrow(/no controller/);
-  expect(() => controllerFactory("l2a@target=50,speed=2")).toThrow(/no controller/);
-  expect(() => controllerFactory("seen@target=50")).toThrow(/no controller/);
+  expect(() => controllerFactory("bola")).toThrow(/not a controller/);
+  expect(() => controllerFactory("fixed:best")).toThrow(/not a controller/);
+  expect(() => controllerFactory("latency@target=0")).toThrow(/not a controller/);
+  expect(() => controllerFactory("l2a@target=50,speed=2")).toThrow(/not a controller/);
+  expect(() => controllerFactory("seen@target=50")).toThrow(/not a controller/);
 });

@@ -65,7 +65,7 @@ async def run(
 async def _measure(
     setup: Setup, configuration: Configuration, writer: RunWriter, stage: Callable[[str], None]
 ) -> RunRecord:
-    stage("opens the viewer")
+    stage("opening the viewer")
     url, scene = setup.target.url, configuration.scene
     plan = run_plan(configuration, setup.points)
     async with viewer(setup.browser, url, scene, configuration.width, configuration.height) as page:
@@ -99,7 +99,7 @@ async def _measure(
     )
     if record.status == "failed":
         return record
-    stage("compares with ground truth")
+    stage("comparing with ground truth")
     return await complete(writer.folder, url)
 
 

@@ -38,7 +38,7 @@ async def make_missing_runs(
     ladder, webgpu = experiment.plan.ladder, any(run.enhanced for run in missing)
     opened = open_environment(url, experiment.inputs, ladder=ladder, webgpu=webgpu)
     async with opened as environment:
-        callbacks.on_stage("starts the services")
+        callbacks.on_stage("starting the services")
         await environment.check(missing)
         if not allow_changes:
             await _check_changes(experiment, missing, environment)

@@ -33,7 +33,7 @@ const card = async (name: string) => (await screen.findByRole("heading", { name 
 
 test("each scene says what it is and opens the viewer; a broken one says why it cannot", async () => {
   render(<Dashboard />);
-  expect(screen.getByRole("status").textContent).toBe("Asking the server…");
+  expect(screen.getByRole("status").textContent).toBe("Loading the list…");
   const courtyard = within(await card("Courtyard"));
   expect(courtyard.getByRole("link").getAttribute("href")).toBe("#/scene/courtyard");
   expect(courtyard.getByText("299 k Gaussians · 20 MB · SH degree 3")).toBeTruthy();

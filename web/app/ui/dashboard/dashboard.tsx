@@ -112,7 +112,7 @@ export function Dashboard() {
                   type="file"
                   hidden
                   multiple
-                  aria-label="Files of scenes"
+                  aria-label="Scene files"
                   onChange={({ currentTarget }) => {
                     add(currentTarget.files ?? []);
                     currentTarget.value = ""; // so that the same file can be chosen again
@@ -172,7 +172,7 @@ export function Dashboard() {
 }
 
 function summary(all: number | undefined, found: number | undefined): string {
-  if (all === undefined || found === undefined) return "Asking the server…";
+  if (all === undefined || found === undefined) return "Loading the list…";
   const scenes = all === 1 ? "1 scene" : `${all} scenes`;
   return found === all ? `${scenes} on this server` : `${found} of ${scenes}`;
 }

@@ -8,7 +8,7 @@ export function NoScenes({ editable }: { editable: boolean }) {
       <Icon of={Box} size={36} />
       <h2>No scenes yet</h2>
       <p>
-        {editable && "Drop files of scenes here. Or put "}
+        {editable && "Drop scene files here. Or put "}
         {!editable && "Put "}scenes into the server's models directory, then look for new scenes.
       </p>
       <pre>
@@ -28,7 +28,7 @@ export function NoMatch({ filter }: { filter: string }) {
     <section class="empty">
       <Icon of={SearchX} size={36} />
       <h2>Nothing matches “{filter}”</h2>
-      <p>Names and ids are searched for every word that you type.</p>
+      <p>A scene's name or id must contain every word that you type.</p>
     </section>
   );
 }

@@ -49,7 +49,7 @@ function StoredExperiments({ base }: { base: string }) {
   const store = new StoreApi(base);
   const look = useCallback(() => attempt(async () => setList(await new StoreApi(base).list())), [base, attempt]);
   useEffect(() => void look(), [look]);
-  if (list === undefined && problem.value === null) return <p class="muted">Asking the store…</p>;
+  if (list === undefined && problem.value === null) return <p class="muted">Loading the list…</p>;
   if (list?.length === 0)
     return <p>No experiments yet. To start one, open a scene and choose Experiment… in the lab, or press X.</p>;
   return (

@@ -141,7 +141,7 @@ function Remarks({ sample: { identical, problem, truth } }: { sample: SampleRow 
     <>
       {identical === false && (
         <p class="sample-warning" role="alert">
-          The renderer answered differently when it was asked again: ground truth may not be this frame's.
+          Rendering it again gave a different frame, so ground truth may not belong to this one.
         </p>
       )}
       {truth === null && problem === null && <p class="small">Its ground truth is not rendered yet.</p>}

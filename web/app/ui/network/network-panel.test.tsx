@@ -91,7 +91,7 @@ const tell = (status: ShaperStatus) => act(() => events.onmessage?.({ data: JSON
 
 test("until the shaper has told of its link, nothing is claimed", () => {
   render(<NetworkPanel base="http://shaper.test" session={asSession(fakeSession())} />);
-  expect(screen.getByText("Asking the shaper …")).toBeTruthy();
+  expect(screen.getByText("Connecting to the shaper…")).toBeTruthy();
 });
 
 test("shows what the link carries in both directions, and what it is", async () => {

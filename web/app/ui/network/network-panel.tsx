@@ -38,7 +38,7 @@ function Link({ shaper, session }: { shaper: Shaper; session: ViewerSession }) {
   const status = shaper.status.value;
   const connectionError = shaper.connectionError.value;
   if (connectionError) return <Notice>{connectionError}</Notice>;
-  if (!status) return <p class="muted small">Asking the shaper …</p>;
+  if (!status) return <p class="muted small">Connecting to the shaper…</p>;
   return (
     <div class="network stack">
       <Notice>{status.closed}</Notice>
@@ -106,7 +106,7 @@ function Playing({ shaper, status }: { shaper: Shaper; status: ShaperStatus }) {
         </QuietButton>
         <QuietButton
           icon={Square}
-          title="Go back to the rate that the shaper has when nothing plays"
+          title="Return to the rate without a trace"
           onClick={() => void shaper.act((api) => api.stop())}
         >
           Stop

@@ -136,7 +136,7 @@ function Keyframes({ session, draft, onChange }: Props & DraftProps) {
         Add this view as a keyframe
       </QuietButton>
       {stops.length < 2 && (
-        <p class="muted small">The camera flies through the views that you add, two or more, in their order.</p>
+        <p class="muted small">The camera flies through the views that you add, in order; add at least two.</p>
       )}
       {draft.keyframes.length >= MAX_KEYFRAMES && (
         <p class="muted small">A path has at most {MAX_KEYFRAMES} keyframes.</p>

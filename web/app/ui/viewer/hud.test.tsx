@@ -170,7 +170,7 @@ test("a server that has fallen silent is named while it is", async () => {
   await act(() => {
     session.silent.value = true;
   });
-  expect(stat(hud, "silence")).toBe(" – no answer, asking again…");
+  expect(stat(hud, "silence")).toBe(" – no answer, retrying…");
 });
 
 test("the measurements can be folded into one line, which is remembered", async () => {

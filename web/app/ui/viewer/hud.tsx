@@ -56,7 +56,7 @@ export function Hud({ session, source, stats, linkNote }: HudProps) {
             from <span data-stat="host">{host}</span>
           </span>
         )}
-        {session.silent.value && <span data-stat="silence"> – no answer, asking again…</span>}
+        {session.silent.value && <span data-stat="silence"> – no answer, retrying…</span>}
       </p>
       <Notes
         most={2}

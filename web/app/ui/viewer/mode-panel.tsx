@@ -44,7 +44,7 @@ function LockNote() {
   const free = kindsShown(settings.value).some(({ drawsHere }) => drawsHere);
   return (
     <p class="muted small">
-      {lock === "bitrate" && "A stream is encoded at this rate; of single frames, so many come as fit into it. "}
+      {lock === "bitrate" && "A stream is encoded at this rate; single frames come as often as it allows. "}
       {free && "Neither applies to a download, which uses the whole link."}
     </p>
   );

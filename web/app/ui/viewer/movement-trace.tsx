@@ -118,7 +118,7 @@ function Choice({ deck, store, listed }: ChoiceProps) {
 function About({ movement: { trace }, scene }: { movement: NamedMovement; scene: SceneInfo | null }) {
   const from = trace.comments.get("scene");
   const description = trace.comments.get("description");
-  const begins = trace.anchor === "start" ? "begins at the scene's start view" : "stands where it is in its scene";
+  const begins = trace.anchor === "start" ? "begins at the scene's start view" : "keeps its place in its scene";
   return (
     <>
       {description && <p class="small">{description}</p>}
@@ -154,8 +154,8 @@ function Buttons({ deck, ready }: { deck: MovementDeck; ready: boolean }) {
 
 function describe(deck: MovementDeck): string {
   const states = {
-    playing: "The movement has the camera, and your input waits. Stop or Esc gives it back, where it is then.",
-    paused: "Paused: the camera stays, and your input waits. Stop or Esc gives it back, where it is then.",
+    playing: "The movement controls the camera, and your input is ignored. Take over with Stop or Esc.",
+    paused: "Paused: the camera stays, and your input is ignored. Take over with Stop or Esc.",
     recording: `Recording the camera: ${clock(deck.position.value)}.`,
     stopped: deck.busy.value ? "Something else moves the camera now, such as an experiment." : idle(deck),
   };

@@ -79,7 +79,7 @@ export function SavedViews({ session }: { readonly session: ViewerSession }) {
         <p class="muted small">
           {scene.builtin
             ? "This scene is part of TIGAS and cannot be changed."
-            : "This server lets pages change no scenes."}
+            : "Pages cannot change scenes on this server."}
         </p>
       )}
       {what === "rename" && (

@@ -76,7 +76,7 @@ function StatusLine({ side, name, silent, linkNote }: LineProps) {
   return (
     <section class="floating status-line" aria-label={name ? `Status: ${name}` : "Status"} data-live={!silent}>
       <p>
-        <span data-stat="status">{silent ? "No answer, asking again…" : (name ?? state(side))}</span>
+        <span data-stat="status">{silent ? "No answer, retrying…" : (name ?? state(side))}</span>
         {views > 0 && (
           <span title="New pictures per second">
             <span data-stat="new-views">{views}</span> views/s

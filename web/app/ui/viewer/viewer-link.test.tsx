@@ -84,7 +84,7 @@ test("a URL may say how movement is met, and what makes no sense in it changes n
   show({ reprojection: "maybe", prediction: "magic" });
   expect(settings.value).toMatchObject({ reprojection: false, prediction: "linear" });
   expect(
-    screen.getByText("The link sets reprojection to “maybe”, which it cannot be; choose one of on, off."),
+    screen.getByText("The link sets reprojection to “maybe”, which is not possible; choose one of on, off."),
   ).toBeTruthy();
 });
 
@@ -114,17 +114,17 @@ test.each([
   [
     { left: "local-ply" },
     undefined,
-    /^The link sets left to “local-ply”, which it cannot be; choose one of stateless, video, /,
+    /^The link sets left to “local-ply”, which is not possible; choose one of stateless, video, /,
   ],
   [
     { prediction: "magic" },
     undefined,
-    /^The link sets prediction to “magic”, which it cannot be; choose one of off, velocity, /,
+    /^The link sets prediction to “magic”, which is not possible; choose one of off, velocity, /,
   ],
-  [{ upscale: "magic" }, undefined, /^The link sets upscale to “magic”, which it cannot be; choose one of off, /],
+  [{ upscale: "magic" }, undefined, /^The link sets upscale to “magic”, which is not possible; choose one of off, /],
   [{ at: "here" }, undefined, /^The link's place cannot be read/],
-  [{ profile: "-2" }, undefined, "The link sets profile to “-2”, which it cannot be."],
-  [{}, ["predicton"], /^The link names “predicton”, which means nothing here; it may name at, view, mode, /],
+  [{ profile: "-2" }, undefined, "The link sets profile to “-2”, which is not possible."],
+  [{}, ["predicton"], /^The link has no setting “predicton”; choose from at, view, mode, /],
 ])("a URL with %o and %o says what makes no sense in it", (asked, unknown, sentence) => {
   render(<Viewer sceneId="courtyard" asked={asked} unknown={unknown} />);
   expect(screen.getByText(sentence)).toBeTruthy();

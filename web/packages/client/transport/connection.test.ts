@@ -208,7 +208,7 @@ test("a server that was started again is noticed by its certificate", async () =
   certificate = "b";
   checks[1]?.();
   await reached("connected", 2);
-  expect(states[2]).toEqual({ status: "lost", reason: "The server was started again." });
+  expect(states[2]).toEqual({ status: "lost", reason: "The server was restarted." });
   stop.abort();
   await running;
 });
@@ -245,7 +245,7 @@ describe("a server that has fallen silent", () => {
     await pass(1000);
     expect(silence[0]).toBe(true);
     await reached("connected", 2);
-    expect(states[2]).toEqual({ status: "lost", reason: "The server was started again." });
+    expect(states[2]).toEqual({ status: "lost", reason: "The server was restarted." });
     expect(silence.at(-1)).toBe(false);
     expect(transports.map(({ closed }) => closed)).toEqual([true, false]);
     stop.abort();

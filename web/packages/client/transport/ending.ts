@@ -59,7 +59,7 @@ export async function ending(
     }
     if (sentElsewhere(config, now)) return { reason: "Another host serves the scene now.", next: now };
     const same = now.host === config.host && now.certificate_sha256 !== config.certificate_sha256;
-    return same ? { reason: "The server was started again." } : null;
+    return same ? { reason: "The server was restarted." } : null;
   };
   const check = async (): Promise<Ending> => {
     for (;;) {

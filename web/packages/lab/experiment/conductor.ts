@@ -74,7 +74,7 @@ export class Conductor {
       for (;;) {
         const { job, ...next } = await this.#patiently(() => this.#next(asked));
         asked = { begin: false, allow_changes: false };
-        this.progress.value = { ...next, title: job?.title ?? null, stage: job ? "" : "Waits for other pages" };
+        this.progress.value = { ...next, title: job?.title ?? null, stage: job ? "" : "Waiting for other pages" };
         if (job !== null) await this.#make(job);
         else if (next.wait) await sleep(ASK_EVERY, signal);
         else {
@@ -114,7 +114,7 @@ export class Conductor {
       if (signal.aborted) throw error;
       performed = { upload: { problem: sentence(error) }, captures: [], samples: null };
     }
-    stage("Stores the run");
+    stage("Storing the run");
     const problem = await this.#kept(job, performed);
     if (problem !== null) note(problem);
     if (performed.upload.sampling_problem) note(performed.upload.sampling_problem);
@@ -144,7 +144,8 @@ export class Conductor {
   async #samples(key: string, stage: (what: string) => void, note: (what: string) => void): Promise<void> {
     const { store } = this.#dependencies;
     const { signal } = this.#cancelled;
-    const progress = (sent: number, of: number) => stage(`Uploads samples, ${megabytes(sent)} of ${megabytes(of)} MB`);
+    const progress = (sent: number, of: number) =>
+      stage(`Uploading samples, ${megabytes(sent)} of ${megabytes(of)} MB`);
     try {
       await uploadSamples({ key, stored: true, store, progress, signal });
       this.#sampled = true;

@@ -28,7 +28,7 @@ export class RunLink {
   /** Without a shaper, the network must be unshaped. The warm-up is in seconds. */
   constructor(shaper: Shaper | null, network: Network, warmUp: number) {
     if (shaper === null && (network.link || network.trace)) {
-      throw new RunFailed("There is no shaper behind this page, so that the network must be “unshaped”.");
+      throw new RunFailed("There is no shaper behind this page, so the network must be “unshaped”.");
     }
     this.#shaper = shaper;
     this.#network = network;

@@ -111,14 +111,14 @@ test("the link is in force before the connection of the run, and the movement be
   expect(events).toEqual([
     "stand",
     "Connects",
-    "Waits for the first view",
+    "Waiting for the first view",
     ...["start", "seek"],
     "seed 7",
     'settings {"mode":"stateless"}',
     "reconnect",
     "Warms up",
     "seek",
-    "Plays the movement",
+    "Playing the movement",
     "seek",
     'run {"experiment":"e1","run":"r","stored":false,"title":"Seen","started_unix_ms":5}',
     "stop",
@@ -131,7 +131,7 @@ test("the link is in force before the connection of the run, and the movement be
 
 test.each<[string, () => void, string | RegExp]>([
   ["a connection that fails", () => Object.assign(phase, { kind: "failed", message: "No scene." }), "No scene."],
-  ["no frame", () => (ready = false), "No frame came within 60 s."],
+  ["no frame", () => (ready = false), "No frame arrived within 60 s."],
   ["frames unlike those asked for", () => (problem = "No GPU."), "Frames cannot be shown as configured. No GPU."],
   ["a shaper that refuses", () => (refused = true), "There is no trace bus."],
   [

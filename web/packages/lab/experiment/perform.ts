@@ -54,7 +54,7 @@ export async function perform(job: RunJob, performance_: Performance): Promise<P
       () => whyNoFrame(session),
       signal,
     );
-    stage("Waits for the first view");
+    stage("Waiting for the first view");
     await link.begin();
     const { seed, ...chosen } = settings as { readonly seed: number } & Partial<Settings>;
     runner.seed(seed);
@@ -69,7 +69,7 @@ export async function perform(job: RunJob, performance_: Performance): Promise<P
     stage("Warms up");
     await link.warmUp();
     await sleep(warmUp * 1000, signal);
-    stage("Plays the movement");
+    stage("Playing the movement");
     await waitUntil(visible, () => HIDDEN, signal);
     await link.play();
     const disturbed = new AbortController();
@@ -137,7 +137,7 @@ function whyNoFrame(session: ViewerSession): string {
   const shown = source.peek()?.phase.peek();
   const said = [phase.peek(), shown].flatMap((one) => (one && "message" in one ? (one.message ?? []) : []));
   const problem = shown?.kind === "playing" ? shown.problem : undefined;
-  return said[0] ?? problem ?? `No frame came within ${READY_WITHIN / 1000} s.`;
+  return said[0] ?? problem ?? `No frame arrived within ${READY_WITHIN / 1000} s.`;
 }
 
 async function waitUntil(done: () => boolean, otherwise: () => string, signal: AbortSignal): Promise<void> {

@@ -133,8 +133,8 @@ test("samples whose run another page has completed stay here, and the reason is 
 test("what another tab uses is left alone", async () => {
   sampled(ABOUT);
   held.add("k");
-  await expect(uploaded()).rejects.toThrow("Another tab has them in use.");
-  await expect(deleteSamples("k")).rejects.toThrow("Another tab has them in use.");
+  await expect(uploaded()).rejects.toThrow("Another tab is using them.");
+  await expect(deleteSamples("k")).rejects.toThrow("Another tab is using them.");
   expect(runs.size).toBe(1);
   held.clear();
   await deleteSamples("k");
@@ -143,7 +143,7 @@ test("what another tab uses is left alone", async () => {
 
 test("without any sample there is nothing to upload, and of unknown ones nobody knows where", async () => {
   sampled(null);
-  await expect(uploaded()).rejects.toThrow("It is not known of which run they are.");
+  await expect(uploaded()).rejects.toThrow("Their run is unknown.");
   sampled(ABOUT, []);
   await uploaded();
   expect(store.add).not.toHaveBeenCalled();

@@ -34,7 +34,7 @@ export function deleteSamples(key: string): Promise<void> {
 
 async function holding(key: string, work: () => Promise<void>): Promise<void> {
   const release = await hold(key);
-  if (release === null) throw new ApiError("Another tab has them in use.", false);
+  if (release === null) throw new ApiError("Another tab is using them.", false);
   try {
     await work();
   } finally {
@@ -46,7 +46,7 @@ async function send(
   { key, about, pictures, bytes, samples }: SampledRun,
   { stored = false, store, progress, signal }: Omit<Upload, "key">,
 ): Promise<void> {
-  if (about === null) throw new ApiError("It is not known of which run they are.", false);
+  if (about === null) throw new ApiError("Their run is unknown.", false);
   const { experiment, run } = about;
   if (!stored && !about.stored) await store.add(experiment, run, { problem: CLOSED });
   await describeSamples(key, { ...about, stored: true });

@@ -94,7 +94,7 @@ test("a browser that does not reach HTTP/3 opens no stream, and one sentence say
   vi.spyOn(globalThis, "fetch").mockRejectedValue(new TypeError("Failed to fetch"));
   await expect(open(null, "h3")).rejects.toMatchObject({
     unreachable: false,
-    message: "This browser does not reach DASH over HTTP/3, or does not trust the server’s certificate.",
+    message: "This browser cannot reach DASH over HTTP/3, or does not trust the server’s certificate.",
   });
   expect(openSession).not.toHaveBeenCalled();
 });

@@ -85,7 +85,7 @@ async function reachedOverH3(url: string | null, signal: AbortSignal): Promise<s
   } catch {
     signal.throwIfAborted();
     throw new ApiError(
-      "This browser does not reach DASH over HTTP/3, or does not trust the server’s certificate.",
+      "This browser cannot reach DASH over HTTP/3, or does not trust the server’s certificate.",
       false,
     );
   }

@@ -32,7 +32,7 @@ export function attributePose(of: Attributes): ScenePose | null {
   const at = of("at");
   if (at === null) return null;
   const pose = poseOf(at);
-  if (pose === null) throw new Error(`“${at}” is no camera pose: use x,y,z,qx,qy,qz,qw.`);
+  if (pose === null) throw new Error(`“${at}” is not a camera pose: use x,y,z,qx,qy,qz,qw.`);
   return pose;
 }
 

@@ -122,9 +122,9 @@ async function fetchWeights(url: string, signal: AbortSignal): Promise<ArrayBuff
     response = await fetch(url, { signal });
     if (response.ok) return await response.arrayBuffer();
   } catch {
-    throw new EnhancementError("its weights did not come.");
+    throw new EnhancementError("its weights could not be loaded.");
   }
-  throw new EnhancementError(`its weights did not come: ${(await readProblem(response)).detail}`);
+  throw new EnhancementError(`its weights could not be loaded: ${(await readProblem(response)).detail}`);
 }
 
 function joined(models: readonly { readonly label: string }[]): string {

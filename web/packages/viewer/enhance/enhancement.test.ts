@@ -121,7 +121,7 @@ test.each([
     () => Response.json({ type: "x", detail: "There are none." }, { status: 404 }),
     "There are none.",
   ],
-  ["no answer", () => Promise.reject(new TypeError("Failed to fetch")), "its weights did not come."],
+  ["no answer", () => Promise.reject(new TypeError("Failed to fetch")), "its weights could not be loaded."],
 ])("weights that fail to load are told of: %s", async (_, answer, sentence) => {
   vi.stubGlobal("fetch", async () => answer());
   await chosen(fakeModel("x", { weights: () => "scenes/courtyard/enhance.safetensors" }));

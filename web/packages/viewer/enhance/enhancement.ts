@@ -154,7 +154,7 @@ export class Enhancement {
       return;
     }
     this.#retried = true;
-    void this.#start(`${LOST}; starting again.`);
+    void this.#start(`${LOST}; restarting.`);
   }
 
   #end(status: EnhancementStatus): void {

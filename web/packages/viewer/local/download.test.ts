@@ -110,7 +110,7 @@ test("a length that is not told, or too little memory for it, ends with a senten
   const untold = fetched([() => new Response("abc")]).file;
   await expect(untold).rejects.toThrow("The server does not say how large the scene is.");
   const huge = fetched([() => new Response("abc", { headers: { "content-length": String(2 ** 52) } })]).file;
-  await expect(huge).rejects.toThrow("This browser has not got enough memory for this scene.");
+  await expect(huge).rejects.toThrow("This browser does not have enough memory for this scene.");
 });
 
 test("leaving ends the download", async () => {

@@ -114,7 +114,7 @@ class PartialFile {
     try {
       this.bytes = new Uint8Array(length);
     } catch {
-      throw new ApiError("This browser has not got enough memory for this scene.", false);
+      throw new ApiError("This browser does not have enough memory for this scene.", false);
     }
   }
 

@@ -91,7 +91,7 @@ function contentOf(text: string, name: string): Line[] {
 
 function readPoints(lines: readonly Line[], columns: readonly string[], name: string): TimedPose[] {
   if (columns.includes("ViewIndex")) {
-    throw new MovementError(`${name} is a recording of EyeNavGS; “tigas movement import” makes a movement of it.`);
+    throw new MovementError(`${name} is a recording of EyeNavGS; convert it with “tigas movement import”.`);
   }
   const twice = columns.find((column, index) => columns.indexOf(column) !== index);
   if (twice !== undefined) throw new MovementError(`${name} has the column “${twice.slice(0, 40)}” twice.`);

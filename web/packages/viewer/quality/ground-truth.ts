@@ -53,7 +53,7 @@ export async function groundTruth(place: Place, pose: ScenePose, signal: AbortSi
 export function psnrOf(pictures: readonly (ImageBitmap | null)[], truth: ImageBitmap): readonly number[] {
   const { width, height } = truth;
   const context = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
-  if (context === null) throw new Error("There is no memory to compare pictures.");
+  if (context === null) throw new Error("There is not enough memory to compare pictures.");
   const pixels = (picture: ImageBitmap | null) => {
     context.fillStyle = "black";
     context.fillRect(0, 0, width, height);

@@ -248,13 +248,13 @@ test("profiles count in the scene's own ladder for as long as the visit lasts, a
   await visit();
   expect(ladder.value).toEqual(own);
   vi.mocked(loadScene).mockResolvedValue(COURTYARD);
-  transports[0]?.lose("The server was started again.");
+  transports[0]?.lose("The server was restarted.");
   await settle();
   await vi.advanceTimersByTimeAsync(5000);
   expect(phase()).toEqual({ kind: "playing" });
   expect(ladder.value).toEqual(PAPER_LADDER);
   vi.mocked(loadScene).mockResolvedValue({ ...COURTYARD, ladder: own });
-  transports[1]?.lose("The server was started again.");
+  transports[1]?.lose("The server was restarted.");
   await settle();
   await vi.advanceTimersByTimeAsync(5000);
   expect(ladder.value).toEqual(own);

@@ -17,7 +17,7 @@ export function streamed({ kind, variants, settings, load }: StreamMode): Source
   const motion = ["reprojection", "overscan"] as const;
   return {
     title,
-    remedy: "Start one with tigas dash, and name it to the server as the service “dash”.",
+    remedy: "Start one with tigas dash, and set it as “dash” in the server's upstreams.",
     ...(variants && { variants }),
     settings: [...settings, ...motion, "prediction"],
     reopens: [...settings, ...motion],

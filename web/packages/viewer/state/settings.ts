@@ -266,7 +266,7 @@ export function validSettings(settings: Settings): Settings {
   const valid = parse({ ...settings });
   // A value that makes no sense would be replaced by the usual one.
   const wrong = NAMES.find((name) => JSON.stringify(valid[name]) !== JSON.stringify(settings[name]));
-  if (wrong !== undefined) throw new Error(`${wrong} cannot be that`);
+  if (wrong !== undefined) throw new Error(`${wrong} has an invalid value`);
   return valid;
 }
 

@@ -92,7 +92,7 @@ async function negotiated(
   } catch (error) {
     void endSession(base, session);
     if (signal.aborted) throw error;
-    throw new StreamUnsupported("This browser cannot take the packager's answer over WebRTC.");
+    throw new StreamUnsupported("This browser does not accept the packager's WebRTC answer.");
   }
   return session;
 }

@@ -60,8 +60,7 @@ export function readNetworks(file: ArrayBuffer): Network[] {
   const left = new Map(safetensors.tensors);
   const networks = descriptions(safetensors).map((description) => network(description, left));
   const [spare] = left.keys();
-  if (spare !== undefined)
-    throw new EnhancementError(`its weights hold a tensor that is no network's: ${quoted(spare)}.`);
+  if (spare !== undefined) throw new EnhancementError(`its weights hold a tensor of no network: ${quoted(spare)}.`);
   return networks;
 }
 
@@ -70,10 +69,10 @@ function descriptions({ metadata }: Safetensors): Description[] {
   try {
     networks = v.parse(Descriptions, JSON.parse(metadata.networks ?? ""));
   } catch {
-    throw new EnhancementError("its weights do not say soundly which networks they are for.");
+    throw new EnhancementError("its list of networks is not valid.");
   }
   const rungs = networks.map(({ rung }) => rung);
-  if (new Set(rungs).size < rungs.length) throw new EnhancementError("its weights are for one rung twice.");
+  if (new Set(rungs).size < rungs.length) throw new EnhancementError("its weights have one rung twice.");
   return networks;
 }
 

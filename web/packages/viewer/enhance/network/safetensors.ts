@@ -53,7 +53,7 @@ export function readSafetensors(file: ArrayBuffer): Safetensors {
     }
     tensors.set(name, { shape, halves });
   }
-  if (end !== data.byteLength) throw new EnhancementError("its weights' file goes on after its last tensor.");
+  if (end !== data.byteLength) throw new EnhancementError("its weights file continues after the last tensor.");
   return { metadata, tensors };
 }
 
