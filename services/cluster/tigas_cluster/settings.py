@@ -58,7 +58,7 @@ class ClusterSettings(ServiceSettings):
     scenes: Annotated[Path | None, NO_FLAG] = None
     """Models directory, at the same path on every machine."""
     resource: Annotated[str | None, NO_FLAG] = None
-    """Ray resource of the machines that may be hosts; a host takes all of it. GPU unless named."""
+    """Ray resource of the machines that may be hosts; a host takes all of it. By default GPU."""
     host_http_port: Annotated[PortNumber, NO_FLAG] = 0
     """Port of each host's API; 0: any free one."""
     host_quic_port: Annotated[PortNumber, NO_FLAG] = 0

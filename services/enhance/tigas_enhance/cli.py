@@ -78,9 +78,9 @@ class Train(_EnhanceCommand):
     general: bool = False
     """Train one set on all of them, for any scene."""
     out: Path | None = None
-    """Output file; enhance.safetensors next to the scene unless named."""
+    """Output file; by default enhance.safetensors next to the scene."""
     seconds: Annotated[float | None, Field(ge=1, le=36_000)] = None
-    """Time for each set; 60 on a GPU and 180 on a CPU unless given."""
+    """Time for each set; by default 60 on a GPU and 180 on a CPU."""
     json_: bool = False
     """Report progress as lines of JSON."""
 
@@ -111,7 +111,7 @@ class Evaluate(_EnhanceCommand):
     name: Annotated[str, POSITIONAL, Metavar("SCENE")]
     """Scene."""
     weights: Path | None = None
-    """Networks' file; enhance.safetensors next to the scene unless named."""
+    """Networks' file; by default enhance.safetensors next to the scene."""
 
     def run(self) -> None:
         from rich.table import Table

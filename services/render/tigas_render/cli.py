@@ -98,7 +98,7 @@ class Add(Command):
     source: Annotated[str, POSITIONAL, Metavar("FILE|URL")]
     """Scene file or folder, or its URL."""
     id: Annotated[str | None, Metavar("NAME")] = None
-    """Name of the scene; the file's name unless given."""
+    """Name of the scene; by default the file's name."""
 
     def run(self) -> None:
         from tigas_render.scenes.library_operations import add_scene, shown
@@ -165,7 +165,7 @@ class Ladder(Command):
     scene: Annotated[str, POSITIONAL]
     """Scene folder, or the built-in scene: courtyard."""
     out: Path | None = None
-    """Output file; ladder.json next to the scene unless named."""
+    """Output file; by default ladder.json next to the scene."""
     plot: Path | None = None
     """Plot to draw as well: .png or .svg."""
 

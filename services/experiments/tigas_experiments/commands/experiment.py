@@ -21,7 +21,7 @@ class _ExperimentCommand(Command):
     file: Annotated[Path, POSITIONAL]
     """Experiment's file, TOML or JSON."""
     out: Path | None = None
-    """Folder for the runs; named after the experiment, in results, unless given."""
+    """Folder for the runs; by default named after the experiment, in results."""
 
 
 class Plan(_ExperimentCommand):

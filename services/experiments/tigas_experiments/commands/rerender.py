@@ -29,7 +29,7 @@ class RenderCommand(Command):
     """A command that needs a render service."""
 
     render: Annotated[str | None, Metavar("URL")] = None
-    """Render service; one with the experiment's ladder is started unless given."""
+    """Render service; by default, one with the experiment's ladder is started."""
 
 
 class Rerender(SamplesCommand, RenderCommand):

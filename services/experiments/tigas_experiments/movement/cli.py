@@ -51,11 +51,11 @@ class Import(Command):
     eye: Literal["left", "right", "middle"] = "middle"
     """Eye to follow."""
     up: Annotated[str | None, Metavar("X,Y,Z")] = None
-    """Up axis in the scene's scene.json, if it has one; 0,-1,0 unless given. Not with --settings."""
+    """Up axis in the scene's scene.json, if it has one; by default 0,-1,0. Not with --settings."""
     settings: Path | None = None
     """Site's scene_setting.csv, which has the scale and level of the recorded scene."""
     metre: Annotated[float | None, Field(gt=0, lt=1e6)] = None
-    """Units per metre in the scene to walk in; unless given, the start camera's subject is 4 m away."""
+    """Units per metre in the scene to walk in; by default, the start camera's subject is 4 m away."""
 
     def run(self) -> None:
         from dataclasses import replace

@@ -25,7 +25,7 @@ class Report(Command):
     folder: Annotated[Path, POSITIONAL, Metavar("DIR")]
     """Experiment's folder, with runs/; a folder of such; or an archive of either, which is unpacked first."""
     baseline: str | None = None
-    """Controller to compare the others with, such as latency, profile-2 or dash-tuned; the first unless named."""
+    """Controller to compare the others with, such as latency, profile-2 or dash-tuned; by default the first."""
     archive: Path | None = None
     """Archive (.tar.xz) to pack the raw runs into as well, from which the report can be made again."""
     without_pictures: bool = False

@@ -35,15 +35,15 @@ class Import(_RecordingCommand):
     """Convert a recording to TIGAS's own CSV."""
 
     csv: Annotated[Path | None, POSITIONAL] = None
-    """Output file; NAME.csv unless named."""
+    """Output file; by default NAME.csv."""
     up: Path | None = None
     """Recording of the other direction, such as Mahimahi's .up file."""
     up_kbps: Annotated[float, Field(ge=0, le=MAX_RATE_KBPS)] = DEFAULT_UP_KBPS
     """Uplink in kbit/s if the recording has none."""
     loss_pct: Annotated[float | None, Field(ge=0, le=100)] = None
-    """Random packet loss in per cent; the recording's own unless given."""
+    """Random packet loss in per cent; by default the recording's own."""
     format: Annotated[str | None, Metavar("|".join(FORMATS))] = None
-    """Format of the recording; detected unless given."""
+    """Format of the recording; by default detected."""
 
     def run(self) -> None:
         from tigas_shaper.traces.csv_format import format_csv
