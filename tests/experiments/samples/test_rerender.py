@@ -222,15 +222,6 @@ async def test_what_the_service_refuses_is_said_and_asked_for_again_the_next_tim
     assert {form for _, form in again.asked} == {"jpeg"}
 
 
-async def test_only_what_is_missing_is_asked_for_again(run: Path) -> None:
-    sampled_run(run, [3, 1, 2])
-    found = await made(run, FakeRenderer(refuse=lambda wanted: problem(400, "No.") if wanted["seq"] == 1 else None))
-    assert (found.identical, found.missing) == (2, 1)
-    again = FakeRenderer()
-    assert (await made(run, again)).identical == 3
-    assert sorted(again.asked) == [(1, "jpeg"), (1, "png")]
-
-
 @pytest.mark.parametrize(
     ("answer", "sentence"),
     [
@@ -248,15 +239,6 @@ async def test_no_other_answer_is_taken_for_ground_truth(run: Path, answer: http
     (told,) = found.problems
     assert sentence in told
     assert not sample_path(run, 1, TRUTH).exists()
-
-
-async def test_another_service_at_the_address_gets_a_sentence(run: Path) -> None:
-    sampled_run(run, [1])
-    async with httpx.AsyncClient(
-        base_url="http://render", transport=httpx.MockTransport(lambda _: httpx.Response(404, text="nginx"))
-    ) as http:
-        with pytest.raises(RenderUnavailable, match="no TIGAS render service"):
-            await rerender(run, patient_client(http))
 
 
 async def test_a_scene_whose_file_has_changed_is_no_ground_truth(run: Path) -> None:
