@@ -75,15 +75,14 @@ class Fetch(Command):
     """Fetch the weights of LPIPS and DISTS into the user's cache, and the pictures that tests check them with."""
 
     def run(self) -> None:
-        from tigas_experiments.quality.weights import SOURCES, Source
-        from tigas_experiments.quality.weights import fetch as fetched
+        from tigas_experiments.quality.weights import SOURCES, Source, fetch
 
-        def shown(source: Source) -> Callable[[int], None]:
-            return lambda done: show(done / source.size, f"{source.name}, {source.size / 1e6:.1f} MB")
+        def shown(source: Source) -> Callable[[int, int | None], None]:
+            return lambda done, _: show(done / source.size, f"{source.name}, {source.size / 1e6:.1f} MB")
 
         with progress_bar() as show:
             for source in SOURCES:
-                print(f"{fetched(source, shown(source))}")
+                print(fetch(source, shown(source)))
 
 
 quality = Group(
