@@ -17,8 +17,11 @@ import psutil
 import pytest
 
 from tests.experiments.made_up import SERVER
+from tests.scenes import scene
 from tigas_common.errors import StartError
-from tigas_experiments.run.targets import Target, alive, load_scene, make_download, read_config, url_target
+from tigas_common.render_requests import RenderClient
+from tigas_common.wire.render import SceneDownload, SceneInfo
+from tigas_experiments.run.targets import Target, alive, load_scene, read_config, url_target
 from tigas_experiments.run.watched import is_here, process_name, watched
 
 
@@ -127,11 +130,20 @@ def test_a_scene_s_name_stays_a_name(services: Services) -> None:
     assert services.asked == ["/scenes/..%2Fconfig.json%3F/load"]
 
 
-def test_a_download_that_cannot_be_made_is_told_in_a_sentence(services: Services) -> None:
-    asyncio.run(make_download(services.url, "garden"))
-    services.stop()
-    with pytest.raises(StartError, match=r"^The scene 'garden' cannot be loaded from http"):
-        asyncio.run(make_download(services.url, "garden"))
+def test_what_can_be_downloaded_is_made_for_who_asks_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    offered, made = scene().model_copy(update={"downloads": (SceneDownload(),)}), []
+
+    async def load(_: RenderClient, scene: str) -> SceneInfo:
+        return offered
+
+    async def prepare(_: RenderClient, scene: str) -> None:
+        made.append(scene)
+
+    monkeypatch.setattr(RenderClient, "load", load)
+    monkeypatch.setattr(RenderClient, "prepare_download", prepare)
+    for download, expected in ((False, []), (True, ["s"])):
+        assert asyncio.run(load_scene("http://127.0.0.1:9", "s", download=download)) == offered
+        assert made == expected
 
 
 @pytest.mark.parametrize("url", ["", "localhost:8080", "ftp://localhost", "http://"])
