@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 import socket
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from functools import partial
 from pathlib import Path
 
+import httpx
 import psutil
 import pytest
 
@@ -28,57 +27,32 @@ from tigas_experiments.run.watched import is_here, process_name, watched
 class Services:
     """A render service and a shaper with answers chosen by the test."""
 
+    url = "http://lab:8080"
+
     def __init__(self) -> None:
         self.certificate = "one"
         self.shaper_status = 200
+        self.stopped = False
         self.asked: list[str] = []
-        services = self
 
-        class Handler(BaseHTTPRequestHandler):
-            def do_GET(self) -> None:
-                self._answer(services.shaper_status if self.path.startswith("/shaper") else 200)
-
-            def do_POST(self) -> None:
-                services.asked.append(self.path)
-                self._answer(404)
-
-            def _answer(self, status: int) -> None:
-                body = json.dumps(services.config if self.path == "/config.json" else {}).encode()
-                self.send_response(status)
-                self.send_header("Content-Length", str(len(body)))
-                self.end_headers()
-                self.wfile.write(body)
-
-            def log_message(self, format: str, *args: object) -> None:
-                pass
-
-        self.server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-        self.url = f"http://127.0.0.1:{self.server.server_port}"
-
-    @property
-    def config(self) -> dict[str, object]:
-        return {
-            "version": "1",
-            "ladder": [],
-            "certificate_sha256": self.certificate,
-            "webtransport_url": None,
-            "https_url": None,
-            "services": {"shaper": f"{self.url}/shaper"},
-        }
-
-    def stop(self) -> None:
-        self.server.shutdown()
-        self.server.server_close()
+    def __call__(self, request: httpx.Request) -> httpx.Response:
+        if self.stopped:
+            raise httpx.ConnectError("Connection refused")
+        if request.method == "POST":
+            self.asked.append(request.url.raw_path.decode())
+            return httpx.Response(404)
+        if request.url.path.startswith("/shaper"):
+            return httpx.Response(self.shaper_status)
+        services = {"shaper": f"{self.url}/shaper"}
+        config = SERVER.model_copy(update={"certificate_sha256": self.certificate, "services": services})
+        return httpx.Response(200, content=config.model_dump_json())
 
 
 @pytest.fixture
-def services() -> Iterator[Services]:
+def services(monkeypatch: pytest.MonkeyPatch) -> Services:
     made = Services()
-    thread = threading.Thread(target=made.server.serve_forever, kwargs={"poll_interval": 0.01})
-    thread.start()
-    yield made
-    made.stop()
-    thread.join()
+    monkeypatch.setattr(httpx, "AsyncClient", partial(httpx.AsyncClient, transport=httpx.MockTransport(made)))
+    return made
 
 
 def test_services_that_are_what_they_were_live(services: Services) -> None:
@@ -89,7 +63,7 @@ def test_services_that_are_what_they_were_live(services: Services) -> None:
     services.shaper_status = 200
     services.certificate = "another"
     assert not asyncio.run(alive(target)), "it was started again"
-    services.stop()
+    services.stopped = True
     assert not asyncio.run(alive(target)), "it was killed"
 
 
