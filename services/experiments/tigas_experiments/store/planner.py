@@ -6,7 +6,6 @@ import asyncio
 import time
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 
 from tigas_common.errors import StartError
@@ -153,7 +152,7 @@ class Planner:
             experiment, traces_s = await self._expand(body, made)
             name = await asyncio.to_thread(self._experiments.new_name, experiment.plan.name)
             await asyncio.to_thread(experiment.write, traces_s, name)
-            return await asyncio.to_thread(self._experiments.create, made, name, datetime.now(UTC))
+            return await asyncio.to_thread(self._experiments.create, made, name)
 
     async def _expand(self, body: bytes, made: Path) -> tuple[Experiment, Mapping[str, float]]:
         async with self._expanding:
