@@ -14,8 +14,8 @@ import pytest
 from PIL import Image
 
 from tests.experiments.made_up import LENS, inputs, png
-from tests.experiments.samples.renderers import ALONE
 from tests.experiments.triplets_made_up import jpeg, view
+from tests.scenes import ALONE
 from tigas_common.render_requests import RenderClient
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.quality.ground_truth import GroundTruth
