@@ -28,7 +28,7 @@ from tigas_experiments.records.machine import Server
 from tigas_experiments.report.controllers import run_names
 from tigas_experiments.run.experiment import GIVE_UP_AFTER, Experiment
 from tigas_experiments.run.plan import ExperimentPlan
-from tigas_experiments.run.progress import progress
+from tigas_experiments.run.runner import progress
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ from rich.table import Table
 from tigas_common.cli import in_a_sentence
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import StartError
+from tigas_common.processes import end_as_ctrl_c
 from tigas_common.terminal import make_console, printable, progress_bar
-from tigas_experiments.commands.options import end_as_ctrl_c
 from tigas_experiments.commands.rerender import RenderCommand, SamplesCommand, render_url, rerender_all
 
 if TYPE_CHECKING:  # heavy

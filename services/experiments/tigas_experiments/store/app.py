@@ -32,14 +32,13 @@ from tigas_common.web import (
     read_message,
 )
 from tigas_experiments.records.samples import MAX_PICTURE_BYTES
-from tigas_experiments.store.archive import archive
 from tigas_experiments.store.errors import storage_explained
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.limited import MAX_REQUEST_BYTES
 from tigas_experiments.store.metrics import StoreMetrics
 from tigas_experiments.store.movements import Movements
 from tigas_experiments.store.planner import Planner
-from tigas_experiments.store.reports import Reports
+from tigas_experiments.store.reports import Reports, archive
 from tigas_experiments.store.rerendering import Rerendering
 from tigas_experiments.store.samples import (
     MAX_INDEX_BYTES,
