@@ -19,7 +19,7 @@ from tests.experiments.made_up import MACHINE
 from tests.experiments.store.conftest import NOBODY, in_a_thread, services
 from tests.render.fakes import FakeRasterizer
 from tests.render.scenes import plys
-from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, make_player, trace
+from tests.shaper.conftest import FakeGateway, FakeLink, FakeTime, make_player, trace
 from tigas_cluster.director import create_director
 from tigas_cluster.fleet import HostAddress, HostState
 from tigas_common.address import Address

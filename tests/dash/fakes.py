@@ -47,7 +47,7 @@ class FakeRender:
         return json_response(ALONE)
 
     async def _scenes(self, request: Request) -> Response:
-        known = scene().model_copy(update={"id": "scene", "ladder": self.ladder})
+        known = scene(id="scene", ladder=self.ladder)
         return JSONResponse([known.model_dump()])
 
     async def _render(self, request: Request) -> Response:

@@ -13,7 +13,7 @@ from starlette.types import Message
 
 from tests.not_files import NOT_FILES
 from tests.prometheus import figures
-from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, make_player, trace
+from tests.shaper.conftest import FakeGateway, FakeLink, FakeTime, make_player, trace
 from tigas_common.origins import OriginPolicy
 from tigas_common.wire.shaper import MAX_UPLOAD_BYTES
 from tigas_shaper.api import MAX_UPLOADING, MAX_WATCHERS, create_app

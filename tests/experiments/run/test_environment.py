@@ -121,7 +121,7 @@ class World:
 
     async def load_scene(self, _: str, name: str, *, download: bool = False) -> object:
         self.made += [name] * download
-        return scene().model_copy(update={"ladder": self.ladder, "downloads": ()})
+        return scene(ladder=self.ladder, downloads=())
 
     async def prepare(self, settings: dict[str, Any], pose: object) -> None:
         if settings.get("reprojection", True):

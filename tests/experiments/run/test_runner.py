@@ -18,9 +18,9 @@ from rich.console import Console
 
 from tests.command import Result
 from tests.command import tigas as in_process
+from tests.experiments.conftest import Stub, fails
 from tests.experiments.made_up import MACHINE, SERVER
 from tests.experiments.run.test_plan import toml
-from tests.experiments.stub import Stub, fails
 from tigas_common.errors import StartError
 from tigas_experiments.lock import exclusive
 from tigas_experiments.records.folder import RunRecord, RunWriter, read_experiment

@@ -105,7 +105,8 @@ def test_a_scene_s_name_stays_a_name(services: Services) -> None:
 
 
 def test_what_can_be_downloaded_is_made_for_who_asks_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    offered, made = scene().model_copy(update={"downloads": (SceneDownload(),)}), []
+    offered = scene(downloads=(SceneDownload(),))
+    made: list[str] = []
 
     async def load(_: RenderClient, scene: str) -> SceneInfo:
         return offered

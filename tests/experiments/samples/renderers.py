@@ -46,7 +46,7 @@ class FakeRenderer:
         self.asked: list[tuple[int, str]] = []
         """Sequence numbers, and formats."""
         self._shade, self._refuse = shade, refuse
-        self._scene = scene().model_copy(update={"file_sha256": file_sha256})
+        self._scene = scene(file_sha256=file_sha256)
 
     async def __call__(self, request: httpx.Request) -> httpx.Response:
         if request.url.path == "/config.json":

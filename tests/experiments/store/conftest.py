@@ -107,7 +107,7 @@ def upload(mode: Mode = "stateless", **changes: Any) -> dict[str, Any]:
 async def services(run: Configuration) -> tuple[ServerConfig, SceneInfo]:
     """A render service with a packager and any scene."""
     config = SERVER.model_copy(update={"services": {"dash": NOBODY}})
-    return config, scene().model_copy(update={"id": run.scene, "file_bytes": SCENE_BYTES})
+    return config, scene(id=run.scene, file_bytes=SCENE_BYTES)
 
 
 async def in_a_thread(function: Callable[[*Ts], T], *arguments: *Ts, limit: Limit | None = None) -> T:
