@@ -71,7 +71,6 @@ def test_import_makes_a_walk_of_a_recording(recording: Path, settings: Path, tmp
 
 @pytest.mark.parametrize(("arguments", "sentence"), [
     (["--metre", "2"], "--metre needs --settings."),
-    (["--settings", "0,0,0,1,0"], "the scene 'train' has no Scale and Quaternion that are numbers."),
     (["--settings", "0,0,0,0,1"], "the scene 'train' has no Scale and Quaternion that are numbers."),
     (["--settings", "0,0,0,1,1e-9"], "is farther away than 1,000,000."),
     (["--settings", "0,0,0,1,1", "--up", "0,0,1"], "--up does not go with --settings."),
