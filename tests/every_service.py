@@ -19,31 +19,23 @@ from tests.experiments.made_up import MACHINE
 from tests.experiments.store.conftest import NOBODY, in_a_thread, services
 from tests.render.fakes import FakeRasterizer
 from tests.render.scenes import plys
-from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, trace
+from tests.shaper.conftest import FakeGateway, FakeLink, FakeTime, make_player, trace
 from tigas_cluster.director import create_director
 from tigas_cluster.fleet import HostAddress, HostState
 from tigas_common.address import Address
 from tigas_common.origins import OriginPolicy
 from tigas_common.render_requests import RenderClient
 from tigas_common.topology import PAGE_ORIGINS
-from tigas_common.wire.shaper import LinkSetting
 from tigas_dash.app import create_app as dash_app
 from tigas_dash.clock import Clock
 from tigas_dash.sessions import Sessions
 from tigas_dash.webrtc.stream import WebRtc
-from tigas_experiments.store.app import Store
 from tigas_experiments.store.app import create_app as store_app
-from tigas_experiments.store.experiments import Experiments
-from tigas_experiments.store.movements import Movements
-from tigas_experiments.store.planner import Planner
-from tigas_experiments.store.reports import Reports
-from tigas_experiments.store.rerendering import Rerendering
-from tigas_experiments.store.workspace import Workspace
+from tigas_experiments.store.main import open_store
 from tigas_render.server.app import create_app as render_app
 from tigas_render.server.service import RenderService
 from tigas_render.settings import RenderSettings
 from tigas_shaper.api import create_app as shaper_app
-from tigas_shaper.player import Player
 from tigas_shaper.service import Shaper
 from tigas_shaper.traces.csv_format import format_csv
 from tigas_shaper.traces.library import TraceLibrary
@@ -80,7 +72,7 @@ async def shaper(folder: Path) -> AsyncIterator[ASGIApp]:
     """Over a link that is made up, with one trace."""
     (folder / "steps.csv").write_text(format_csv(trace(4_000, 0, 8_000, name="steps")))
     link = FakeLink(time := FakeTime())
-    player = Player(link, LinkSetting(100_000, 50_000), clock=time.clock, sleep=time.sleep)
+    player = make_player(time, link)
     running = Shaper(link, FakeGateway(), player, TraceLibrary(folder))  # type: ignore[arg-type]
     try:
         yield shaper_app(running, OriginPolicy(pages=PAGE_ORIGINS, programs=False))
@@ -91,22 +83,9 @@ async def shaper(folder: Path) -> AsyncIterator[ASGIApp]:
 @asynccontextmanager
 async def store(folder: Path) -> AsyncIterator[ASGIApp]:
     """Over an empty directory."""
-    with Workspace.opened(folder) as workspace:
-        experiments = Experiments(folder, workspace)
-        reports, kept = Reports(experiments, workspace, in_a_thread), Movements(folder)
-        materialisations = Rerendering(experiments, NOBODY)
-        planner = Planner(
-            experiments,
-            workspace,
-            in_a_thread,
-            movements=folder,
-            render=NOBODY,
-            services=services,
-            machine=MACHINE,
-            load=(),
-        )
-        made = Store(workspace, experiments, reports, kept, planner, materialisations)
-        yield store_app(made, OriginPolicy())
+    made = open_store(folder, folder, NOBODY, machine=MACHINE, load=(), offload=in_a_thread, services=services)
+    async with made as opened:
+        yield store_app(opened, OriginPolicy())
 
 
 @asynccontextmanager

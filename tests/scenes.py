@@ -1,10 +1,15 @@
-"""Scenes that need no loading."""
+"""Scenes that need no loading, and the configuration of a service."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from tigas_common.wire.render import SceneInfo, StartCamera
+from tigas_common.wire.render import DEFAULT_LADDER, SceneInfo, ServerConfig, StartCamera
+
+ALONE = ServerConfig(
+    version="0", ladder=DEFAULT_LADDER, certificate_sha256=None, webtransport_url=None, https_url=None, services={}
+)
+"""Of a service that is no cluster's."""
 
 
 def scene(

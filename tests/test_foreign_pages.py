@@ -40,6 +40,7 @@ REQUESTS = {
         "POST /experiments",
         "POST /plans",
         "POST /experiments/a/next",
+        "PUT /experiments/a/runs/b",
         "DELETE /experiments/a",
     ),
 }

@@ -137,18 +137,13 @@ async def test_parts_that_come_in_time_are_no_excuse_for_a_trickle() -> None:
         trickling.cancel()
 
 
-async def test_a_client_does_not_pay_for_an_application_that_is_late() -> None:
+async def test_a_client_does_not_pay_for_an_application_that_is_late_which_does_not_wait_for_ever_either() -> None:
     limits, size = HttpLimits(body_s=BODY_S), 500_000
-    async with serve_http(late, HERE, limits) as port, connected(port) as client:
-        client.say(POST % size + bytes(size))
-        assert await client.answer() == Answer(200, str(size).encode())
-
-
-async def test_an_application_that_is_late_does_not_wait_for_ever_either() -> None:
-    limits, size = HttpLimits(body_s=BODY_S), 500_000
-    async with serve_http(late, HERE, limits) as port, connected(port) as client:
-        client.say(POST % size + bytes(size - 1))
-        assert (await client.answer()).problem == "tigas:request-timeout"
+    async with serve_http(late, HERE, limits) as port, connected(port) as whole, connected(port) as cut:
+        whole.say(POST % size + bytes(size))
+        cut.say(POST % size + bytes(size - 1))
+        assert await whole.answer() == Answer(200, str(size).encode())
+        assert (await cut.answer()).problem == "tigas:request-timeout"
 
 
 async def test_a_body_that_nobody_wanted_is_not_waited_for_either() -> None:

@@ -11,8 +11,8 @@ import httpx
 import pytest
 
 from tests.cluster.hosts import FakeFleet, host
-from tests.experiments.samples.renderers import ALONE
 from tests.render.fakes import render_request
+from tests.scenes import ALONE
 from tigas_cluster.director import create_director
 from tigas_common.origins import OriginPolicy
 from tigas_common.placement import ranked

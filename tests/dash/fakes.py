@@ -12,10 +12,10 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from tests.scenes import scene
+from tests.scenes import ALONE, scene
 from tigas_common.errors import Overloaded, TigasError, UnknownScene
 from tigas_common.web import EXCEPTION_HANDLERS, json_response, read_message
-from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest, Rung, ServerConfig
+from tigas_common.wire.render import RenderRequest, Rung
 from tigas_dash.clock import Clock
 
 
@@ -44,18 +44,10 @@ class FakeRender:
         )
 
     async def _config(self, request: Request) -> Response:
-        config = ServerConfig(
-            version="0",
-            ladder=DEFAULT_LADDER,
-            certificate_sha256=None,
-            webtransport_url=None,
-            https_url=None,
-            services={},
-        )
-        return json_response(config)
+        return json_response(ALONE)
 
     async def _scenes(self, request: Request) -> Response:
-        known = scene().model_copy(update={"id": "scene", "ladder": self.ladder})
+        known = scene(id="scene", ladder=self.ladder)
         return JSONResponse([known.model_dump()])
 
     async def _render(self, request: Request) -> Response:

@@ -15,10 +15,10 @@ import pytest
 from tests.dash.boxes import contents, walk
 from tests.dash.conftest import parsed_request
 from tests.dash.fakes import grey
-from tigas_dash.cmaf import Sample, chunk, init_segment
+from tigas_dash.cmaf import ParameterSets, Sample, chunk, init_segment
 from tigas_dash.encoder import LadderEncoder, RawFrame
 from tigas_dash.errors import ExpiredSegment, UnknownSegment
-from tigas_dash.media import manifest
+from tigas_dash.media import Media
 from tigas_dash.representation import Representation
 from tigas_dash.segments import SegmentWindow
 
@@ -30,17 +30,13 @@ TIME_URL = "http://localhost:8081/time"
 
 @pytest.fixture
 def mpd() -> ET.Element:
-    text = manifest(
+    media = Media(
         parsed_request(frames_per_chunk=3, segment_s=1),
         (Representation(2, 640, 360, 1500), Representation(3, 320, 180, 500)),
-        ("avc1.42C01E", "avc1.42C00D"),
-        timescale=30_000,
-        window_segments=10,
-        start=datetime(2026, 1, 31, 12, microsecond=1500, tzinfo=UTC),
-        published=datetime(2026, 1, 31, 12, 1, tzinfo=UTC),
-        time_url=TIME_URL,
+        [ParameterSets(bytes.fromhex(sps), b"h") for sps in ("6742C01E", "6742C00D")],
+        datetime(2026, 1, 31, 12, microsecond=1500, tzinfo=UTC),
     )
-    return ET.fromstring(text)
+    return ET.fromstring(media.manifest(TIME_URL, datetime(2026, 1, 31, 12, 1, tzinfo=UTC)))
 
 
 def attributes(mpd: ET.Element, path: str) -> dict[str, str]:

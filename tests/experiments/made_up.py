@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from tests.scenes import ALONE
 from tigas_common.pose import Pose
 from tigas_common.wire.dash import RepresentationInfo
-from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest, ServerConfig, ServerTiming
+from tigas_common.wire.render import RenderRequest, ServerTiming
 from tigas_common.wire.shaper import LinkSetting
 from tigas_experiments.quality.picture import CaptureQuality, Quality
 from tigas_experiments.records.folder import RunRecord, RunWriter, Snapshot
@@ -41,17 +42,7 @@ MACHINE = Machine(
     commit=None,
     packages={"aioquic": "1"},
 )
-SERVER = ServerConfig(
-    tcp_congestion_control="cubic",
-    version="9",
-    commit="abc",
-    device="GPU",
-    ladder=DEFAULT_LADDER,
-    certificate_sha256=None,
-    webtransport_url=None,
-    https_url=None,
-    services={},
-)
+SERVER = ALONE.model_copy(update={"tcp_congestion_control": "cubic", "version": "9", "commit": "abc", "device": "GPU"})
 LINK = Network(link=LinkSetting(down_kbps=20_000, up_kbps=10_000, delay_ms=10))
 LENS = Lens(width=64, height=36, fx=30, fy=30, cx=32, cy=18)
 STREAM = PlayedStream(

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 
 from tests.fuzz.byte_edits import edited
 from tests.fuzz.fuzzers import assert_sentence, effort, found
+from tigas_common.downloads import FetchError
 from tigas_common.errors import StartError
 from tigas_experiments.report.archive import unpack as unpack_runs
-from tigas_shaper.traces.fetch import FetchError
 from tigas_shaper.traces.fetch import unpack as unpack_traces
 
 NAMES = (

@@ -13,7 +13,7 @@ from starlette.types import Message
 
 from tests.not_files import NOT_FILES
 from tests.prometheus import figures
-from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, make_player, trace
+from tests.shaper.conftest import FakeGateway, FakeLink, FakeTime, make_player, trace
 from tigas_common.origins import OriginPolicy
 from tigas_common.wire.shaper import MAX_UPLOAD_BYTES
 from tigas_shaper.api import MAX_UPLOADING, MAX_WATCHERS, create_app
@@ -130,21 +130,6 @@ async def test_what_cannot_be_done_gets_a_problem(
     assert link.applied == []
 
 
-async def test_hostile_uploads_get_a_problem_and_change_nothing(client: httpx.AsyncClient) -> None:
-    for body in (
-        b"",
-        b"\x00" * 1000,
-        b"t_ms,down_kbps\n0,nan\n",
-        b"t_ms,down_kbps\n5,1\n3,1\n",
-        b"-1\n2\n",
-        b"{" * 9999,
-    ):
-        answer = await client.post("/traces?name=bad", content=body)
-        assert answer.status_code == 422, body
-        assert answer.json()["type"] == "tigas:broken-trace"
-    assert len((await client.get("/traces")).json()["traces"]) == 2
-
-
 async def test_an_endless_upload_is_cut_off(client: httpx.AsyncClient) -> None:
     sent = 0
 
@@ -210,17 +195,6 @@ async def test_uploads_are_bounded(client: httpx.AsyncClient) -> None:
     assert (await client.post("/traces?name=t0", content="3\n4")).status_code == 200  # in place of the first
     answer = await client.post("/traces?name=more", content="1\n2")
     assert (answer.status_code, answer.json()["type"]) == (409, "tigas:too-many-traces")
-
-
-async def test_programs_read_and_only_pages_change_the_link(client: httpx.AsyncClient, link: FakeLink) -> None:
-    asked = {"access-control-request-method": "POST", "access-control-request-headers": "content-type"}
-    assert (await client.options("/link", headers=asked)).status_code == 200
-    del client.headers["origin"]
-    for path in ("/link", "/stop", "/traces"):
-        answer = await client.post(path, json={"down_kbps": 1, "up_kbps": 1})
-        assert (answer.status_code, answer.json()["type"]) == (403, "tigas:foreign-origin")
-    assert link.applied == []
-    assert (await client.get("/status")).status_code == 200
 
 
 async def test_watchers_are_counted_from_the_first_byte_that_waits(shaper: Shaper) -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.shaper.fakes import IDLE, FakeLink, FakeTime, make_player, trace
+from tests.shaper.conftest import IDLE, FakeLink, FakeTime, make_player, trace
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.link.link import LinkClosed
 from tigas_shaper.player import NothingPlays, Playback, Player

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
 import ssl
 import stat
 import subprocess
@@ -149,19 +147,3 @@ def test_a_scene_that_a_page_adds_is_the_callers_afterwards(up: subprocess.Popen
     assert up.wait(20) == 0
     assert scene.read_bytes() == shell
     assert (models.stat().st_uid, scene.stat().st_uid, scene.stat().st_mode & 0o777) == (0, 0, 0o644)
-
-
-def test_services_that_die_come_back(up: subprocess.Popen[bytes]) -> None:
-    def process(name: str) -> int | None:
-        both = statuses("service") | statuses("gateway")
-        return next((pid for pid, status in both.items() if f"tigas_common {name} " in status["Command"]), None)
-
-    ports = (PAGE.number, DASH.number, SHAPER.number, STORE.number)
-    wait_until(lambda: all(map(serves, ports)), 20)
-    for name in ("render", "dash", "store", "shaper"):
-        killed = process(name)
-        assert killed, name
-        os.kill(killed, signal.SIGKILL)
-        wait_until(lambda name=name, killed=killed: process(name) not in (None, killed), 20)  # type: ignore[misc]
-    wait_until(lambda: all(map(serves, ports)), 90)
-    assert up.poll() is None

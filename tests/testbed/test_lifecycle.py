@@ -13,8 +13,8 @@ from pathlib import Path
 import psutil
 import pytest
 
+from tests.testbed.conftest import ip_forward, left_behind, remove_abandoned, shaper
 from tests.testbed.inside import GATEWAY, echo_server, udp, wait_until
-from tests.testbed.labs import ip_forward, left_behind, remove_abandoned, shaper
 from tigas_common.errors import StartError
 from tigas_common.processes import tigas
 from tigas_common.topology import SHAPER

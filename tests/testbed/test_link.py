@@ -12,6 +12,7 @@ from contextlib import suppress
 
 import pytest
 
+from tests.testbed.conftest import ShaperProcess
 from tests.testbed.inside import (
     GATEWAY,
     LAYER_2,
@@ -23,7 +24,6 @@ from tests.testbed.inside import (
     udp,
     wait_until,
 )
-from tests.testbed.labs import ShaperProcess
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.trace import NetworkTrace
 

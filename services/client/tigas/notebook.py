@@ -1,18 +1,30 @@
-"""Viewers in a notebook's cells."""
+"""Viewers in a notebook's cells, and the render service that they share unless another is named."""
 
 from __future__ import annotations
 
+import atexit
 import os
+import re
+import subprocess
 import threading
+from collections import deque
+from concurrent.futures import Future
+from itertools import count
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from tigas.client import Client
-from tigas.own_service import OwnService
-from tigas_common.installation import explained
+from tigas_common.errors import StartError
+from tigas_common.installation import explained, require
+from tigas_common.processes import STOP_S, running, tigas
 
 if TYPE_CHECKING:
     from tigas.widget import Viewer
 
+ANNOUNCED = re.compile(rb"Open (http://\S+)/")
+START_S = 120
+"""Seconds; the first start on a machine compiles the rasteriser."""
 _starting = threading.Lock()
 _services: list[OwnService] = []
 
@@ -64,3 +76,70 @@ def _own_service() -> OwnService:
         if not (_services and _services[-1].runs):
             _services[:] = [OwnService()]
         return _services[0]
+
+
+class OwnService:
+    """`tigas render` on free ports, in a child process that ends with this one."""
+
+    def __init__(self) -> None:
+        """Raises StartError."""
+        require("render")
+        self._scenes = TemporaryDirectory(prefix="tigas-scenes-")
+        self._ids: dict[Path, str] = {}
+        self._url = Future[str]()
+        self._thread = threading.Thread(target=self._run, name="tigas render", daemon=True)
+        self._thread.start()
+        self.url = self._url.result(START_S)
+
+    @property
+    def runs(self) -> bool:
+        return self._thread.is_alive()
+
+    def load(self, scene: str | os.PathLike[str] | None) -> str:
+        """Load a scene by its id, or from its file or folder; return its id.
+
+        Raises FileNotFoundError and ClientError.
+        """
+        with Client(self.url) as client:
+            if (path := _path(scene)) is None:
+                return client.scene(str(scene) if scene else None).id
+            id = self._id(path.resolve(strict=True))
+            client.scenes(scan=True)
+            return client.scene(id).id
+
+    def _id(self, path: Path) -> str:
+        """The id of a file or folder, which the models directory gets a link to."""
+        if path not in self._ids:
+            name = path.name if path.is_dir() else path.stem
+            names = (name if number == 1 else f"{name}-{number}" for number in count(1))
+            id = self._ids[path] = next(each for each in names if each not in self._ids.values())
+            folder = Path(self._scenes.name, id)
+            if path.is_dir():
+                folder.symlink_to(path)
+            else:
+                folder.mkdir()
+                (folder / path.name).symlink_to(path)
+        return self._ids[path]
+
+    def _run(self) -> None:
+        """Run the process, which ends with this thread at the latest."""
+        argv = tigas("render", "--http", "127.0.0.1:0", "--quic", "localhost:0", "--scenes", self._scenes.name)
+        environment = os.environ | {"PYTHONUNBUFFERED": "1"}
+        with running(argv, STOP_S, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment) as process:
+            atexit.register(process.terminate)  # where the system does not end it with the thread
+            output = iter(process.stdout or ())
+            started = deque[bytes](maxlen=1)
+            for line in output:
+                started.append(line)
+                if found := ANNOUNCED.search(line):
+                    self._url.set_result(found[1].decode())
+                    break
+            else:
+                self._url.set_exception(StartError(b"".join(started).decode(errors="replace").strip()))
+            deque(output, maxlen=0)
+
+
+def _path(scene: str | os.PathLike[str] | None) -> Path | None:
+    """A scene's path; None if it is an id, which names no folder and has no file's ending."""
+    path = Path(scene or "")
+    return path if isinstance(scene, os.PathLike) or path.suffix or path.name != (scene or "") else None

@@ -74,6 +74,12 @@ def terminated_as_interrupted() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
+def end_as_ctrl_c() -> None:
+    """Handle SIGTERM like Ctrl+C, and restore Ctrl+C in background jobs of scripts, so that every end cleans up."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+
+
 class BackOff:
     """The delay before each restart: doubled each time, unless the last end is WINDOW_S ago."""
 

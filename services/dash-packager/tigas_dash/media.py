@@ -83,16 +83,47 @@ class Media:
         return (self._keep + 1) * self._segment_s
 
     def manifest(self, time_url: str, published: datetime) -> bytes:
-        return manifest(
-            self._request,
-            [track.representation for track in self.tracks],
-            [track.codecs for track in self.tracks],
-            timescale=self._timescale,
-            window_segments=self._keep,
-            start=self._start,
-            published=published,
-            time_url=time_url,
+        """A live MPD (ISO/IEC 23009-1) with a target latency for players, as XML.
+
+        Media time and wall-clock time run together from frame 0; players learn the time at `time_url` (UTCTiming).
+        """
+        request, start, best = self._request, iso(self._start), self.tracks[0].representation
+        segment_s, segment = self._segment_s, _duration(self._segment_s)
+        chunk_s = request.frames_per_chunk / request.frame_rate
+        target = request.target_latency_ms
+        timing = f'<UTCTiming schemeIdUri="urn:mpeg:dash:utc:http-xsdate:2014" value="{time_url}"/>'
+        representations = "\n".join(
+            f'<Representation id="{one.id}" bandwidth="{one.bitrate_kbps * 1000}" codecs="{track.codecs}"'
+            f' width="{one.width}" height="{one.height}" sar="1:1"/>'
+            for track in self.tracks
+            for one in (track.representation,)
         )
+        # A segment stays available for the depth plus its own duration after its end (ISO/IEC 23009-1, 5.3.9.5.3).
+        return f"""<?xml version="1.0" encoding="utf-8"?>
+<MPD xmlns="urn:mpeg:dash:schema:mpd:2011" type="dynamic"
+    profiles="urn:mpeg:dash:profile:isoff-live:2011,urn:mpeg:dash:profile:cmaf:2019"
+    availabilityStartTime="{start}" publishTime="{iso(published)}" minimumUpdatePeriod="PT{UPDATE_S}S"
+    minBufferTime="{segment}" maxSegmentDuration="{segment}"
+    timeShiftBufferDepth="{_duration((self._keep - 1) * segment_s)}">
+<ServiceDescription id="0">
+<Latency target="{target}" min="{target // 2}" max="{3 * target}" referenceId="0"/>
+<PlaybackRate min="{1 - RATE_RANGE:.2f}" max="{1 + RATE_RANGE:.2f}"/>
+</ServiceDescription>
+<Period id="0" start="PT0S">
+<AdaptationSet id="0" contentType="video" mimeType="video/mp4" frameRate="{request.frame_rate}"
+    maxWidth="{best.width}" maxHeight="{best.height}" segmentAlignment="true" startWithSAP="1">
+<ProducerReferenceTime id="0" inband="true" type="captured" wallClockTime="{start}" presentationTime="0">
+{timing}
+</ProducerReferenceTime>
+<SegmentTemplate timescale="{self._timescale}" duration="{request.frames_per_segment * UNITS_PER_FRAME}"
+    startNumber="1" availabilityTimeOffset="{segment_s - chunk_s:.6f}" availabilityTimeComplete="false"
+    initialization="$RepresentationID$/init.mp4" media="$RepresentationID$/$Number$.m4s"/>
+{representations}
+</AdaptationSet>
+</Period>
+{timing}
+</MPD>
+""".encode()
 
     def append(self, number: int, ticks: int, samples: Sequence[Sample]) -> None:
         """Add frame `number` of each representation, shown for this many ticks."""
@@ -127,59 +158,6 @@ class Media:
             )
             track.segments.append(segment + 1, data)
             track.pending.clear()
-
-
-def manifest(
-    request: SessionRequest,
-    ladder: Sequence[Representation],
-    codecs: Sequence[str],
-    *,
-    timescale: int,
-    window_segments: int,
-    start: datetime,
-    published: datetime,
-    time_url: str,
-) -> bytes:
-    """The manifest: a live MPD (ISO/IEC 23009-1) with a target latency for players, as XML.
-
-    `codecs` are each representation's; `window_segments` complete segments are available; frame 0 was captured at
-    `start`, from where media time and wall-clock time run together; players learn the time at `time_url` (UTCTiming).
-    """
-    segment_s = request.frames_per_segment / request.frame_rate
-    chunk_s = request.frames_per_chunk / request.frame_rate
-    target = request.target_latency_ms
-    timing = f'<UTCTiming schemeIdUri="urn:mpeg:dash:utc:http-xsdate:2014" value="{time_url}"/>'
-    representations = "\n".join(
-        f'<Representation id="{one.id}" bandwidth="{one.bitrate_kbps * 1000}" codecs="{its_codecs}"'
-        f' width="{one.width}" height="{one.height}" sar="1:1"/>'
-        for one, its_codecs in zip(ladder, codecs, strict=True)
-    )
-    # A segment stays available for the depth plus its own duration after its end (ISO/IEC 23009-1, 5.3.9.5.3).
-    return f"""<?xml version="1.0" encoding="utf-8"?>
-<MPD xmlns="urn:mpeg:dash:schema:mpd:2011" type="dynamic"
-    profiles="urn:mpeg:dash:profile:isoff-live:2011,urn:mpeg:dash:profile:cmaf:2019"
-    availabilityStartTime="{iso(start)}" publishTime="{iso(published)}" minimumUpdatePeriod="PT{UPDATE_S}S"
-    minBufferTime="{_duration(segment_s)}" maxSegmentDuration="{_duration(segment_s)}"
-    timeShiftBufferDepth="{_duration((window_segments - 1) * segment_s)}">
-<ServiceDescription id="0">
-<Latency target="{target}" min="{target // 2}" max="{3 * target}" referenceId="0"/>
-<PlaybackRate min="{1 - RATE_RANGE:.2f}" max="{1 + RATE_RANGE:.2f}"/>
-</ServiceDescription>
-<Period id="0" start="PT0S">
-<AdaptationSet id="0" contentType="video" mimeType="video/mp4" frameRate="{request.frame_rate}"
-    maxWidth="{ladder[0].width}" maxHeight="{ladder[0].height}" segmentAlignment="true" startWithSAP="1">
-<ProducerReferenceTime id="0" inband="true" type="captured" wallClockTime="{iso(start)}" presentationTime="0">
-{timing}
-</ProducerReferenceTime>
-<SegmentTemplate timescale="{timescale}" duration="{request.frames_per_segment * timescale // request.frame_rate}"
-    startNumber="1" availabilityTimeOffset="{segment_s - chunk_s:.6f}" availabilityTimeComplete="false"
-    initialization="$RepresentationID$/init.mp4" media="$RepresentationID$/$Number$.m4s"/>
-{representations}
-</AdaptationSet>
-</Period>
-{timing}
-</MPD>
-""".encode()
 
 
 def _duration(seconds: float) -> str:

@@ -64,9 +64,7 @@ class Scoring:
                     self._on_progress(len(batch))
             sound = [each for each in self.triplets if each.name not in self.problems]
             there = {(each.seq, kind) for each in sound for kind in each.pictures}
-            gone = [key for key in self._scores if key not in there]
-            for key in gone:
-                del self._scores[key]
+            self._scores = {key: score for key, score in self._scores.items() if key in there}
         finally:  # also keeps scores after Ctrl+C
             write_scores(self._run, self._scores.values())
         return list(self._scores.values())

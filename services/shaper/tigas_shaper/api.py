@@ -1,4 +1,4 @@
-"""The shaper's HTTP interface: Starlette routes only.
+"""The shaper's HTTP interface: Starlette routes, and the metrics of the link.
 
 Requests that change something need an `Origin` allowed by the policy: browsers send it automatically, so that no other
 page can change the link; command-line tools add it (`curl -H 'Origin: http://localhost:8080' …`).
@@ -7,8 +7,11 @@ page can change the link; command-line tools add it (`curl -H 'Origin: http://lo
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Iterator
+from typing import get_args
 
+from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
@@ -16,7 +19,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tigas_common.errors import Overloaded
-from tigas_common.metrics import CountedRequests, metrics_route, new_registry
+from tigas_common.metrics import CountedRequests, labelled_counter, labelled_gauge, metrics_route, new_registry
 from tigas_common.openapi import index, openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.web import (
@@ -33,8 +36,10 @@ from tigas_common.web import (
 )
 from tigas_common.wire.shaper import (
     MAX_UPLOAD_BYTES,
+    DirectionStatus,
     LinkSetting,
     LoopRequest,
+    PlaybackMode,
     SeekRequest,
     ShaperStatus,
     StartRequest,
@@ -43,10 +48,10 @@ from tigas_common.wire.shaper import (
     TraceSummary,
 )
 from tigas_shaper.link.link import LinkClosed
-from tigas_shaper.metrics import ShaperMetrics
 from tigas_shaper.service import Shaper
 from tigas_shaper.traces.library import points, summary
 
+BYTES_PER_KBIT = 125
 MAX_WATCHERS = 64
 MAX_UPLOADING = 4
 """Traces at a time: each may take some hundred megabytes until it is read."""
@@ -207,3 +212,32 @@ def _shaper(request: Request) -> Shaper:
 
 def _status(request: Request) -> ModelResponse[ShaperStatus]:
     return json_response(_shaper(request).status())
+
+
+class ShaperMetrics(Collector):
+    """Of one link. Names of traces are no labels: anybody may upload some."""
+
+    def __init__(self, shaper: Shaper) -> None:
+        self._shaper = shaper
+
+    def collect(self) -> Iterator[Metric]:
+        status, sent = self._shaper.status(), self._shaper.sent_bytes
+        link, directions = status.link, {"down": status.down, "up": status.up}
+
+        def of_each(value: Callable[[DirectionStatus], float]) -> dict[str, float]:
+            return {name: value(direction) for name, direction in directions.items()}
+
+        drops, rates = of_each(lambda one: one.drops), of_each(lambda one: one.target_kbps * BYTES_PER_KBIT)
+        waiting, ages = of_each(lambda one: one.queue_bytes), of_each(lambda one: one.queue_ms / 1000)
+        modes = {mode: mode == status.mode for mode in get_args(PlaybackMode)}
+        yield labelled_counter("tigas_shaper_sent_bytes", "Delivered bytes", "direction", sent)
+        yield labelled_counter("tigas_shaper_dropped_packets", "Packets dropped by a full queue", "direction", drops)
+        yield labelled_gauge("tigas_shaper_rate_bytes_per_second", "Current rate of the link", "direction", rates)
+        yield labelled_gauge("tigas_shaper_queue_bytes", "Waiting bytes", "direction", waiting)
+        yield labelled_gauge(
+            "tigas_shaper_queue_age_seconds", "Queueing delay of a packet arriving now", "direction", ages
+        )
+        yield labelled_gauge("tigas_shaper_playback", "Playback state: 1 for the current one", "mode", modes)
+        yield GaugeMetricFamily("tigas_shaper_delay_seconds", "Added one-way delay", link.delay_ms / 1000)
+        yield GaugeMetricFamily("tigas_shaper_loss_ratio", "Share of packets lost at random", link.loss_pct / 100)
+        yield GaugeMetricFamily("tigas_shaper_link_up", "Whether the link is open", status.closed is None)

@@ -185,7 +185,6 @@ def test_who_ends_it_ends_everything_and_keeps_what_was_finished(
     ("wrong", "sentence"),
     [
         ({"networks": ["no-such-trace"]}, "The shaper refused /start: "),
-        ({"scenes": ["no-such-scene"]}, "The scene 'no-such-scene' cannot be loaded"),
         ({"controllers": ["magic"]}, "The controller 'magic' cannot be measured: The viewer failed"),
     ],
 )
@@ -198,17 +197,10 @@ def test_what_cannot_be_had_is_said_before_anything_is_measured(
     assert not out.exists()
 
 
-@pytest.mark.parametrize(
-    ("url", "sentence"),
-    [
-        ("http://127.0.0.1:9", "No TIGAS render service answers at http://127.0.0.1:9."),
-        ("nonsense", "'nonsense' is not the URL of a viewer"),
-    ],
-)
-def test_services_that_do_not_answer_get_one_sentence(out: Path, url: str, sentence: str) -> None:
-    status, _, errors = finished(run(url, out.with_suffix(".toml")))
+def test_services_that_do_not_answer_get_one_sentence(out: Path) -> None:
+    status, _, errors = finished(run("http://127.0.0.1:9", out.with_suffix(".toml")))
     assert status == 1
-    assert sentence in " ".join(errors.split())
+    assert "No TIGAS render service answers at http://127.0.0.1:9." in " ".join(errors.split())
     assert "Traceback" not in errors
     assert not out.exists()
 

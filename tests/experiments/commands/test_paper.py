@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tests.command import Result, tigas
+from tests.experiments.conftest import Stub, fails
 from tests.experiments.run.test_plan import EXPERIMENTS
-from tests.experiments.stub import Stub, fails
 from tigas_experiments.commands.paper import Evaluation
 
 FILE = """

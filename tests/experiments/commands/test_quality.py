@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
-import numpy as np
 import pytest
 from filelock import FileLock
 from PIL import Image
@@ -15,16 +14,14 @@ from PIL import Image
 from tests.command import Result, tigas
 from tests.experiments.report.synthetic_results import rows as csv_rows
 from tests.experiments.report.synthetic_results import write_run
-from tests.experiments.triplets_made_up import view, write_triplets
+from tests.experiments.triplets_made_up import write_triplets
 from tests.web.scenes import SMALL, write_scenes
 from tests.web.server import RenderServer
-from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.quality.picture import CaptureQuality, compare, decode, encode
 from tigas_experiments.records.files import write_lines
 from tigas_experiments.records.folder import StoredRun, capture_path
 from tigas_experiments.records.samples import (
-    JPEG,
     TRUTH,
     Rerendered,
     append_rerendered,
@@ -163,31 +160,6 @@ def test_what_was_seen_is_scored_after_its_ground_truth_was_rendered(rendered: s
     assert read_scores(run)[0].psnr == pytest.approx(seen.psnr_db)
 
 
-def test_rendered_frames_are_better_the_higher_their_rung(rendered: str, tmp_path: Path) -> None:
-    lens = Intrinsics(300, 300, 240, 135, 480, 270)
-    for rung in (1, 2, 3):
-        run = tmp_path / f"rung-{rung}"
-        run.mkdir()
-        for seq in (1, 2):
-            asked = RenderRequest.at(SMALL, Pose.from_euler(40.0 + seq / 4, 0, 0, (0, 0, 0)), lens)
-            frame, truth = (
-                httpx.post(f"{rendered}/render", content=each.model_dump_json(exclude_none=True), timeout=90).content
-                for each in (
-                    asked.model_copy(update={"profile": rung}),
-                    asked.model_copy(update={"format": "png"}),
-                )
-            )
-            write_sample_file(run, seq, JPEG, frame)
-            write_sample_file(run, seq, TRUTH, truth)
-        assert quality(str(run), "--metrics", "psnr,ssim,vmaf,vif").exit_code == 0
-    best, middle, worst = (read_scores(tmp_path / f"rung-{rung}") for rung in (1, 2, 3))
-    assert len(best) == 2
-    for one, two, three in zip(best, middle, worst, strict=True):
-        assert len(one.values) == 4
-        for name, value in one.values.items():
-            assert value > two.values[name] > three.values[name], name
-
-
 @pytest.mark.slow
 def test_the_ladder_is_shown_as_one_view_with_its_sizes(rendered: str, experiment: Path) -> None:
     for run in (experiment / "runs").iterdir():
@@ -234,11 +206,3 @@ def test_nothing_that_can_be_compared_is_a_failure(tmp_path: Path) -> None:
     result = quality(str(tmp_path), "--metrics", "psnr")
     assert result.exit_code == 1
     assert "sample 10: A picture cannot be read" in words(result)
-
-
-def test_a_sample_that_cannot_be_compared_is_named(tmp_path: Path) -> None:
-    write_triplets(tmp_path, 2)
-    write_sample_file(tmp_path, 20, "enhanced.png", encode(np.ascontiguousarray(view(20)[:40, :40])))
-    result = quality(str(tmp_path), "--metrics", "psnr")
-    assert result.exit_code == 0
-    assert "sample 20: It was shown at 40×40, but its ground truth has 128×72 pixels." in words(result)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
 
 from tests.command import Result, tigas
 from tests.experiments.movement.test_eyenavgs import NTHU, UPRIGHT, both, write
-from tigas_experiments.movement.cli import movement
 from tigas_experiments.movement.trace import MovementTrace
 
 
@@ -33,11 +31,6 @@ def settings(tmp_path: Path) -> Path:
     path = tmp_path / "scene_setting.csv"
     path.write_text('\ufeffScene_Name,Quaternion,Scale\ntrain,"0, 0, 0, 1",0.5\n', encoding="utf-8")
     return path
-
-
-def test_tigas_finds_the_commands() -> None:
-    points = {point.name: point for point in entry_points(group="tigas.commands")}
-    assert points["movement"].load() is movement
 
 
 def test_make_writes_what_was_asked_for_and_replaces_nothing(tmp_path: Path) -> None:
@@ -78,7 +71,6 @@ def test_import_makes_a_walk_of_a_recording(recording: Path, settings: Path, tmp
 
 @pytest.mark.parametrize(("arguments", "sentence"), [
     (["--metre", "2"], "--metre needs --settings."),
-    (["--settings", "0,0,0,1,0"], "the scene 'train' has no Scale and Quaternion that are numbers."),
     (["--settings", "0,0,0,0,1"], "the scene 'train' has no Scale and Quaternion that are numbers."),
     (["--settings", "0,0,0,1,1e-9"], "is farther away than 1,000,000."),
     (["--settings", "0,0,0,1,1", "--up", "0,0,1"], "--up does not go with --settings."),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import struct
@@ -14,8 +13,8 @@ import pytest
 from PIL import Image
 
 from tests.experiments.made_up import LENS, inputs, png
-from tests.experiments.samples.renderers import ALONE
 from tests.experiments.triplets_made_up import jpeg, view
+from tests.scenes import ALONE
 from tigas_common.render_requests import RenderClient
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.quality.ground_truth import GroundTruth
@@ -175,15 +174,9 @@ def test_what_is_no_picture(data: bytes) -> None:
         decode(data)
 
 
-def test_a_picture_of_too_many_pixels() -> None:
-    buffer = io.BytesIO()
-    Image.new("1", (8192, 4096)).save(buffer, "PNG")
-    with pytest.raises(BrokenPicture, match="8192×4096"):
-        decode(buffer.getvalue())
-
-
-@pytest.mark.parametrize("side", [12_000, 30_000])
-def test_a_picture_that_pillow_itself_takes_for_a_bomb(side: int) -> None:
+@pytest.mark.parametrize("side", [6_000, 12_000, 30_000])
+def test_a_picture_of_too_many_pixels(side: int) -> None:
+    """Pillow warns of the second, and refuses the third itself."""
     header = struct.pack(">IIBBBBB", side, side, 8, 2, 0, 0, 0)
     chunk = struct.pack(">I", len(header)) + b"IHDR" + header + struct.pack(">I", zlib.crc32(b"IHDR" + header))
     with pytest.raises(BrokenPicture, match="pixels"):

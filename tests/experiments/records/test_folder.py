@@ -134,14 +134,6 @@ def test_a_broken_record_is_no_run(tmp_path: Path, content: str) -> None:
         StoredRun(tmp_path / "run")
 
 
-def test_a_run_that_was_killed_is_incomplete(tmp_path: Path) -> None:
-    path = write_run(tmp_path / "run") / "run.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"status": "running"}))
-    summary = summarise(tmp_path / "run")
-    assert summary.figures is None
-    assert summary.problem == "The run is incomplete: it never ended."
-
-
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
@@ -201,11 +193,6 @@ def test_a_broken_experiment_gets_a_sentence(tmp_path: Path, changes: dict[str, 
     (tmp_path / "experiment.json").write_text(json.dumps(record | changes))
     with pytest.raises(BrokenRecording, match=r"experiment\.json is broken"):
         read_experiment(tmp_path)
-
-
-def test_a_page_that_was_closed_says_nothing() -> None:
-    with pytest.raises(BrokenRecording):
-        parse_recording("null")
 
 
 def test_written_samples_come_back(tmp_path: Path) -> None:

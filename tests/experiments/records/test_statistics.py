@@ -32,10 +32,6 @@ def test_an_input_is_answered_by_the_first_frame_of_its_pose_or_a_later_one() ->
     assert statistics.answers(sampled, shown) == [50, 40, 70, math.inf]
 
 
-def test_a_frame_of_an_older_pose_answers_nothing() -> None:
-    assert statistics.answers(inputs(1, first=7), [frame(10, 6)]) == [math.inf]
-
-
 def test_unanswered_inputs_are_slower_than_any() -> None:
     sampled = inputs(10)
     found = statistics.latencies(sampled, late(sampled[:9], 40))

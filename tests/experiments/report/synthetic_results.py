@@ -15,14 +15,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tests.experiments.made_up import LENS, MACHINE, inputs, reply
+from tests.experiments.made_up import MACHINE, configuration, frame, inputs, recording, reply, sample
 from tigas_experiments.quality.picture import CaptureQuality, Quality
 from tigas_experiments.records.folder import RunRecord, RunWriter
 from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.report.groups import Groups
 from tigas_experiments.report.run_table import load
 from tigas_experiments.wire.recording import LinkSample, PlayedDownload, Recording, ShownFrame, Traffic
-from tigas_experiments.wire.run import Configuration, Mode, Network
+from tigas_experiments.wire.run import Mode, Network
 
 STEP_MS = 20.0
 """Between inputs: 50 a second."""
@@ -65,40 +65,24 @@ def write_run(
         rung = rungs[number // hold % len(rungs)]
         late = delay_ms + (chance.expovariate(1 / jitter_ms) if jitter_ms else 0.0)
         at = max(entry.at + late, shown[-1].at if shown else 0.0)
-        height = HEIGHTS[min(rung, len(HEIGHTS) - 1)]
-        shown.append(
-            ShownFrame(
-                side="stateless",
-                at=at,
-                pose=entry.pose,
-                latencies=(),
-                rung=rung if mode == "stateless" else None,
-                width=height * 16 // 9,
-                height=height,
-            )
-        )
-    made = Recording(
-        scene="courtyard",
-        mode="stateless" if mode == "stateless" else "dash" if local is None else "local",
-        local=local,
-        transport="webtransport-streams",
-        user_agent="Chromium",
-        lens=LENS,
-        started_unix_ms=1e12,
-        duration_ms=duration,
-        ended_ms=duration + delay_ms,
-        complete=True,
-        hidden=False,
-        inputs=tuple(sampled),
-        frames=tuple(shown),
-        replies=() if reply_ms is None else tuple(reply(entry.at, reply_ms, entry.pose) for entry in sampled),
-        captures=(),
-        traffic=tuple(Traffic(at=at, bytes=int(at * kbps / 8)) for at in _ticks(duration, 100)),
+        shown_rung = rung if mode == "stateless" else None
+        shown.append(frame(at, entry.pose, shown_rung, HEIGHTS[min(rung, len(HEIGHTS) - 1)]))
+    made = Recording.model_validate(
+        recording(
+            mode="stateless" if mode == "stateless" else "dash" if local is None else "local",
+            local=local,
+            duration_ms=duration,
+            ended_ms=duration + delay_ms,
+            inputs=tuple(sampled),
+            frames=tuple(shown),
+            replies=() if reply_ms is None else tuple(reply(entry.at, reply_ms, entry.pose) for entry in sampled),
+            traffic=tuple(Traffic(at=at, bytes=int(at * kbps / 8)) for at in _ticks(duration, 100)),
+        ),
+        strict=False,
     )
-    configuration: dict[str, Any] = {"scene": "courtyard", "movement": "stroll", "mode": mode, "profile": controller}
-    configuration |= {"network": Network(trace=network, rtt_ms=rtt_ms, offset_s=offset_s), "duration_s": seconds}
+    link = Network(trace=network, rtt_ms=rtt_ms, offset_s=offset_s)
     record = RunRecord(
-        configuration=Configuration.model_validate({**configuration, "width": 640, "height": 360, **changes}),
+        configuration=configuration(mode, profile=controller, network=link, duration_s=seconds, **changes),
         machine=MACHINE,
         started="2026-01-01T00:00:00+00:00",
         scene_bytes=SCENE_BYTES,
@@ -106,14 +90,10 @@ def write_run(
     writer = RunWriter(folder, record)
     writer.recording(made)
     machine = [LoadSample(unix_ms=1e12, cpu=busy, load_average=1.0)]
-    link: dict[str, Any] = {
-        "target_kbps": link_kbps,
-        "delivered_kbps": kbps,
-        "queue_ms": 1,
-        "drops": 0,
-        "up_delivered_kbps": 100,
-    }
-    writer.write(LinkSample, [LinkSample(at=at, position_ms=at, **link) for at in _ticks(duration, 200)])
+    measured = {"target_kbps": link_kbps, "drops": 0}
+    writer.write(
+        LinkSample, [sample(at, kbps).model_copy(update=measured | {"position_ms": at}) for at in _ticks(duration, 200)]
+    )
     writer.write(LoadSample, machine)
     quality, view = Quality(psnr_db=30.0, ssim=0.9), Quality(psnr_db=20.0, ssim=view_ssim)
     writer.write(CaptureQuality, [CaptureQuality(at=500.0, pose=20, rung=2, picture=quality, view=view, seen=view)])

@@ -47,6 +47,7 @@ def test_a_report_is_made_again_byte_for_byte_without_telling_how(tmp_path: Path
     again = written(archive.parent / "study")
     del again["options.json"], again["SHA256SUMS"]
     assert {"report.html", "runs.csv", "groups.csv", "differences.csv"} < set(again)
+    assert {"headline.svg", "overview.svg", "01-bus_rtt.svg", "table.md", "overall.md"} < set(again)
     assert again == written(folder)
     assert (tmp_path / "again.tar.xz").read_bytes() == archive.read_bytes()
 

@@ -15,7 +15,7 @@ import pytest
 from tests.experiments.made_up import MACHINE, SERVER, configuration
 from tests.scenes import scene
 from tigas_common.errors import StartError
-from tigas_common.wire.render import LadderName, Rung, SceneDownload
+from tigas_common.wire.render import LadderName, Rung
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.lock import exclusive, services_lock
 from tigas_experiments.run import environment as module
@@ -108,24 +108,20 @@ class World:
         self.target = Target("http://127.0.0.1:9", SERVER.model_copy(update={"services": services}))
         self.asked: list[str] = []
         self.pages = 0
-        self.downloads: tuple[SceneDownload, ...] = ()
         self.made: list[str] = []
         self.ladder: tuple[Rung, ...] | None = None
         """The scene's own."""
         monkeypatch.setattr(module, "viewer", self.viewer)
         monkeypatch.setattr(module, "load_scene", self.load_scene)
-        monkeypatch.setattr(module, "make_download", self.make_download)
 
     @asynccontextmanager
     async def viewer(self, *_: object) -> AsyncIterator[World]:
         self.pages += 1
         yield self
 
-    async def load_scene(self, *_: object) -> object:
-        return scene().model_copy(update={"ladder": self.ladder, "downloads": self.downloads})
-
-    async def make_download(self, _: str, scene: str) -> None:
-        self.made.append(scene)
+    async def load_scene(self, _: str, name: str, *, download: bool = False) -> object:
+        self.made += [name] * download
+        return scene(ladder=self.ladder, downloads=())
 
     async def prepare(self, settings: dict[str, Any], pose: object) -> None:
         if settings.get("reprojection", True):
@@ -208,12 +204,11 @@ def test_services_that_were_started_again_get_a_browser_that_trusts_them(monkeyp
 
 def test_what_a_run_downloads_is_made_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
     world = World(monkeypatch)
-    world.downloads = (SceneDownload(),)
     lab = world.environment()
     asyncio.run(lab.setup(unshaped()))
     assert world.made == []
     asyncio.run(lab.setup(unshaped(mode="local-compressed")))
-    assert world.made == ["s"]
+    assert world.made == ["courtyard"]
 
 
 def test_a_representation_has_a_rung_of_the_ladder(monkeypatch: pytest.MonkeyPatch) -> None:

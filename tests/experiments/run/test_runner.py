@@ -18,9 +18,9 @@ from rich.console import Console
 
 from tests.command import Result
 from tests.command import tigas as in_process
+from tests.experiments.conftest import Stub, fails
 from tests.experiments.made_up import MACHINE, SERVER
 from tests.experiments.run.test_plan import toml
-from tests.experiments.stub import Stub, fails
 from tigas_common.errors import StartError
 from tigas_experiments.lock import exclusive
 from tigas_experiments.records.folder import RunRecord, RunWriter, read_experiment
@@ -28,7 +28,7 @@ from tigas_experiments.records.machine import Server
 from tigas_experiments.report.controllers import run_names
 from tigas_experiments.run.experiment import GIVE_UP_AFTER, Experiment
 from tigas_experiments.run.plan import ExperimentPlan
-from tigas_experiments.run.progress import progress
+from tigas_experiments.run.runner import progress
 
 
 @pytest.fixture
@@ -85,24 +85,19 @@ def test_a_run_that_fails_is_marked_and_alone_repeated(stub: Stub, file: Path) -
 
 
 @pytest.mark.parametrize(
-    "content", ["", '{"status": "comp', '{"status": "running"}', "[]", None], ids=lambda text: text or repr(text)
+    "content",
+    ["", '{"status": "comp', '{"status": "running"}', "[]", "killed", None],
+    ids=lambda text: text or repr(text),
 )
 def test_a_truncated_record_is_repeated(stub: Stub, file: Path, content: str | None) -> None:
     tigas("run", file)
     path = file.parent / "out" / "runs" / stub.made[2] / "run.json"
+    whole = path.read_text()
     path.unlink()
     if content is not None:
-        path.write_text(content)
+        path.write_text(whole.replace('"complete"', '"running"') if content == "killed" else content)
     assert tigas("run", file).exit_code == 0
     assert stub.made[6:] == [stub.made[2]]
-
-
-def test_a_run_that_was_killed_is_repeated(stub: Stub, file: Path) -> None:
-    tigas("run", file)
-    path = file.parent / "out" / "runs" / stub.made[5] / "run.json"
-    path.write_text(path.read_text().replace('"complete"', '"running"'))
-    tigas("run", file)
-    assert stub.made[6:] == [stub.made[5]]
 
 
 def test_the_services_are_started_with_the_ladder_that_the_file_asks_for(stub: Stub, file: Path) -> None:

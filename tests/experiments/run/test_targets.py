@@ -3,79 +3,56 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 import socket
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from functools import partial
 from pathlib import Path
 
+import httpx
 import psutil
 import pytest
 
 from tests.experiments.made_up import SERVER
+from tests.scenes import scene
 from tigas_common.errors import StartError
-from tigas_experiments.run.targets import Target, alive, load_scene, make_download, read_config, url_target
+from tigas_common.render_requests import RenderClient
+from tigas_common.wire.render import SceneDownload, SceneInfo
+from tigas_experiments.run.targets import Target, alive, load_scene, read_config, url_target
 from tigas_experiments.run.watched import is_here, process_name, watched
 
 
 class Services:
     """A render service and a shaper with answers chosen by the test."""
 
+    url = "http://lab:8080"
+
     def __init__(self) -> None:
         self.certificate = "one"
         self.shaper_status = 200
+        self.stopped = False
         self.asked: list[str] = []
-        services = self
 
-        class Handler(BaseHTTPRequestHandler):
-            def do_GET(self) -> None:
-                self._answer(services.shaper_status if self.path.startswith("/shaper") else 200)
-
-            def do_POST(self) -> None:
-                services.asked.append(self.path)
-                self._answer(404)
-
-            def _answer(self, status: int) -> None:
-                body = json.dumps(services.config if self.path == "/config.json" else {}).encode()
-                self.send_response(status)
-                self.send_header("Content-Length", str(len(body)))
-                self.end_headers()
-                self.wfile.write(body)
-
-            def log_message(self, format: str, *args: object) -> None:
-                pass
-
-        self.server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-        self.url = f"http://127.0.0.1:{self.server.server_port}"
-
-    @property
-    def config(self) -> dict[str, object]:
-        return {
-            "version": "1",
-            "ladder": [],
-            "certificate_sha256": self.certificate,
-            "webtransport_url": None,
-            "https_url": None,
-            "services": {"shaper": f"{self.url}/shaper"},
-        }
-
-    def stop(self) -> None:
-        self.server.shutdown()
-        self.server.server_close()
+    def __call__(self, request: httpx.Request) -> httpx.Response:
+        if self.stopped:
+            raise httpx.ConnectError("Connection refused")
+        if request.method == "POST":
+            self.asked.append(request.url.raw_path.decode())
+            return httpx.Response(404)
+        if request.url.path.startswith("/shaper"):
+            return httpx.Response(self.shaper_status)
+        services = {"shaper": f"{self.url}/shaper"}
+        config = SERVER.model_copy(update={"certificate_sha256": self.certificate, "services": services})
+        return httpx.Response(200, content=config.model_dump_json())
 
 
 @pytest.fixture
-def services() -> Iterator[Services]:
+def services(monkeypatch: pytest.MonkeyPatch) -> Services:
     made = Services()
-    thread = threading.Thread(target=made.server.serve_forever, kwargs={"poll_interval": 0.01})
-    thread.start()
-    yield made
-    made.stop()
-    thread.join()
+    monkeypatch.setattr(httpx, "AsyncClient", partial(httpx.AsyncClient, transport=httpx.MockTransport(made)))
+    return made
 
 
 def test_services_that_are_what_they_were_live(services: Services) -> None:
@@ -86,7 +63,7 @@ def test_services_that_are_what_they_were_live(services: Services) -> None:
     services.shaper_status = 200
     services.certificate = "another"
     assert not asyncio.run(alive(target)), "it was started again"
-    services.stop()
+    services.stopped = True
     assert not asyncio.run(alive(target)), "it was killed"
 
 
@@ -127,11 +104,21 @@ def test_a_scene_s_name_stays_a_name(services: Services) -> None:
     assert services.asked == ["/scenes/..%2Fconfig.json%3F/load"]
 
 
-def test_a_download_that_cannot_be_made_is_told_in_a_sentence(services: Services) -> None:
-    asyncio.run(make_download(services.url, "garden"))
-    services.stop()
-    with pytest.raises(StartError, match=r"^The scene 'garden' cannot be loaded from http"):
-        asyncio.run(make_download(services.url, "garden"))
+def test_what_can_be_downloaded_is_made_for_who_asks_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    offered = scene(downloads=(SceneDownload(),))
+    made: list[str] = []
+
+    async def load(_: RenderClient, scene: str) -> SceneInfo:
+        return offered
+
+    async def prepare(_: RenderClient, scene: str) -> None:
+        made.append(scene)
+
+    monkeypatch.setattr(RenderClient, "load", load)
+    monkeypatch.setattr(RenderClient, "prepare_download", prepare)
+    for download, expected in ((False, []), (True, ["s"])):
+        assert asyncio.run(load_scene("http://127.0.0.1:9", "s", download=download)) == offered
+        assert made == expected
 
 
 @pytest.mark.parametrize("url", ["", "localhost:8080", "ftp://localhost", "http://"])

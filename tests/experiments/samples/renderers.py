@@ -14,18 +14,13 @@ import numpy as np
 from PIL import Image
 
 from tests.experiments.made_up import sampled, write_run
-from tests.scenes import scene
+from tests.scenes import ALONE, scene
 from tigas_common.render_requests import RenderClient
-from tigas_common.wire.render import DEFAULT_LADDER, ServerConfig
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.samples import JPEG, write_sample_file, write_samples
 from tigas_experiments.wire.recording import Sample
 
 SHA256 = "a" * 64
-ALONE = ServerConfig(
-    version="0", ladder=DEFAULT_LADDER, certificate_sha256=None, webtransport_url=None, https_url=None, services={}
-)
-"""Of a service that is no cluster's."""
 
 
 def picture(x: float, width: int, height: int, form: str, shade: int = 0) -> bytes:
@@ -51,7 +46,7 @@ class FakeRenderer:
         self.asked: list[tuple[int, str]] = []
         """Sequence numbers, and formats."""
         self._shade, self._refuse = shade, refuse
-        self._scene = scene().model_copy(update={"file_sha256": file_sha256})
+        self._scene = scene(file_sha256=file_sha256)
 
     async def __call__(self, request: httpx.Request) -> httpx.Response:
         if request.url.path == "/config.json":

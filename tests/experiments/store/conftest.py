@@ -24,13 +24,10 @@ from tigas_common.runner import serve_http
 from tigas_common.wire.render import SceneInfo, ServerConfig
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.records.load import LoadSample
-from tigas_experiments.store.app import Store, create_app
-from tigas_experiments.store.experiments import Experiments
-from tigas_experiments.store.movements import Movements
-from tigas_experiments.store.planner import Planner, Services
-from tigas_experiments.store.reports import Reports
-from tigas_experiments.store.rerendering import Rerendering
-from tigas_experiments.store.workspace import NAME, Workspace
+from tigas_experiments.store.app import create_app
+from tigas_experiments.store.main import open_store
+from tigas_experiments.store.planner import Services
+from tigas_experiments.store.workspace import NAME
 from tigas_experiments.wire.run import Configuration, Mode
 
 PATIENCE_S = 20
@@ -110,7 +107,7 @@ def upload(mode: Mode = "stateless", **changes: Any) -> dict[str, Any]:
 async def services(run: Configuration) -> tuple[ServerConfig, SceneInfo]:
     """A render service with a packager and any scene."""
     config = SERVER.model_copy(update={"services": {"dash": NOBODY}})
-    return config, scene().model_copy(update={"id": run.scene, "file_bytes": SCENE_BYTES})
+    return config, scene(id=run.scene, file_bytes=SCENE_BYTES)
 
 
 async def in_a_thread(function: Callable[[*Ts], T], *arguments: *Ts, limit: Limit | None = None) -> T:
@@ -133,27 +130,14 @@ async def running_store(
 ) -> AsyncIterator[Running]:
     results, movements = directory / "results", directory / "movements"
     movements.mkdir(exist_ok=True)
-    with Workspace.opened(results) as workspace:
-        experiments = Experiments(results, workspace)
-        reports, kept = Reports(experiments, workspace, offload), Movements(movements)
-        async with Rerendering.opened(experiments, NOBODY) as materialisations:
-            planner = Planner(
-                experiments,
-                workspace,
-                offload,
-                movements=movements,
-                render=NOBODY,
-                services=services,
-                machine=MACHINE,
-                load=load,
-                clock=clock,
-            )
-            store = Store(workspace, experiments, reports, kept, planner, materialisations)
-            async with (
-                serve_http(create_app(store, policy), Address("127.0.0.1", 0), limits) as port,
-                httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=PATIENCE_S) as client,
-            ):
-                yield Running(results, movements, client, port)
+    async with (
+        open_store(
+            results, movements, NOBODY, machine=MACHINE, load=load, offload=offload, services=services, clock=clock
+        ) as store,
+        serve_http(create_app(store, policy), Address("127.0.0.1", 0), limits) as port,
+        httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=PATIENCE_S) as client,
+    ):
+        yield Running(results, movements, client, port)
 
 
 @pytest.fixture

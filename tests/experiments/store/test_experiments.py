@@ -65,15 +65,6 @@ async def test_a_run_is_kept_as_commands_keep_theirs(store: Running) -> None:
     assert read_experiment(store.results / experiment).source == "page"
 
 
-async def test_a_run_that_broke_off_is_kept_as_failed(store: Running) -> None:
-    experiment = await store.create()
-    row = await store.add(experiment, complete=False)
-    assert (row["status"], row["figures"]) == ("failed", None)
-    assert row["problem"] == "The movement was not played to its end."
-    [listed] = (await store.http.get("/experiments")).json()["experiments"]
-    assert (listed["planned"], listed["runs"], listed["complete"]) == (2, 1, 0)
-
-
 async def test_a_run_gets_the_load_of_its_own_time(tmp_path: Path) -> None:
     busy = {-1: 0.1, 0: 0.5, 1000: 0.99, 2000: 0.1}  # the run lasts a second
     load = [LoadSample(unix_ms=1e12 + at, cpu=cpu, load_average=1.0) for at, cpu in busy.items()]

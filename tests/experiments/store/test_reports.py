@@ -14,8 +14,8 @@ import pytest
 from tests.experiments.made_up import write_run
 from tests.experiments.store.conftest import Running, by_command
 from tigas_experiments.store import reports
-from tigas_experiments.store.archive import archive
 from tigas_experiments.store.experiments import made_runs
+from tigas_experiments.store.reports import archive
 
 pytestmark = pytest.mark.anyio
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import http.client
 import io
 from pathlib import Path
 from typing import Any
@@ -76,20 +75,6 @@ async def test_samples_come_picture_by_picture_and_are_there_once_all_are(store:
         await store.http.put(f"{run}/samples/000003.jpg", content=JPEG),
     ):
         assert (answer.status_code, answer.json()["type"]) == (409, "tigas:samples-complete")
-
-
-async def test_an_upload_that_is_cut_off_leaves_nothing_of_its_picture(store: Running) -> None:
-    run = await begun(store)
-    before = store.kept()
-    connection = http.client.HTTPConnection("127.0.0.1", store.port)
-    connection.putrequest("PUT", f"{run}/samples/000003.jpg")
-    connection.putheader("Content-Length", str(len(JPEG)))
-    connection.endheaders(JPEG[:-10])
-    connection.close()
-    assert await put(store, run, "000004.jpg", JPEG) == (204, "")
-    told = (await store.http.get(f"{run}/uploaded-samples")).json()
-    assert [file["name"] for file in told["files"]] == ["000004.jpg"]
-    assert len(store.kept()) == len(before) + 2, "the folder and the whole picture"
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import contextlib
 import http.client
 import json
 import subprocess
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +97,18 @@ HOSTILE: list[tuple[dict[str, Any], str]] = [
 ]
 
 
+def changed_upload(changes: Mapping[str, Any]) -> dict[str, Any]:
+    """An upload with other values at these dotted paths."""
+    sent = upload()
+    for path, value in changes.items():
+        *parents, name = path.split(".")
+        inside = sent
+        for parent in parents:
+            inside = inside[parent]
+        inside[name] = value
+    return sent
+
+
 async def refuses(store: Running, experiment: str, content: str) -> str:
     """Why a run is not taken; nothing of it may be kept."""
     before = store.kept()
@@ -109,14 +121,7 @@ async def refuses(store: Running, experiment: str, content: str) -> str:
 async def test_a_broken_run_is_told_why(store: Running) -> None:
     experiment = await store.create()
     for changes, told in HOSTILE:
-        sent = upload()
-        for path, value in changes.items():
-            *parents, name = path.split(".")
-            inside = sent
-            for parent in parents:
-                inside = inside[parent]
-            inside[name] = value
-        assert told in await refuses(store, experiment, json.dumps(sent)), changes
+        assert told in await refuses(store, experiment, json.dumps(changed_upload(changes))), changes
 
 
 def repeated(text: str, size: int = 1_000_000) -> str:
@@ -160,13 +165,7 @@ async def test_metrics_tell_what_came_in_what_was_kept_and_what_waits(store: Run
 
 async def test_a_megabyte_of_mistakes_is_told_as_cheaply_as_one() -> None:
     for where, bomb in BOMBS.items():
-        sent = upload()
-        *parents, name = where.split(".")
-        inside = sent
-        for parent in parents:
-            inside = inside[parent]
-        inside[name] = "HERE"
-        body = json.dumps(sent).replace('"HERE"', bomb).encode()
+        body = json.dumps(changed_upload({where: "HERE"})).replace('"HERE"', bomb).encode()
         with pytest.raises(InvalidRequest) as refused:
             await offload_to_process(parse, RunUpload, body, len(body), limit=check_limit(len(body)))
         assert len(refused.value.detail) < 200, where

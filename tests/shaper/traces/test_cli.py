@@ -18,7 +18,6 @@ from tests.command import Result, tigas
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.fetch import load_sources
 from tigas_shaper.traces.formats import load_trace
-from tigas_shaper.traces.generator import own_traces, write_own_traces
 
 OWN = Path(__file__).parents[3] / "traces" / "network"
 
@@ -78,11 +77,6 @@ def test_plot_draws_the_trace(tmp_path: Path) -> None:
     assert ElementTree.parse(svg).getroot().tag.endswith("svg")
     result = run("info", OWN / "dsl.csv", "--plot", tmp_path / "t.exe")
     assert (result.exit_code, "must end in .png, .svg or .pdf" in result.output) == (1, True)
-
-
-def test_every_own_trace_can_be_written(tmp_path: Path) -> None:
-    write_own_traces(tmp_path / "made")
-    assert {path.stem for path in (tmp_path / "made").iterdir()} == {own.name for own in own_traces()}
 
 
 @pytest.fixture

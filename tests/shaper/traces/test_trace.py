@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from tests.shaper.traces.recordings import read
-from tigas_common.errors import problem
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.trace import NetworkTrace, TraceError, rate_percentiles
 
@@ -84,8 +83,3 @@ def test_there_is_one_state_a_time() -> None:
 def test_a_name_is_safe_as_a_file_and_in_a_url(name: str) -> None:
     with pytest.raises(TraceError, match="name"):
         NetworkTrace(name, (0,), (FAST,), 100)
-
-
-def test_a_broken_trace_is_answered_with_422() -> None:
-    answer = problem(TraceError("Line 3: no."))
-    assert (answer.status, answer.type, answer.detail) == (422, "tigas:broken-trace", "Line 3: no.")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import shlex
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
+from tigas_common.processes import end_as_ctrl_c
 from tigas_common.terminal import make_console
-from tigas_experiments.commands.options import command_as_typed, end_as_ctrl_c
 from tigas_experiments.commands.rerender import Rerender
 
 if TYPE_CHECKING:  # heavy
@@ -55,13 +57,16 @@ class Run(_ExperimentCommand):
         perform(made, self.url, allow_changes=self.allow_changes)
 
 
+def command_as_typed() -> str:
+    return shlex.join(["tigas", *sys.argv[1:]])
+
+
 def perform(made: Experiment, url: str | None, *, allow_changes: bool) -> None:
     """Make the missing runs of an experiment and its report. Raises StartError, OSError, and SystemExit if any lack."""
     from tigas_experiments.report.cli import Report
     from tigas_experiments.report.controllers import run_names
     from tigas_experiments.run.experiment import reserved
-    from tigas_experiments.run.progress import progress
-    from tigas_experiments.run.runner import make_missing_runs
+    from tigas_experiments.run.runner import make_missing_runs, progress
 
     def say(text: str) -> None:
         console.print(text, soft_wrap=True)

@@ -21,10 +21,10 @@ from rich.table import Table
 from tigas_common.command import POSITIONAL, Command, Metavar
 from tigas_common.errors import StartError
 from tigas_common.parsing import sentence
+from tigas_common.processes import end_as_ctrl_c
 from tigas_common.terminal import make_console
 from tigas_common.wire.model import WireModel
-from tigas_experiments.commands.experiment import perform
-from tigas_experiments.commands.options import command_as_typed, end_as_ctrl_c
+from tigas_experiments.commands.experiment import command_as_typed, perform
 
 if TYPE_CHECKING:  # heavy
     from tigas_experiments.run.plan import ExperimentPlan

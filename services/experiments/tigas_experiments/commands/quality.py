@@ -12,8 +12,8 @@ from rich.table import Table
 from tigas_common.cli import in_a_sentence
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import StartError
+from tigas_common.processes import end_as_ctrl_c
 from tigas_common.terminal import make_console, printable, progress_bar
-from tigas_experiments.commands.options import end_as_ctrl_c
 from tigas_experiments.commands.rerender import RenderCommand, SamplesCommand, render_url, rerender_all
 
 if TYPE_CHECKING:  # heavy
@@ -75,15 +75,14 @@ class Fetch(Command):
     """Fetch the weights of LPIPS and DISTS into the user's cache, and the pictures that tests check them with."""
 
     def run(self) -> None:
-        from tigas_experiments.quality.weights import SOURCES, Source
-        from tigas_experiments.quality.weights import fetch as fetched
+        from tigas_experiments.quality.weights import SOURCES, Source, fetch
 
-        def shown(source: Source) -> Callable[[int], None]:
-            return lambda done: show(done / source.size, f"{source.name}, {source.size / 1e6:.1f} MB")
+        def shown(source: Source) -> Callable[[int, int | None], None]:
+            return lambda done, _: show(done / source.size, f"{source.name}, {source.size / 1e6:.1f} MB")
 
         with progress_bar() as show:
             for source in SOURCES:
-                print(f"{fetched(source, shown(source))}")
+                print(fetch(source, shown(source)))
 
 
 quality = Group(

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tigas_common.command import POSITIONAL, Command, Metavar
+from tigas_common.processes import end_as_ctrl_c
 from tigas_common.terminal import make_console, progress_bar
-from tigas_experiments.commands.options import end_as_ctrl_c
 
 if TYPE_CHECKING:  # heavy
     from tigas_experiments.records.samples import SampledRun

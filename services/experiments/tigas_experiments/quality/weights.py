@@ -5,14 +5,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+import httpx
 import pooch
 
-from tigas_common.errors import StartError
+from tigas_common.downloads import Progress, download
 from tigas_common.files import read_regular
 from tigas_experiments.errors import MetricUnavailable
 
@@ -64,26 +63,7 @@ CALIBRATION = Source(
 SOURCES = (FEATURES, DISTS_WEIGHTS, CALIBRATION)
 
 
-def fetch(source: Source, on_progress: Callable[[int], None] = lambda done: None) -> Path:
-    """A source's file in the cache, from the network unless it is there unchanged. Raises StartError and OSError."""
-    import httpx
-
-    def transfer(url: str, target: Any, _: object) -> None:
-        with httpx.stream("GET", url, follow_redirects=True, timeout=60) as response, Path(target).open("wb") as file:
-            response.raise_for_status()
-            done = 0
-            for chunk in response.iter_raw():
-                done += len(chunk)
-                if done > source.size:
-                    raise StartError(f"{url} has more than {source.size:,} bytes, so it was dropped.")
-                file.write(chunk)
-                on_progress(done)
-
-    pooch.get_logger().setLevel("WARNING")
-    path = source.cached
-    try:
-        return Path(pooch.retrieve(source.url, source.sha256, path.name, path.parent, downloader=transfer))
-    except httpx.HTTPError as error:
-        raise StartError(f"{source.url} could not be fetched: {error or type(error).__name__}.") from None
-    except ValueError as error:  # the first of pooch's sentences names both checksums
-        raise StartError(f"{source.url} was not kept: {str(error).partition('. ')[0]}.") from None
+def fetch(source: Source, progress: Progress = lambda done, total: None) -> Path:
+    """A source's file in the cache, from the network unless it is there unchanged. Raises FetchError and OSError."""
+    with httpx.Client(timeout=60) as client:
+        return download(source.url, source.sha256, source.cached, source.size, client, progress)

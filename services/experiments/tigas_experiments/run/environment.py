@@ -22,7 +22,7 @@ from tigas_experiments.run.checks import MadeWith, check_services
 from tigas_experiments.run.inputs import Inputs, points_sha256
 from tigas_experiments.run.job import MadeFrom
 from tigas_experiments.run.link import link_for
-from tigas_experiments.run.targets import LAB_URL, Target, alive, lab_target, load_scene, make_download, url_target
+from tigas_experiments.run.targets import LAB_URL, Target, alive, lab_target, load_scene, url_target
 from tigas_experiments.wire.movement import TimedPose
 from tigas_experiments.wire.run import PER_VIEW, Configuration, Network
 
@@ -117,9 +117,8 @@ class Environment:
     async def setup(self, configuration: Configuration) -> Setup:
         """Resources of a run, with its scene loaded and its download prepared. Raises StartError."""
         target, browser = await self._services()
-        scene = await load_scene(target.url, configuration.scene)
-        if configuration.mode == "local-compressed" and scene.downloads:
-            await make_download(target.url, scene.id)
+        download = configuration.mode == "local-compressed"
+        scene = await load_scene(target.url, configuration.scene, download=download)
         digests = self._inputs.digests(configuration)
         key = (*_inputs(configuration), digests.movement)
         if key not in self._points:

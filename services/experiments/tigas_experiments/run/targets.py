@@ -110,23 +110,14 @@ async def alive(target: Target) -> bool:
     return config == target.config and all([await _serves(url, ANSWER_S) for url in services if url is not None])
 
 
-async def load_scene(url: str, scene: str) -> SceneInfo:
-    """A scene's description, once it is loaded. Raises StartError."""
-    async with _about(scene, url) as service:
-        return await service.load(scene)
-
-
-async def make_download(url: str, scene: str) -> None:
-    """Prepare a scene's file for download, which takes seconds for large scenes. Raises StartError."""
-    async with _about(scene, url) as service:
-        await service.prepare_download(scene)
-
-
-@asynccontextmanager
-async def _about(scene: str, url: str) -> AsyncIterator[RenderClient]:
+async def load_scene(url: str, scene: str, *, download: bool = False) -> SceneInfo:
+    """A scene's description, once it is loaded, and its file prepared if it can be downloaded. Raises StartError."""
     try:
         async with RenderClient.at(url) as service:
-            yield service
+            info = await service.load(scene)
+            if download and info.downloads:
+                await service.prepare_download(info.id)
+            return info
     except TigasError as error:
         raise StartError(f"The scene {scene!r} cannot be loaded from {url}: {error}") from None
 

@@ -32,14 +32,13 @@ from tigas_common.web import (
     read_message,
 )
 from tigas_experiments.records.samples import MAX_PICTURE_BYTES
-from tigas_experiments.store.archive import archive
 from tigas_experiments.store.errors import storage_explained
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.limited import MAX_REQUEST_BYTES
 from tigas_experiments.store.metrics import StoreMetrics
 from tigas_experiments.store.movements import Movements
 from tigas_experiments.store.planner import Planner
-from tigas_experiments.store.reports import Reports
+from tigas_experiments.store.reports import Reports, archive
 from tigas_experiments.store.rerendering import Rerendering
 from tigas_experiments.store.samples import (
     MAX_INDEX_BYTES,
@@ -286,22 +285,20 @@ async def _receive(request: Request, path: Path, limit: int) -> int:
 
     Raises BodyTooLarge, InvalidRequest if it stops before its end, and OSError.
     """
-    size, parts, too_large = 0, aiter(request.stream()), BodyTooLarge(f"The body is larger than {limit} bytes.")
+    size, too_large = 0, BodyTooLarge(f"The body is larger than {limit} bytes.")
     if int(request.headers.get("content-length", 0)) > limit:
         raise too_large
-    with path.open("wb") as file:
-        while True:
-            try:
-                part = await anext(parts, None)  # the server waits no longer than its limits say
-            except ClientDisconnect:
-                raise InvalidRequest("The client disconnected before its request was complete.") from None
-            if part is None:
-                return size
-            size += len(part)
-            _metrics(request).received_bytes += len(part)
-            if size > limit:
-                raise too_large
-            await asyncio.to_thread(file.write, part)
+    try:
+        with path.open("wb") as file:
+            async for part in request.stream():  # the server waits no longer than its limits say
+                size += len(part)
+                _metrics(request).received_bytes += len(part)
+                if size > limit:
+                    raise too_large
+                await asyncio.to_thread(file.write, part)
+    except ClientDisconnect:
+        raise InvalidRequest("The client disconnected before its request was complete.") from None
+    return size
 
 
 async def _keep_picture(request: Request, keep: Callable[[Path, Path], None]) -> None:

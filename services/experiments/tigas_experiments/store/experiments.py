@@ -24,17 +24,11 @@ from tigas_experiments.records.folder import ExperimentRecord, RunRecord, Stored
 from tigas_experiments.records.samples import INDEX as SAMPLES
 from tigas_experiments.records.samples import RERENDERED
 from tigas_experiments.records.scores import SCORES
-from tigas_experiments.records.summary import Summary, summarise
+from tigas_experiments.records.summary import summarise
 from tigas_experiments.store.errors import ExperimentInUse, UnknownExperiment, UnknownRun, storage_explained
 from tigas_experiments.store.samples import count_samples
 from tigas_experiments.store.workspace import Workspace
-from tigas_experiments.wire.store import (
-    Experiment,
-    ExperimentList,
-    ExperimentSummary,
-    RunRow,
-    SampleCounts,
-)
+from tigas_experiments.wire.store import Experiment, ExperimentList, ExperimentSummary, RunRow
 
 CACHED_RUNS = 10_000
 T = TypeVar("T")
@@ -98,11 +92,11 @@ class Experiments:
         self.find_page(experiment)
         return self.run(experiment, name)
 
-    def create(self, made: Path, name: str, now: datetime) -> str:
+    def create(self, made: Path, name: str) -> str:
         """Move a complete experiment from the workspace to its place; its id. Raises DiskFull."""
         slug = re.sub(r"[^A-Za-z0-9.-]+", "-", name).strip(".-")[:60] or "experiment"
         with storage_explained():
-            return _placed(made, self.results, f"{slug}-{now.astimezone(UTC):%Y%m%d-%H%M%S}")
+            return _placed(made, self.results, f"{slug}-{datetime.now(UTC):%Y%m%d-%H%M%S}")
 
     def _read(self) -> Iterator[tuple[Path, ExperimentRecord]]:
         """Folders and records of all readable experiments."""
@@ -197,10 +191,7 @@ def _record(run: Path, _written: tuple[int, ...]) -> RunRecord:
 
 @lru_cache(CACHED_RUNS)
 def _row_of(run: Path, _written: tuple[int, ...]) -> RunRow:
-    return _row(summarise(run), count_samples(run))
-
-
-def _row(summary: Summary, samples: SampleCounts | None = None) -> RunRow:
+    summary = summarise(run)
     record = summary.record
     return RunRow(
         folder=summary.folder,
@@ -208,7 +199,7 @@ def _row(summary: Summary, samples: SampleCounts | None = None) -> RunRow:
         problem=summary.problem,
         configuration=record.configuration,
         figures=summary.figures,
-        samples=samples,
+        samples=count_samples(run),
         saturated_share=record.load.saturated_share if record.load is not None and record.load.saturated else None,
     )
 

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import asyncio
-from contextlib import AsyncExitStack
+import time
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager
 from functools import partial
+from pathlib import Path
 
 from tigas_common.address import say_if_open
 from tigas_common.limits import HttpLimits
 from tigas_common.loop_share import LoopShare
-from tigas_common.offload import offload_to_process
+from tigas_common.offload import Offload, offload_to_process
 from tigas_common.origins import OriginPolicy
 from tigas_common.resources import keep_together
 from tigas_common.runner import explained, serve_listener, until_stopped
-from tigas_experiments.records.load import EVERY_S, watching_load
-from tigas_experiments.records.machine import this_machine
+from tigas_experiments.records.load import EVERY_S, LoadSample, watching_load
+from tigas_experiments.records.machine import Machine, this_machine
 from tigas_experiments.store.app import Store, create_app
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.movements import Movements
-from tigas_experiments.store.planner import Planner, render_service
+from tigas_experiments.store.planner import Planner, Services, render_service
 from tigas_experiments.store.reports import Reports
 from tigas_experiments.store.rerendering import Rerendering
 from tigas_experiments.store.settings import StoreSettings
@@ -35,29 +38,44 @@ async def serve(settings: StoreSettings) -> None:
     async with AsyncExitStack() as stack:
         with explained(settings.http, "--http"):  # before anything that takes time
             listener = stack.enter_context(settings.http.listen(limits.unread_s))
-        workspace = stack.enter_context(Workspace.opened(settings.results))
         load = await stack.enter_async_context(watching_load(keep=int(REMEMBERED_S / EVERY_S)))
-        experiments = Experiments(settings.results, workspace)
-        store = Store(
-            workspace=workspace,
-            experiments=experiments,
-            reports=Reports(experiments, workspace, offload_to_process),
-            movements=Movements(settings.movements),
-            planner=Planner(
-                experiments,
-                workspace,
-                offload_to_process,
-                movements=settings.movements,
-                render=settings.render,
-                services=partial(render_service, settings.render.rstrip("/")),
-                machine=await asyncio.to_thread(this_machine),
-                load=load,
-            ),
-            rerendering=await stack.enter_async_context(Rerendering.opened(experiments, settings.render)),
-        )
+        machine = await asyncio.to_thread(this_machine)
+        opened = open_store(settings.results, settings.movements, settings.render, machine=machine, load=load)
+        store = await stack.enter_async_context(opened)
         policy = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins)
         app = LoopShare(create_app(store, policy), limits.loop_share_per_address, policy)
         port = await stack.enter_async_context(serve_listener(app, listener, limits))
         say_if_open([settings.http])
         print(f"Experiments in {settings.results} on http://{settings.http.reachable_host}:{port}/", flush=True)
         await until_stopped()
+
+
+@asynccontextmanager
+async def open_store(
+    results: Path,
+    movements: Path,
+    render: str,
+    *,
+    machine: Machine,
+    load: Sequence[LoadSample],
+    offload: Offload = offload_to_process,
+    services: Services | None = None,
+    clock: Callable[[], float] = time.monotonic,
+) -> AsyncIterator[Store]:
+    """The store's parts, as a context manager: `services` are those at the URL `render`. Raises StartError."""
+    with Workspace.opened(results) as workspace:
+        experiments = Experiments(results, workspace)
+        async with Rerendering.opened(experiments, render) as rerendering:
+            planner = Planner(
+                experiments,
+                workspace,
+                offload,
+                movements=movements,
+                render=render,
+                services=services or partial(render_service, render.rstrip("/")),
+                machine=machine,
+                load=load,
+                clock=clock,
+            )
+            reports = Reports(experiments, workspace, offload)
+            yield Store(workspace, experiments, reports, Movements(movements), planner, rerendering)

@@ -6,7 +6,6 @@ import asyncio
 import time
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 
 from tigas_common.errors import StartError
@@ -22,7 +21,7 @@ from tigas_experiments.run.experiment import GIVE_UP_AFTER, RUNS, Experiment
 from tigas_experiments.run.inputs import points_sha256
 from tigas_experiments.run.job import MadeFrom, page_settings, run_plan
 from tigas_experiments.run.plan import lasting, seconds
-from tigas_experiments.run.targets import Target, load_scene, make_download, read_config
+from tigas_experiments.run.targets import Target, load_scene, read_config
 from tigas_experiments.store.errors import (
     CannotStart,
     RunMade,
@@ -102,10 +101,7 @@ class _Session:
 
 async def render_service(url: str, run: Configuration) -> tuple[ServerConfig, SceneInfo]:
     """The render service at a URL, with a run's scene loaded and its download prepared. Raises StartError."""
-    config, scene = await read_config(url), await load_scene(url, run.scene)
-    if run.mode == "local-compressed" and scene.downloads:
-        await make_download(url, scene.id)
-    return config, scene
+    return await read_config(url), await load_scene(url, run.scene, download=run.mode == "local-compressed")
 
 
 class Planner:
@@ -155,7 +151,7 @@ class Planner:
             experiment, traces_s = await self._expand(body, made)
             name = await asyncio.to_thread(self._experiments.new_name, experiment.plan.name)
             await asyncio.to_thread(experiment.write, traces_s, name)
-            return await asyncio.to_thread(self._experiments.create, made, name, datetime.now(UTC))
+            return await asyncio.to_thread(self._experiments.create, made, name)
 
     async def _expand(self, body: bytes, made: Path) -> tuple[Experiment, Mapping[str, float]]:
         async with self._expanding:

@@ -1,11 +1,15 @@
-"""Reports of experiments, made on demand and cached until runs change."""
+"""Reports of experiments, made on demand and cached until runs change; and ZIPs, made while they are read."""
 
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from zipfile import ZIP_DEFLATED, ZIP_STORED
+
+from zipstream import ZipStream
 
 from tigas_common.errors import StartError
 from tigas_common.files import read_regular
@@ -15,6 +19,10 @@ from tigas_experiments.store.experiments import Experiments, made_runs, version
 from tigas_experiments.store.metrics import MonitoredLock
 from tigas_experiments.store.workspace import Workspace
 
+LEVEL = 5
+"""Records shrink to about a tenth; more costs time that the services need."""
+COMPRESSED = (".png", ".jpg", ".webp")
+"""Suffixes of files that are stored without further compression."""
 REPORT = "report.html"
 MAX_REPORT_BYTES = 1_000_000_000
 """Reports have some megabytes."""
@@ -74,3 +82,27 @@ def draw(folder: Path, out: Path) -> None:
 def _move(made: Path, folder: Path) -> None:
     for path in made.iterdir():
         path.replace(folder / path.name)
+
+
+def archive(folder: Path) -> Iterator[bytes]:
+    """The ZIP of a folder, under its name and without links.
+
+    Raises OSError if the folder is removed meanwhile.
+    """
+    stream = ZipStream(compress_type=ZIP_DEFLATED, compress_level=LEVEL)
+    for parent, folders, names in os.walk(folder, onerror=_raise):
+        folders.sort()
+        inside = Path(folder.name, Path(parent).relative_to(folder))
+        stream.add_path(parent, str(inside), recurse=False)
+        for name in sorted(names):
+            path = Path(parent, name)
+            if path.is_file() and not path.is_symlink():
+                stored = path.suffix in COMPRESSED
+                stream.add_path(
+                    path, str(inside / name), recurse=False, compress_type=ZIP_STORED if stored else ZIP_DEFLATED
+                )
+    yield from stream
+
+
+def _raise(error: OSError) -> None:
+    raise error

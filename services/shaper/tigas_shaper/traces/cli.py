@@ -143,7 +143,8 @@ def _fetch_files(source: Source, directory: Path) -> Iterator[Path]:
     import httpx
     from rich.progress import BarColumn, DownloadColumn, Progress, TaskID, TextColumn
 
-    from tigas_shaper.traces.fetch import download, unpack
+    from tigas_common.downloads import download
+    from tigas_shaper.traces.fetch import MAX_BYTES, unpack
 
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn())
     with httpx.Client(timeout=30) as client, Progress(*columns) as bars:
@@ -153,7 +154,7 @@ def _fetch_files(source: Source, directory: Path) -> Iterator[Path]:
             def show(done: int, total: int | None, task: TaskID = task) -> None:
                 bars.update(task, completed=done, total=total)
 
-            path = download(file, directory, client, show)
+            path = download(file.url, file.sha256, directory / file.name, MAX_BYTES, client, show)
             if file.sha256 is None:
                 bars.console.print(f"{file.name}: no known checksum, so only the transfer was checked")
             yield unpack(path) if path.suffix == ".zip" else path

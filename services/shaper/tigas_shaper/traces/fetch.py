@@ -1,4 +1,4 @@
-"""Fetches published trace sets: their list in sources.toml, downloads that resume, and archives that are distrusted."""
+"""Fetches published trace sets: their list in sources.toml, their files, and archives that are distrusted."""
 
 from __future__ import annotations
 
@@ -8,29 +8,19 @@ import tempfile
 import tomllib
 import zipfile
 import zlib
-from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
-import httpx
-import pooch
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from tigas_common.errors import TigasError
+from tigas_common.downloads import FetchError
 
 MAX_BYTES = 1_000_000_000
 """Of one file; a server that never stops must not fill the disk."""
 MAX_UNPACKED_FILES = 10_000
 MAX_UNPACKED_BYTES = 2_000_000_000
 _SAFE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+=-]{0,99}")
-
-Progress = Callable[[int, int | None], None]
-"""Progress callback: bytes so far and, if the server announces it, the total."""
-
-
-class FetchError(TigasError):
-    status, type, title = 502, "fetch-failed", "The data cannot be fetched"
 
 
 class SourceFile(BaseModel):
@@ -73,29 +63,6 @@ def load_sources(path: Path | None = None) -> dict[str, Source]:
     return sources
 
 
-def download(file: SourceFile, directory: Path, client: httpx.Client, progress: Progress) -> Path:
-    """The file in `directory`, from the network unless it is there unchanged. Raises FetchError and OSError.
-
-    While incomplete it is called NAME.part, and NAME.part.tag holds the server's version of it: a part is continued
-    only if the server still has that version.
-    """
-    part, tag = directory / f"{file.name}.part", directory / f"{file.name}.part.tag"
-
-    def resume(url: str, target: str, _: object) -> None:
-        _transfer(url, part, tag, client, progress)
-        tag.unlink(missing_ok=True)
-        part.replace(target)
-
-    pooch.get_logger().setLevel("WARNING")
-    try:
-        return Path(pooch.retrieve(file.url, file.sha256, file.name, directory, downloader=resume))
-    except httpx.HTTPError as error:
-        kept = f" after {part.stat().st_size:,} bytes; run it again to continue" if part.exists() else ""
-        raise FetchError(f"{file.url} broke off{kept}: {error or type(error).__name__}.") from None
-    except ValueError as error:  # the first of pooch's sentences names both checksums
-        raise FetchError(f"{file.url} was not kept: {str(error).partition('. ')[0]}.") from None
-
-
 def unpack(archive: Path) -> Path:
     """The folder next to the archive, named without the suffix, with all its files; complete or absent.
 
@@ -117,49 +84,6 @@ def unpack(archive: Path) -> Path:
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, FileExistsError) as error:
         raise FetchError(f"{archive.name} cannot be unpacked: {error}.") from None
     return target
-
-
-def _transfer(url: str, part: Path, tag: Path, client: httpx.Client, progress: Progress) -> None:
-    """Make the part complete."""
-    have = part.stat().st_size if part.exists() and tag.exists() else 0
-    headers = {"Accept-Encoding": "identity"}  # ranges and checksums are of the file itself
-    if have:
-        headers |= {"Range": f"bytes={have}-", "If-Range": tag.read_text("ascii")}
-    with client.stream("GET", url, headers=headers, follow_redirects=True) as response:
-        match response.status_code:
-            case 200:  # all of it: the first try, or the server does no ranges, or has a newer version
-                _store(response, part, tag, 0, progress)
-                return
-            case 206 if response.headers.get("Content-Range", "").startswith(f"bytes {have}-"):
-                _store(response, part, tag, have, progress)
-                return
-            case 416 if have:  # the part is at least as long as the file: it cannot be resumed
-                part.unlink()
-            case _:
-                raise FetchError(f"{url} was answered with {response.status_code} {response.reason_phrase}.")
-    _transfer(url, part, tag, client, progress)
-
-
-def _store(response: httpx.Response, part: Path, tag: Path, have: int, progress: Progress) -> None:
-    """Append to the `have` bytes of the part, or start it."""
-    version = response.headers.get("ETag", "")
-    if version.startswith('"') and version.isascii():  # a weak tag, W/"…", does not promise equal bytes
-        tag.write_text(version, "ascii")
-    else:
-        tag.unlink(missing_ok=True)
-    length = response.headers.get("Content-Length", "")
-    total = have + int(length) if re.fullmatch("[0-9]{1,15}", length) else None
-    with part.open("ab" if have else "wb") as out:
-        for chunk in response.iter_raw():
-            have += len(chunk)
-            if have > MAX_BYTES:
-                break
-            out.write(chunk)
-            progress(have, total)
-    if have > MAX_BYTES:
-        part.unlink()
-        tag.unlink(missing_ok=True)
-        raise FetchError(f"{response.url} is larger than {MAX_BYTES // 1_000_000} MB, so it was dropped.")
 
 
 def _check(archive: str, members: list[zipfile.ZipInfo]) -> None:
