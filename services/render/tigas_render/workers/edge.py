@@ -10,7 +10,6 @@ from contextlib import AsyncExitStack
 from dataclasses import replace
 
 from aioquic.tls import SessionTicket
-from pydantic import TypeAdapter
 from starlette.routing import Match
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -43,7 +42,6 @@ from tigas_render.workers.process import run, until_stopped_or_alone
 
 TELL_TICKS = 10
 """Measurements of the load between two reports to the engines, a second apart."""
-_STATE = TypeAdapter(LoadState)
 
 
 async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> None:
@@ -107,7 +105,7 @@ def _every(ticks: int, engines: PipeClient | Engines) -> Callable[[LoadState], N
 
     def report(state: LoadState) -> None:
         if next(measurements) % ticks == 0:
-            engines.tell(_STATE.dump_json(state))
+            engines.tell(state)
 
     return report
 
