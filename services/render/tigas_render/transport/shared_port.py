@@ -6,21 +6,16 @@ it. A client's first packet has a random id, and so opens a connection at the ed
 
 from __future__ import annotations
 
-import asyncio
 import ctypes
-import logging
 import socket
 import struct
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from aioquic.tls import SessionTicket
 
 from tigas_render.transport.edge_counts import EdgeCounts
-from tigas_render.transport.udp import Address
-
-logger = logging.getLogger(__name__)
 
 LONG_HEADER = 0x80
 LONG_HEADER_CID = 1 + 4 + 1
@@ -29,14 +24,6 @@ SHORT_HEADER_CID = 1
 
 SO_ATTACH_REUSEPORT_CBPF = 51
 LOAD_BYTE, JUMP, JUMP_IF_SET, MODULO, RETURN = 0x30, 0x05, 0x45, 0x94, 0x16
-
-_HEADER = struct.Struct("=dHIIB")
-"""A relayed datagram's arrival in seconds of the monotonic clock, port, flow and scope (of IPv6), and the length of the
-host's name.
-"""
-MAX_DRAIN = 128
-"""Relayed datagrams read before other work gets its turn."""
-MAX_MESSAGE = _HEADER.size + 255 + 65_535
 
 MAX_TICKETS = 1024
 
@@ -53,17 +40,12 @@ class Edge:
         first = cid[0] - cid[0] % self.of + self.number
         return bytes((first if first < 256 else first - self.of,)) + cid[1:]
 
-    def owner(self, datagram: bytes) -> int:
-        """The number of the edge that a datagram is for; this one's if it does not say."""
-        at = LONG_HEADER_CID if datagram and datagram[0] & LONG_HEADER else SHORT_HEADER_CID
-        return datagram[at] % self.of if len(datagram) > at else self.number
-
 
 def steer(sock: socket.socket, edges: int) -> bool:
     """Make the kernel deliver each datagram to its owner, by a classic BPF program (bpf(4), socket(7)).
 
-    The sockets of this one's port are numbered in the order of binding. False if the kernel cannot: then it chooses one
-    by the addresses, so that a client with a changed address reaches another edge.
+    The sockets of this one's port are numbered in the order of binding. False if the kernel cannot (Linux before 4.5,
+    gVisor).
     """
     program = b"".join(
         struct.pack("@HBBI", *instruction)
@@ -84,61 +66,6 @@ def steer(sock: socket.socket, edges: int) -> bool:
     except OSError:
         return False
     return True
-
-
-class Relay:
-    """One edge's side of passing datagrams to their owners, where the kernel does not.
-
-    A datagram goes to its owner over a Unix socket with the client's address and the time at which it arrived. The
-    owner answers from its own UDP socket with the same port.
-    """
-
-    def __init__(self, edge: Edge, inbox: socket.socket, outboxes: Sequence[socket.socket]) -> None:
-        """inbox: receives datagrams for this edge; outboxes: sockets of the edges, by number."""
-        self._edge = edge
-        self._inbox = inbox
-        self._outboxes = outboxes
-        for each in (inbox, *outboxes):
-            each.setblocking(False)
-
-    def start(self, received: Callable[[bytes, Address, float], None], drained: Callable[[], None]) -> None:
-        """Deliver relayed datagrams to `received`, and report when no more are waiting."""
-        self._received = received
-        self._drained = drained
-        asyncio.get_running_loop().add_reader(self._inbox.fileno(), self._read)
-
-    def close(self) -> None:
-        asyncio.get_running_loop().remove_reader(self._inbox.fileno())
-        for each in (self._inbox, *self._outboxes):
-            each.close()
-
-    def pass_on(self, data: bytes, address: Address, arrived: float) -> bool:
-        """Whether a datagram is another edge's; then it has been sent there, or is lost, as in a network."""
-        owner = self._edge.owner(data)
-        if owner == self._edge.number:
-            return False
-        host, port, *rest = address
-        flow, scope = rest or (0, 0)
-        name = str(host).encode()
-        header = _HEADER.pack(arrived, port, flow, scope, len(name))
-        try:
-            self._outboxes[owner].sendmsg((header, name, data))
-        except OSError as error:  # it is full
-            logger.debug("A datagram for edge %s is dropped: %s", owner, error)
-        return True
-
-    def _read(self) -> None:
-        try:
-            for _ in range(MAX_DRAIN):
-                message = self._inbox.recv(MAX_MESSAGE)
-                arrived, port, flow, scope, length = _HEADER.unpack_from(message)
-                begin = _HEADER.size + length
-                host = message[_HEADER.size : begin].decode()
-                address = (host, port, flow, scope) if ":" in host else (host, port)
-                self._received(message[begin:], address, arrived)
-        except (BlockingIOError, InterruptedError):
-            pass
-        self._drained()
 
 
 class TicketStore:
@@ -178,5 +105,3 @@ class Share:
     """Session tickets of all edges."""
     counts: EdgeCounts | None = None
     """Connections of all edges; None: new clients stay where they come."""
-    relay: Relay | None = None
-    """Where the kernel does not bring each datagram to the edge that it is for."""

@@ -23,7 +23,7 @@ from tigas_render.server.frame_route import PATH, HttpFrames, frames_app
 from tigas_render.server.public_servers import public_servers
 from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.edge_counts import EdgeCounts
-from tigas_render.transport.shared_port import Edge, Relay, Share, TicketStore
+from tigas_render.transport.shared_port import Edge, Share, TicketStore
 from tigas_render.uploads.parts_route import PART, uploads_app
 from tigas_render.workers.aggregate import Aggregate, EngineProxy
 from tigas_render.workers.control import (
@@ -123,10 +123,7 @@ def _by_path(frames: ASGIApp, parts: ASGIApp, rest: ASGIApp) -> ASGIApp:
 def _share(start: EdgeStart, tickets: SharedTickets) -> Share:
     of = Edge(start.number, start.edges)
     sockets = tuple(map(_inherited, start.quic))
-    relay = None
-    if start.relay is not None:
-        relay = Relay(of, _inherited(start.relay), [_inherited(fd) for fd in start.relays])
-    return Share(of, sockets, start.retry_key, tickets, EdgeCounts(start.counts, start.number, start.edges), relay)
+    return Share(of, sockets, start.retry_key, tickets, EdgeCounts(start.counts, start.number, start.edges))
 
 
 def _inherited(fd: int) -> socket.socket:

@@ -174,8 +174,6 @@ class Supervisor:
                 https=None if public.https is None else public.https.fileno(),
                 quic=tuple(sock.fileno() for sock in public.quic[number]) if public.quic else (),
                 counts=self._counts,
-                relay=public.relays[number][0].fileno() if public.relays else None,
-                relays=tuple(outbox.fileno() for _, outbox in public.relays),
                 certificate=self._certificate,
                 reset_key=self._reset_key,
                 retry_key=self._retry_key,
