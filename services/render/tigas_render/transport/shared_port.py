@@ -7,15 +7,16 @@ it. A client's first packet has a random id, and so opens a connection at the ed
 from __future__ import annotations
 
 import ctypes
+import mmap
+import os
 import socket
 import struct
 from collections import OrderedDict
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from aioquic.tls import SessionTicket
-
-from tigas_render.transport.edge_counts import EdgeCounts
 
 LONG_HEADER = 0x80
 LONG_HEADER_CID = 1 + 4 + 1
@@ -26,6 +27,11 @@ SO_ATTACH_REUSEPORT_CBPF = 51
 LOAD_BYTE, JUMP, JUMP_IF_SET, MODULO, RETURN = 0x30, 0x05, 0x45, 0x94, 0x16
 
 MAX_TICKETS = 1024
+
+MOST_AHEAD = 1
+"""Connections that an edge may have beyond another's and still take new clients: a Retry costs them a round trip."""
+COUNT_BYTES = 4
+"""Of a count, which is read and written as a whole."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +72,43 @@ def steer(sock: socket.socket, edges: int) -> bool:
     except OSError:
         return False
     return True
+
+
+@contextmanager
+def counts_file(edges: int) -> Iterator[int]:
+    """The memory for some edges' counts, as a file descriptor without a name, until the context ends."""
+    fd = os.memfd_create("tigas edges", os.MFD_CLOEXEC)
+    try:
+        os.ftruncate(fd, COUNT_BYTES * edges)
+        yield fd
+    finally:
+        os.close(fd)
+
+
+class EdgeCounts:
+    """One edge's view of all edges' numbers of connections.
+
+    New clients fall on edges at random, and the fullest edge is the first that is too busy. So an edge with more
+    connections than another sends new clients there, by a Retry.
+    """
+
+    def __init__(self, fd: int, number: int, edges: int) -> None:
+        """fd: from `counts_file`; it is not needed afterwards. number: of this edge, which begins without connections;
+        edges: the number of all.
+        """
+        self._number = number
+        self._counts = memoryview(mmap.mmap(fd, COUNT_BYTES * edges)).cast("I")
+        self.update(0)
+
+    def update(self, connections: int) -> None:
+        """Tell the others the number of this edge's connections."""
+        self._counts[self._number] = connections
+
+    def emptier(self) -> int | None:
+        """The number of the edge with the fewest connections, if this one should send new clients there."""
+        counts = self._counts.tolist()
+        fewest = min(counts)
+        return None if counts[self._number] <= fewest + MOST_AHEAD else counts.index(fewest)
 
 
 class TicketStore:

@@ -22,8 +22,7 @@ from tigas_render.pipe.engines import Engines
 from tigas_render.server.frame_route import PATH, HttpFrames, frames_app
 from tigas_render.server.public_servers import public_servers
 from tigas_render.transport.certificate import Certificate
-from tigas_render.transport.edge_counts import EdgeCounts
-from tigas_render.transport.shared_port import Edge, Share, TicketStore
+from tigas_render.transport.shared_port import Edge, EdgeCounts, Share, TicketStore
 from tigas_render.uploads.parts_route import PART, uploads_app
 from tigas_render.workers.aggregate import Aggregate, EngineProxy
 from tigas_render.workers.control import (

@@ -16,8 +16,7 @@ from tigas_render.server.certificates import CertificateKeeper
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.certificate import Certificate
-from tigas_render.transport.edge_counts import counts_file
-from tigas_render.transport.shared_port import TicketStore
+from tigas_render.transport.shared_port import TicketStore, counts_file
 from tigas_render.transport.stateless import RETRY_KEY_LENGTH
 from tigas_render.workers.control import (
     EdgeStart,
