@@ -11,9 +11,7 @@ import signal
 import socket
 import sys
 import time
-from collections import Counter
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -25,8 +23,7 @@ from tests.render.transport.client import FakeFrames
 from tigas_common.errors import Overloaded
 from tigas_render.pipe import link
 from tigas_render.pipe import server as server_module
-from tigas_render.pipe.arena import PASSED
-from tigas_render.pipe.link import PREFIX, Kind, Splitter, framed
+from tigas_render.pipe.link import PREFIX, Kind, framed
 from tigas_render.pipe.messages import pack_request
 from tigas_render.pipe.server import serve_edges
 
@@ -77,39 +74,21 @@ async def test_withdrawing_through_the_pipe_takes_work_out_of_the_schedule(tmp_p
     assert bench.scenes.users == 0
 
 
-def answers(sock: socket.socket, number: int) -> list[tuple[int, tuple[Any, ...]]]:
-    """Kinds and values of the following answers, without the engine's state."""
-    sock.recv(len(PASSED))
-    splitter, found = Splitter(), []
-    while len(found) < number:
-        found += [message for message in splitter.feed(sock.recv(1 << 20)) if message[0] != Kind.STATE]
-    return found
-
-
-async def test_a_full_arena_sends_frames_through_the_socket_until_that_is_full_too(
-    engine: Engine, frames: FakeFrames, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(server_module, "MOST_QUEUED", 400_000)
+async def test_a_frame_that_finds_no_room_is_refused_until_there_is_some(engine: Engine, frames: FakeFrames) -> None:
     frames.body = random.Random(3).randbytes(300_000)
     engine.arena_bytes = 300_032
     async with engine.running() as server, Edge(engine.path).connected() as edge:
         pipe = Pipe(frames, engine, server, edge)
-        kept, inline = await pipe.submit(), await pipe.submit()
-        assert (type(kept.body), type(inline.body)) == (memoryview, bytes)
-        assert kept.body == inline.body == frames.body
+        kept = await pipe.submit()
+        with pytest.raises(Overloaded, match="no room"):
+            await pipe.submit()
+        assert kept.body == frames.body
         kept.release()
-        assert isinstance((await pipe.submit()).body, memoryview)
-
-        # an edge that does not read
-        with socket.socket(socket.AF_UNIX) as deaf:
-            deaf.connect(str(engine.path))
-            deaf.sendall(b"".join(pack_request(id, VIEWER, 0.0, 0.0, render_request(seq=id)) for id in range(20)))
-            await eventually(lambda: len(frames.requests) == 3 + 20)
-            deaf.settimeout(20)
-            found = await asyncio.to_thread(answers, deaf, 20)
-    places = Counter(type(values[1]) for kind, values in found if kind == Kind.FRAME)
-    assert places[tuple] == 1, "in the arena"
-    assert 1 <= places[bytes] <= 4, "the others are refused at once, and nothing waits without a bound"
+        (await pipe.submit()).release()
+        frames.body += bytes(100)
+        with pytest.raises(Overloaded, match="no room"):
+            await pipe.submit()
+        assert await pipe.works()
 
 
 async def test_what_waits_in_the_pipe_counts_in_the_queues_age(engine: Engine) -> None:
@@ -140,18 +119,11 @@ async def test_an_edge_that_never_reads_is_given_up(
     pipe: Pipe, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(link, "MOST_UNSENT", 100_000)
-    pipe.frames.body = bytes(3_000_000)
+    pipe.frames.error = Overloaded("." * 3_000_000)
     with socket.socket(socket.AF_UNIX) as deaf:
         deaf.connect(str(pipe.engine.path))
         deaf.sendall(REQUEST)
         await eventually(lambda: "does not read" in caplog.text and len(pipe.server.edges) == 1)
-
-
-async def test_a_frame_too_large_for_arena_and_socket_is_refused_and_the_pipe_lives(pipe: Pipe) -> None:
-    pipe.frames.body = bytes(server_module.MOST_QUEUED + 1)
-    with pytest.raises(Overloaded, match="no room"):
-        await pipe.submit()
-    assert await pipe.works()
 
 
 async def test_twenty_edges_come_and_go_and_nothing_stays(engine: Engine) -> None:

@@ -163,13 +163,8 @@ class EngineLink(Link):
             case _:
                 raise AssertionError(f"An engine sends no message of kind {kind}.")
 
-    def _frame(self, id: int, body: bytes | tuple[int, int], *values: Any) -> None:
-        if isinstance(body, bytes):
-            frame = unpack_frame(body, values)
-        else:
-            offset, length = body
-            content = self._arena[offset : offset + length]
-            frame = unpack_frame(content, values, partial(self._release, offset))
+    def _frame(self, id: int, offset: int, length: int, *values: Any) -> None:
+        frame = unpack_frame(self._arena[offset : offset + length], values, partial(self._release, offset))
         if (answered := self._waiting.pop(id, None)) is None:  # withdrawn when it was on its way
             frame.release()
         else:

@@ -24,19 +24,16 @@ def unpack_request(values: tuple[Any, ...]) -> RenderRequest:
     return RenderRequest.trusted(dict(zip(_REQUEST, values, strict=True)))
 
 
-def pack_frame(id: int, frame: Frame, offset: int | None) -> bytes:
-    """A frame with its body at `offset` of the arena; with its body inline, if that is None."""
+def pack_frame(id: int, frame: Frame, offset: int) -> bytes:
+    """A frame with its body at `offset` of the arena."""
     return framed(
-        Kind.FRAME, id, bytes(frame.body) if offset is None else (offset, len(frame.body)), frame.format, frame.width,
-        frame.height, frame.seq, frame.profile, tuple(vars(frame.timing).values()), frame.margin_x, frame.margin_y,
-        frame.video, frame.coarse,
+        Kind.FRAME, id, offset, len(frame.body), frame.format, frame.width, frame.height, frame.seq, frame.profile,
+        tuple(vars(frame.timing).values()), frame.margin_x, frame.margin_y, frame.video, frame.coarse,
     )  # fmt: skip
 
 
-def unpack_frame(
-    body: bytes | memoryview, values: tuple[Any, ...], on_release: Callable[[], None] | None = None
-) -> Frame:
-    """A frame from its body and the values after that in its message."""
+def unpack_frame(body: memoryview, values: tuple[Any, ...], on_release: Callable[[], None]) -> Frame:
+    """A frame from its body and the further values of its message."""
     format, width, height, seq, profile, times, *rest = values
     timing = ServerTiming.trusted(dict(zip(_TIMING, times, strict=True)))
     return Frame(body, format, width, height, seq, profile, timing, *rest, on_release)

@@ -24,8 +24,6 @@ logger = logging.getLogger(__name__)
 
 ARENA_BYTES: Final = 256 * 1024 * 1024
 """Size of an edge's arena; pages are allocated on use."""
-MOST_QUEUED: Final = 4 * 1024 * 1024
-"""Bytes that may wait in a socket with a frame that finds no room in the arena; beyond, the frame is refused."""
 MOST_ON_THEIR_WAY: Final = 1024
 """Frames of videos that the edge may withdraw although they were sent to it; it does so within milliseconds."""
 STATE_S: Final = 0.1
@@ -198,12 +196,12 @@ class EdgeLink(Link):
 
     def _packed(self, id: int, client: Client, frame: Frame) -> bytes:
         offset = self.arena.write(frame.body)
+        if offset is None:
+            if frame.video is not None:
+                self._server.source.forget(client)
+            return pack_failure(id, Overloaded("There is no room for the frame; ask less often."))
         if frame.video is not None:
             self._videos[id] = client
             if len(self._videos) > MOST_ON_THEIR_WAY:
                 del self._videos[next(iter(self._videos))]
-        if offset is None and self.unsent + len(frame.body) > MOST_QUEUED:
-            if frame.video is not None:
-                self._server.source.forget(client)
-            return pack_failure(id, Overloaded("There is no room for the frame; ask less often."))
         return pack_frame(id, frame, offset)
