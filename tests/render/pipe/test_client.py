@@ -12,7 +12,6 @@ import pytest
 from tests.eventually import eventually
 from tests.render.fakes import render_request
 from tests.render.pipe.pipe_bench import VIEWER, Edge, Engine, Pipe, video_request
-from tests.render.transport.client import FakeFrames
 from tigas_common.errors import DeviceLost, NoRoom, Overloaded, TigasError
 from tigas_common.wire.render import RenderRequest
 from tigas_render.admission.load import Load
@@ -94,12 +93,6 @@ async def test_a_video_ends_with_its_session_and_may_begin_again(pipe: Pipe) -> 
     pipe.edge.forget(VIEWER)
     await pipe.edge.submit(VIEWER, video_request(2), 0.0)
     assert pipe.frames.forgotten == [pipe.frames.requests[0][0]] == [pipe.frames.requests[1][0]]
-
-
-async def test_videos_end_with_their_edge(engine: Engine, frames: FakeFrames) -> None:
-    async with engine.running(), Edge(engine.path).connected() as edge:
-        await edge.submit(VIEWER, video_request(1), 0.0)
-    assert frames.forgotten == [frames.requests[0][0]]
 
 
 async def test_a_thousand_requests_at_once_get_each_its_own_answer(

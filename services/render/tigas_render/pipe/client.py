@@ -147,7 +147,7 @@ class EngineLink(Link):
         self._next = id + 1
         self.send(pack_request(id, client, arrived, time.monotonic(), request))
         self._waiting[id] = answered
-        return partial(self._withdraw, id)
+        return partial(self._withdraw, id, tuple(client) if request.video is not None else None)
 
     def forget(self, client: Client) -> None:
         self.send(framed(Kind.FORGET, tuple(client)))
@@ -177,9 +177,10 @@ class EngineLink(Link):
     def _release(self, offset: int) -> None:
         self.send_with_next(framed(Kind.RELEASE, offset))
 
-    def _withdraw(self, id: int) -> None:
+    def _withdraw(self, id: int, video_of: tuple[str, ...] | None) -> None:
+        """video_of: the client, if the frame is of a video."""
         if self._waiting.pop(id, None) is not None:
-            self.send(framed(Kind.WITHDRAW, id))
+            self.send(framed(Kind.WITHDRAW, id, video_of))
 
 
 def _call(answered: Answered, answer: Frame | Exception) -> None:

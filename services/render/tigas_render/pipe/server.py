@@ -24,8 +24,6 @@ logger = logging.getLogger(__name__)
 
 ARENA_BYTES: Final = 256 * 1024 * 1024
 """Size of an edge's arena; pages are allocated on use."""
-MOST_ON_THEIR_WAY: Final = 1024
-"""Frames of videos that the edge may withdraw although they were sent to it; it does so within milliseconds."""
 STATE_S: Final = 0.1
 """Interval of load reports to edges, in seconds."""
 ACCEPT_AGAIN_S: Final = 0.1
@@ -132,8 +130,6 @@ class EdgeLink(Link):
         self._connection = connection
         self.running: dict[int, Withdraw] = {}
         """By the edge's number for the request."""
-        self._videos: dict[int, Client] = {}
-        """Clients of the latest video frames sent to the edge, by the same number."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         super().connection_made(transport)
@@ -146,8 +142,6 @@ class EdgeLink(Link):
         running, self.running = self.running, {}
         for withdraw in running.values():
             withdraw()
-        for client in set(self._videos.values()):
-            self._server.source.forget(client)
         self.arena.close()
 
     def received(self, kind: int, values: tuple[Any, ...]) -> None:
@@ -177,12 +171,13 @@ class EdgeLink(Link):
             client, unpack_request(values), arrived, partial(self._answered, id, client)
         )
 
-    def _withdraw(self, id: int) -> None:
+    def _withdraw(self, id: int, video_of: tuple[Any, ...] | None) -> None:
+        """video_of: the client, if the frame is of a video."""
         withdraw = self.running.pop(id, None)
         if withdraw is not None:
             withdraw()
-        elif (client := self._videos.pop(id, None)) is not None:  # its answer is in flight, without a recipient
-            self._server.source.forget(client)
+        elif video_of is not None:  # its answer is in flight, without a recipient
+            self._server.source.forget(self._client(video_of))
 
     def _answered(self, id: int, client: Client, answer: Frame | Exception) -> None:
         del self.running[id]
@@ -200,8 +195,4 @@ class EdgeLink(Link):
             if frame.video is not None:
                 self._server.source.forget(client)
             return pack_failure(id, Overloaded("There is no room for the frame; ask less often."))
-        if frame.video is not None:
-            self._videos[id] = client
-            if len(self._videos) > MOST_ON_THEIR_WAY:
-                del self._videos[next(iter(self._videos))]
         return pack_frame(id, frame, offset)
