@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 
-import pytest
 from prometheus_client import CollectorRegistry, generate_latest
 
-from tigas_common.errors import InvalidRequest
 from tigas_render.admission.edge_loads import STALE_S, EdgeLoads
 from tigas_render.admission.load import LoadState
 
@@ -53,8 +50,7 @@ def test_prometheus_sees_each_edge() -> None:
     loads = EdgeLoads(lambda: 100.0)
     registry.register(loads)
     loads.heard(0, IDLE)
-    loads.heard_json(1, json.dumps(asdict(FULL)).encode())
-    assert loads.states[1] == FULL
+    loads.heard(1, FULL)
     text = generate_latest(registry).decode()
     for line in (
         'tigas_render_queue_age_seconds{edge="0",queue="datagrams"} 0.001',
@@ -67,8 +63,3 @@ def test_prometheus_sees_each_edge() -> None:
         'tigas_render_refused_batches_total{edge="0"} 4.0',
     ):
         assert line in text
-
-
-def test_what_no_edge_says_is_refused() -> None:
-    with pytest.raises(InvalidRequest):
-        EdgeLoads(lambda: 100.0).heard_json(0, b'{"utilisation": "much"}')

@@ -12,6 +12,7 @@ from tests.eventually import eventually
 from tests.render.fakes import render_request
 from tests.render.transport.client import FakeFrames
 from tigas_common.wire.render import RenderRequest, VideoRequest
+from tigas_render.admission.load import LoadState
 from tigas_render.frame import Client, Frame, FrameSource
 from tigas_render.pipe.client import PipeClient
 from tigas_render.pipe.server import EdgeLink, PipeServer, serve_edges
@@ -26,7 +27,7 @@ class Engine:
     path: Path
     source: FrameSource
     arena_bytes: int = 1024 * 1024
-    stats: list[tuple[int, bytes]] = field(default_factory=list)
+    stats: list[tuple[int, LoadState]] = field(default_factory=list)
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[PipeServer]:

@@ -16,7 +16,7 @@ SIZE = 40 * GRAIN
 
 def test_what_the_engine_writes_is_what_the_edge_reads() -> None:
     with closing(Arena(SIZE)) as arena:
-        view = map_arena(os.dup(arena.fd), SIZE)
+        view = map_arena(os.dup(arena.fd))
         first, second = arena.write(b"first"), arena.write(memoryview(b"second"))
         assert first is not None
         assert second is not None
@@ -50,7 +50,7 @@ class ArenaMachine(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self.arena = Arena(SIZE)
-        self.view = map_arena(os.dup(self.arena.fd), SIZE)
+        self.view = map_arena(os.dup(self.arena.fd))
         self.bodies: dict[int, bytes] = {}
 
     @rule(target=frames, length=st.integers(0, 12 * GRAIN), fill=st.integers(1, 255))

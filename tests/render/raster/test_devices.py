@@ -17,20 +17,19 @@ def no_cuda(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
 
 
-def test_with_nvidias_driver_auto_says_why_it_renders_on_the_cpu(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize(
+    ("device", "driver", "messages"),
+    [
+        ("auto", True, ["Rendering on the CPU. The packages are missing."]),
+        ("auto", False, []),
+        ("cpu", True, []),
+    ],
+    ids=["a GPU that cannot be used", "no GPU", "chosen"],
+)
+def test_only_who_may_expect_a_gpu_is_told_why_the_cpu_renders(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, device: str, driver: bool, messages: list[str]
 ) -> None:
-    (tmp_path / "nvidia-smi").touch(mode=0o755)
-    assert create_rasterizer("auto").device == "cpu"
-    assert caplog.messages == ["Rendering on the CPU. The packages are missing."]
-
-
-def test_without_a_gpu_auto_says_nothing(caplog: pytest.LogCaptureFixture) -> None:
-    assert create_rasterizer("auto").device == "cpu"
-    assert caplog.messages == []
-
-
-def test_who_chooses_the_cpu_is_told_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    (tmp_path / "nvidia-smi").touch(mode=0o755)
-    assert create_rasterizer("cpu").device == "cpu"
-    assert caplog.messages == []
+    if driver:
+        (tmp_path / "nvidia-smi").touch(mode=0o755)
+    assert create_rasterizer(device).device == "cpu"
+    assert caplog.messages == messages

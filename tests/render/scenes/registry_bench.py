@@ -13,7 +13,7 @@ from tigas_render.raster.base import PreparedScene
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.scenes.scene_file import Listener
 from tigas_render.scenes.source import SceneMetadata, SceneSource
-from tigas_render.scenes.start_view.kept import KeptViews
+from tigas_render.scenes.start_view.view import KeptViews
 
 
 @dataclass

@@ -1,8 +1,7 @@
-"""`POST /render`: viewers are told apart, and frames are sent without copies, their memory freed for any reader."""
+"""`POST /render`: viewers are told apart, and no reader holds the memory of frames."""
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 
 import httpx
@@ -14,14 +13,10 @@ from tests.render.admission.chosen_load import ChosenLoad
 from tests.render.fakes import render_request
 from tests.render.pipe.pipe_bench import Edge, Engine
 from tests.render.transport.client import FakeFrames
-from tigas_common.address import Address
-from tigas_common.limits import HttpLimits
-from tigas_common.runner import serve_http
-from tigas_common.wire.render import ServerTiming
 from tigas_render.admission.load import Load
 from tigas_render.admission.viewers import HttpViewers, RequestRate
-from tigas_render.frame import Frame, FrameSource
-from tigas_render.server.frame_route import FrameResponse, HttpFrames, Lending, frames_app
+from tigas_render.frame import FrameSource
+from tigas_render.server.frame_route import HttpFrames, frames_app
 
 pytestmark = pytest.mark.anyio
 BODY = render_request().model_dump_json()
@@ -81,58 +76,20 @@ async def test_the_connections_of_one_browser_are_one_viewer_with_a_queue_each()
     assert len({client.viewer for client in clients}) == 4
 
 
-class Lent:
-    """A frame of 100 bytes, and a reader that takes it on demand."""
-
-    def __init__(self, lending: Lending) -> None:
-        self.released = False
-        self.reads = asyncio.Event()
-        self.body: bytes | memoryview = b""
-        timing = ServerTiming(queue=0, render=0, encode=0)
-        body = memoryview(bytearray(b"x" * 100))
-        frame = Frame(body, "jpeg", 1, 1, 0, None, timing, on_release=lambda: setattr(self, "released", True))
-        response = FrameResponse(frame, lending, {})
-        self.answer = asyncio.create_task(response({"type": "http"}, self.receive, self.send))
-
-    async def send(self, message: Message) -> None:
-        if message["type"] == "http.response.body":
-            self.body = message["body"]
-            await self.reads.wait()
-
-    async def receive(self) -> Message:
-        raise NotImplementedError
-
-
-async def test_slow_readers_hold_only_so_much_of_the_memory_that_all_frames_need() -> None:
-    lending = Lending(most=250)
-    frames = [Lent(lending) for _ in range(4)]
-    await asyncio.sleep(0)
-    assert [lent.released for lent in frames] == [False, False, True, True]
-    assert [bytes(lent.body) for lent in frames] == [b"x" * 100] * 4
-    for lent in frames[:2]:
-        lent.reads.set()
-    await asyncio.gather(*(lent.answer for lent in frames[:2]))
-    assert all(lent.released for lent in frames)
-    later = Lent(lending)
-    await asyncio.sleep(0)
-    assert not later.released
-    left = [lent.answer for lent in (later, *frames[2:])]
-    for answer in left:
-        answer.cancel()
-    await asyncio.gather(*left, return_exceptions=True)
-    assert later.released, "its reader is gone"
-
-
-async def test_a_posted_frame_comes_whole_from_shared_memory_and_leaves_none_taken(tmp_path: Path) -> None:
+async def test_a_slow_reader_gets_the_whole_frame_and_holds_no_memory_that_all_frames_need(tmp_path: Path) -> None:
     source = FakeFrames(bytes(range(256)) * 1200)
     engine = Engine(tmp_path / "pipe", source)
-    async with (
-        engine.running() as pipes,
-        Edge(engine.path).connected() as edge,
-        serve_http(serving(edge, Load()), Address("127.0.0.1", 0), HttpLimits()) as port,
-        httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}") as client,
-    ):
-        for _ in range(5):
+    async with engine.running() as pipes, Edge(engine.path).connected() as edge:
+        frames = serving(edge, Load())
+
+        async def app(scope: Scope, receive: Receive, send: Send) -> None:
+            async def late(message: Message) -> None:
+                if message["type"] == "http.response.body":
+                    (link,) = pipes.edges
+                    await eventually(lambda: not link.arena.used)  # the edge tells of it with its next message
+                await send(message)
+
+            await frames(scope, receive, late)
+
+        async with httpx.AsyncClient(base_url="http://localhost", transport=httpx.ASGITransport(app)) as client:
             assert (await client.post("/render", content=BODY)).content == source.body
-        (link,) = pipes.edges
-        await eventually(lambda: not link.arena.used)  # the edge tells of it with its next message

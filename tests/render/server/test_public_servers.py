@@ -12,6 +12,7 @@ from pathlib import Path
 
 import httpx
 import pytest
+from cryptography.hazmat.primitives.serialization import Encoding
 
 from tests.render.transport.client import CERTIFICATE, FakeFrames, connect, request_body
 from tests.render.transport.serving import hello
@@ -76,9 +77,9 @@ async def test_every_protocol_serves_the_application(tmp_path: Path) -> None:
 async def test_new_connections_of_every_protocol_see_a_renewed_certificate(tmp_path: Path) -> None:
     renewed = Certificate.create(["localhost"], datetime.now(UTC))
     async with served(tmp_path) as server:
-        assert await server.https_certificate() == CERTIFICATE.der
+        assert await server.https_certificate() == CERTIFICATE.x509.public_bytes(Encoding.DER)
         server.renew(renewed)
-        assert await server.https_certificate() == renewed.der
+        assert await server.https_certificate() == renewed.x509.public_bytes(Encoding.DER)
         assert server.sockets.quic_port is not None
         async with connect(server.sockets.quic_port, certificate=renewed) as client:
             assert (await client.fetch("GET", "/")).status == 200

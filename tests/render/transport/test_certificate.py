@@ -33,7 +33,7 @@ def test_browsers_accept_it_by_hash() -> None:
     assert isinstance(public_key.curve, ec.SECP256R1)
     assert certificate.x509.not_valid_before_utc < NOW, "a client's clock may be behind"
     assert certificate.not_after - certificate.x509.not_valid_before_utc <= timedelta(days=13)
-    assert base64.b64decode(certificate.sha256) == hashlib.sha256(certificate.der).digest()
+    assert base64.b64decode(certificate.sha256) == hashlib.sha256(certificate.x509.public_bytes(Encoding.DER)).digest()
     key = public_key.public_bytes(Encoding.DER, PublicFormat.SubjectPublicKeyInfo)
     assert base64.b64decode(certificate.public_key_sha256) == hashlib.sha256(key).digest()
 
@@ -89,5 +89,5 @@ def test_a_tls_server_serves_it_and_no_key_stays_on_disk(tmp_path: Path, monkeyp
     thread.start()
     with client_context.wrap_socket(right, server_hostname="localhost") as connection:
         assert connection.recv(5) == b"hello"
-        assert connection.getpeercert(binary_form=True) == certificate.der
+        assert connection.getpeercert(binary_form=True) == certificate.x509.public_bytes(Encoding.DER)
     thread.join()

@@ -91,10 +91,10 @@ async def test_hundreds_behind_one_address_are_handled_in_few_turns_and_hold_nob
         monkeypatch.setattr(server, "_handle", lambda datagram: turns[-1].append(datagram.address[0]))
         now = time.monotonic()
         for port in range(1000, 1400):
-            server._received(bytes(50), ("127.0.0.1", port), now)
+            server._inbox.add(bytes(50), ("127.0.0.1", port), now)
         while server._inbox:
             if len(turns) == 2:
-                server._received(bytes(50), (OTHER, 1000), now)
+                server._inbox.add(bytes(50), (OTHER, 1000), now)
             turns.append([])
             server._take_turns()
         assert turns[2].count(OTHER) == 1

@@ -1,6 +1,4 @@
-"""Several edges of one port: each datagram comes to its edge, by the kernel or through the others, and tickets are
-good once.
-"""
+"""Several edges of one port: each datagram comes to its edge, and tickets are good once."""
 
 from __future__ import annotations
 
@@ -13,34 +11,24 @@ from datetime import UTC, datetime
 import pytest
 from aioquic.tls import CipherSuite, SessionTicket
 
-from tests.eventually import eventually
-from tests.render.transport.client import CERTIFICATE, FakeFrames, connect, request_body
+from tests.render.transport.client import CERTIFICATE, connect
 from tests.render.transport.serving import hello
 from tigas_render.admission.limits import Limits
-from tigas_render.transport.edge_counts import MOST_AHEAD, EdgeCounts, counts_file
-from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
-from tigas_render.transport.shared_port import Edge, Relay, Share, TicketStore, steer
+from tigas_render.transport.shared_port import MOST_AHEAD, Edge, EdgeCounts, Share, TicketStore, counts_file, steer
 from tigas_render.transport.udp import bind_all, bind_another
 
 LONG, SHORT = b"\xc3\x00\x00\x00\x01\x08", b"\x41"
 
 
 @pytest.mark.parametrize("edges", [1, 2, 3, 6, 8])
-def test_every_id_names_its_edge_in_both_kinds_of_header(edges: int) -> None:
+def test_every_id_names_its_edge(edges: int) -> None:
     for number in range(edges):
-        edge, elsewhere = Edge(number, edges), Edge((number + 1) % edges, edges)
+        edge = Edge(number, edges)
         for first in range(256):
             cid = edge.named(bytes((first,)) + os.urandom(7))
-            assert len(cid) == 8
-            for header in (LONG, SHORT):
-                assert edge.owner(header + cid) == elsewhere.owner(header + cid) == number
+            assert (len(cid), cid[0] % edges) == (8, number)
             assert edge.named(cid) == cid
-
-
-@pytest.mark.parametrize("datagram", [b"", SHORT, LONG[:-1]])
-def test_what_names_no_edge_is_kept_where_it_is(datagram: bytes) -> None:
-    assert Edge(2, 3).owner(datagram) == 2
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1", "::"])
@@ -66,56 +54,6 @@ def test_a_port_that_is_shared_cannot_be_bound_by_another_service() -> None:
         stack.enter_context(bind_another(first))
         with pytest.raises(OSError, match="in use"):
             bind_all("127.0.0.1", first.getsockname()[1])
-
-
-def relays() -> list[Relay]:
-    """Those of two edges."""
-    pairs = [socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM) for _ in range(2)]
-    made = [Relay(Edge(number, 2), pairs[number][0], [pair[1].dup() for pair in pairs]) for number in range(2)]
-    for _, outbox in pairs:
-        outbox.close()
-    return made
-
-
-@pytest.mark.anyio
-async def test_datagrams_are_passed_on_to_their_edge_with_address_and_time() -> None:
-    one, other = relays()
-    heard: list[tuple[bytes, object, float]] = []
-    other.start(lambda *datagram: heard.append(datagram), lambda: None)
-    addresses = (("127.0.0.1", 4), ("fe80::1", 5, 6, 7))
-    datagrams = [(SHORT + b"\x01one", addresses[0], 0.25), (LONG + b"\x03two", addresses[1], 1e9)]
-    for datagram in datagrams:
-        assert one.pass_on(*datagram)
-    assert not one.pass_on(SHORT + b"\x02own", addresses[0], 0.0)
-    await eventually(lambda: len(heard) == 2)
-    assert heard == datagrams
-    one.close()
-    other.close()
-
-
-@pytest.mark.anyio
-async def test_connections_of_two_edges_live_although_the_kernel_steers_nothing() -> None:
-    [first] = bind_all("127.0.0.1", 0)
-    sockets = (first, bind_another(first))
-    async with AsyncExitStack() as stack:
-        servers = []
-        for number, relay in enumerate(relays()):
-            server = Http3Server(
-                hello,
-                certificate=CERTIFICATE,
-                webtransport={"/render": render_session(FakeFrames(b"of edge %d" % number))},
-                share=Share(Edge(number, 2), (sockets[number],), bytes(16), relay=relay),
-            )
-            servers.append(await stack.enter_async_context(server))
-        owners = set()
-        for _ in range(12):  # the kernel brings some of these to the other
-            client = await stack.enter_async_context(connect(servers[0].port))
-            session = await client.connect_webtransport()
-            for _ in range(5):
-                _, body = await client.frame(session, request_body())
-                owners.add(body)
-        assert owners == {b"of edge 0", b"of edge 1"}
-        assert sum(server.connections for server in servers) == 12
 
 
 @pytest.mark.anyio

@@ -26,7 +26,7 @@ from tests.eventually import eventually
 from tests.render.transport.client import Client, connect, request_body
 from tigas.http3 import split_frame
 
-TIGAS = (str(Path(sys.executable).parent / "tigas"),)
+TIGAS = str(Path(sys.executable).parent / "tigas")
 ASK = request_body(scene="courtyard", width=64, height=36, cx=32, cy=18)
 EVERY_S = 1 / 30
 TOO_OFTEN = 429
@@ -68,11 +68,9 @@ class Fleet:
 
 
 @contextlib.contextmanager
-def serving(
-    *arguments: str, edges: int = 3, program: Sequence[str] = TIGAS, device: str = "instant:5000"
-) -> Iterator[Fleet]:
+def serving(*arguments: str, edges: int = 3, device: str = "instant:5000") -> Iterator[Fleet]:
     """A service on free ports, until the context ends."""
-    command = [*program, "render", "--edges", str(edges), "--device", device, "--quic", "127.0.0.1:0", *arguments]
+    command = [TIGAS, "render", "--edges", str(edges), "--device", device, "--quic", "127.0.0.1:0", *arguments]
     if "--http" not in arguments:
         command += ["--http", "127.0.0.1:0"]
     with (

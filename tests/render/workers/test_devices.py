@@ -60,6 +60,13 @@ def test_several_edges_are_for_machines_with_a_gpu_and_cores_to_spare(cores: int
     assert suitable(cores, gpus > 0, max(1, gpus)) == edges
 
 
+def test_a_kernel_that_cannot_steer_datagrams_gets_one_edge(gpus: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(devices_module, "usable_processors", lambda: 16)
+    assert edges_for(RenderSettings(), 2) == 6
+    monkeypatch.setattr(devices_module, "steer", lambda *_: False)
+    assert edges_for(RenderSettings(), 2) == 1
+
+
 def test_the_set_number_of_edges_is_taken_where_it_can_be(monkeypatch: pytest.MonkeyPatch) -> None:
     assert edges_for(RenderSettings(edges=3), 1) == 3
     assert edges_for(RenderSettings(edges="auto", device="cpu"), 1) == 1  # type: ignore[arg-type]

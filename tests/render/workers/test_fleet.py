@@ -5,18 +5,15 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
-import sys
 import time
 from collections.abc import Iterator
-from contextlib import AsyncExitStack
 
 import httpx
 import pytest
 from aioquic.tls import SessionTicket
 
 from tests.eventually import eventually
-from tests.render.transport.client import Client, connect
-from tests.render.workers import without_steering
+from tests.render.transport.client import connect
 from tests.render.workers.fleet import ASK, Fleet, Viewer, gap, serving, session, status, watching
 
 pytestmark = [pytest.mark.anyio, pytest.mark.slow]
@@ -28,20 +25,6 @@ BACK_S = 2.0
 def fleet() -> Iterator[Fleet]:
     with serving() as running:
         yield running
-
-
-async def test_every_edge_answers_its_connections_where_the_kernel_steers_nothing() -> None:
-    """A session with each edge: with more, an edge on a busy machine may refuse some, or lower their rate."""
-    sessions: dict[int, tuple[Client, int]] = {}
-    with serving(program=(sys.executable, "-m", without_steering.__name__)) as fleet:
-        async with AsyncExitStack() as stack:
-            async with asyncio.timeout(30):
-                while len(sessions) < fleet.edges:
-                    client, opened = await stack.enter_async_context(session(fleet))
-                    sessions[fleet.owner(client)] = client, opened
-            for _ in range(40):
-                answers = await asyncio.gather(*(status(*each) for each in sessions.values()))
-                assert answers == [200] * fleet.edges
 
 
 async def test_a_connection_outlives_new_addresses_and_ids_and_another_edges_end(fleet: Fleet) -> None:

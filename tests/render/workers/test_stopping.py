@@ -64,7 +64,7 @@ def test_twenty_starts_and_stops_leave_nothing() -> None:
             else:
                 devices = 1 + start % 2
                 device = ",".join(["instant"] * devices)
-                command = (*TIGAS, "render", "--edges=2", f"--device={device}", f"--http={address}", "--quic=off")
+                command = (TIGAS, "render", "--edges=2", f"--device={device}", f"--http={address}", "--quic=off")
                 service = psutil.Popen(command)
                 while len(service.children()) < 2 + devices:
                     assert service.is_running()
@@ -75,7 +75,7 @@ def test_twenty_starts_and_stops_leave_nothing() -> None:
 
 def test_an_engine_that_cannot_start_says_why_once() -> None:
     options = ("--edges", "2", "--http", "127.0.0.1:0", "--quic", "off", "--scenes", "/nowhere/at/all")
-    result = subprocess.run([*TIGAS, "render", *options], capture_output=True, text=True, timeout=60, check=False)
+    result = subprocess.run([TIGAS, "render", *options], capture_output=True, text=True, timeout=60, check=False)
     assert result.returncode == 1
     assert result.stderr.splitlines() == [
         "The models directory /nowhere/at/all does not exist; create it, or choose another with --scenes."

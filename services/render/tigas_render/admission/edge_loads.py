@@ -9,7 +9,6 @@ from prometheus_client.core import GaugeMetricFamily as Gauge
 from prometheus_client.core import Metric
 from prometheus_client.registry import Collector
 
-from tigas_common.parsing import parse
 from tigas_render.admission.load import LoadState
 
 STALE_S = 5.0
@@ -25,10 +24,6 @@ class EdgeLoads(Collector):
 
     def heard(self, edge: int, state: LoadState) -> None:
         self._heard[edge] = (self._clock(), state)
-
-    def heard_json(self, edge: int, stats: bytes) -> None:
-        """The same, from another process. Raises InvalidRequest for an invalid report."""
-        self.heard(edge, parse(LoadState, stats))
 
     @property
     def states(self) -> dict[int, LoadState]:

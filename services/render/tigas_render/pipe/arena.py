@@ -13,6 +13,8 @@ from bisect import bisect_left
 
 GRAIN = 64
 """Allocation granularity in bytes: a processor cache line."""
+PASSED = b"\0"
+"""The data with which an arena is passed: a descriptor needs some."""
 
 
 class Arena:
@@ -20,7 +22,6 @@ class Arena:
 
     def __init__(self, size: int) -> None:
         """size: in bytes; memory is used only as far as frames ever reached."""
-        self.size = size
         self._fd = os.memfd_create("tigas frames", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         try:
             os.ftruncate(self._fd, size)
@@ -77,9 +78,9 @@ class Arena:
             os.close(self._fd)
 
 
-def map_arena(fd: int, size: int) -> memoryview:
+def map_arena(fd: int) -> memoryview:
     """The edge's side: all of an arena, to be read only; the descriptor is closed. Raises ValueError and OSError."""
     try:
-        return memoryview(mmap.mmap(fd, size, prot=mmap.PROT_READ))
+        return memoryview(mmap.mmap(fd, 0, prot=mmap.PROT_READ))
     finally:
         os.close(fd)

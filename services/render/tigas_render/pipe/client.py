@@ -6,25 +6,21 @@ import asyncio
 import logging
 import socket
 import time
-from collections import OrderedDict
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Final, Self
+from typing import Any, Final, Self
 
-from tigas_common.errors import Overloaded
+from tigas_common.errors import Overloaded, TigasError
 from tigas_common.wire.render import RenderRequest
+from tigas_render.admission.load import LoadState
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
-from tigas_render.pipe import messages
-from tigas_render.pipe.arena import map_arena
-from tigas_render.pipe.link import PREFIX, BadMessage, Kind, Link, framed
+from tigas_render.pipe.arena import PASSED, map_arena
+from tigas_render.pipe.link import Kind, Link, framed
+from tigas_render.pipe.messages import pack_request, unpack_frame
 
 logger = logging.getLogger(__name__)
 
-MOST_FRAME_BYTES: Final = 128 * 1024 * 1024
-"""In a message with a frame; the largest is a PNG of noise, of 3 bytes for each of MAX_PIXELS."""
-KNOWN_SESSIONS: Final = 4096
-"""Maximum number of introduced sessions: the least recently used one is introduced again on its next request."""
 RETRY_AFTER_S: Final = 1.0
 CONNECT_AGAIN_S: Final = 0.1
 
@@ -89,16 +85,16 @@ class PipeClient(FrameSource):
         if self._link is not None:
             self._link.forget(client)
 
-    def tell(self, stats: bytes) -> None:
-        """Send this edge's measurements to the engine, as JSON; lost while it is down."""
+    def tell(self, state: LoadState) -> None:
+        """Send this edge's measurements to the engine; lost while it is down."""
         if self._link is not None:
-            self._link.send(framed(Kind.STATS, stats))
+            self._link.send(framed(Kind.STATS, self._edge, state))
 
     async def _keep(self) -> None:
         while True:
             try:
                 link = await self._connect()
-            except (OSError, ValueError, BadMessage) as error:
+            except (OSError, ValueError) as error:
                 logger.debug("The engine cannot be reached: %s", error)
             else:
                 self._link = link
@@ -118,9 +114,7 @@ class PipeClient(FrameSource):
             sock.setblocking(False)
             await loop.sock_connect(sock, str(self._path))
             arena = await _receive_arena(sock)
-            _, link = await loop.create_unix_connection(
-                lambda: EngineLink(arena, self._edge, self._on_state), sock=sock
-            )
+            _, link = await loop.create_unix_connection(lambda: EngineLink(arena, self._on_state), sock=sock)
         except BaseException:
             sock.close()
             raise
@@ -130,23 +124,15 @@ class PipeClient(FrameSource):
 class EngineLink(Link):
     """The pipe while it is open."""
 
-    def __init__(self, arena: memoryview, edge: int, on_state: OnState) -> None:
-        super().__init__(MOST_FRAME_BYTES)
+    def __init__(self, arena: memoryview, on_state: OnState) -> None:
+        super().__init__()
         self._arena = arena
         self._on_state = on_state
         self._waiting: dict[int, Answered] = {}
         """By this edge's number for the request."""
         self._next = 0
-        self._sessions: OrderedDict[Client, int] = OrderedDict()
-        """Sessions known to the engine, by their last request."""
-        self._introduced = 0
         self.lost: asyncio.Future[None] = self._loop.create_future()
         """Done once the pipe is closed."""
-        self._edge = edge
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        super().connection_made(transport)
-        self.send(messages.pack_number(Kind.OPEN, self._edge))
 
     def connection_lost(self, exc: Exception | None) -> None:
         if not self.lost.done():
@@ -158,64 +144,43 @@ class EngineLink(Link):
 
     def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
         id = self._next
-        self._next = (id + 1) % 2**32
-        self.send(messages.pack_request(id, self._session(client), arrived, time.monotonic(), request))
+        self._next = id + 1
+        self.send(pack_request(id, client, arrived, time.monotonic(), request))
         self._waiting[id] = answered
-        return partial(self._withdraw, id)
+        return partial(self._withdraw, id, tuple(client) if request.video is not None else None)
 
     def forget(self, client: Client) -> None:
-        number = self._sessions.pop(client, None)
-        if number is not None:
-            self.send(messages.pack_number(Kind.BYE, number))
+        self.send(framed(Kind.FORGET, tuple(client)))
 
-    def received(self, kind: int, content: bytes) -> None:
+    def received(self, kind: int, values: tuple[Any, ...]) -> None:
         match kind:
-            case Kind.FRAME | Kind.INLINE:
-                self._frame(messages.unpack_frame(content, is_inline=kind == Kind.INLINE), kind)
+            case Kind.FRAME:
+                self._frame(*values)
             case Kind.FAILURE:
-                id, error = messages.unpack_failure(content)
-                if (answered := self._waiting.pop(id, None)) is not None:
-                    _call(answered, error)
+                self._failure(*values)
             case Kind.STATE:
-                self._on_state(*messages.unpack_state(content))
+                self._on_state(*values)
             case _:
-                raise BadMessage(f"No message of kind {kind} is expected.")
+                raise AssertionError(f"An engine sends no message of kind {kind}.")
 
-    def _frame(self, found: messages.FrameMessage, kind: int) -> None:
-        answered = self._waiting.pop(found.id, None)
-        if kind == Kind.INLINE:
-            if answered is not None:
-                _call(answered, Frame(found.inline, *found.fields))
-            return
-        end = found.offset + found.length
-        if end > len(self._arena):
-            raise BadMessage("A frame lies beyond the end of the arena.")
-        if answered is None:  # withdrawn when it was on its way
-            self._release(found.offset)
-            return
-        body = self._arena[found.offset : end]
-        _call(answered, Frame(body, *found.fields, partial(self._release, found.offset)))
+    def _frame(self, id: int, offset: int, length: int, *values: Any) -> None:
+        frame = unpack_frame(self._arena[offset : offset + length], values, partial(self._release, offset))
+        if (answered := self._waiting.pop(id, None)) is None:  # withdrawn when it was on its way
+            frame.release()
+        else:
+            _call(answered, frame)
+
+    def _failure(self, id: int, kind: type[TigasError], detail: str, retry_after_s: float | None) -> None:
+        if (answered := self._waiting.pop(id, None)) is not None:
+            _call(answered, kind(detail, retry_after_s))
 
     def _release(self, offset: int) -> None:
-        self.send_with_next(messages.pack_number(Kind.RELEASE, offset))
+        self.send_with_next(framed(Kind.RELEASE, offset))
 
-    def _withdraw(self, id: int) -> None:
+    def _withdraw(self, id: int, video_of: tuple[str, ...] | None) -> None:
+        """video_of: the client, if the frame is of a video."""
         if self._waiting.pop(id, None) is not None:
-            self.send(messages.pack_number(Kind.WITHDRAW, id))
-
-    def _session(self, client: Client) -> int:
-        """The number under which the engine knows a client."""
-        number = self._sessions.get(client)
-        if number is not None:
-            self._sessions.move_to_end(client)
-            return number
-        if len(self._sessions) >= KNOWN_SESSIONS:
-            _, oldest = self._sessions.popitem(last=False)
-            self.send(messages.pack_number(Kind.BYE, oldest))
-        self._introduced = number = self._introduced + 1
-        self._sessions[client] = number
-        self.send(messages.pack_hello(number, client))
-        return number
+            self.send(framed(Kind.WITHDRAW, id, video_of))
 
 
 def _call(answered: Answered, answer: Frame | Exception) -> None:
@@ -231,7 +196,7 @@ def no_engine(answered: Answered) -> Withdraw:
 
 
 async def _receive_arena(sock: socket.socket) -> memoryview:
-    """The arena that the engine passes first of all. Raises BadMessage, ValueError and OSError."""
+    """The arena that the engine passes first of all. Raises ValueError and OSError."""
     loop = asyncio.get_running_loop()
     readable = loop.create_future()
     loop.add_reader(sock, lambda: None if readable.done() else readable.set_result(None))
@@ -239,10 +204,7 @@ async def _receive_arena(sock: socket.socket) -> memoryview:
         await readable
     finally:
         loop.remove_reader(sock)
-    expected = len(messages.pack_number(Kind.ARENA, 0))
-    message, fds, _, _ = socket.recv_fds(sock, expected, 1)
-    if len(message) != expected or len(fds) != 1 or PREFIX.unpack_from(message)[1] != Kind.ARENA:
-        for fd in fds:
-            socket.close(fd)
-        raise BadMessage("The engine has passed no arena.")
-    return map_arena(fds[0], messages.unpack_number(message[PREFIX.size :]))
+    _, fds, _, _ = socket.recv_fds(sock, len(PASSED), 1)
+    if not fds:
+        raise ConnectionError("The engine has passed no arena.")
+    return map_arena(fds[0])

@@ -19,6 +19,7 @@ from typing import Final, Self
 from tigas_common.errors import DeviceLost, UnknownScene
 from tigas_common.placement import Placement, ranked
 from tigas_common.wire.render import RenderRequest
+from tigas_render.admission.load import LoadState
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.pipe.client import EngineGone, OnState, PipeClient, no_engine
 from tigas_render.pipe.remote_engine import REFUSALS, RemoteEngine
@@ -109,10 +110,10 @@ class Engines(FrameSource):
         names = self._places(scene, self._willing(scene, up))
         return sorted(up, key=lambda engine: names.index(engine.name) if engine.name in names else len(names))
 
-    def tell(self, stats: bytes) -> None:
-        """Send this edge's measurements to every engine, as JSON."""
+    def tell(self, state: LoadState) -> None:
+        """Send this edge's measurements to every engine."""
         for engine in self._engines.values():
-            engine.pipe.tell(stats)
+            engine.pipe.tell(state)
 
     def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
         engine = self._choose(client, request, self.up())

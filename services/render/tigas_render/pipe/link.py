@@ -1,20 +1,23 @@
 """One end of a pipe on the event loop: messages out in batches, messages in one by one, and one sentence at its end.
 
-A message is its content's length, its kind and its content; all numbers are little-endian.
+A message is its content's length and its kind, then the content: a tuple of plain values, pickled. Both ends are of one
+version and one user, as one process starts them.
 """
 
 from __future__ import annotations
 
 import asyncio
+import logging
+import pickle
 import struct
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from enum import IntEnum
-from typing import Final, cast
+from typing import Any, Final, cast
+
+logger = logging.getLogger(__name__)
 
 PREFIX: Final = struct.Struct("<IB")
-MOST_BYTES: Final = 64 * 1024
-"""In a message, unless the receiver takes more."""
 MOST_UNSENT: Final = 8 * 1024 * 1024
 """Bytes that may wait for an end that does not read; then it is given up."""
 DELAY_S: Final = 0.01
@@ -25,40 +28,32 @@ class Kind(IntEnum):
     """Message kinds and their senders."""
 
     # the edge
-    OPEN = 1
-    HELLO = 2
-    BYE = 3
-    REQUEST = 4
-    WITHDRAW = 5
-    RELEASE = 6
-    STATS = 7
+    REQUEST = 1
+    WITHDRAW = 2
+    RELEASE = 3
+    FORGET = 4
+    STATS = 5
     # the engine
-    ARENA = 16
-    FRAME = 17
-    INLINE = 18
-    FAILURE = 19
-    STATE = 20
+    FRAME = 16
+    FAILURE = 17
+    STATE = 18
 
 
-class BadMessage(Exception):
-    """The other end sent an invalid message: all that follows is unintelligible."""
-
-
-def framed(kind: Kind, content: bytes) -> bytes:
+def framed(kind: Kind, *values: Any) -> bytes:
+    content = pickle.dumps(values, pickle.HIGHEST_PROTOCOL)
     return PREFIX.pack(len(content), kind) + content
 
 
 class Splitter:
     """From the bytes of a stream to messages."""
 
-    def __init__(self, most_bytes: int = MOST_BYTES) -> None:
-        self._most_bytes = most_bytes
+    def __init__(self) -> None:
         self._rest = bytearray()
         self._wanted = 0
         """Length of `_rest` at which a message may be complete: a large one is assembled once."""
 
-    def feed(self, data: bytes) -> Iterator[tuple[int, bytes]]:
-        """Kind and content of each complete message. Raises BadMessage for one that is too long."""
+    def feed(self, data: bytes) -> Iterator[tuple[int, tuple[Any, ...]]]:
+        """Kind and values of each complete message."""
         if self._rest:
             self._rest += data
             if len(self._rest) < self._wanted:
@@ -67,23 +62,20 @@ class Splitter:
         at, end, self._wanted = 0, len(data), 0
         while end - at >= PREFIX.size:
             length, kind = PREFIX.unpack_from(data, at)
-            if length > self._most_bytes:
-                raise BadMessage(f"A message of {length} bytes is too long.")
             begin = at + PREFIX.size
             if end - begin < length:
                 self._wanted = PREFIX.size + length
                 break
             at = begin + length
-            yield kind, data[begin:at]
+            yield kind, pickle.loads(data[begin:at])
         self._rest += data[at:]
 
 
 class Link(asyncio.Protocol, ABC):
     """A subclass handles messages; `connection_lost` comes once, however the pipe ends."""
 
-    def __init__(self, most_bytes: int) -> None:
-        """most_bytes: in a message that is received."""
-        self._splitter = Splitter(most_bytes)
+    def __init__(self) -> None:
+        self._splitter = Splitter()
         self._outgoing: list[bytes] = []
         self._outgoing_bytes = 0
         self._is_leaving = self._is_delayed = False
@@ -97,8 +89,8 @@ class Link(asyncio.Protocol, ABC):
         self._transport = cast(asyncio.Transport, transport)
 
     @abstractmethod
-    def received(self, kind: int, content: bytes) -> None:
-        """A message. Raises BadMessage."""
+    def received(self, kind: int, values: tuple[Any, ...]) -> None:
+        """A message. An exception ends the pipe."""
 
     def send(self, message: bytes) -> None:
         """Send a message with all others of this iteration of the event loop; dropped once the pipe is closed."""
@@ -126,10 +118,11 @@ class Link(asyncio.Protocol, ABC):
 
     def data_received(self, data: bytes) -> None:
         try:
-            for kind, content in self._splitter.feed(data):
-                self.received(kind, content)
-        except BadMessage as error:
-            self.abort(str(error))
+            for kind, values in self._splitter.feed(data):
+                self.received(kind, values)
+        except Exception:  # later messages may refer to this one
+            logger.exception("A message was not understood")
+            self.abort("A message was not understood.")
 
     def abort(self, reason: str) -> None:
         self.reason = self.reason or reason

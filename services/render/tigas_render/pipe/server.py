@@ -11,24 +11,19 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import ExitStack, asynccontextmanager
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from tigas_common.errors import Overloaded, TigasError
+from tigas_render.admission.load import LoadState
 from tigas_render.frame import Client, Frame, FrameSource, Withdraw
-from tigas_render.pipe import messages
-from tigas_render.pipe.arena import Arena
-from tigas_render.pipe.link import MOST_BYTES, BadMessage, Kind, Link
+from tigas_render.pipe.arena import PASSED, Arena
+from tigas_render.pipe.link import Kind, Link, framed
+from tigas_render.pipe.messages import pack_failure, pack_frame, unpack_request
 
 logger = logging.getLogger(__name__)
 
 ARENA_BYTES: Final = 256 * 1024 * 1024
 """Size of an edge's arena; pages are allocated on use."""
-MOST_QUEUED: Final = 4 * 1024 * 1024
-"""Bytes that may wait in a socket with a frame that finds no room in the arena; beyond, the frame is refused."""
-MOST_ON_THEIR_WAY: Final = 1024
-"""Frames of videos that the edge may withdraw although they were sent to it; it does so within milliseconds."""
-MOST_SESSIONS: Final = 65_536
-"""That an edge may have introduced at a time."""
 STATE_S: Final = 0.1
 """Interval of load reports to edges, in seconds."""
 ACCEPT_AGAIN_S: Final = 0.1
@@ -36,8 +31,8 @@ ACCEPT_AGAIN_S: Final = 0.1
 
 State = Callable[[], tuple[float, float]]
 """The age of the engine's queue, in seconds, and its utilisation, 0 to 1, since the last call."""
-Stats = Callable[[int, bytes], None]
-"""Measurements of an edge, by its number, as JSON."""
+Stats = Callable[[int, LoadState], None]
+"""Measurements of an edge, by its number."""
 
 
 @asynccontextmanager
@@ -100,7 +95,7 @@ class PipeServer:
             arena = Arena(self._arena_bytes)
             undo.callback(arena.close)
             # into an empty buffer, so that it does not wait
-            socket.send_fds(sock, [messages.pack_number(Kind.ARENA, arena.size)], [arena.fd])
+            socket.send_fds(sock, [PASSED], [arena.fd])
             link = partial(EdgeLink, self, arena, self._accepted)
             await asyncio.get_running_loop().connect_accepted_socket(link, sock)
             undo.pop_all()
@@ -115,7 +110,7 @@ class PipeServer:
             was_processor, was_wall = processor, wall
             processor, wall = time.thread_time(), time.monotonic()
             of_loop = (processor - was_processor) / (wall - was_wall)
-            message = messages.pack_state(max(0.0, age), min(1.0, max(0.0, utilisation, of_loop)))
+            message = framed(Kind.STATE, max(0.0, age), min(1.0, max(0.0, utilisation, of_loop)))
             for edge in self.edges:
                 edge.send(message)
 
@@ -129,16 +124,12 @@ class EdgeLink(Link):
 
     def __init__(self, server: PipeServer, arena: Arena, connection: int) -> None:
         """connection: a number that no other connection has."""
-        super().__init__(MOST_BYTES)
+        super().__init__()
         self._server = server
         self.arena = arena
         self._connection = connection
-        self._edge: int | None = None
-        self._sessions: dict[int, Client] = {}
         self.running: dict[int, Withdraw] = {}
         """By the edge's number for the request."""
-        self._videos: dict[int, Client] = {}
-        """Clients of the latest video frames sent to the edge, by the same number."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         super().connection_made(transport)
@@ -147,69 +138,46 @@ class EdgeLink(Link):
     def connection_lost(self, exc: Exception | None) -> None:
         self._server.edges.discard(self)
         if self.reason is not None:
-            logger.error("Edge %s was disconnected: %s", self._edge, self.reason)
+            logger.error("An edge was disconnected: %s", self.reason)
         running, self.running = self.running, {}
         for withdraw in running.values():
             withdraw()
-        for client in self._sessions.values():
-            self._server.source.forget(client)
         self.arena.close()
 
-    def received(self, kind: int, content: bytes) -> None:
-        if self._edge is None:
-            if kind != Kind.OPEN:
-                raise _unexpected(kind)
-            self._edge = messages.unpack_number(content)
-            return
+    def received(self, kind: int, values: tuple[Any, ...]) -> None:
         match kind:  # the most frequent first
             case Kind.REQUEST:
-                self._request(messages.unpack_request(content))
+                self._request(*values)
             case Kind.RELEASE:
-                self._release(messages.unpack_number(content))
+                self.arena.free(*values)
             case Kind.WITHDRAW:
-                self._withdraw(messages.unpack_number(content))
-            case Kind.HELLO:
-                self._hello(*messages.unpack_hello(content))
-            case Kind.BYE:
-                self._bye(messages.unpack_number(content))
+                self._withdraw(*values)
+            case Kind.FORGET:
+                self._server.source.forget(self._client(*values))
             case Kind.STATS:
-                self._server.stats(self._edge, content)
+                self._server.stats(*values)
             case _:
-                raise _unexpected(kind)
+                raise AssertionError(f"An edge sends no message of kind {kind}.")
 
-    def _request(self, asked: messages.Asked) -> None:
-        client = self._sessions.get(asked.session)
-        if client is None or asked.id in self.running:
-            raise BadMessage("A request has no session, or the number of one that runs.")
-        self._server.longest_in_pipe_s = max(self._server.longest_in_pipe_s, time.monotonic() - asked.sent)
-        self.running[asked.id] = self._server.source.request(
-            client, asked.request, asked.arrived, partial(self._answered, asked.id, client)
+    def _client(self, sent: tuple[Any, ...]) -> Client:
+        address, session, transport = sent
+        # the same name may come from another edge, or from this one before it was started again
+        return Client(address, f"{self._connection} {session}", transport)
+
+    def _request(self, id: int, sender: tuple[Any, ...], arrived: float, sent: float, values: tuple[Any, ...]) -> None:
+        client = self._client(sender)
+        self._server.longest_in_pipe_s = max(self._server.longest_in_pipe_s, time.monotonic() - sent)
+        self.running[id] = self._server.source.request(
+            client, unpack_request(values), arrived, partial(self._answered, id, client)
         )
 
-    def _release(self, offset: int) -> None:
-        try:
-            self.arena.free(offset)
-        except KeyError:
-            raise BadMessage("Room in the arena was given back that was not taken.") from None
-
-    def _withdraw(self, id: int) -> None:
+    def _withdraw(self, id: int, video_of: tuple[Any, ...] | None) -> None:
+        """video_of: the client, if the frame is of a video."""
         withdraw = self.running.pop(id, None)
         if withdraw is not None:
             withdraw()
-        elif (client := self._videos.pop(id, None)) is not None:  # its answer is in flight, without a recipient
-            self._server.source.forget(client)
-
-    def _hello(self, number: int, client: Client) -> None:
-        if number in self._sessions or len(self._sessions) >= MOST_SESSIONS:
-            raise BadMessage("A session was introduced twice, or there are too many.")
-        # the same name may come from another edge, or from this one before it was started again
-        self._sessions[number] = client._replace(session=f"{self._connection} {client.session}")
-
-    def _bye(self, number: int) -> None:
-        client = self._sessions.pop(number, None)
-        if client is None:
-            raise BadMessage("A session ended that was not introduced.")
-        self._server.source.forget(client)
+        elif video_of is not None:  # its answer is in flight, without a recipient
+            self._server.source.forget(self._client(video_of))
 
     def _answered(self, id: int, client: Client, answer: Frame | Exception) -> None:
         del self.running[id]
@@ -219,20 +187,12 @@ class EdgeLink(Link):
             return
         if not isinstance(answer, TigasError):
             logger.error("A render request failed", exc_info=answer)
-        self.send(messages.pack_failure(id, answer))
+        self.send(pack_failure(id, answer))
 
     def _packed(self, id: int, client: Client, frame: Frame) -> bytes:
         offset = self.arena.write(frame.body)
-        if frame.video is not None:
-            self._videos[id] = client
-            if len(self._videos) > MOST_ON_THEIR_WAY:
-                del self._videos[next(iter(self._videos))]
-        if offset is None and self.unsent + len(frame.body) > MOST_QUEUED:
+        if offset is None:
             if frame.video is not None:
                 self._server.source.forget(client)
-            return messages.pack_failure(id, Overloaded("There is no room for the frame; send fewer requests."))
-        return messages.pack_frame(id, frame, offset)
-
-
-def _unexpected(kind: int) -> BadMessage:
-    return BadMessage(f"No message of kind {kind} is expected.")
+            return pack_failure(id, Overloaded("There is no room for the frame; send fewer requests."))
+        return pack_frame(id, frame, offset)

@@ -21,9 +21,8 @@ from tigas_render.scenes.demo import DEMO_SOURCE
 from tigas_render.scenes.directory import scan_directory
 from tigas_render.scenes.entry import Entry, LoadedScene, LoadingEnded
 from tigas_render.scenes.source import SceneSource
-from tigas_render.scenes.start_view.kept import KeptViews
 from tigas_render.scenes.start_view.statistics import SceneStatistics
-from tigas_render.scenes.start_view.view import StartView, given_view
+from tigas_render.scenes.start_view.view import KeptViews, StartView, given_view
 
 _log = logging.getLogger(__name__)
 

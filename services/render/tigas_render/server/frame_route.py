@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import Final
+from dataclasses import dataclass
 
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
-from starlette.types import Receive, Scope, Send
 
 from tigas_common.address import client_network
 from tigas_common.errors import InvalidRequest
@@ -27,44 +23,6 @@ VIEWER, MOST_NAME = "Tigas-Viewer", 64
 """The header with a viewer's own name for itself, and how many characters that may have."""
 CLIENT_GONE = 499
 """An unread status: the client disconnected before its answer."""
-MOST_LENT: Final = 32 * 1024 * 1024
-"""Maximum bytes of frames kept in place for slow readers; other frames need that memory as well."""
-
-
-class Lending:
-    """How much of the memory for frames is held by answers that are being sent."""
-
-    def __init__(self, most: int = MOST_LENT) -> None:
-        """most: bytes; beyond, frames are copied."""
-        self._most = most
-        self._lent = 0
-
-    @contextmanager
-    def lent(self, frame: Frame) -> Iterator[bytes | memoryview]:
-        """Body chunks of a frame, which is released at the end."""
-        body, length = frame.body, len(frame.body)
-        if self._lent + length > self._most:
-            body, length = bytes(body), 0
-            frame.release()
-        self._lent += length
-        try:
-            yield body
-        finally:
-            self._lent -= length
-            frame.release()
-
-
-class FrameResponse(Response):
-    """Holds its frame until the transport has taken all of it, or the client has disconnected."""
-
-    def __init__(self, frame: Frame, lending: Lending, headers: Mapping[str, str]) -> None:
-        super().__init__(frame.body, headers=headers, media_type=frame.content_type)
-        self._frame = frame
-        self._lending = lending
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        with self._lending.lent(self._frame) as self.body:
-            await super().__call__(scope, receive, send)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +32,6 @@ class HttpFrames:
     source: FrameSource
     viewers: HttpViewers
     rate: RequestRate
-    lending: Lending = field(default_factory=Lending)
 
 
 def frames_app(frames: HttpFrames) -> Starlette:
@@ -99,16 +56,15 @@ async def render(request: Request) -> Response:
     if frame is None:
         return Response(status_code=CLIENT_GONE)
     timing = frame.timing
-    return FrameResponse(
-        frame,
-        frames.lending,
-        {
-            "Server-Timing": f"queue;dur={timing.queue}, render;dur={timing.render}, encode;dur={timing.encode}",
-            "Tigas-Frame": _about(frame, frames.rate.told),
-            **NO_STORE,
-            "Timing-Allow-Origin": "*",
-        },
-    )
+    headers = {
+        "Server-Timing": f"queue;dur={timing.queue}, render;dur={timing.render}, encode;dur={timing.encode}",
+        "Tigas-Frame": _about(frame, frames.rate.told),
+        **NO_STORE,
+        "Timing-Allow-Origin": "*",
+    }
+    body = bytes(frame.body)  # a slow reader must not hold memory that all frames need
+    frame.release()
+    return Response(body, headers=headers, media_type=frame.content_type)
 
 
 def _about(frame: Frame, requests_per_s: float | None) -> str:

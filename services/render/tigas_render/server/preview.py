@@ -6,7 +6,6 @@ import asyncio
 import hashlib
 import io
 import logging
-import math
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,8 @@ from pathlib import Path
 from PIL import Image
 
 from tigas_common.files import read_regular
-from tigas_common.pose import Intrinsics, Pose
+from tigas_common.pose import Pose
+from tigas_common.sample_cameras import intrinsics
 from tigas_common.wire.model import Point
 from tigas_common.wire.render import StartCamera
 from tigas_render.local_files import write_to_cache
@@ -27,15 +27,13 @@ WIDTH, HEIGHT = 640, 360
 MAX_BYTES = 8_000_000
 """The largest preview that a scene may bring."""
 MAX_PIXELS = 33_000_000
-FOV_Y = 60.0
-"""Vertical field of view, in degrees."""
 
 _MEDIA_TYPES = {"JPEG": "image/jpeg", "PNG": "image/png"}
 
 _log = logging.getLogger(__name__)
 
-Render = Callable[[str, int, int], Awaitable[bytes]]
-"""Renders a scene (by id) from its start camera, in a width and height, as JPEG."""
+Render = Callable[[str], Awaitable[bytes]]
+"""Renders a scene (by id) from its start camera, of WIDTH × HEIGHT pixels, as JPEG."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +73,7 @@ class PreviewCache:
         cached = await asyncio.to_thread(read_preview, path)
         if cached is not None:
             return cached
-        body = await self._render(scene_id, WIDTH, HEIGHT)
+        body = await self._render(scene_id)
         await asyncio.to_thread(write_to_cache, path, body)
         return Preview(body, "image/jpeg")
 
@@ -95,6 +93,4 @@ def read_preview(path: Path) -> Preview | None:
 
 
 def preview_camera(start: StartCamera, up: Point, width: int, height: int) -> Camera:
-    focal = height / 2 / math.tan(math.radians(FOV_Y) / 2)
-    intrinsics = Intrinsics(focal, focal, width / 2, height / 2, width, height)
-    return Camera(Pose.look_at(start.position, start.look_at, up), intrinsics)
+    return Camera(Pose.look_at(start.position, start.look_at, up), intrinsics(width, height))

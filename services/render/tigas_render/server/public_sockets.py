@@ -11,11 +11,12 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from tigas_common.address import Address
+from tigas_common.errors import StartError
 from tigas_common.limits import HttpLimits
 from tigas_common.runner import explained
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.shared_port import steer
-from tigas_render.transport.udp import SOCKET_BUFFER, bind_all, bind_another
+from tigas_render.transport.udp import bind_all, bind_another
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,10 +27,6 @@ class PublicSockets:
     https: socket.socket | None
     quic: tuple[tuple[socket.socket, ...], ...]
     """Of each edge: one, or one for each of two families; none if QUIC is off."""
-    relays: tuple[tuple[socket.socket, socket.socket], ...]
-    """For each edge: its receiving end, and the sockets that lead there, for datagrams delivered to another edge. None
-    if the kernel delivers each to the right one.
-    """
 
     @property
     def http_port(self) -> int:
@@ -46,7 +43,7 @@ class PublicSockets:
     def fds(self) -> tuple[int, ...]:
         """The file descriptors of all edges, each of which inherits them all."""
         tcp = (self.http,) if self.https is None else (self.http, self.https)
-        groups = (tcp, *self.quic, *self.relays)
+        groups = (tcp, *self.quic)
         return tuple(sock.fileno() for group in groups for sock in group)
 
     @classmethod
@@ -55,7 +52,6 @@ class PublicSockets:
         """Open the sockets, as a context manager. Raises StartError for an unusable address."""
         with ExitStack() as stack:
             quic: tuple[tuple[socket.socket, ...], ...] = ()
-            relays: tuple[tuple[socket.socket, socket.socket], ...] = ()
             if settings.quic is not None:
                 with explained(settings.quic, "--quic"):
                     families = [
@@ -63,22 +59,15 @@ class PublicSockets:
                     ]
                 quic = tuple(zip(*families, strict=True))
                 if edges > 1 and not all(steer(family[0], edges) for family in families):
-                    relays = tuple(_relay(stack) for _ in range(edges))
+                    raise StartError("This kernel cannot share a port among edges; start the service with --edges 1.")
             https = None if settings.https is None else _listen(settings.https, "--https", settings, stack)
             http = _listen(settings.http, "--http", settings, stack)
-            yield cls(http, https, quic, relays)
+            yield cls(http, https, quic)
 
 
 def _group(first: socket.socket, edges: int, stack: ExitStack) -> list[socket.socket]:
     others = (bind_another(first) for _ in range(edges - 1))
     return [stack.enter_context(first), *map(stack.enter_context, others)]
-
-
-def _relay(stack: ExitStack) -> tuple[socket.socket, socket.socket]:
-    """A connected pair, with a queue bounded by bytes, unlike a named socket's limit of ten datagrams."""
-    inbox, outbox = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
-    outbox.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SOCKET_BUFFER)
-    return stack.enter_context(inbox), stack.enter_context(outbox)
 
 
 def _listen(address: Address, flag: str, settings: RenderSettings, stack: ExitStack) -> socket.socket:

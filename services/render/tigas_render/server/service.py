@@ -43,9 +43,9 @@ from tigas_render.raster.base import Rasterizer
 from tigas_render.scenes.coarse import CoarseScenes
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.scenes.source import SceneSource
-from tigas_render.scenes.start_view.kept import KeptViews
+from tigas_render.scenes.start_view.view import KeptViews
 from tigas_render.server.library import Library
-from tigas_render.server.preview import Preview, PreviewCache, preview_camera
+from tigas_render.server.preview import HEIGHT, WIDTH, Preview, PreviewCache, preview_camera
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.certificate import Certificate
 
@@ -239,11 +239,11 @@ class RenderService(FrameSource):
         """A scene's thumbnail. Raises UnknownScene and BrokenScene."""
         return await self._previews.get(self.registry.source(scene_id))
 
-    async def _render_preview(self, scene_id: str, width: int, height: int) -> bytes:
+    async def _render_preview(self, scene_id: str) -> bytes:
         """From the start camera, through the engine like every other frame, so that it waits for its turn."""
         with self._noticing_loss():
             async with self.registry.use(scene_id) as scene:
-                camera = preview_camera(scene.view.camera, scene.view.up, width, height)
+                camera = preview_camera(scene.view.camera, scene.view.up, WIDTH, HEIGHT)
                 request = RenderRequest.at(scene_id, camera.pose, camera.intrinsics)
                 return bytes((await self.engine.submit(PREVIEWS, request, time.monotonic())).body)
 

@@ -64,11 +64,6 @@ class Certificate:
         return cls(certificate, key)
 
     @property
-    def der(self) -> bytes:
-        """The certificate in DER."""
-        return self.x509.public_bytes(serialization.Encoding.DER)
-
-    @property
     def pem(self) -> bytes:
         """The certificate in PEM, without its key."""
         return self.x509.public_bytes(serialization.Encoding.PEM)

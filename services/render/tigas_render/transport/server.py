@@ -77,7 +77,6 @@ class Http3Server:
         self._configuration = self._configure(certificate)
         self._retries = Retries(self._share.retry_key)
         self._reset_key = reset_key or os.urandom(32)
-        self._relay = self._share.relay
         self._connections = Connections(self._send, self._counted)
         self._admission = ConnectionAdmission(self._limits, self._load)
         self._inbox = Inbox()
@@ -92,11 +91,9 @@ class Http3Server:
         for sock in self._share.sockets or bind_all(*self._address):
             self._address = sock.getsockname()[:2]
             self._endpoints[len(sock.getsockname())] = UdpEndpoint(
-                sock, self._received, self._drained, self._load.batch_refused
+                sock, self._inbox.add, self._drained, self._load.batch_refused
             )
         self._resets = StatelessResets(self._reset_key, self.port)
-        if self._relay is not None:
-            self._relay.start(self._inbox.add, self._drained)
         return self
 
     async def __aexit__(self, *_: object) -> None:
@@ -125,8 +122,6 @@ class Http3Server:
         for endpoint in self._endpoints.values():
             endpoint.close()
         self._endpoints.clear()
-        if self._relay is not None:
-            self._relay.close()
         if self._next_turns is not None:
             self._next_turns.cancel()
 
@@ -164,10 +159,6 @@ class Http3Server:
     def _send(self, datagrams: list[Datagram]) -> None:
         if datagrams and (endpoint := self._endpoints.get(len(datagrams[0][1]))) is not None:
             endpoint.send(datagrams)
-
-    def _received(self, data: bytes, address: Address, arrived: float) -> None:
-        if self._relay is None or not self._relay.pass_on(data, address, arrived):
-            self._inbox.add(data, address, arrived)
 
     def _drained(self) -> None:
         if self._next_turns is None:

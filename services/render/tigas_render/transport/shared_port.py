@@ -6,21 +6,17 @@ it. A client's first packet has a random id, and so opens a connection at the ed
 
 from __future__ import annotations
 
-import asyncio
 import ctypes
-import logging
+import mmap
+import os
 import socket
 import struct
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from aioquic.tls import SessionTicket
-
-from tigas_render.transport.edge_counts import EdgeCounts
-from tigas_render.transport.udp import Address
-
-logger = logging.getLogger(__name__)
 
 LONG_HEADER = 0x80
 LONG_HEADER_CID = 1 + 4 + 1
@@ -30,15 +26,12 @@ SHORT_HEADER_CID = 1
 SO_ATTACH_REUSEPORT_CBPF = 51
 LOAD_BYTE, JUMP, JUMP_IF_SET, MODULO, RETURN = 0x30, 0x05, 0x45, 0x94, 0x16
 
-_HEADER = struct.Struct("=dHIIB")
-"""A relayed datagram's arrival in seconds of the monotonic clock, port, flow and scope (of IPv6), and the length of the
-host's name.
-"""
-MAX_DRAIN = 128
-"""Relayed datagrams read before other work gets its turn."""
-MAX_MESSAGE = _HEADER.size + 255 + 65_535
-
 MAX_TICKETS = 1024
+
+MOST_AHEAD = 1
+"""Connections that an edge may have beyond another's and still take new clients: a Retry costs them a round trip."""
+COUNT_BYTES = 4
+"""Of a count, which is read and written as a whole."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,17 +46,12 @@ class Edge:
         first = cid[0] - cid[0] % self.of + self.number
         return bytes((first if first < 256 else first - self.of,)) + cid[1:]
 
-    def owner(self, datagram: bytes) -> int:
-        """The number of the edge that a datagram is for; this one's if it does not say."""
-        at = LONG_HEADER_CID if datagram and datagram[0] & LONG_HEADER else SHORT_HEADER_CID
-        return datagram[at] % self.of if len(datagram) > at else self.number
-
 
 def steer(sock: socket.socket, edges: int) -> bool:
     """Make the kernel deliver each datagram to its owner, by a classic BPF program (bpf(4), socket(7)).
 
-    The sockets of this one's port are numbered in the order of binding. False if the kernel cannot: then it chooses one
-    by the addresses, so that a client with a changed address reaches another edge.
+    The sockets of this one's port are numbered in the order of binding. False if the kernel cannot (Linux before 4.5,
+    gVisor).
     """
     program = b"".join(
         struct.pack("@HBBI", *instruction)
@@ -86,59 +74,41 @@ def steer(sock: socket.socket, edges: int) -> bool:
     return True
 
 
-class Relay:
-    """One edge's side of passing datagrams to their owners, where the kernel does not.
+@contextmanager
+def counts_file(edges: int) -> Iterator[int]:
+    """The memory for some edges' counts, as a file descriptor without a name, until the context ends."""
+    fd = os.memfd_create("tigas edges", os.MFD_CLOEXEC)
+    try:
+        os.ftruncate(fd, COUNT_BYTES * edges)
+        yield fd
+    finally:
+        os.close(fd)
 
-    A datagram goes to its owner over a Unix socket with the client's address and the time at which it arrived. The
-    owner answers from its own UDP socket with the same port.
+
+class EdgeCounts:
+    """One edge's view of all edges' numbers of connections.
+
+    New clients fall on edges at random, and the fullest edge is the first that is too busy. So an edge with more
+    connections than another sends new clients there, by a Retry.
     """
 
-    def __init__(self, edge: Edge, inbox: socket.socket, outboxes: Sequence[socket.socket]) -> None:
-        """inbox: receives datagrams for this edge; outboxes: sockets of the edges, by number."""
-        self._edge = edge
-        self._inbox = inbox
-        self._outboxes = outboxes
-        for each in (inbox, *outboxes):
-            each.setblocking(False)
+    def __init__(self, fd: int, number: int, edges: int) -> None:
+        """fd: from `counts_file`; it is not needed afterwards. number: of this edge, which begins without connections;
+        edges: the number of all.
+        """
+        self._number = number
+        self._counts = memoryview(mmap.mmap(fd, COUNT_BYTES * edges)).cast("I")
+        self.update(0)
 
-    def start(self, received: Callable[[bytes, Address, float], None], drained: Callable[[], None]) -> None:
-        """Deliver relayed datagrams to `received`, and report when no more are waiting."""
-        self._received = received
-        self._drained = drained
-        asyncio.get_running_loop().add_reader(self._inbox.fileno(), self._read)
+    def update(self, connections: int) -> None:
+        """Tell the others the number of this edge's connections."""
+        self._counts[self._number] = connections
 
-    def close(self) -> None:
-        asyncio.get_running_loop().remove_reader(self._inbox.fileno())
-        for each in (self._inbox, *self._outboxes):
-            each.close()
-
-    def pass_on(self, data: bytes, address: Address, arrived: float) -> bool:
-        """Whether a datagram is another edge's; then it has been sent there, or is lost, as in a network."""
-        owner = self._edge.owner(data)
-        if owner == self._edge.number:
-            return False
-        host, port, *rest = address
-        flow, scope = rest or (0, 0)
-        name = str(host).encode()
-        header = _HEADER.pack(arrived, port, flow, scope, len(name))
-        try:
-            self._outboxes[owner].sendmsg((header, name, data))
-        except OSError as error:  # it is full
-            logger.debug("A datagram for edge %s is dropped: %s", owner, error)
-        return True
-
-    def _read(self) -> None:
-        try:
-            for _ in range(MAX_DRAIN):
-                message = self._inbox.recv(MAX_MESSAGE)
-                arrived, port, flow, scope, length = _HEADER.unpack_from(message)
-                begin = _HEADER.size + length
-                host = message[_HEADER.size : begin].decode()
-                address = (host, port, flow, scope) if ":" in host else (host, port)
-                self._received(message[begin:], address, arrived)
-        except (BlockingIOError, InterruptedError):
-            pass
-        self._drained()
+    def emptier(self) -> int | None:
+        """The number of the edge with the fewest connections, if this one should send new clients there."""
+        counts = self._counts.tolist()
+        fewest = min(counts)
+        return None if counts[self._number] <= fewest + MOST_AHEAD else counts.index(fewest)
 
 
 class TicketStore:
@@ -178,5 +148,3 @@ class Share:
     """Session tickets of all edges."""
     counts: EdgeCounts | None = None
     """Connections of all edges; None: new clients stay where they come."""
-    relay: Relay | None = None
-    """Where the kernel does not bring each datagram to the edge that it is for."""

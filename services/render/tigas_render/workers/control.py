@@ -76,10 +76,6 @@ class EdgeStart(_Start):
     quic: tuple[int, ...]
     counts: int
     """The memory of the edges' numbers of connections."""
-    relay: int | None
-    """The inbox for datagrams that other edges pass on, if the kernel cannot steer them."""
-    relays: tuple[int, ...]
-    """The sockets to the inboxes of all edges."""
     reset_key: bytes
     retry_key: bytes
 

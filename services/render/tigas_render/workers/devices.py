@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import subprocess
 import sys
 from collections import Counter
@@ -10,6 +11,7 @@ from pathlib import Path
 from tigas_common.errors import StartError
 from tigas_common.resources import usable_processors
 from tigas_render.settings import RenderSettings
+from tigas_render.transport.shared_port import steer
 
 DEV = Path("/dev")
 COUNT_GPUS = "from cuda.bindings import driver; driver.cuInit(0); print(driver.cuDeviceGetCount()[1] or 0)"
@@ -49,12 +51,21 @@ def edges_for(settings: RenderSettings, devices: int) -> int:
             raise StartError("Several edges need Linux; start the service with --edges 1.")
         return settings.edges
     gpu = settings.device != "cpu" and (settings.device != "auto" or has_gpu())
-    return suitable(usable_processors() if sys.platform == "linux" else 1, gpu, devices)
+    return suitable(usable_processors() if can_share_port() else 1, gpu, devices)
 
 
 def suitable(cores: int, gpu: bool, devices: int) -> int:
     """Return three eighths of the cores: an engine's event loop and lanes need two or three of 16 (docs/deploy.md)."""
     return min(cores * 3 // 8, MAX_AUTO * devices) if gpu and cores >= MIN_CORES else 1
+
+
+def can_share_port() -> bool:
+    """Whether the kernel can deliver each datagram of a port to the edge that it is for."""
+    if sys.platform != "linux":
+        return False
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+        return steer(sock, 2)
 
 
 def has_gpu() -> bool:

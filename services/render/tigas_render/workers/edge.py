@@ -10,7 +10,6 @@ from contextlib import AsyncExitStack
 from dataclasses import replace
 
 from aioquic.tls import SessionTicket
-from pydantic import TypeAdapter
 from starlette.routing import Match
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -23,8 +22,7 @@ from tigas_render.pipe.engines import Engines
 from tigas_render.server.frame_route import PATH, HttpFrames, frames_app
 from tigas_render.server.public_servers import public_servers
 from tigas_render.transport.certificate import Certificate
-from tigas_render.transport.edge_counts import EdgeCounts
-from tigas_render.transport.shared_port import Edge, Relay, Share, TicketStore
+from tigas_render.transport.shared_port import Edge, EdgeCounts, Share, TicketStore
 from tigas_render.uploads.parts_route import PART, uploads_app
 from tigas_render.workers.aggregate import Aggregate, EngineProxy
 from tigas_render.workers.control import (
@@ -43,7 +41,6 @@ from tigas_render.workers.process import run, until_stopped_or_alone
 
 TELL_TICKS = 10
 """Measurements of the load between two reports to the engines, a second apart."""
-_STATE = TypeAdapter(LoadState)
 
 
 async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> None:
@@ -107,7 +104,7 @@ def _every(ticks: int, engines: PipeClient | Engines) -> Callable[[LoadState], N
 
     def report(state: LoadState) -> None:
         if next(measurements) % ticks == 0:
-            engines.tell(_STATE.dump_json(state))
+            engines.tell(state)
 
     return report
 
@@ -125,10 +122,7 @@ def _by_path(frames: ASGIApp, parts: ASGIApp, rest: ASGIApp) -> ASGIApp:
 def _share(start: EdgeStart, tickets: SharedTickets) -> Share:
     of = Edge(start.number, start.edges)
     sockets = tuple(map(_inherited, start.quic))
-    relay = None
-    if start.relay is not None:
-        relay = Relay(of, _inherited(start.relay), [_inherited(fd) for fd in start.relays])
-    return Share(of, sockets, start.retry_key, tickets, EdgeCounts(start.counts, start.number, start.edges), relay)
+    return Share(of, sockets, start.retry_key, tickets, EdgeCounts(start.counts, start.number, start.edges))
 
 
 def _inherited(fd: int) -> socket.socket:

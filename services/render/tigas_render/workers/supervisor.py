@@ -16,8 +16,7 @@ from tigas_render.server.certificates import CertificateKeeper
 from tigas_render.server.public_sockets import PublicSockets
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.certificate import Certificate
-from tigas_render.transport.edge_counts import counts_file
-from tigas_render.transport.shared_port import TicketStore
+from tigas_render.transport.shared_port import TicketStore, counts_file
 from tigas_render.transport.stateless import RETRY_KEY_LENGTH
 from tigas_render.workers.control import (
     EdgeStart,
@@ -174,8 +173,6 @@ class Supervisor:
                 https=None if public.https is None else public.https.fileno(),
                 quic=tuple(sock.fileno() for sock in public.quic[number]) if public.quic else (),
                 counts=self._counts,
-                relay=public.relays[number][0].fileno() if public.relays else None,
-                relays=tuple(outbox.fileno() for _, outbox in public.relays),
                 certificate=self._certificate,
                 reset_key=self._reset_key,
                 retry_key=self._retry_key,

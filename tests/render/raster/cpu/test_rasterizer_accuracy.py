@@ -1,4 +1,4 @@
-"""The CPU rasteriser matches the reference, for any shape of the picture and any camera."""
+"""The CPU rasteriser matches the reference for any picture and camera, and gsplat's pictures of captured scenes."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from reference.rasterizer import ReferenceRasterizer
-from tests.render.raster.views import camera, cloud, pixels, psnr
+from tests.render.raster.views import camera, cloud, gsplat_frames, pixels, psnr
+from tests.shared_data import reference_scene_ply, shared_file
 from tigas_common.pose import Intrinsics, Pose, Vector3
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, depth_size
 from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.raster.cpu import rasterizer as cpu_rasterizer
+from tigas_render.scenes.directory import read_scene_file
 
 FAST, SLOW = CpuRasterizer(), ReferenceRasterizer()
 SIZES = [(64, 48), (37, 41), (1, 1), (400, 20), (20, 400), (333, 7), (129, 65)]
@@ -119,3 +121,12 @@ def test_many_gaussians_that_need_several_bands(monkeypatch: pytest.MonkeyPatch)
     whole = pixels(FAST.render(FAST.prepare(gaussians), view))
     monkeypatch.setattr(cpu_rasterizer, "MAX_ENTRIES", 1000)
     assert (pixels(FAST.render(FAST.prepare(gaussians), view)) == whole).all()
+
+
+@pytest.mark.parametrize("name", ["guitar", "flowers", "narcissus"])
+def test_every_frame_of_gsplat_is_matched(name: str) -> None:
+    rasterizer = CpuRasterizer()
+    scene = rasterizer.prepare(read_scene_file(reference_scene_ply(name)).load())
+    with np.load(shared_file("reference", "gsplat_renders.npz")) as renders:
+        for camera, frame in gsplat_frames(renders, name):
+            assert psnr(pixels(rasterizer.render(scene, camera)), frame) >= 60

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,13 +20,15 @@ from tigas_render.gaussians import Floats, Gaussians
 from tigas_render.raster.base import Rasterizer
 from tigas_render.raster.devices import create_rasterizer
 from tigas_render.scenes.demo import DEMO_SOURCE
-from tigas_render.scenes.source import SceneMetadata
+from tigas_render.scenes.source import SceneMetadata, SceneSource
 from tigas_render.scenes.start_view.statistics import SceneStatistics
-from tigas_render.scenes.start_view.view import StartView
+from tigas_render.scenes.start_view.view import KeptViews, StartView
 from tigas_render.server.preview import preview_camera
 
 CAMERA = StartCamera(position=(1, 2, 3), look_at=(0, 0, 0))
 WIDTH, HEIGHT = 160, 90
+SOURCE = SceneSource("garden", SceneMetadata(), "1", None)
+VIEW = StartView(up=(0, 0, 1), camera=StartCamera(position=(1, 2, 3), look_at=(0, 0, 0)))
 
 
 @pytest.fixture(scope="module")
@@ -166,3 +170,28 @@ def test_degenerate_scenes_have_a_view(means: Floats, opacity: float, scale: flo
     assert all(map(math.isfinite, (*view.up, *view.camera.position, *view.camera.look_at)))
     assert view.camera.position != view.camera.look_at
     Pose.look_at(view.camera.position, view.camera.look_at, view.up)
+
+
+def test_a_view_is_kept_for_its_file_and_its_up_axis(tmp_path: Path) -> None:
+    views = KeptViews(tmp_path / "cache")
+    assert views.read(SOURCE) is None
+    views.write(SOURCE, VIEW)
+    assert KeptViews(tmp_path / "cache").read(SOURCE) == VIEW
+    assert views.read(replace(SOURCE, metadata=SceneMetadata(name="Another"))) == VIEW
+    assert views.read(replace(SOURCE, version="2")) is None
+    assert views.read(replace(SOURCE, metadata=SceneMetadata(up=(0, 1, 0)))) is None
+
+
+def test_a_broken_file_is_no_view(tmp_path: Path) -> None:
+    views = KeptViews(tmp_path)
+    views.write(SOURCE, VIEW)
+    for path in tmp_path.iterdir():
+        path.write_text('{"up": [0, 0, 1]}')
+    assert views.read(SOURCE) is None
+
+
+def test_a_directory_that_cannot_be_made_keeps_nothing(tmp_path: Path) -> None:
+    (tmp_path / "cache").write_text("a file")
+    views = KeptViews(tmp_path / "cache")
+    views.write(SOURCE, VIEW)
+    assert views.read(SOURCE) is None

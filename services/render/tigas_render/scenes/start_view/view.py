@@ -1,13 +1,20 @@
-"""The start view of a scene, for which its scene.json has none."""
+"""The start view of a scene whose scene.json has none, derived once and kept."""
 
 from __future__ import annotations
 
+import hashlib
+from pathlib import Path
+
 import numpy as np
 
+from tigas_common.errors import InvalidRequest
+from tigas_common.files import read_regular
+from tigas_common.parsing import parse
 from tigas_common.wire.model import Point, WireModel
 from tigas_common.wire.render import StartCamera
 from tigas_render.gaussians import Gaussians
-from tigas_render.scenes.source import DEFAULT_UP, SceneMetadata
+from tigas_render.local_files import write_to_cache
+from tigas_render.scenes.source import DEFAULT_UP, SceneMetadata, SceneSource
 from tigas_render.scenes.start_view.grid import Grid
 from tigas_render.scenes.start_view.inside import best_view
 from tigas_render.scenes.start_view.outside import view_from_outside
@@ -17,6 +24,8 @@ from tigas_render.scenes.start_view.up_axis import axis_of_object, likely_axes
 
 VERSION = 1
 """Counts up when scenes get other start views, so that kept ones are not taken for them."""
+MAX_BYTES = 10_000
+"""Of a kept view's file."""
 
 
 class StartView(WireModel):
@@ -24,6 +33,29 @@ class StartView(WireModel):
 
     up: Point
     camera: StartCamera
+
+
+class KeptViews:
+    """Start views in `directory`, which is made when it is needed; a scene's folder is never written to."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+
+    def read(self, source: SceneSource) -> StartView | None:
+        """The view of a scene; None if none is kept."""
+        try:
+            return parse(StartView, read_regular(self._path(source), MAX_BYTES))
+        except (OSError, InvalidRequest):
+            return None
+
+    def write(self, source: SceneSource, view: StartView) -> None:
+        """Keep the view of a scene, if that is possible."""
+        write_to_cache(self._path(source), view.model_dump_json().encode())
+
+    def _path(self, source: SceneSource) -> Path:
+        """The file's name depends on everything that the view depends on."""
+        key = f"{VERSION}|{source.version}|{source.metadata.up}"
+        return self._directory / f"start-view-{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
 
 
 def given_view(metadata: SceneMetadata) -> StartView | None:

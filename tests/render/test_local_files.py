@@ -1,12 +1,14 @@
-"""Reproducible data is kept whole or not at all."""
+"""This user's files: reproducible data is kept whole or not at all, and temporary directories do not stay."""
 
 from __future__ import annotations
 
+import os
+import time
 from pathlib import Path
 
 import pytest
 
-from tigas_render.local_files import cache_directory, kept_key, write_to_cache
+from tigas_render.local_files import YOUNG_S, cache_directory, kept_key, locked_directory, write_to_cache
 
 
 def test_a_file_replaces_another_and_nothing_else_stays(tmp_path: Path) -> None:
@@ -51,3 +53,45 @@ def test_a_broken_key_is_replaced_by_one_that_is_not_kept(content: bytes, tmp_pa
 def test_a_key_that_cannot_be_kept_is_no_failure(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     assert len(kept_key(tmp_path / "file" / "a.key")) == 32
+
+
+PREFIX = "tigas-render-"
+
+
+def age(path: Path, s: float = 2 * YOUNG_S) -> None:
+    """Let a directory be so old that its service must have locked it."""
+    then = time.time() - s
+    os.utime(path, (then, then))
+
+
+def test_it_is_for_nobody_else_and_gone_in_the_end(tmp_path: Path) -> None:
+    with locked_directory(tmp_path, PREFIX) as directory:
+        assert directory.stat().st_mode & 0o777 == 0o700
+        (directory / "http.sock").touch()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("age_s", [2 * YOUNG_S, -3600.0], ids=["old", "made while the clock was ahead"])
+def test_what_a_killed_service_has_left_is_removed(tmp_path: Path, age_s: float) -> None:
+    left = tmp_path / f"{PREFIX}left"
+    left.mkdir()
+    (left / "http.sock").touch()
+    age(left, age_s)
+    with locked_directory(tmp_path, PREFIX) as directory:
+        assert list(tmp_path.iterdir()) == [directory]
+
+
+def test_what_runs_what_starts_and_what_is_not_a_services_stays(tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    link = tmp_path / f"{PREFIX}link"
+    starting = tmp_path / f"{PREFIX}starting"
+    elsewhere.mkdir()
+    age(elsewhere)
+    link.symlink_to(elsewhere)
+    starting.mkdir()
+    with locked_directory(tmp_path, PREFIX) as running:
+        (running / "http.sock").touch()
+        age(running)
+        with locked_directory(tmp_path, PREFIX) as another:
+            assert set(tmp_path.iterdir()) == {elsewhere, link, starting, running, another}
+            assert (running / "http.sock").exists()
