@@ -27,7 +27,8 @@ export function start(): void {
     if (!settingsOverridden.value) saveSettings(() => localStorage, settings.value);
   });
   effect(() => {
-    document.documentElement.dataset.theme = settings.value.theme;
+    const { theme } = settings.value;
+    document.documentElement.style.colorScheme = theme === "system" ? "" : theme;
   });
   const follow = () => {
     route.value = parseRoute(location.hash);

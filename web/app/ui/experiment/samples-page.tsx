@@ -128,7 +128,7 @@ interface RunsProps {
 
 function Runs({ runs, chosen, onChoose }: RunsProps) {
   return (
-    <Table kind="sampled-runs" columns={["Run", "Samples", "Identical", "Different", "Incomplete"]}>
+    <Table columns={["Run", "Samples", "Identical", "Different", "Incomplete"]}>
       {runs.map(
         ({ folder, samples }) =>
           samples && (

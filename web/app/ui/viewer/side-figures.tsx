@@ -53,8 +53,8 @@ function SideHud({ place, title, side, session }: HudProps) {
     : [];
   return (
     <div class="side">
-      <section class="floating side-hud" aria-label={`Measurements: ${title}`} data-side={place} data-mode={mode}>
-        <div class="hud-main">
+      <section class="floating side-hud small" aria-label={`Measurements: ${title}`} data-side={place} data-mode={mode}>
+        <div class="hud-main row">
           <h2 class="small">
             <i class="swatch" data-tone={place} />
             {title}
@@ -65,7 +65,7 @@ function SideHud({ place, title, side, session }: HudProps) {
           <strong data-stat="motion-to-photon">{milliseconds(motionToPhoton?.p50) ?? NONE}</strong>
           <span class="muted">{latencyName(figures)}</span>
         </p>
-        <dl class="hud-details">
+        <dl class="hud-details stack">
           <Rows
             of={[
               ["motion-to-photon-p95", "p95", milliseconds(motionToPhoton?.p95)],

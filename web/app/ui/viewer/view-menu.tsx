@@ -24,7 +24,7 @@ export function ViewMenu({ session, onReset, onClose }: Props) {
   });
   useWindowEvent("keydown", ({ key }) => key === "Escape" && onClose());
   return (
-    <fieldset class="floating view-menu" id="view-menu" aria-label="View">
+    <fieldset class="floating view-menu stack" id="view-menu" aria-label="View">
       <Saved session={session} onClose={onClose} />
       <Picture session={session} />
       {applies("controller", settings.value) && <Quality />}
