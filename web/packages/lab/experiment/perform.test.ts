@@ -4,7 +4,7 @@ import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { ShaperStatus } from "#client/wire/shaper";
 import type { Recording, RunJob } from "#client/wire/store";
 import type { ViewerSession } from "#viewer/session/session";
-import { ShaperError } from "../network/api";
+import { ApiError } from "#client/http/problem";
 import type { Shaper } from "../network/shaper";
 import { RunFailed } from "./errors";
 import { perform } from "./perform";
@@ -61,7 +61,7 @@ afterEach(() => {
 async function performed() {
   const ask = (name: string) => async () => {
     events.push(name);
-    if (refused && name === "start") throw new ShaperError("There is no trace bus.");
+    if (refused && name === "start") throw new ApiError("There is no trace bus.", false);
     return STATUS;
   };
   const names = ["start", "seek", "stop"];

@@ -36,7 +36,7 @@ const LOOK_EVERY = 50;
 const HIDDEN = "The page was hidden, so that not all of the run could be shown.";
 
 /**
- * Rejects with a RunFailed or a ShaperError, or with the reason of `signal`. Afterwards the link is the shaper's own
+ * Rejects with a RunFailed or an ApiError, or with the reason of `signal`. Afterwards the link is the shaper's own
  * again.
  */
 export async function perform(job: RunJob, performance_: Performance): Promise<Performed> {

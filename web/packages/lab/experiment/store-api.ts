@@ -1,6 +1,6 @@
 /** The store of experiments (`docs/experiments.md`). Every failure is an ApiError with one sentence to show. */
 
-import { ApiError, readProblem, storeUnreachable } from "#client/http/problem";
+import { type AskOptions, ask, storeUnreachable } from "#client/http/problem";
 import type {
   ExperimentCreated,
   ExperimentList,
@@ -142,35 +142,19 @@ export class StoreApi {
     return this.#json(`${this.#path(id)}/materialise`, { method });
   }
 
-  /** The response's body. Also rejects with the reason of `signal`. */
-  async #ask(path: string, { signal: cancelled, timeout = TIMEOUT, ...request }: Asked): Promise<Blob> {
-    const { body } = request;
+  #ask(path: string, request: Asked): Promise<Blob> {
+    const { body, timeout = TIMEOUT } = request;
     const bytes = typeof body === "string" ? body.length : (body?.size ?? 0);
-    const late = AbortSignal.timeout(timeout + bytes / SLOWEST);
-    const signal = cancelled ? AbortSignal.any([cancelled, late]) : late;
-    let answer: Response;
-    try {
-      answer = await fetch(`${this.base}/${path}`, { cache: "no-store", ...request, signal });
-      if (answer.ok) return await answer.blob();
-    } catch {
-      cancelled?.throwIfAborted();
-      throw new ApiError(storeUnreachable(this.base, location.href), true);
-    }
-    const { detail, type } = await readProblem(answer);
-    throw new ApiError(detail, false, type);
+    const silence = () => storeUnreachable(this.base, location.href);
+    const limited = { ...request, timeout: timeout + bytes / SLOWEST };
+    return ask(`${this.base}/${path}`, (answer) => answer.blob(), silence, limited);
   }
 }
 
-interface Asked {
-  readonly method?: string;
+interface Asked extends AskOptions {
   readonly body?: string | Blob;
-  readonly headers?: Record<string, string>;
-  /** Cancels the request. */
-  readonly signal?: AbortSignal;
-  /** In milliseconds, without the time for the body. */
-  readonly timeout?: number;
 }
 
-function jsonBody(content: object): Pick<Asked, "body" | "headers"> {
+function jsonBody(content: object) {
   return { body: JSON.stringify(content), headers: { "Content-Type": "application/json" } };
 }
