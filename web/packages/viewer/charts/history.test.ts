@@ -16,24 +16,24 @@ test("samples become columns, one for each side; a side that is not shown has no
   const history = new ComparisonHistory(2);
   history.sample([FIGURES, null], 1000);
   history.sample([FIGURES, { ...FIGURES, bandwidth: 1_000_000, buffered: 140 }], 1250);
-  expect(history.bandwidth.value).toEqual([
+  expect(history.series.bandwidth.value).toEqual([
     [1, 1.25],
     [4, 4],
     [null, 1],
   ]);
-  expect(history.newViews.value.slice(1)).toEqual([
+  expect(history.series.newViews.value.slice(1)).toEqual([
     [48, 48],
     [null, 48],
   ]);
-  expect(history.stalled.value.slice(1)).toEqual([
+  expect(history.series.stalled.value.slice(1)).toEqual([
     [0.5, 0.5],
     [null, 0.5],
   ]);
-  expect(history.buffered.value.slice(1)).toEqual([
+  expect(history.series.buffered.value.slice(1)).toEqual([
     [null, null], // it has none
     [null, 140],
   ]);
-  expect(history.lines.value.slice(1)).toEqual([
+  expect(history.series.lines.value.slice(1)).toEqual([
     [360, 360],
     [null, 360],
   ]);

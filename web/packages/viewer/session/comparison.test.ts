@@ -98,14 +98,14 @@ test("one stream alone is measured, and not judged", async () => {
   await frames(1);
   await walk(4);
   await frames(3);
-  expect(comparison.history.bandwidth.value).toHaveLength(2);
+  expect(comparison.history.series.bandwidth.value).toHaveLength(2);
   expect(sides[0]?.picture).not.toHaveBeenCalled();
   expect(groundTruth).not.toHaveBeenCalled();
 });
 
 test("a comparison that is over looks no more", async () => {
   comparison.dispose();
-  const before = comparison.history.newViews.value;
+  const before = comparison.history.series.newViews.value;
   await frames(1);
-  expect(comparison.history.newViews.value).toBe(before);
+  expect(comparison.history.series.newViews.value).toBe(before);
 });
