@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import hashlib
 import io
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
@@ -341,16 +340,6 @@ def test_a_recording_says_what_enhancement_took_and_samples_what_was_on_the_scre
         expected = np.asarray(jpeg.resize((160, 90), Image.Resampling.BICUBIC), dtype=np.int16)
         found = np.asarray(png.convert("RGB"), dtype=np.int16)
         assert np.abs(found - expected).mean() < 1, "it is of another frame"
-
-
-def test_the_url_chooses_models_and_says_which_there_are_not(open_page: OpenPage, server: RenderServer) -> None:
-    page = open_page(f"{SCENE}?upscale=lanczos", viewport=SMALL, **with_settings(server.url, **LOWEST_RUNG))
-    wait_until_enhanced(page)
-    assert json.loads(page.evaluate("() => localStorage['tigas.settings']"))["upscale"] == "lanczos"
-    page.goto(server.url + SCENE + "?upscale=magic")
-    note = page.locator("[data-stat=link-note]")
-    expect(note).to_contain_text("The link sets upscale to “magic”, which it cannot be; choose one of off, bicubic, ")
-    assert json.loads(page.evaluate("() => localStorage['tigas.settings']"))["upscale"] == "lanczos"
 
 
 def test_the_panel_chooses_models_and_tells_how_they_do(open_page: OpenPage, server: RenderServer) -> None:

@@ -76,17 +76,6 @@ def test_the_network_panel(shaper: FakeShaper, page_url: str, open_page: OpenPag
     expect(page.locator(".notice")).to_contain_text(f"The shaper at {shaper.url} does not answer")
 
 
-def test_there_is_no_panel_without_a_shaper(open_page: OpenPage) -> None:
-    page = open_page(SCENE)
-    asked: list[str] = []
-    page.on("request", lambda request: asked.append(request.url))
-    page.reload()
-    wait_for_frames(page)
-    expect(page.get_by_role("heading", name="Transport")).to_be_visible()
-    expect(page.get_by_role("heading", name="Network")).to_have_count(0)
-    assert not [url for url in asked if "plot" in url], "the chart library was loaded for nothing"
-
-
 def inked(page: Page) -> bool:
     """Whether anything is drawn in the first chart."""
     return bool(
