@@ -42,9 +42,6 @@ test("a whole scene has no progress any more", () => {
 });
 
 test.each([
-  [{ kind: "connecting", message: "Downloading the scene…" } as const, "Downloading the scene…"],
-  [{ kind: "lost", message: "The download was cut off." } as const, "The download was cut off. Trying again…"],
-  [{ kind: "failed", message: "This scene is too large." } as const, "This scene is too large."],
   [{ kind: "playing" } as const, ""],
   [null, "This server does not offer the scene for download; see Lab, Mode."],
 ])("the stage says how a download stands: %j", (phase, said) => {
