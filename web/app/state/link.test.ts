@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { COURTYARD } from "#viewer/state/fake-server";
+import { COURTYARD } from "#fakes/server";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
 import { linkedPose, linkedSettings, linkNote, viewHash } from "./link";
 import { parseRoute } from "./route";

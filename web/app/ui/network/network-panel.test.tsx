@@ -3,7 +3,7 @@ import { act, cleanup, fireEvent, render, screen, within } from "@testing-librar
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { ShaperStatus } from "#client/wire/shaper";
-import { asSession, fakeSession } from "../../state/fake-session";
+import { asSession, fakeSession } from "#fakes/session";
 import { NetworkPanel } from "./network-panel";
 
 vi.mock("../chart/plots", () => ({ plotLive: () => () => undefined }));

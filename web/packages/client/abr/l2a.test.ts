@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { observation } from "./fake-observation";
+import { observation } from "#fakes/observation";
 import { initialState, L2aController, projectToSimplex, step } from "./l2a";
 import { PAPER_LADDER } from "./ladder";
 

@@ -2,9 +2,9 @@
 
 import fc from "fast-check";
 import { expect, test } from "vitest";
-import { EFFORT } from "#client/fuzz/effort";
+import { EFFORT } from "#fakes/effort";
 import { readDepthSegment } from "./decode-depth";
-import { jpegWithDepth, webpWithDepth } from "./fake-frames";
+import { jpegWithDepth, webpWithDepth } from "#fakes/depth-frames";
 
 const image = fc.uint8Array({ minLength: 1, maxLength: 60 });
 const sound = fc.tuple(fc.float({ min: 0, noNaN: true, noDefaultInfinity: true }), image);

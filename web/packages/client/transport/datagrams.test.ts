@@ -1,7 +1,7 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { DatagramTransport } from "./datagrams";
-import { turn } from "./fake";
-import { FakeSession } from "./fake-session";
+import { turn } from "#fakes/transport";
+import { FakeSession } from "#fakes/web-transport";
 import { frameBytes } from "./frame-bytes";
 import { FrameDropped } from "./transport";
 

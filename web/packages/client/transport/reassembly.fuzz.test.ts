@@ -1,7 +1,7 @@
 /** Frames that come as datagrams, with everything that a network and a stranger may do to them. */
 import fc from "fast-check";
 import { expect, test } from "vitest";
-import { EFFORT } from "../fuzz/effort";
+import { EFFORT } from "#fakes/effort";
 import { frameBytes } from "./frame-bytes";
 import { parseFrame } from "./framing";
 import { FRAGMENT_HEADER_BYTES, Reassembler } from "./reassembly";

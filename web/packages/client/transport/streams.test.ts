@@ -1,6 +1,6 @@
 import { beforeEach, expect, test } from "vitest";
-import { turn } from "./fake";
-import { FakeSession } from "./fake-session";
+import { turn } from "#fakes/transport";
+import { FakeSession } from "#fakes/web-transport";
 import { frameBytes } from "./frame-bytes";
 import { StreamTransport } from "./streams";
 

@@ -1,6 +1,6 @@
 import { type Signal, signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { settle } from "#client/transport/fake";
+import { settle } from "#fakes/transport";
 import type { SceneInfo } from "#client/wire/render";
 import type { EnhancementStatus } from "#viewer/enhance/enhancement";
 import type { TimedPose } from "#viewer/movement/movement";

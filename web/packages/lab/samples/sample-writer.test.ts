@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { WorkerCall } from "#client/async/worker-calls";
-import { FakeDisk } from "./fake-opfs";
+import { FakeDisk } from "#fakes/opfs";
 import { type SampleRequest, SampleWriter } from "./sample-writer";
 
 let disk: FakeDisk;

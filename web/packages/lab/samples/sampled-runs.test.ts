@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { Sample } from "#client/wire/store";
-import { FakeDisk } from "./fake-opfs";
+import { FakeDisk } from "#fakes/opfs";
 import type { About } from "./layout";
 import { SampleFiles } from "./sample-files";
 import { hold, listSampledRuns, readSampledRun, removeSampledRun, samplesFolder } from "./sampled-runs";

@@ -1,5 +1,5 @@
 import { afterEach, expect, test, vi } from "vitest";
-import { COURTYARD, serverConfig } from "../state/fake-server";
+import { COURTYARD, serverConfig } from "#fakes/server";
 import { defaultIntrinsics } from "../view/intrinsics";
 import { screenshot } from "./screenshot";
 

@@ -1,10 +1,10 @@
 // @vitest-environment happy-dom
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { COURTYARD } from "../state/fake-server";
+import { COURTYARD } from "#fakes/server";
 import { NO_NUDGE } from "../view/motion";
 import type { PresentedFrame } from "../view/presented";
 import { Rig } from "../view/rig";
-import { compressedPly } from "./fake-ply";
+import { compressedPly } from "#fakes/ply";
 import { type LocalOptions, LocalPlayer, type LocalRenderer } from "./local-player";
 import { readHeader } from "./ply";
 import type { RendererOptions } from "./renderer";

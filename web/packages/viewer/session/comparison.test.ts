@@ -1,7 +1,7 @@
 import { signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { groundTruth } from "../quality/ground-truth";
-import { COURTYARD } from "../state/fake-server";
+import { COURTYARD } from "#fakes/server";
 import { DEFAULT_SETTINGS } from "../state/settings";
 import { type Figures, NO_FIGURES } from "../view/meter";
 import { NO_NUDGE } from "../view/motion";

@@ -1,6 +1,6 @@
 import { describe, expect, test } from "vitest";
-import { FakeTransport, settle } from "#client/transport/fake";
-import { view } from "./fake-view";
+import { FakeTransport, settle } from "#fakes/transport";
+import { view } from "#fakes/views";
 import { FramePipeline } from "./pipeline";
 
 /** Walks for some seconds against a server with this round trip and service time (ms); returns frames shown a second. */

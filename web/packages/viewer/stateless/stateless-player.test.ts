@@ -2,7 +2,7 @@ import { beforeEach, describe, expect, test } from "vitest";
 import type { Display } from "../enhance/display";
 import { angleBetween } from "../view/vector";
 import type { DecodedFrame } from "./pipeline";
-import { PlayerBench, STILL } from "./player-bench";
+import { PlayerBench, STILL } from "#fakes/player-bench";
 import type { Reply } from "./stateless-player";
 
 let bench: PlayerBench;

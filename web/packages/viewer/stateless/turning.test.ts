@@ -1,7 +1,7 @@
 import { beforeEach, expect, test, vi } from "vitest";
 import { Display } from "../enhance/display";
 import { angleBetween } from "../view/vector";
-import { PlayerBench, STILL } from "./player-bench";
+import { PlayerBench, STILL } from "#fakes/player-bench";
 
 let bench: PlayerBench;
 

@@ -2,9 +2,9 @@
 
 import { beforeEach, expect, test } from "vitest";
 import { videoLadder } from "#client/abr/video-ladder";
-import { settle } from "#client/transport/fake";
-import { PLACE } from "../enhance/fake-gpu";
-import { PlayerBench, STILL } from "./player-bench";
+import { settle } from "#fakes/transport";
+import { PLACE } from "#fakes/gpu";
+import { PlayerBench, STILL } from "#fakes/player-bench";
 
 const STEPS = videoLadder(PLACE.ladder);
 

@@ -1,9 +1,9 @@
 import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
-import { FakeTransport, settle } from "#client/transport/fake";
+import { FakeTransport, settle } from "#fakes/transport";
 import { FrameDropped, type FrameReply, type FrameTransport } from "#client/transport/transport";
 import type { RenderRequest } from "#client/wire/render";
 import { SKIPPED } from "./encoded-frame";
-import { FakeDecoder } from "./fake-decoder";
+import { FakeDecoder } from "#fakes/decoder";
 import { VideoFrames, videoProblem } from "./video-frames";
 
 const PATIENCE = 100;

@@ -12,14 +12,14 @@ import type { Phase, ViewerSession } from "#viewer/session/session";
 import { SOURCES } from "#viewer/sources/registry";
 import { settingsAt } from "#viewer/sources/sides";
 import type { Source, SourcePhase, SourceStats } from "#viewer/sources/source";
-import { COURTYARD } from "#viewer/state/fake-server";
 import type { Place } from "#viewer/state/settings";
 import { NO_STATS, type Stats } from "#viewer/stateless/stats";
 import { NO_STREAM_STATS, type StreamStats } from "#viewer/stream/stream-player";
 import { NO_NUDGE } from "#viewer/view/motion";
 import { Presence } from "#viewer/view/presence";
 import { Rig } from "#viewer/view/rig";
-import { page, settings } from "./app";
+import { page, settings } from "../../app/state/app";
+import { COURTYARD } from "./server";
 
 const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 
