@@ -14,7 +14,7 @@ from playwright.sync_api import Page, expect
 from tests.web.conftest import PATIENCE, OpenPage
 from tests.web.modes import wait_for_sessions, wait_for_stream, with_settings
 from tests.web.server import Packager
-from tests.web.stage import SCENE, stat, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, wait_for_frames, wait_until_settled
 
 WINDOW = {"width": 1000, "height": 700}
 ALIKE = 10
@@ -126,16 +126,6 @@ def test_any_two_modes_are_compared_and_held_against_the_truth(open_page: OpenPa
     expect(page.locator(".last-walk [role=status]")).to_contain_text("new views per second")
     wait_until_settled(page)
     wait_until_shown(page, ".pane:nth-child(2) canvas", shown(page, ".pane:nth-child(1) canvas"))
-
-
-def test_the_stateless_page_does_not_load_the_player(open_page: OpenPage, viewer_url: str) -> None:
-    page = open_page(SCENE, url=viewer_url)
-    asked: list[str] = []
-    page.on("request", lambda request: asked.append(request.url))
-    page.reload()
-    wait_for_frames(page)
-    assert not [url for url in asked if "stream" in url or "dash" in url]
-    assert stat(page, "transport") == "WebTransport streams"
 
 
 def switch(page: Page, mode: str) -> None:

@@ -150,13 +150,6 @@ def test_other_transports_carry_frames_too(viewer: Page) -> None:
         assert changes(viewer, lambda: viewer.keyboard.press("ArrowRight", delay=200)) > 1, name
 
 
-def test_help_explains_the_keys(viewer: Page) -> None:
-    viewer.keyboard.press("h")
-    expect(viewer.get_by_role("dialog", name="Getting around")).to_be_visible()
-    viewer.keyboard.press("Escape")
-    expect(viewer.get_by_role("dialog")).to_have_count(0)
-
-
 def test_an_unknown_scene_is_one_sentence_and_a_way_back(open_page: OpenPage) -> None:
     page = open_page("#/scene/no-such-scene", expected_errors="404")
     expect(page.locator(".message")).to_contain_text("no-such-scene")
