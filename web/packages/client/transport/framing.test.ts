@@ -1,5 +1,5 @@
 import { describe, expect, test } from "vitest";
-import { frameBytes } from "./frame-bytes";
+import { frameBytes } from "#fakes/frames";
 import { parseFrame } from "./framing";
 import { RequestProblem } from "./transport";
 

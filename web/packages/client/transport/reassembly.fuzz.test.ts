@@ -2,26 +2,11 @@
 import fc from "fast-check";
 import { expect, test } from "vitest";
 import { EFFORT } from "#fakes/effort";
-import { frameBytes } from "./frame-bytes";
+import { fragments, frameBytes } from "#fakes/frames";
 import { parseFrame } from "./framing";
 import { FRAGMENT_HEADER_BYTES, Reassembler } from "./reassembly";
 
 const WANTED = 4;
-
-/** A frame's datagrams, as the server cuts them. */
-function fragments(seq: number, whole: Uint8Array, size: number): Uint8Array<ArrayBuffer>[] {
-  const count = Math.max(1, Math.ceil(whole.length / size));
-  return Array.from({ length: count }, (_, index) => {
-    const part = whole.subarray(index * size, (index + 1) * size);
-    const datagram = new Uint8Array(FRAGMENT_HEADER_BYTES + part.length);
-    const view = new DataView(datagram.buffer);
-    view.setUint32(0, seq);
-    view.setUint16(4, index);
-    view.setUint16(6, count);
-    datagram.set(part, FRAGMENT_HEADER_BYTES);
-    return datagram;
-  });
-}
 
 const bytes = (maxLength: number) => fc.uint8Array({ maxLength }) as fc.Arbitrary<Uint8Array<ArrayBuffer>>;
 const frames = fc.array(fc.uint8Array({ minLength: 1, maxLength: 400 }), { minLength: 1, maxLength: WANTED });

@@ -1,15 +1,9 @@
 import { describe, expect, test } from "vitest";
+import { fragment as datagramOf } from "#fakes/frames";
 import { Reassembler } from "./reassembly";
 
 function fragment(seq: number, index: number, count: number, content = `${seq}.${index}`): Uint8Array<ArrayBuffer> {
-  const body = new TextEncoder().encode(content);
-  const bytes = new Uint8Array(8 + body.length);
-  const view = new DataView(bytes.buffer);
-  view.setUint32(0, seq);
-  view.setUint16(4, index);
-  view.setUint16(6, count);
-  bytes.set(body, 8);
-  return bytes;
+  return datagramOf(seq, index, count, new TextEncoder().encode(content));
 }
 
 const text = (chunks: readonly Uint8Array[] | undefined) => chunks?.map((chunk) => new TextDecoder().decode(chunk));
