@@ -13,15 +13,12 @@ import type { DecodedFrame } from "#viewer/stateless/pipeline";
 import { type Reply, type ShownFrame, StatelessPlayer } from "#viewer/stateless/stateless-player";
 import type { Pictured } from "#viewer/stateless/turning";
 import { VideoFrames } from "#viewer/video/video-frames";
-import { NO_NUDGE } from "#viewer/view/motion";
 import type { PresentedFrame } from "#viewer/view/presented";
-import { Rig } from "#viewer/view/rig";
 import { FakeDecoder } from "./decoder";
 import { PLACE } from "./gpu";
+import { STILL, steeredRig } from "./rig";
 import { FakeTransport, settle } from "./transport";
 import { FakeWarp } from "./warp";
-
-export const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 
 const SIZE = { width: 1280, height: 720 };
 
@@ -49,7 +46,7 @@ export class PlayerBench {
   readonly shown: ShownFrame[] = [];
   presented: PresentedFrame[] = [];
   transport!: FakeTransport;
-  readonly rig = new Rig({ sampleInput: () => ({ axes: this.axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
+  readonly rig = steeredRig(() => this.axes);
   readonly reprojector: Reprojector<Pictured>;
   /** The reprojector's, once it is on. */
   warp!: FakeWarp;
@@ -91,7 +88,6 @@ export class PlayerBench {
       now: () => this.now,
     });
     this.resize(SIZE.width, SIZE.height);
-    this.rig.enter(PLACE.scene);
     this.connect();
   }
 

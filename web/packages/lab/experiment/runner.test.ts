@@ -1,19 +1,16 @@
 import { type Signal, signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { steeredRig } from "#fakes/rig";
 import { settle } from "#fakes/transport";
-import type { SceneInfo } from "#client/wire/render";
 import type { EnhancementStatus } from "#viewer/enhance/enhancement";
 import type { TimedPose } from "#viewer/movement/movement";
 import { turning } from "#viewer/reproject/acceleration";
 import type { ViewerSession } from "#viewer/session/session";
 import { ViewerState } from "#viewer/state/viewer-state";
-import { NO_NUDGE } from "#viewer/view/motion";
 import type { PresentedFrame } from "#viewer/view/presented";
-import { Rig } from "#viewer/view/rig";
+import type { Rig } from "#viewer/view/rig";
 import { Runner } from "./runner";
 
-const SCENE = { id: "hall", up: [0, -1, 0], camera: { position: [0, -2, -8], look_at: [0, -2, 0] } } as SceneInfo;
-const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 const nothing = () => () => undefined;
 
 const state = new ViewerState();
@@ -44,8 +41,7 @@ beforeEach(() => {
   vi.stubGlobal("navigator", { userAgent: "a browser" });
   vi.stubGlobal("requestAnimationFrame", (callback: () => void) => waiting.push(callback));
   vi.spyOn(performance, "now").mockImplementation(() => now);
-  rig = new Rig({ sampleInput: () => ({ axes: STILL, nudge: NO_NUDGE }), turnSpeed: () => 60 });
-  rig.enter(SCENE);
+  rig = steeredRig();
   const session = {
     state,
     rig,

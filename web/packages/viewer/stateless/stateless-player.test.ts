@@ -2,7 +2,8 @@ import { beforeEach, describe, expect, test } from "vitest";
 import type { Display } from "../enhance/display";
 import { angleBetween } from "../view/vector";
 import type { DecodedFrame } from "./pipeline";
-import { PlayerBench, STILL } from "#fakes/player-bench";
+import { PlayerBench } from "#fakes/player-bench";
+import { STILL } from "#fakes/rig";
 import type { Reply } from "./stateless-player";
 
 let bench: PlayerBench;

@@ -4,7 +4,8 @@ import { beforeEach, expect, test } from "vitest";
 import { videoLadder } from "#client/abr/video-ladder";
 import { settle } from "#fakes/transport";
 import { PLACE } from "#fakes/gpu";
-import { PlayerBench, STILL } from "#fakes/player-bench";
+import { PlayerBench } from "#fakes/player-bench";
+import { STILL } from "#fakes/rig";
 
 const STEPS = videoLadder(PLACE.ladder);
 
