@@ -29,7 +29,6 @@ beforeEach(() => {
 
 afterEach(() => {
   for (const viewer of viewers) viewer.destroy();
-  vi.unstubAllGlobals();
   vi.restoreAllMocks();
 });
 

@@ -45,10 +45,7 @@ beforeEach(() => {
   });
 });
 
-afterEach(() => {
-  cleanup();
-  vi.unstubAllGlobals();
-});
+afterEach(cleanup);
 
 const row = async (name: RegExp) => within(await screen.findByRole("row", { name }));
 

@@ -72,10 +72,7 @@ beforeEach(() => {
   });
 });
 
-afterEach(() => {
-  cleanup();
-  vi.unstubAllGlobals();
-});
+afterEach(cleanup);
 
 async function show(status: ShaperStatus = CONSTANT) {
   const page = render(<NetworkPanel base="http://shaper.test" session={asSession(fakeSession())} />);

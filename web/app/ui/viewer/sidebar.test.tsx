@@ -225,5 +225,4 @@ test.each([
   await show();
   expect(screen.queryByRole("heading", { name: "Network" }) !== null).toBe(offered);
   cleanup();
-  vi.unstubAllGlobals();
 });

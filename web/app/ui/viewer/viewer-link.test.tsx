@@ -68,7 +68,6 @@ test("a link to the view is copied, and is the page's address", async () => {
   await screen.findByRole("button", { name: "The link is copied" });
   expect(copied).toEqual([location.href]);
   expect(location.hash).toMatch(/^#\/scene\/courtyard\?at=[-\d.,]+&mode=stateless&depth=off$/);
-  vi.unstubAllGlobals();
 });
 
 test("a link can insist on reprojection where there is no graphics acceleration", () => {

@@ -136,7 +136,6 @@ test("help names the keys as the keyboard in use does", async () => {
   await userEvent.keyboard("h");
   const walk = (await screen.findByText("Walk")).parentElement;
   await waitFor(() => expect(walk?.textContent).toBe("WalkZQSD"));
-  vi.unstubAllGlobals();
 });
 
 test.each([
@@ -152,7 +151,6 @@ test.each([
   await userEvent.keyboard("x");
   expect((await screen.findByRole<HTMLInputElement>("checkbox", { name: "Reprojection" })).checked).toBe(checked);
   expect(screen.getByRole<HTMLSelectElement>("combobox", { name: "Prediction" }).value).toBe("linear");
-  vi.unstubAllGlobals();
 });
 
 test("a dialog gives the focus back to what opened it, and the settings give it to the stage", async () => {

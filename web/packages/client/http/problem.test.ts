@@ -1,9 +1,5 @@
-import { afterEach, expect, test, vi } from "vitest";
+import { expect, test, vi } from "vitest";
 import { ApiError, ask, shaperObstacle, storeUnreachable } from "./problem";
-
-afterEach(() => {
-  vi.unstubAllGlobals();
-});
 
 const asked = (make: (init: RequestInit) => Response | Promise<Response>, signal?: AbortSignal, timeout = 1000) => {
   vi.stubGlobal("fetch", async (_: string, init: RequestInit) => make(init));

@@ -1,9 +1,5 @@
-import { afterEach, expect, test, vi } from "vitest";
+import { expect, test, vi } from "vitest";
 import { ShaperApi } from "./api";
-
-afterEach(() => {
-  vi.unstubAllGlobals();
-});
 
 function answer(make: () => Response | Promise<Response>): string[] {
   const asked: string[] = [];

@@ -1,4 +1,4 @@
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { beforeEach, expect, test, vi } from "vitest";
 import type { Sample } from "#client/wire/store";
 import { FakeDisk } from "#fakes/opfs";
 import type { About } from "./layout";
@@ -20,10 +20,6 @@ beforeEach(() => {
     },
   };
   vi.stubGlobal("navigator", { storage: { getDirectory: async () => disk.folder }, locks });
-});
-
-afterEach(() => {
-  vi.unstubAllGlobals();
 });
 
 async function sampled(key: string, about: About | null = ABOUT): Promise<SampleFiles> {

@@ -126,7 +126,6 @@ test.each([
   vi.stubGlobal("fetch", async () => answer());
   await chosen(fakeModel("x", { weights: () => "scenes/courtyard/enhance.safetensors" }));
   expect(status()).toMatchObject({ kind: "failed", message: expect.stringContaining(sentence) });
-  vi.unstubAllGlobals();
 });
 
 test("a model that throws on the first picture is never shown", async () => {

@@ -215,7 +215,6 @@ test("a streamed scene is drawn as it arrives, counts its bytes, and is complete
   frame(rig, 1000);
   expect(player.played(0).local).toMatchObject({ complete_ms: expect.any(Number), gaussians: 500_000_000 });
   expect(asked).toHaveLength(0);
-  vi.unstubAllGlobals();
 });
 
 test("a scene that is too large is not asked for", async () => {

@@ -1,9 +1,5 @@
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { beforeEach, expect, test, vi } from "vitest";
 import { fetchMovement, listMovements } from "./stored-movements";
-
-afterEach(() => {
-  vi.unstubAllGlobals();
-});
 
 beforeEach(() => {
   vi.stubGlobal("location", { href: "http://lab:8080/" });

@@ -71,7 +71,6 @@ beforeEach(() => {
 afterEach(() => {
   session.dispose();
   vi.useRealTimers();
-  vi.unstubAllGlobals();
   vi.restoreAllMocks();
 });
 

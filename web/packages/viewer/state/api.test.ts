@@ -1,9 +1,5 @@
-import { afterEach, expect, test, vi } from "vitest";
+import { expect, test, vi } from "vitest";
 import { fetchConfig, fetchScene, fetchScenes, loadScene, training, unloadScene } from "./api";
-
-afterEach(() => {
-  vi.unstubAllGlobals();
-});
 
 function answer(make: (path: string, init: RequestInit) => Response | Promise<Response>): string[] {
   const asked: string[] = [];

@@ -90,7 +90,6 @@ beforeEach(() => {
 
 afterEach(() => {
   player.dispose();
-  vi.unstubAllGlobals();
   vi.useRealTimers();
 });
 

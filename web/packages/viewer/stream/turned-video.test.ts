@@ -1,4 +1,4 @@
-import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
+import { beforeEach, describe, expect, test, vi } from "vitest";
 import type { Content, Reprojector } from "../reproject/reprojector";
 import type { Told } from "./camera-feed";
 import { type StreamedFrame, TurnedVideo, WaitingPictures } from "./turned-video";
@@ -38,8 +38,6 @@ beforeEach(() => {
   };
   subject = new TurnedVideo(video as HTMLVideoElement, reprojector as unknown as Reprojector<StreamedFrame>);
 });
-
-afterEach(() => void vi.unstubAllGlobals());
 
 const ABOUT = { rung: 2, width: 384, height: 216 };
 

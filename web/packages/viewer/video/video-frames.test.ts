@@ -1,4 +1,4 @@
-import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
+import { beforeEach, describe, expect, test, vi } from "vitest";
 import { FakeTransport, settle } from "#fakes/transport";
 import { FrameDropped, type FrameReply, type FrameTransport } from "#client/transport/transport";
 import type { RenderRequest } from "#client/wire/render";
@@ -172,8 +172,6 @@ test("what is left when the viewer is closed is closed, too", async () => {
 });
 
 describe("support", () => {
-  afterEach(() => vi.unstubAllGlobals());
-
   const decoder = (isConfigSupported: () => Promise<{ supported: boolean }>) =>
     vi.stubGlobal("VideoDecoder", { isConfigSupported });
 
