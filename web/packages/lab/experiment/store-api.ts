@@ -90,19 +90,9 @@ export class StoreApi {
     return this.#ask(`${this.#run(id, run)}/samples/${encodeURIComponent(name)}`, {});
   }
 
-  /** How far rendering the samples again is. */
-  materialisation(id: string): Promise<Materialisation> {
-    return this.#materialise(id, "GET");
-  }
-
-  /** Begins to render them again, or goes on. */
-  materialise(id: string): Promise<Materialisation> {
-    return this.#materialise(id, "POST");
-  }
-
-  /** Existing parts are kept. */
-  stopMaterialising(id: string): Promise<Materialisation> {
-    return this.#materialise(id, "DELETE");
+  /** How far rendering the samples again is; with POST it begins or goes on, with DELETE it stops and keeps what there is. */
+  materialisation(id: string, method: "GET" | "POST" | "DELETE" = "GET"): Promise<Materialisation> {
+    return this.#json(`${this.#path(id)}/materialise`, { method });
   }
 
   async list(): Promise<readonly ExperimentSummary[]> {
@@ -136,10 +126,6 @@ export class StoreApi {
   async #json<T>(path: string, { content, ...request }: Asked & { readonly content?: object } = {}): Promise<T> {
     const answer = await this.#ask(path, { ...request, ...(content && jsonBody(content)) });
     return JSON.parse(await answer.text()) as T;
-  }
-
-  #materialise(id: string, method: "GET" | "POST" | "DELETE"): Promise<Materialisation> {
-    return this.#json(`${this.#path(id)}/materialise`, { method });
   }
 
   #ask(path: string, request: Asked): Promise<Blob> {
