@@ -86,17 +86,6 @@ def test_a_lost_packager_is_announced_and_found_again(open_page: OpenPage, viewe
     wait_for_stream(page, at_least=10)
 
 
-def test_without_a_packager_one_sentence_says_so(open_page: OpenPage) -> None:
-    page = open_page(SCENE)
-    wait_for_frames(page)
-    switch(page, "dash")
-    expect(page.locator(".stage-message")).to_contain_text("no packager for DASH streams")
-    switch(page, "side-by-side")
-    wait_for_frames(page)
-    switch(page, "stateless")
-    expect(page.locator(".stage-message")).to_have_text("")
-
-
 def test_both_sides_are_measured(open_page: OpenPage, viewer_url: str) -> None:
     # Where a busy machine renders no frame in 5 s, the packager answers 502, and the page asks again.
     chosen = with_settings(viewer_url, mode="side-by-side")
