@@ -64,7 +64,7 @@ export async function setSceneLoaded(scene: SceneInfo, loaded: boolean): Promise
   }
 }
 
-export function replaceScene(scene: SceneInfo): void {
+function replaceScene(scene: SceneInfo): void {
   scenes.value = scenes.value?.map((other) => (other.id === scene.id ? scene : other)) ?? null;
 }
 
