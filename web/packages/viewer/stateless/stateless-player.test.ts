@@ -161,12 +161,6 @@ describe("refining", () => {
     expect(bench.player.stats.value.settled).toBe(true);
     expect(bench.player.problem.value).toBeNull();
   });
-
-  test("can be left out", async () => {
-    bench.profile = 3;
-    await bench.frames(60);
-    expect(bench.transport.requests.map(({ request }) => request.profile)).toEqual([3]);
-  });
 });
 
 test("tells of each reply: when it came, of which pose, and the rung that was asked for", async () => {

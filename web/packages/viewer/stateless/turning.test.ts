@@ -102,14 +102,6 @@ test("margins of the frame that came are what counts, not those that are asked f
   expect(bench.warp.taken.at(-1)?.view).toMatchObject({ width: 1280, cx: 640, fx: expect.closeTo(fx) });
 });
 
-test("samples tell of frames as they came", async () => {
-  bench.axes = { ...STILL, turnRight: 1 };
-  await bench.frames(20);
-  expect(bench.shown.length).toBeGreaterThan(5);
-  expect(bench.shown.length).toBeLessThan(bench.presented.length + 1);
-  expect(bench.shown[0]?.image).toBeInstanceOf(Blob);
-});
-
 test.each([30, 120])(
   "a display of %i Hz shows a turn in the next animation frame, drawn for when it is seen",
   async (rate) => {
