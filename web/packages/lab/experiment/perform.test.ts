@@ -1,6 +1,7 @@
 // @vitest-environment happy-dom
 import { signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { PLAYING } from "#fakes/shaper";
 import type { ShaperStatus } from "#client/wire/shaper";
 import type { Recording, RunJob } from "#client/wire/store";
 import type { ViewerSession } from "#viewer/session/session";
@@ -18,18 +19,7 @@ const JOB = {
   settings: { seed: 7, mode: "stateless" },
   plan: { points: [FIRST], duration_ms: 1000, capture_every_ms: 0, sample_stride: 0, download: false },
 } as unknown as RunJob;
-const STATUS = {
-  mode: "playing",
-  trace: "bus",
-  closed: null,
-  time_ms: 1000,
-  position_ms: 0,
-  duration_ms: 30_000,
-  backend: "netem",
-  link: {},
-  down: {},
-  up: {},
-} as ShaperStatus;
+const STATUS: ShaperStatus = { ...PLAYING, position_ms: 0 };
 
 let events: string[];
 let phase: { kind: string; message?: string };
