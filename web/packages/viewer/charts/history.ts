@@ -22,7 +22,7 @@ export const LATENCY_BINS_MS: readonly number[] = Array.from(
 );
 
 /** Percent of the values in each bin; values outside the axis count in the outermost bins. All null without values. */
-export function histogram(values: readonly number[]): readonly (number | null)[] {
+function histogram(values: readonly number[]): readonly (number | null)[] {
   if (values.length === 0) return LATENCY_BINS_MS.map(() => null);
   const counts = LATENCY_BINS_MS.map(() => 0);
   for (const value of values) {
