@@ -28,6 +28,7 @@ export default defineConfig({
     include: ["{app,packages,tools}/**/*.test.{ts,tsx}", "*.test.ts"],
     maxWorkers: "100%", // vitest leaves a core idle
     pool: "threads", // they start sooner than processes; each file has modules of its own all the same
+    unstubGlobals: true, // before each test
     testTimeout: 60_000, // ms: simulations take seconds, and more beside slow tests
   },
 });

@@ -60,7 +60,6 @@ class FakeShaper:
 
     def __init__(self) -> None:
         self.asked: list[tuple[str, Any]] = []
-        self.closed: str | None = None
         link = _NoLink()
         self._player = Player(link, IDLE, clock=time.monotonic)
         self._shaper = Shaper(link, None, self._player, TraceLibrary(None))  # type: ignore[arg-type]
@@ -72,7 +71,7 @@ class FakeShaper:
                 Route("/traces", self._traces),
                 Route("/traces/{name}", self._trace),
                 Route("/events", self._events),
-                Route("/healthz", self._healthz),
+                Route("/healthz", lambda _: Response()),
                 *(Route(f"/{change}", self._change, methods=["POST"]) for change in changes),
             ],
             middleware=[Middleware(CORSMiddleware, allow_origins=["*"], allow_methods=["*"], allow_headers=["*"])],
@@ -99,9 +98,6 @@ class FakeShaper:
 
     async def _trace(self, request: Request) -> Response:
         return json_response(points(TRACES[request.path_params["name"]]))
-
-    async def _healthz(self, request: Request) -> Response:
-        return Response(status_code=503 if self.closed else 200)
 
     async def _events(self, request: Request) -> Response:
         return StreamingResponse(self._samples(), media_type="text/event-stream")
@@ -141,4 +137,4 @@ class FakeShaper:
             DirectionStatus(target_kbps=kbps, delivered_kbps=kbps * 0.8, queue_bytes=9000, queue_ms=12.0, drops=3)
             for kbps in (state.down_kbps, state.up_kbps)
         )
-        return self._shaper.status().model_copy(update={"down": down, "up": up, "closed": self.closed})
+        return self._shaper.status().model_copy(update={"down": down, "up": up})

@@ -11,6 +11,12 @@ from PIL import Image
 from playwright.sync_api import FloatRect, Page
 
 SCENE = "#/scene/pebbles"
+OVERLAPPING = """(parts) => parts.flatMap((a, i) => parts.slice(i + 1).flatMap((b) => {
+    const [p, q] = [a, b].map((part) => part.getBoundingClientRect());
+    const apart = p.right <= q.left || q.right <= p.left || p.bottom <= q.top || q.bottom <= p.top;
+    return apart ? [] : [`${a.className} and ${b.className}`];
+}))"""
+"""Pairs of elements of a locator that overlap."""
 
 
 def frames(page: Page) -> int:

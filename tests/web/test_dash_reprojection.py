@@ -89,33 +89,6 @@ def test_side_by_side_both_follow_it(open_page: OpenPage, viewer_url: str) -> No
         assert_turned(run, side)
 
 
-@pytest.mark.extended
-def test_a_lost_graphics_processor_leaves_the_stream_as_it_comes(open_page: OpenPage, viewer_url: str) -> None:
-    page = open_page(
-        SCENE,
-        url=viewer_url,
-        viewport=SMALL,
-        expected_errors="WebGL",
-        **with_settings(viewer_url, mode="dash", reprojection=True, **PLAIN),
-    )
-    canvas = page.locator("canvas.reprojected")
-    expect(canvas).to_have_count(1)
-    wait_for_stream(page, at_least=30)
-    turned = at_rest(page)
-    lost = canvas.evaluate_handle("one => one.getContext('webgl2').getExtension('WEBGL_lose_context')")
-    lost.evaluate("one => one.loseContext()")
-    page.evaluate("tigas.settings({ hud: true })")
-    expect(page.get_by_text("The graphics processor was lost")).to_be_visible()
-    assert "graphics processor was lost" in page.evaluate("tigas.state().problem"), "a run would not fail"
-    page.evaluate("tigas.settings({ hud: false })")  # it overlaps the picture
-    expect(canvas).to_have_count(0)
-    page.wait_for_function("() => tigas.state().ready")
-    wait_for_stream(page, at_least=30)
-    assert_same_view(turned, at_rest(page))
-    lost.evaluate("one => one.restoreContext()")
-    expect(canvas).to_have_count(1)
-
-
 def assert_same_view(turned: Pixels, plain: Pixels) -> None:
     """Much less apart than from itself a few pixels aside."""
     shifted = np.abs(plain - np.roll(plain, 8, axis=1)).mean()

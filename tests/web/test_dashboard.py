@@ -21,27 +21,6 @@ def test_shows_each_scene_with_its_picture(open_page: OpenPage) -> None:
     assert card.locator("img").evaluate("image => image.naturalWidth") > 100
 
 
-def test_a_broken_scene_says_what_is_wrong_and_does_not_hide_the_others(open_page: OpenPage) -> None:
-    page = open_page(expected_errors="422")
-    broken = page.locator("[data-scene=broken-garden]")
-    broken.get_by_role("button", name="Try again").click()
-    expect(broken.locator(".card-error")).to_contain_text(".")
-    expect(page.locator("[data-scene=pebbles]")).to_be_visible()
-
-
-def test_the_filter_finds_by_name(open_page: OpenPage) -> None:
-    page = open_page()
-    expect(page.locator(".card")).to_have_count(3)
-    page.keyboard.press("/")
-    page.keyboard.type("PEBB")
-    expect(page.locator(".card")).to_have_count(1)
-    expect(page.get_by_role("status")).to_have_text("1 of 3 scenes")
-    page.keyboard.type("xyz")
-    expect(page.get_by_role("heading", name="Nothing matches")).to_be_visible()
-    page.keyboard.press("Escape")
-    expect(page.locator(".card")).to_have_count(3)
-
-
 @pytest.fixture
 def dashboard_with_more(open_page: OpenPage, models: Path) -> Iterator[Page]:
     """The list after a scene was added and not viewed."""
@@ -82,11 +61,3 @@ def test_links_reloading_and_the_back_button_work(open_page: OpenPage) -> None:
     expect(page.locator(".stage")).to_be_visible()
     page.go_back()
     expect(page.get_by_role("heading", name="Scenes")).to_be_visible()
-
-
-def test_a_server_without_scenes_explains_how_to_add_some(open_page: OpenPage) -> None:
-    page = open_page("#/scene/x", expected_errors="404")  # anything but the list, so that the route is there first
-    page.route("**/scenes", lambda route: route.fulfill(json=[]))
-    page.get_by_role("link", name="All scenes", exact=True).click()
-    expect(page.get_by_role("heading", name="No scenes yet")).to_be_visible()
-    expect(page.locator("pre")).to_contain_text("point_cloud.ply")

@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Page, ViewportSize, expect
 
 from tests.web.conftest import OpenPage
-from tests.web.stage import SCENE, changes, wait_for_frames, wait_until_settled
+from tests.web.stage import OVERLAPPING, SCENE, changes, wait_for_frames, wait_until_settled
 
 PHONE: dict[str, Any] = {
     "viewport": {"width": 390, "height": 844},
@@ -28,12 +28,6 @@ REACHABLE = """(controls) => controls
     // of a group of radio buttons, Tab reaches the chosen one
     .filter((control) => control.type !== 'radio' || control.checked)
     .map((control) => control.outerHTML.slice(0, 80)).sort()"""
-
-OVERLAPPING = """(parts) => parts.flatMap((a, i) => parts.slice(i + 1).flatMap((b) => {
-    const [p, q] = [a, b].map((part) => part.getBoundingClientRect());
-    const apart = p.right <= q.left || q.right <= p.left || p.bottom <= q.top || q.bottom <= p.top;
-    return apart ? [] : [`${a.className} and ${b.className}`];
-}))"""
 
 
 def touch(page: Page, *moments: list[tuple[int, int]]) -> None:

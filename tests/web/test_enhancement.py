@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import hashlib
 import io
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
@@ -198,29 +197,6 @@ def test_a_scene_s_network_is_pytorch_s(open_page: OpenPage, tmp_path: Path) -> 
     assert difference.max() <= 2, f"{(difference > 2).mean():.2%} of the values differ by up to {difference.max()}"
 
 
-def offer_weights(page: Page, weights: bytes | None) -> None:
-    """Have the server offer these weights for the scene, or none."""
-
-    def loaded(route: Route) -> None:
-        response = route.fetch()
-        enhance = None if weights is None else "scene"
-        route.fulfill(response=response, json=response.json() | {"enhance": enhance})
-
-    page.route("**/scenes/pebbles/load", loaded)
-    page.route("**/scenes/pebbles/enhance.safetensors", lambda route: route.fulfill(body=weights))
-
-
-def test_without_sound_weights_frames_are_shown_as_they_come(open_page: OpenPage, server: RenderServer) -> None:
-    page = open_page(url="about:blank", viewport=SMALL, **with_settings(server.url, **LOWEST_RUNG, upscale="scene"))
-    offer_weights(page, weights_file(random_networks({3: 2}, layers=2, channels=4))[:-2])
-    page.goto(server.url + SCENE)
-    expect(page.locator(NOTE)).to_have_text(
-        "Enhancement is off. Scene-tuned network cannot be used: its weights are cut off."
-    )
-    wait_for_frames(page)
-    assert picture(page).std() > 10, "the picture is blank"
-
-
 def test_models_are_swapped_while_walking_and_the_hud_names_them_and_their_time(
     open_page: OpenPage, server: RenderServer
 ) -> None:
@@ -343,21 +319,14 @@ def test_a_recording_says_what_enhancement_took_and_samples_what_was_on_the_scre
         assert np.abs(found - expected).mean() < 1, "it is of another frame"
 
 
-def test_the_url_chooses_models_and_says_which_there_are_not(open_page: OpenPage, server: RenderServer) -> None:
-    page = open_page(f"{SCENE}?upscale=lanczos", viewport=SMALL, **with_settings(server.url, **LOWEST_RUNG))
-    wait_until_enhanced(page)
-    assert json.loads(page.evaluate("() => localStorage['tigas.settings']"))["upscale"] == "lanczos"
-    page.goto(server.url + SCENE + "?upscale=magic")
-    note = page.locator("[data-stat=link-note]")
-    expect(note).to_contain_text(
-        "The link sets upscale to “magic”, which is not possible; choose one of off, bicubic, "
-    )
-    assert json.loads(page.evaluate("() => localStorage['tigas.settings']"))["upscale"] == "lanczos"
-
-
 def test_the_panel_chooses_models_and_tells_how_they_do(open_page: OpenPage, server: RenderServer) -> None:
     page = viewer(open_page, server)
-    offer_weights(page, None)
+
+    def loaded(route: Route) -> None:
+        response = route.fetch()
+        route.fulfill(response=response, json=response.json() | {"enhance": None})
+
+    page.route("**/scenes/pebbles/load", loaded)
     page.reload()
     wait_for_frames(page)
     page.set_viewport_size({"width": 460, "height": 120})

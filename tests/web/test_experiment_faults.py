@@ -11,8 +11,6 @@ from playwright.sync_api import Page, expect
 from tests.web.conftest import OpenPage
 from tests.web.experiments import STORED_MS, WALK, PageLab, dialog, fill, outcome, page_lab, progress, remarks, start
 from tests.web.stage import SCENE, wait_for_frames
-from tigas_experiments.run.parsing import parse_network
-from tigas_experiments.wire.run import Network
 
 HIDE = """() => {
   const draw = window.requestAnimationFrame;
@@ -74,21 +72,6 @@ def test_somebody_else_at_the_link_and_a_hidden_page_spoil_a_run(open_page: Open
     expect(remarks(page).nth(1)).to_contain_text("The page was hidden during the run.")
     statuses = [run["status"] for run in lab.runs("Disturbed-*").values()]
     assert sorted(statuses) == ["complete", "failed", "failed"]
-
-
-@pytest.mark.extended
-def test_the_present_link_is_held_and_must_stay(open_page: OpenPage, lab: PageLab) -> None:
-    page = open_page(SCENE, url=lab.url)
-    begun(page, name="As it is", network="")
-    assert ("/link", {"down_kbps": 100_000, "up_kbps": 50_000, "delay_ms": 0, "jitter_ms": 0, "loss_pct": 0}) in [
-        (path, body) for path, body in lab.shaper.asked
-    ]
-    assert page.request.post(f"{lab.shaper.url}/link", data={"down_kbps": 5000, "up_kbps": 5000}).ok
-    expect(outcome(page)).to_contain_text("1 runs are incomplete.", timeout=STORED_MS)
-    expect(remarks(page)).to_have_count(1)
-    expect(remarks(page)).to_contain_text(CHANGED)
-    labels = [Network.model_validate(run["configuration"]["network"]) for run in lab.runs("As-it-is-*").values()]
-    assert labels == [parse_network("100mbit,50mbit-up")] * 3
 
 
 @pytest.mark.extended

@@ -5,7 +5,7 @@ from __future__ import annotations
 from playwright.sync_api import expect
 
 from tests.web.conftest import OpenPage
-from tests.web.stage import SCENE, changes, wait_for_frames, wait_until_settled
+from tests.web.stage import OVERLAPPING, SCENE, changes, wait_for_frames, wait_until_settled
 
 HINT = "Drag to look · WASD or wheel to move · double-click to go there"
 CHUNKS = "() => performance.getEntriesByType('resource').map(({ name }) => name.split('/').at(-1))"
@@ -33,10 +33,15 @@ def test_the_lab_is_loaded_when_it_is_opened_and_stays_open(open_page: OpenPage)
     def loaded(chunk: str) -> bool:
         return any(name.startswith(f"{chunk}-") for name in page.evaluate(CHUNKS))
 
-    assert not any(loaded(chunk) for chunk in ("panels", "figures", "view-menu", "help", "experiment-dialog", "lib"))
+    parts = ("panels", "side-figures", "view-menu", "help", "experiment-dialog", "plots", "streamed-source", "packager")
+    assert not any(loaded(chunk) for chunk in parts)
     page.get_by_role("button", name="Lab", exact=True).click()
     expect(page.get_by_role("heading", name="Lens")).to_be_visible()
     expect(page.get_by_role("region", name="Measurements")).to_be_visible()
+    expect(page.get_by_text(HINT)).to_be_visible()
+    for width, height in (1000, 640), (1440, 900), (1920, 1080):
+        page.set_viewport_size({"width": width, "height": height})
+        assert page.locator(".hud, .hint-line").evaluate_all(OVERLAPPING) == []
     page.reload()
     wait_for_frames(page)
     expect(page.get_by_role("heading", name="Lens")).to_be_visible()

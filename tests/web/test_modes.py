@@ -14,7 +14,7 @@ from playwright.sync_api import Page, expect
 from tests.web.conftest import PATIENCE, OpenPage
 from tests.web.modes import wait_for_sessions, wait_for_stream, with_settings
 from tests.web.server import Packager
-from tests.web.stage import SCENE, stat, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, wait_for_frames, wait_until_settled
 
 WINDOW = {"width": 1000, "height": 700}
 ALIKE = 10
@@ -86,17 +86,6 @@ def test_a_lost_packager_is_announced_and_found_again(open_page: OpenPage, viewe
     wait_for_stream(page, at_least=10)
 
 
-def test_without_a_packager_one_sentence_says_so(open_page: OpenPage) -> None:
-    page = open_page(SCENE)
-    wait_for_frames(page)
-    switch(page, "dash")
-    expect(page.locator(".stage-message")).to_contain_text("no packager for DASH streams")
-    switch(page, "side-by-side")
-    wait_for_frames(page)
-    switch(page, "stateless")
-    expect(page.locator(".stage-message")).to_have_text("")
-
-
 def test_both_sides_are_measured(open_page: OpenPage, viewer_url: str) -> None:
     # Where a busy machine renders no frame in 5 s, the packager answers 502, and the page asks again.
     chosen = with_settings(viewer_url, mode="side-by-side")
@@ -126,16 +115,6 @@ def test_any_two_modes_are_compared_and_held_against_the_truth(open_page: OpenPa
     expect(page.locator(".last-walk [role=status]")).to_contain_text("new views per second")
     wait_until_settled(page)
     wait_until_shown(page, ".pane:nth-child(2) canvas", shown(page, ".pane:nth-child(1) canvas"))
-
-
-def test_the_stateless_page_does_not_load_the_player(open_page: OpenPage, viewer_url: str) -> None:
-    page = open_page(SCENE, url=viewer_url)
-    asked: list[str] = []
-    page.on("request", lambda request: asked.append(request.url))
-    page.reload()
-    wait_for_frames(page)
-    assert not [url for url in asked if "stream" in url or "dash" in url]
-    assert stat(page, "transport") == "WebTransport streams"
 
 
 def switch(page: Page, mode: str) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from playwright.sync_api import Page, expect
 
 from tests.web.conftest import OpenPage
-from tests.web.movements import Poses, choose, expect_state, opened, press, turning_walk, wait_for_pose
+from tests.web.movements import Poses, choose, expect_state, opened, press, turning_walk
 from tests.web.server import RenderServer
 from tests.web.stage import wait_until_settled
 from tigas_experiments.movement.trace import MovementTrace
@@ -93,27 +93,6 @@ def test_whoever_stops_a_movement_has_the_camera_where_it_is(visit: tuple[Page, 
         wait_until_settled(page)
         assert poses.positions == pytest.approx(np.tile(stood, (len(poses), 1)), abs=1e-3), "turning is no walking"
         assert poses.quaternions[-1, 1] > poses.quaternions[0, 1]
-
-
-def test_paused_and_sought(visit: tuple[Page, Poses]) -> None:
-    page, poses = visit
-    choose(page, turning_walk(60_000))
-    slider = page.get_by_role("slider", name="Place in the movement")
-    slider.fill("15000")
-    expect_state(page, "paused")
-    expect(slider).to_have_attribute("aria-valuetext", "0:15 of 1:00")
-    wait_for_pose(page, poses, (0.5, 0, 0))
-    slider.press("ArrowRight")
-    wait_for_pose(page, poses, (np.sqrt(51 / 200), 0, 0))
-    sought = poses.positions[-1]
-    page.locator(".stage").focus()
-    page.keyboard.press("KeyW", delay=200)
-    assert poses.positions[-1] == pytest.approx(sought), "input waits"
-    press(page, "Resume")
-    page.wait_for_function("() => document.querySelector('.movement-progress output').value.startsWith('0:16')")
-    press(page, "Pause")
-    wait_until_settled(page)
-    assert poses.positions[-1, 0] > sought[0]
 
 
 def test_a_recording_replays_what_was_seen(open_page: OpenPage, server: RenderServer, tmp_path: Path) -> None:

@@ -13,39 +13,14 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.web.conftest import OpenPage
-from tests.web.movements import HEADER, Poses, choose, expect_state, file, opened, press, turning_walk
+from tests.web.movements import Poses, choose, opened, press, turning_walk
 from tests.web.server import RenderServer
-from tests.web.stage import frames, wait_for_frames
 
 
 @pytest.fixture
 def visit(open_page: OpenPage, server: RenderServer) -> tuple[Page, Poses]:
     """A viewer with recorded requests, and open settings."""
     return opened(open_page, server.url)
-
-
-def test_a_file_that_is_no_movement_changes_nothing(visit: tuple[Page, Poses]) -> None:
-    page, poses = visit
-    hostile: dict[str | bytes, str] = {
-        f"{HEADER}0,1,2,nan,0,0,0,1\n": "hostile.csv, line 2: the row needs a number as z.",
-        b"PK\x03\x04\x00\x00\xff\xfe": "hostile.csv is binary, not the text of a movement.",
-        "": "hostile.csv is empty.",
-        "<html><script>alert(1)</script>": "hostile.csv has no column “t_ms”; it needs",
-    }
-    choose(page, turning_walk(60_000))
-    press(page, "Play")
-    expect_state(page, "playing")
-    for content, sentence in hostile.items():
-        choose(page, file("hostile.csv", content))
-        expect(page.locator(".movement").get_by_role("alert")).to_contain_text(sentence)
-        expect_state(page, "playing")
-        expect(page.locator(".movement").get_by_role("radio")).to_have_count(1)
-    moved = len(poses)
-    wait_for_frames(page, frames(page) + 5)
-    assert len(poses) > moved
-    choose(page, turning_walk(60_000, name="other.csv"))
-    expect(page.get_by_role("radio", name="other.csv")).to_be_checked()
-    expect(page.locator(".movement").get_by_role("alert")).to_have_count(0)
 
 
 def test_a_file_may_be_dropped_anywhere(visit: tuple[Page, Poses]) -> None:

@@ -1,4 +1,4 @@
-"""A resting view gets the screen's own pixels, and movement interrupts that at once."""
+"""A resting view gets the screen's own pixels, and a moving one its rung again."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, Request, Route, expect
+from playwright.sync_api import expect
 
 from tests.prerequisites import BUILT_PAGE
 from tests.web.conftest import OpenPage
 from tests.web.modes import with_settings
 from tests.web.server import RenderServer
-from tests.web.stage import SCENE, frames, stat, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, wait_for_frames, wait_until_settled
 
 pytestmark = pytest.mark.alone  # a server that is slow at the moment refuses such large frames
 
@@ -29,8 +29,7 @@ def server(models: Path) -> Iterator[RenderServer]:
         yield running
 
 
-def still(open_page: OpenPage, server: RenderServer) -> Page:
-    """A page with a stage of 700 × 400 CSS pixels and a device pixel ratio of 2."""
+def test_at_rest_the_picture_has_the_screens_own_pixels(open_page: OpenPage, server: RenderServer) -> None:
     page = open_page(SCENE, device_scale_factor=2, **with_settings(server.url, **LOWEST))
     wait_for_frames(page)
     box = page.locator(".stage").bounding_box()
@@ -39,11 +38,6 @@ def still(open_page: OpenPage, server: RenderServer) -> Page:
     assert size is not None
     beside, above = size["width"] - round(box["width"]), size["height"] - round(box["height"])
     page.set_viewport_size({"width": STAGE[0] + beside, "height": STAGE[1] + above})
-    return page
-
-
-def test_at_rest_the_picture_has_the_screens_own_pixels(open_page: OpenPage, server: RenderServer) -> None:
-    page = still(open_page, server)
     expect(page.locator("[data-stat=resolution]")).to_have_text(SHARP)
     wait_until_settled(page)
     assert page.locator(".stage canvas").first.evaluate("canvas => [canvas.width, canvas.height]") == [1400, 800]
@@ -51,26 +45,3 @@ def test_at_rest_the_picture_has_the_screens_own_pixels(open_page: OpenPage, ser
     expect(page.locator("[data-stat=profile]")).to_have_text("Low")
     page.keyboard.up("ArrowRight")
     expect(page.locator("[data-stat=resolution]")).to_have_text(SHARP)
-
-
-def test_who_moves_again_does_not_wait_for_what_is_being_refined(open_page: OpenPage, server: RenderServer) -> None:
-    page = still(open_page, server)
-    expect(page.locator("[data-stat=resolution]")).to_have_text(SHARP)
-    held: list[Route] = []
-
-    def hold(route: Route, request: Request) -> None:
-        if "profile" in (request.post_data_json or {}):
-            route.continue_()
-        else:
-            held.append(route)
-
-    page.route("**/render", hold)
-    page.keyboard.press("ArrowRight", delay=50)
-    page.wait_for_function("() => document.querySelector('.stage').dataset.settled === 'false'")
-    with page.expect_event("requestfailed", lambda request: "profile" not in (request.post_data_json or {})):
-        while not held:
-            page.wait_for_timeout(20)
-        shown = frames(page)
-        page.keyboard.press("ArrowRight", delay=50)
-        wait_for_frames(page, shown + 2)
-    assert stat(page, "profile") == "Low"

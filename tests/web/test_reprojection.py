@@ -17,7 +17,7 @@ from playwright.sync_api import Page, ViewportSize, expect
 from tests.web.conftest import OpenPage
 from tests.web.modes import with_settings
 from tests.web.server import RenderServer
-from tests.web.stage import SCENE, frames, picture, stat, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, frames, picture, wait_for_frames, wait_until_settled
 
 SMALL: ViewportSize = {"width": 320, "height": 180}
 DELAY_MS = 300
@@ -156,35 +156,6 @@ def test_at_rest_the_picture_is_the_frame_itself(slow: Callable[..., Page]) -> N
     assert np.array_equal(view_at(turned, 20), view_at(plain, 20))
 
 
-def test_at_rest_nothing_is_drawn(slow: Callable[..., Page]) -> None:
-    page = slow()
-    page.evaluate(
-        """() => {
-          const gl = document.querySelector("canvas.reprojected").getContext("webgl2");
-          window.draws = 0;
-          for (const name of ["drawArrays", "drawElements", "clear"]) {
-            const draw = gl[name].bind(gl);
-            gl[name] = (...given) => { window.draws++; draw(...given); };
-          }
-        }"""
-    )
-    frames_pass(page, 30)
-    assert page.evaluate("window.draws") == 0
-    page.keyboard.press("ArrowRight", delay=100)
-    assert page.evaluate("window.draws") > 0
-
-
-def test_across_a_jump_the_old_view_stays_until_the_new_one_is_there(slow: Callable[..., Page]) -> None:
-    page = slow()
-    half = TURN_MS / 2
-    run = play(page, (0, 0), (half, 0), (half + 0.001, 120), (TURN_MS, 120))
-    jump = next(one for one in run["inputs"] if one["at"] >= half and not one["missed"])
-    after = [one for one in run["frames"] if one["at"] > jump["at"]]
-    assert after
-    assert all(one["pose"] >= jump["pose"] for one in after), "a frame of before the jump was turned"
-    assert after[0]["at"] - jump["at"] > DELAY_MS
-
-
 def test_a_lost_graphics_processor_leaves_frames_as_they_come_and_says_so(slow: Callable[..., Page]) -> None:
     page = slow(hud=True)
     page.evaluate(LOSE)
@@ -247,19 +218,6 @@ def test_without_graphics_acceleration_nothing_is_turned_unless_the_link_says_so
     page.keyboard.press("ArrowRight", delay=300)
     expect(page.locator("canvas.reprojected")).to_have_count(1)
     expect(page.locator("[data-stat=reprojection-note]")).to_have_count(0)
-
-
-def test_the_panel_and_the_hud_tell_of_it(open_page: OpenPage, server: RenderServer) -> None:
-    page = open_page(SCENE, **with_settings(server.url, **(SETTINGS | {"sidebar": True}), hudDetails=True))
-    wait_for_frames(page)
-    page.keyboard.down("ArrowRight")
-    page.wait_for_function("() => parseFloat(document.querySelector('[data-stat=content-age]')?.innerText) > 0")
-    page.keyboard.up("ArrowRight")
-    expect(page.locator(".hud")).to_contain_text("view latency")
-    assert float(stat(page, "reprojection-time").split(" ")[0]) >= 0
-    page.get_by_label("Smooth turning (reprojection)").uncheck()
-    expect(page.locator("canvas.reprojected")).to_have_count(0)
-    expect(page.get_by_label("Overscan")).to_be_disabled()
 
 
 def turned_in_an_outage(page: Page) -> NDArray[np.int16]:

@@ -154,17 +154,6 @@ def limit_storage(page: Page, lab: PageLab, size: int) -> None:
     page.context.new_cdp_session(page).send("Storage.overrideQuotaForOrigin", quota)
 
 
-@pytest.mark.extended
-def test_a_run_that_finds_no_room_goes_on_without_samples(open_page: OpenPage, lab: PageLab) -> None:
-    page = open_page(SCENE, url=lab.url)
-    limit_storage(page, lab, 1)
-    begin(page, "No room")
-    expect(remarks(page)).to_contain_text("The browser’s storage is full. Nothing was sampled.")
-    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
-    run = the_run(lab, "No-room")
-    assert (run.record.status, read_samples(run.folder)) == ("complete", [])
-
-
 @pytest.mark.slow
 @pytest.mark.extended
 def test_a_disk_that_fills_up_ends_sampling_and_neither_the_run_nor_what_was_kept(

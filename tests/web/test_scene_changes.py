@@ -82,8 +82,3 @@ def test_what_is_no_scene_says_why_until_it_is_dismissed(dashboard: Page) -> Non
     expect(upload.get_by_role("alert")).to_contain_text("letter is no scene")
     upload.get_by_role("button", name="Dismiss: letter.ply").click()
     expect(upload).to_have_count(0)
-
-
-def test_the_built_in_scene_offers_no_change(dashboard: Page) -> None:
-    card = dashboard.locator("[data-scene=courtyard]")
-    expect(card.get_by_role("button")).to_have_count(1)

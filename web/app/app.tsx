@@ -18,7 +18,7 @@ export function App() {
   return (
     <>
       {outdated.value && (
-        <p class="notice outdated" role="alert">
+        <p class="notice row outdated" role="alert">
           TIGAS was updated on the server.{" "}
           <button type="button" onClick={() => location.reload()}>
             Reload

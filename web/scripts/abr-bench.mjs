@@ -2,7 +2,7 @@
 import { readFileSync, writeFileSync } from "node:fs";
 import { basename } from "node:path";
 import { parseArgs } from "node:util";
-import { number } from "./arguments.mjs";
+import { number, runScript, SERVER, serverOptions } from "./arguments.mjs";
 import { load } from "./page-module.mjs";
 
 const USAGE = `npm run abr-bench -- [options] TRACE.csv...
@@ -50,10 +50,7 @@ async function main() {
       seconds: { type: "string", default: "30" },
       rtt: { type: "string", multiple: true, default: ["20", "50", "100"] },
       jitter: { type: "string", default: "0" },
-      render: { type: "string" },
-      "render-best": { type: "string" },
-      scale: { type: "string" },
-      batch: { type: "string" },
+      ...SERVER,
       movement: { type: "string", multiple: true, default: [] },
       ladder: { type: "string" },
       way: { type: "string", default: "predicted" },
@@ -100,16 +97,7 @@ async function main() {
   const seed = number("--seed", values.seed);
   const jitter_ms = number("--jitter", values.jitter);
   const duration = number("--seconds", values.seconds) * 1000;
-  const options = Object.fromEntries(
-    [
-      ["render", "render"],
-      ["renderBest", "render-best"],
-      ["scale", "scale"],
-      ["batch", "batch"],
-    ].flatMap(([name, option]) =>
-      values[option] === undefined ? [] : [[name, number(`--${option}`, values[option])]],
-    ),
-  );
+  const options = serverOptions(values);
   const fixed = ladder.map((_, rung) => `fixed:${rung}`);
   const names = values.controller ?? [...CONTROLLER_NAMES, ...fixed, HINDSIGHT];
   if (names.includes(HINDSIGHT)) names.push(...fixed.filter((name) => !names.includes(name)));
@@ -177,9 +165,4 @@ async function main() {
   if (values.json !== undefined) writeFileSync(values.json, `${JSON.stringify({ options: values, runs }, null, 1)}\n`);
 }
 
-try {
-  await main();
-} catch (error) {
-  process.stderr.write(`${error.message}\n`);
-  process.exitCode = 1;
-}
+await runScript(main);

@@ -2,6 +2,7 @@
 import { existsSync, readdirSync, readFileSync } from "node:fs";
 import { join } from "node:path";
 import { read as csv } from "vega";
+import { runScript } from "./arguments.mjs";
 import { load } from "./page-module.mjs";
 
 const USAGE = `npm run abr-lab -- EXPERIMENT
@@ -90,9 +91,4 @@ function read(folder) {
   };
 }
 
-try {
-  await main();
-} catch (error) {
-  process.stderr.write(`${error.message}\n`);
-  process.exitCode = 1;
-}
+await runScript(main);

@@ -2,7 +2,7 @@
 import { readFileSync, writeFileSync } from "node:fs";
 import { basename, resolve } from "node:path";
 import { parseArgs } from "node:util";
-import { number } from "./arguments.mjs";
+import { number, runScript, SERVER, serverOptions } from "./arguments.mjs";
 import { load, run } from "./page-module.mjs";
 
 const USAGE = `npm run abr-sim -- [options] TRACE.csv...
@@ -30,10 +30,7 @@ async function main() {
       controller: { type: "string", multiple: true },
       rtt: { type: "string", multiple: true },
       seconds: { type: "string" },
-      render: { type: "string" },
-      "render-best": { type: "string" },
-      scale: { type: "string" },
-      batch: { type: "string" },
+      ...SERVER,
       ladder: { type: "string" },
       way: { type: "string", default: "predicted" },
       seed: { type: "string", default: "1" },
@@ -70,12 +67,7 @@ async function main() {
   const seed = number("--seed", values.seed);
   const ladder = values.ladder === undefined ? PAPER_LADDER : JSON.parse(readFileSync(values.ladder, "utf8")).rungs;
   if (!WAYS.includes(values.way)) throw new Error(`--way is one of ${WAYS.join(", ")}, not "${values.way}".`);
-  const paper = {
-    ...(values.render !== undefined && { render: number("--render", values.render) }),
-    ...(values["render-best"] !== undefined && { renderBest: number("--render-best", values["render-best"]) }),
-    ...(values.scale !== undefined && { scale: number("--scale", values.scale) }),
-    ...(values.batch !== undefined && { batch: number("--batch", values.batch) }),
-  };
+  const paper = serverOptions(values);
   const factories = await Promise.all(
     (values.controller ?? CONTROLLER_NAMES).map(async (name) =>
       name.endsWith(".ts")
@@ -145,9 +137,4 @@ async function plot(runs, interactive) {
   return await new View(parse(compile(specification).spec), { renderer: "none" }).toSVG();
 }
 
-try {
-  await main();
-} catch (error) {
-  process.stderr.write(`${error.message}\n`);
-  process.exitCode = 1;
-}
+await runScript(main);

@@ -53,7 +53,7 @@ function definitionsOf(generated, name) {
     .replaceAll(/ *\/\*\*\n(?: *\* @m(?:in|ax)Items \d+\n)+ *\*\/\n/g, "");
   const definitions = [...plain.matchAll(DEFINITION)];
   const own = definitions.filter(([definition]) => !homes.has(definition));
-  const text = own.map(([definition]) => definition).join("");
+  const text = own.map(([definition]) => definition.replace(/\/\*\*\n \* (.*)\n \*\/\n/, "/** $1 */\n")).join("");
   const used = definitions.filter(([definition, type]) => homes.has(definition) && text.match(`\\b${type}\\b`));
   const imports = [...new Set(used.map(([definition]) => homes.get(definition)))].map((home) => {
     const types = used.filter(([definition]) => homes.get(definition) === home).map(([, type]) => type);

@@ -5,7 +5,7 @@ import { DEFAULT_SETTINGS } from "#viewer/state/settings";
 import type { ScenePose } from "#viewer/view/camera";
 import { keepAddress } from "./address";
 import { settings, settingsOverridden } from "./app";
-import { asSession, type FakeSession, fakeSession } from "./fake-session";
+import { asSession, type FakeSession, fakeSession } from "#fakes/session";
 import { linkedPose } from "./link";
 import { parseRoute } from "./route";
 

@@ -27,7 +27,8 @@ export function start(): void {
     if (!settingsOverridden.value) saveSettings(() => localStorage, settings.value);
   });
   effect(() => {
-    document.documentElement.dataset.theme = settings.value.theme;
+    const { theme } = settings.value;
+    document.documentElement.style.colorScheme = theme === "system" ? "" : theme;
   });
   const follow = () => {
     route.value = parseRoute(location.hash);
@@ -63,7 +64,7 @@ export async function setSceneLoaded(scene: SceneInfo, loaded: boolean): Promise
   }
 }
 
-export function replaceScene(scene: SceneInfo): void {
+function replaceScene(scene: SceneInfo): void {
   scenes.value = scenes.value?.map((other) => (other.id === scene.id ? scene : other)) ?? null;
 }
 

@@ -1,6 +1,7 @@
 import { expect, test } from "vitest";
+import { COURTYARD } from "#fakes/server";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
-import { linkedPose, linkedSettings, viewHash } from "./link";
+import { linkedPose, linkedSettings, linkNote, viewHash } from "./link";
 import { parseRoute } from "./route";
 
 const POSE = { position: [1.25, -2, 1234.5678], quaternion: [0, 0.6, 0, 0.8] } as const;
@@ -30,6 +31,37 @@ test("what is as usual is left out", () => {
   expect(viewHash("a", pose(), DEFAULT_SETTINGS)).toBe("#/scene/a?at=1.25,-2,1234.57,0,0.6,0,0.8&mode=stateless");
 });
 
-test("settings that make no sense change nothing", () => {
-  expect(linkedSettings({ mode: "telepathy", profile: "-1", refine: "maybe", depth: "off" })).toEqual({ depth: false });
+test.each([
+  [
+    { mode: "video", restore: "anime4k-restore-m" },
+    { mode: "video", restore: "anime4k-restore-m" },
+  ],
+  [{ right: "video" }, { mode: "side-by-side", right: "video" }],
+  [
+    { reprojection: "off", drag: "orbit" },
+    { reprojection: false, drag: "orbit" },
+  ],
+  [{ mode: "telepathy", left: "magic", profile: "-1", refine: "maybe", depth: "off" }, { depth: false }],
+])("a link with %o chooses %o", (named, chosen) => {
+  expect(linkedSettings(named)).toEqual(chosen);
+});
+
+test.each([
+  [{ left: "local-ply" }, /^The link sets left to “local-ply”, which it cannot be; choose one of stateless, video, /],
+  [{ prediction: "magic" }, /^The link sets prediction to “magic”, which it cannot be; choose one of off, velocity, /],
+  [{ upscale: "magic" }, /^The link sets upscale to “magic”, which it cannot be; choose one of off, bicubic, /],
+  [{ reprojection: "maybe" }, /^The link sets reprojection to “maybe”, which it cannot be; choose one of on, off\.$/],
+  [{ profile: "-2" }, /^The link sets profile to “-2”, which it cannot be\.$/],
+  [{ at: "here" }, /^The link's place cannot be read/],
+  [{ view: "constructor" }, /^This scene has no saved view “constructor”\.$/],
+])("a link with %o says what makes no sense in it", (named, sentence) => {
+  expect(linkNote(named, [], COURTYARD)).toMatch(sentence);
+});
+
+test("what a link names and nobody knows is said", () => {
+  const { asked: named, unknown } = asked("#/scene/courtyard?predicton=linear");
+  expect(linkNote(named, unknown)).toMatch(
+    /^The link names “predicton”, which means nothing here; it may name at, view/,
+  );
+  expect(linkNote({ mode: "video" })).toBeNull();
 });

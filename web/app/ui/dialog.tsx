@@ -34,7 +34,7 @@ export function Dialog({ title, kind, onClose, light, onKeyDown, children }: Pro
       onClick={(event) => light && event.target === event.currentTarget && onClose()}
       onKeyDown={onKeyDown}
     >
-      <header>
+      <header class="row spread">
         <h2 id={heading}>{title}</h2>
         <IconButton icon={X} label="Close" onClick={onClose} />
       </header>

@@ -151,7 +151,7 @@ interface CheckProps {
 
 export function Check({ title, children, ...input }: CheckProps) {
   return (
-    <label class="check" title={title}>
+    <label class="check row" title={title}>
       <input type="checkbox" {...input} />
       <span>{children}</span>
     </label>

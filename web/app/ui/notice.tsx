@@ -8,7 +8,7 @@ import { Icon } from "./button";
 export function Notice({ children }: { readonly children: ComponentChildren }) {
   if (children === null || children === undefined) return null;
   return (
-    <p class="notice" role="alert">
+    <p class="notice row" role="alert">
       {children}
     </p>
   );
@@ -19,7 +19,7 @@ export function InsecureHint() {
   const url = config.value?.https_url;
   if (globalThis.isSecureContext || !url) return null;
   return (
-    <p class="hint">
+    <p class="hint row">
       <Icon of={LockOpen} />
       <span>
         Over plain HTTP, frames come by fetch. For WebTransport open <a href={url}>the secure page</a> and accept its

@@ -34,7 +34,7 @@ export function Question({ title, verb, action, onDone, onClose, children }: Pro
       >
         {children}
         <Notice>{problem.value}</Notice>
-        <footer>
+        <footer class="row wrap">
           <button type="button" class="button quiet" onClick={onClose}>
             Cancel
           </button>

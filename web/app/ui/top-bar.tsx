@@ -1,6 +1,13 @@
 /** The head of every page but the viewer: where it all begins, links to other pages, and the theme. */
+import { Monitor, Moon, Sun } from "lucide";
 import type { ComponentChildren } from "preact";
-import { ThemeButton } from "./theme-button";
+import type { Settings } from "#viewer/state/settings";
+import { changeSettings, settings } from "../state/app";
+import { IconButton } from "./button";
+
+const NEXT: Record<Settings["theme"], Settings["theme"]> = { system: "light", light: "dark", dark: "system" };
+const ICONS = { system: Monitor, light: Sun, dark: Moon };
+const NAMES = { system: "as the system", light: "light", dark: "dark" };
 
 export function TopBar({ children }: { children: ComponentChildren }) {
   return (
@@ -14,5 +21,17 @@ export function TopBar({ children }: { children: ComponentChildren }) {
         <ThemeButton />
       </div>
     </header>
+  );
+}
+
+/** Switches between the system's theme, light and dark. */
+function ThemeButton() {
+  const { theme } = settings.value;
+  return (
+    <IconButton
+      icon={ICONS[theme]}
+      label={`Theme: ${NAMES[theme]}`}
+      onClick={() => changeSettings({ theme: NEXT[theme] })}
+    />
   );
 }

@@ -1,6 +1,6 @@
 /** The movements that a person may choose: the store's, requested when a component is first shown, and this visit's. */
 import { useEffect, useState } from "preact/hooks";
-import { MovementError } from "#viewer/movement/movement";
+import { ApiError } from "#client/http/problem";
 import { movements, type NamedMovement } from "#viewer/movement/movement-deck";
 import { listMovements, type ListedMovement as Stored } from "#viewer/movement/stored-movements";
 
@@ -26,7 +26,7 @@ export function useMovements(store: string | undefined): {
         setStored(list);
         setSilence(null);
       },
-      (error: unknown) => error instanceof MovementError && setSilence(error.message),
+      (error: unknown) => error instanceof ApiError && setSilence(error.message),
     );
     return () => asking.abort();
   }, [store]);

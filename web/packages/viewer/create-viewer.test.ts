@@ -3,11 +3,11 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "#client/http/problem";
 import { connect } from "#client/transport/connect";
-import { settle } from "#client/transport/fake";
+import { settle } from "#fakes/transport";
 import { createViewer, type Viewer } from "./create-viewer";
-import { FakePage } from "./session/fake-page";
+import { FakePage } from "#fakes/page";
 import { fetchConfig, loadScene } from "./state/api";
-import { COURTYARD, serverConfig } from "./state/fake-server";
+import { COURTYARD, serverConfig } from "#fakes/server";
 import { DEFAULT_SETTINGS } from "./state/settings";
 import type { ScenePose } from "./view/camera";
 
@@ -29,7 +29,6 @@ beforeEach(() => {
 
 afterEach(() => {
   for (const viewer of viewers) viewer.destroy();
-  vi.unstubAllGlobals();
   vi.restoreAllMocks();
 });
 

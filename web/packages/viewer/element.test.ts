@@ -2,13 +2,13 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "#client/http/problem";
 import { connect } from "#client/transport/connect";
-import { settle } from "#client/transport/fake";
+import { settle } from "#fakes/transport";
 import type { ViewerEvents } from "./create-viewer";
 import type { TigasViewer } from "./element";
 import "./element";
-import { FakePage } from "./session/fake-page";
+import { FakePage } from "#fakes/page";
 import { fetchConfig, loadScene } from "./state/api";
-import { COURTYARD, serverConfig } from "./state/fake-server";
+import { COURTYARD, serverConfig } from "#fakes/server";
 
 vi.mock("./state/api");
 vi.mock("#client/transport/connect");
@@ -26,7 +26,6 @@ beforeEach(() => {
 
 afterEach(() => {
   document.body.replaceChildren();
-  vi.unstubAllGlobals();
   vi.restoreAllMocks();
 });
 

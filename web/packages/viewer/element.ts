@@ -2,11 +2,11 @@
  * The element `<tigas-viewer src="https://viewer.example" scene="garden">`. It can be imported where there is no document,
  * as on a server that renders pages.
  */
+import { createElement, type IconNode, Maximize, RotateCcw } from "lucide";
 import { createViewer, type Viewer, type ViewerEvents } from "./create-viewer";
 import { attributePose, attributeSettings, posterUrl, serverUrl } from "./embed/attributes";
 import styles from "./embed/element.css?inline";
 import { shadowOf } from "./embed/stage";
-import { toolbar } from "./embed/toolbar";
 
 const TAG = "tigas-viewer";
 const EVENTS = ["loaded", "frame", "stats", "error"] as const;
@@ -56,10 +56,10 @@ export class TigasViewer extends Base {
     const [view, poster, message] = [part("div", "view"), part("img", "poster"), part("p", "message")];
     Object.assign(poster, { alt: "", crossOrigin: "anonymous" });
     message.setAttribute("role", "status");
-    const buttons = toolbar({
-      reset: () => this.#viewer?.reset(),
-      fullscreen: () => void toggleFullscreen(this).catch(() => undefined), // the browser refuses it
-    });
+    const buttons = toolbar(
+      () => this.#viewer?.reset(),
+      () => void toggleFullscreen(this).catch(() => undefined), // the browser refuses it
+    );
     shadowOf(this, styles).append(view, poster, message, buttons);
     return { view, poster, message, toolbar: buttons };
   }
@@ -130,6 +130,27 @@ export class TigasViewer extends Base {
 
 function part<Tag extends keyof HTMLElementTagNameMap>(tag: Tag, className: string): HTMLElementTagNameMap[Tag] {
   return Object.assign(document.createElement(tag), { className });
+}
+
+/** Buttons: back to the start view, and fullscreen. */
+function toolbar(reset: () => void, fullscreen: () => void): HTMLElement {
+  const bar = document.createElement("div");
+  bar.className = "toolbar";
+  bar.setAttribute("role", "toolbar");
+  bar.setAttribute("aria-label", "View");
+  bar.append(button("Back to the start", RotateCcw, reset));
+  if (document.fullscreenEnabled) bar.append(button("Fullscreen", Maximize, fullscreen));
+  return bar;
+}
+
+function button(label: string, icon: IconNode, press: () => void): HTMLButtonElement {
+  const button = document.createElement("button");
+  button.type = "button";
+  button.title = label;
+  button.setAttribute("aria-label", label);
+  button.append(createElement(icon, { width: 18, height: 18, "aria-hidden": "true" }));
+  button.addEventListener("click", press);
+  return button;
 }
 
 async function toggleFullscreen(element: HTMLElement): Promise<void> {

@@ -25,7 +25,7 @@ export interface Endpoints {
 
 export const ANIMATION_FRAME = 1000 / 60;
 /** The paper's server, an RTX 2060 Super: rasterising takes 11 ms, encoding the best rung up to 1 ms. */
-export const PAPER_RENDER = 11;
+const PAPER_RENDER = 11;
 const ENCODE = 1;
 /** A frame takes this much more or less to render, at most. */
 const RENDER_VARIATION = 0.15;

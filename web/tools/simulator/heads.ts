@@ -3,16 +3,15 @@
  * share of the picture that was never rendered. It uses the page's own pipeline, foresight, overscan and surround,
  * without drawing.
  */
-import type { ControllerFactory } from "#client/abr/controller";
+import { type ControllerFactory, responseTime } from "#client/abr/controller";
 import { seeded } from "#client/abr/random";
 import { ThroughputEstimator } from "#client/abr/throughput";
-import type { DecodedImage, FrameReply } from "#client/transport/transport";
 import type { Rung, SceneInfo } from "#client/wire/render";
 import { poseAt, type TimedPose } from "#viewer/movement/movement";
 import { Foresight } from "#viewer/predict/foresight";
 import { AutoOverscan } from "#viewer/reproject/overscan";
 import type { View } from "#viewer/reproject/view";
-import { type DecodedFrame, FramePipeline } from "#viewer/stateless/pipeline";
+import type { DecodedFrame } from "#viewer/stateless/pipeline";
 import { Rest } from "#viewer/stateless/refinement";
 import { SurroundFeed } from "#viewer/stateless/surround-feed";
 import { widened } from "#viewer/stream/camera-feed";
@@ -22,6 +21,7 @@ import { Rig } from "#viewer/view/rig";
 import type { Endpoints } from "./endpoints";
 import { EventLoop } from "./events";
 import { Seen } from "./seen";
+import { simulatedPipeline } from "./simulate";
 import type { NetworkTrace } from "./trace";
 import { SimulatedTransport } from "./transport";
 
@@ -98,36 +98,12 @@ export async function visit(options: HeadOptions): Promise<Visit> {
       if (moving()) replies.aside += bytes;
     },
   });
-  const decode = ({ image }: FrameReply): Promise<DecodedImage> =>
-    new Promise((resolve) =>
-      events.at(now() + endpoints.decode(transport.rungOf(image)), () => {
-        events.settle();
-        resolve({ bitmap: BITMAP, depth: null });
-      }),
-    );
-  const pipeline: FramePipeline = new FramePipeline(transport, decode, now, {
-    sent: () => undefined,
-    replied: ({ header, arrival }) => {
-      throughput.observe(arrival);
-      if (moving()) {
-        replies.count++;
-        replies.response += arrival.lastByteAt - arrival.sentAt;
-      }
-      controller.observe({
-        profile: header.profile ?? null,
-        arrival,
-        server: header.timing ?? null,
-        throughput: throughput.bitsPerSecond,
-        inFlight: pipeline.inFlight - 1,
-        turning: rig.turning,
-        way: "predicted",
-        at: now(),
-      });
-    },
-    refused: () => undefined,
-    unrefined: () => undefined,
-    format: () => "jpeg",
-    transmission: (bytes) => (throughput.bitsPerSecond === null ? 0 : (bytes * 8000) / throughput.bitsPerSecond),
+  const pipeline = simulatedPipeline({ events, transport, endpoints, throughput }, (frame) => {
+    if (moving()) {
+      replies.count++;
+      replies.response += responseTime(frame);
+    }
+    controller.observe({ ...frame, turning: rig.turning, way: "predicted" });
   });
   const lens = { ...rig.intrinsics.value, ...VIEWPORT };
   let lookedAt = warmUp;
@@ -168,5 +144,3 @@ export async function visit(options: HeadOptions): Promise<Visit> {
     aside: (replies.aside * 8) / 1000 / duration,
   };
 }
-
-const BITMAP = { close: () => undefined } as ImageBitmap;

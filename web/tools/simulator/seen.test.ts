@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { fakeView, turned } from "#viewer/reproject/fake-view";
+import { fakeView, turned } from "#fakes/views";
 import { SIDES, sideView } from "#viewer/reproject/side-pictures";
 import type { View } from "#viewer/reproject/view";
 import { Seen } from "./seen";

@@ -66,10 +66,16 @@ test("a link carries what it can, and waiting grows with what is asked of it", a
   expect(responseP50).toBeGreaterThan(150); // 96 ms on the link, and the wait for the frame before
 });
 
-test("the frame rate does not fall with the round trip", async () => {
-  const { framesPerSecond, responseP50 } = await visit("fixed:2", 20, { roundTrip: 300 });
-  expect(framesPerSecond).toBeGreaterThan(25);
-  expect(responseP50).toBeGreaterThan(310);
+test.each([
+  [2, 20],
+  [100, 20],
+  [300, 20],
+  [2, 60],
+  [300, 60],
+])("the frame rate does not fall with the round trip: %i ms, and %i ms in the server", async (roundTrip, render) => {
+  const { framesPerSecond, responseP50 } = await visit("fixed:2", 20, { roundTrip, paper: { render } });
+  expect(framesPerSecond).toBeGreaterThan(0.85 * (1000 / (render + 8)));
+  expect(responseP50).toBeGreaterThan(roundTrip + render);
 });
 
 test("poses that are never shown are late, and their wait a stall", async () => {
@@ -102,16 +108,6 @@ test("Latency that counts transfers alone fills the link; with a lower target, o
   expect(request.inTime).toBeGreaterThan(0.9);
 });
 
-test("a renderer that is slow for large pictures is not asked for them", async () => {
-  const paper = { render: 6, renderBest: 80 };
-  const [seen, best, lowest] = await Promise.all(
-    ["seen", "fixed:0", "fixed:3"].map((name) => visit(name, 24, { paper, way: "stale" })),
-  );
-  expect(best?.inTime).toBeLessThan(0.05);
-  expect(seen?.inTime).toBeGreaterThan(0.95);
-  expect(seen?.inTime).toBeGreaterThan((lowest?.inTime ?? 1) - 0.02);
-});
-
 test("2 kB frames, a round trip of 50 ms and a page that hears of packets every 4 ms do not keep Seen low", async () => {
   const { rungOverTime, photonP95 } = await visit("seen", 24, {
     roundTrip: 50,
@@ -120,12 +116,6 @@ test("2 kB frames, a round trip of 50 ms and a page that hears of packets every 
   });
   expect(rungOverTime).toBeLessThan(1.5);
   expect(photonP95).toBeLessThan(140);
-});
-
-test("jitter does not keep Seen at the lowest rung of a link that carries better ones", async () => {
-  const jittery = "t_ms,down_kbps,up_kbps,delay_ms,jitter_ms\n0,24000,10000,40,15\n";
-  const { rungOverTime } = await visit("seen", jittery, { roundTrip: null });
-  expect(rungOverTime).toBeLessThan(2.5);
 });
 
 test("what is seen gets worse the later it is and the worse frames are shown when they are late", async () => {

@@ -3,7 +3,7 @@
  * simulated link, server and clock. Deterministic: the same options give the same figures.
  */
 
-import { type ControllerFactory, responseTime, type Way } from "#client/abr/controller";
+import { type ControllerFactory, type Observation, responseTime, type Way } from "#client/abr/controller";
 import { seeded } from "#client/abr/random";
 import { type Seen, seenLate, seenOfRung, together } from "#client/abr/seen-error";
 import { ThroughputEstimator } from "#client/abr/throughput";
@@ -46,36 +46,12 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
   const tally = new Tally(ladder);
   const pictures = ladder.map(seenOfRung);
   const meter = new Meter("stateless", (frame) => tally.presented(frame));
-  const decode = ({ image }: FrameReply): Promise<DecodedImage> =>
-    new Promise((resolve) =>
-      events.at(now() + endpoints.decode(transport.rungOf(image)), () => {
-        events.settle();
-        resolve({ bitmap: BITMAP, depth: null });
-      }),
-    );
   let turning = 0;
-  const pipeline: FramePipeline = new FramePipeline(transport, decode, now, {
-    sent: () => undefined,
-    replied: ({ header, arrival }) => {
-      throughput.observe(arrival);
-      meter.received(arrival.bytes, now());
-      const observation = {
-        profile: header.profile ?? null,
-        arrival,
-        server: header.timing ?? null,
-        throughput: throughput.bitsPerSecond,
-        inFlight: pipeline.inFlight - 1,
-        turning,
-        way,
-        at: now(),
-      };
-      tally.replied(responseTime(observation), arrival.bytes);
-      controller.observe(observation);
-    },
-    refused: () => undefined,
-    unrefined: () => undefined,
-    format: () => "jpeg",
-    transmission: (bytes) => (throughput.bitsPerSecond === null ? 0 : (bytes * 8000) / throughput.bitsPerSecond),
+  const pipeline = simulatedPipeline({ events, transport, endpoints, throughput }, (frame) => {
+    const { bytes } = frame.arrival;
+    meter.received(bytes, now());
+    tally.replied(responseTime(frame), bytes);
+    controller.observe({ ...frame, turning, way });
   });
   let pose = 0;
   /** Of each pose: when it was, and how far the camera had turned by then, in degrees. */
@@ -114,6 +90,47 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
   pipeline.dispose();
   tally.unanswered(poses.slice(1 + shownPose).map(({ at }) => duration - at));
   return tally.figures(duration, meter.figures(duration).stalls);
+}
+
+interface Simulated {
+  readonly events: EventLoop;
+  readonly transport: SimulatedTransport;
+  readonly endpoints: Endpoints;
+  readonly throughput: ThroughputEstimator;
+}
+
+/** The page's own pipeline; `came` hears of each frame what a controller does. */
+export function simulatedPipeline(
+  { events, transport, endpoints, throughput }: Simulated,
+  came: (frame: Omit<Observation, "turning" | "way">) => void,
+): FramePipeline {
+  const { now } = events;
+  const decode = ({ image }: FrameReply): Promise<DecodedImage> =>
+    new Promise((resolve) =>
+      events.at(now() + endpoints.decode(transport.rungOf(image)), () => {
+        events.settle();
+        resolve({ bitmap: BITMAP, depth: null });
+      }),
+    );
+  const pipeline: FramePipeline = new FramePipeline(transport, decode, now, {
+    sent: () => undefined,
+    replied: ({ header, arrival }) => {
+      throughput.observe(arrival);
+      came({
+        profile: header.profile ?? null,
+        arrival,
+        server: header.timing ?? null,
+        throughput: throughput.bitsPerSecond,
+        inFlight: pipeline.inFlight - 1,
+        at: now(),
+      });
+    },
+    refused: () => undefined,
+    unrefined: () => undefined,
+    format: () => "jpeg",
+    transmission: (bytes) => (throughput.bitsPerSecond === null ? 0 : (bytes * 8000) / throughput.bitsPerSecond),
+  });
+  return pipeline;
 }
 
 const ORIGIN = { at: 0, turned: 0 };

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { meanRate, parseTrace, TracePlayer } from "./trace";
+import { parseTrace, TracePlayer } from "./trace";
 
 const TEXT =
   "t_ms,down_kbps,up_kbps,delay_ms,jitter_ms,loss_pct\n0,20000,10000,20,,\n1000,0,0,,,\n1500,20000,9000,,,\n2000,,,,,\n";
@@ -34,8 +34,4 @@ test("played round and round", () => {
   expect([0, 999, 1000, 1600, 2000, 3200, 9000].map((time) => player.at(time).down_kbps)).toEqual([
     20_000, 20_000, 0, 20_000, 20_000, 0, 0,
   ]);
-});
-
-test("the mean counts each state for as long as it lasts", () => {
-  expect(meanRate(parseTrace(TEXT), "down_kbps")).toBe(15_000);
 });

@@ -67,12 +67,3 @@ export class TracePlayer {
     return steps[this.#i] as Step;
   }
 }
-
-/** The mean of one direction's rate over the trace, in kbit/s. */
-export function meanRate({ steps, duration }: NetworkTrace, direction: "down_kbps" | "up_kbps"): number {
-  const bits = steps.reduce(
-    (sum, step, i) => sum + step[direction] * ((steps[i + 1]?.t_ms ?? duration) - step.t_ms),
-    0,
-  );
-  return bits / duration;
-}

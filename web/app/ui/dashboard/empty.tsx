@@ -4,7 +4,7 @@ import { Icon } from "../button";
 
 export function NoScenes({ editable }: { editable: boolean }) {
   return (
-    <section class="empty">
+    <section class="empty stack">
       <Icon of={Box} size={36} />
       <h2>No scenes yet</h2>
       <p>
@@ -25,7 +25,7 @@ export function NoScenes({ editable }: { editable: boolean }) {
 
 export function NoMatch({ filter }: { filter: string }) {
   return (
-    <section class="empty">
+    <section class="empty stack">
       <Icon of={SearchX} size={36} />
       <h2>Nothing matches “{filter}”</h2>
       <p>A scene's name or id must contain every word that you type.</p>

@@ -7,7 +7,7 @@ import type { ExperimentRequest } from "#client/wire/store";
 import { addFile, movements } from "#viewer/movement/movement-deck";
 import { readMovement } from "#viewer/movement/movement-file";
 import type { ViewerSession } from "#viewer/session/session";
-import { COURTYARD, serverConfig } from "#viewer/state/fake-server";
+import { COURTYARD, serverConfig } from "#fakes/server";
 import { config } from "../../state/app";
 import { ExperimentDialog } from "./experiment-dialog";
 
@@ -35,10 +35,7 @@ beforeEach(() => {
   });
 });
 
-afterEach(() => {
-  cleanup();
-  vi.unstubAllGlobals();
-});
+afterEach(cleanup);
 
 async function opened() {
   const session = {

@@ -135,7 +135,7 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
           {edited !== null && <QuietButton onClick={() => setEdited(null)}>Back to the form</QuietButton>}
         </p>
       </details>
-      <footer>
+      <footer class="row wrap">
         <div class="problems" role="alert">
           {problem && <p>{problem}</p>}
         </div>

@@ -4,7 +4,7 @@ import { cleanup, render, screen, within } from "@testing-library/preact";
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { fetchConfig, fetchScenes } from "#viewer/state/api";
-import { serverConfig } from "#viewer/state/fake-server";
+import { serverConfig } from "#fakes/server";
 import { config } from "../../state/app";
 import { ExperimentList } from "./experiment-list";
 
@@ -45,10 +45,7 @@ beforeEach(() => {
   });
 });
 
-afterEach(() => {
-  cleanup();
-  vi.unstubAllGlobals();
-});
+afterEach(cleanup);
 
 const row = async (name: RegExp) => within(await screen.findByRole("row", { name }));
 

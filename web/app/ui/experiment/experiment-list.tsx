@@ -1,7 +1,7 @@
 /** All experiments that the store keeps, the newest first, with their reports and archives. */
 
 import { Download, FileText, Images, Play, Trash2 } from "lucide";
-import { useCallback, useEffect, useState } from "preact/hooks";
+import { useCallback, useEffect, useMemo, useState } from "preact/hooks";
 import type { ExperimentSummary } from "#client/wire/store";
 import { StoreApi } from "#lab/experiment/store-api";
 import { config } from "../../state/app";
@@ -46,8 +46,8 @@ function StoredExperiments({ base }: { base: string }) {
   const [list, setList] = useState<readonly ExperimentSummary[]>();
   const [unwanted, setUnwanted] = useState<ExperimentSummary>();
   const { problem, attempt } = useAttempts();
-  const store = new StoreApi(base);
-  const look = useCallback(() => attempt(async () => setList(await new StoreApi(base).list())), [base, attempt]);
+  const store = useMemo(() => new StoreApi(base), [base]);
+  const look = useCallback(() => attempt(async () => setList(await store.list())), [store, attempt]);
   useEffect(() => void look(), [look]);
   if (list === undefined && problem.value === null) return <p class="muted">Loading the list…</p>;
   if (list?.length === 0)
@@ -63,39 +63,20 @@ function StoredExperiments({ base }: { base: string }) {
         </Table>
       )}
       {unwanted && (
-        <DeleteQuestion
-          store={store}
-          experiment={unwanted}
+        <Question
+          title={`Delete “${unwanted.name}”?`}
+          verb="Delete"
+          action={() => store.remove(unwanted.id)}
           onDone={() => void look()}
           onClose={() => setUnwanted(undefined)}
-        />
+        >
+          <p>
+            Its {unwanted.runs === 1 ? "run" : `${unwanted.runs} runs`} of {dateOf(unwanted.created)} and all of their
+            samples are deleted from the server’s disk. This cannot be undone.
+          </p>
+        </Question>
       )}
     </>
-  );
-}
-
-interface DeleteProps {
-  readonly store: StoreApi;
-  readonly experiment: ExperimentSummary;
-  readonly onDone: () => void;
-  readonly onClose: () => void;
-}
-
-function DeleteQuestion({ store, experiment, onDone, onClose }: DeleteProps) {
-  const { id, name, created, runs } = experiment;
-  return (
-    <Question
-      title={`Delete “${name}”?`}
-      verb="Delete"
-      action={() => store.remove(id)}
-      onDone={onDone}
-      onClose={onClose}
-    >
-      <p>
-        Its {runs === 1 ? "run" : `${runs} runs`} of {dateOf(created)} and all of their samples are deleted from the
-        server’s disk. This cannot be undone.
-      </p>
-    </Question>
   );
 }
 

@@ -40,25 +40,17 @@ export function LocalSamples({ store, onUploaded }: Props) {
           <Row key={run.key} run={run} store={store} onDone={done} onDelete={() => setUnwanted(run)} />
         ))}
       </Table>
-      {unwanted && <DeleteQuestion run={unwanted} onDone={done} onClose={() => setUnwanted(undefined)} />}
+      {unwanted && (
+        <Question
+          title={`Delete the samples of “${nameOf(unwanted)}”?`}
+          verb="Delete"
+          action={() => done(deleteSamples(unwanted.key))}
+          onClose={() => setUnwanted(undefined)}
+        >
+          <p>No store has them. This cannot be undone.</p>
+        </Question>
+      )}
     </section>
-  );
-}
-
-interface DeleteProps extends Pick<RowProps, "run" | "onDone"> {
-  readonly onClose: () => void;
-}
-
-function DeleteQuestion({ run, onDone, onClose }: DeleteProps) {
-  return (
-    <Question
-      title={`Delete the samples of “${nameOf(run)}”?`}
-      verb="Delete"
-      action={() => onDone(deleteSamples(run.key))}
-      onClose={onClose}
-    >
-      <p>No store has them. This cannot be undone.</p>
-    </Question>
   );
 }
 

@@ -69,12 +69,12 @@ function Performing({ id, store: base, shaper: shaperBase }: PerformingProps) {
   return (
     <>
       <div class="run-stage" ref={stage} inert hidden={ending?.value != null} />
-      <main class="run-panel">
+      <main class="run-panel stack">
         <h1 class="visually-hidden">Experiment</h1>
         {conductor.value && ending?.value === null && <ProgressPanel conductor={conductor.value} />}
         {ending?.value && <EndPanel id={id} store={new StoreApi(base)} ending={ending.value} attempt={attempt} />}
         {notices && notices.value.length > 0 && (
-          <ul class="experiment-remarks">
+          <ul class="experiment-remarks small">
             {notices.value.map((notice) => (
               <li key={notice}>{notice}</li>
             ))}

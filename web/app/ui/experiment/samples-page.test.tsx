@@ -4,7 +4,7 @@ import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { Materialisation, SampleCounts, SampleRow } from "#client/wire/store";
 import { fetchConfig, fetchScenes } from "#viewer/state/api";
-import { serverConfig } from "#viewer/state/fake-server";
+import { serverConfig } from "#fakes/server";
 import { config } from "../../state/app";
 import { SamplesPage } from "./samples-page";
 
@@ -75,7 +75,6 @@ beforeEach(() => {
 
 afterEach(() => {
   cleanup();
-  vi.unstubAllGlobals();
   vi.useRealTimers();
 });
 

@@ -71,25 +71,25 @@ interface RenderingProps {
 function Rendering({ store, id, attempt, onProgress }: RenderingProps) {
   const state = useSignal<Materialisation | null>(null);
   const take = useCallback(
-    (ask: () => Promise<Materialisation>) =>
+    (method?: "POST" | "DELETE") =>
       attempt(async () => {
         const before = state.value;
-        const told = await ask();
+        const told = await store.materialisation(id, method);
         state.value = told;
         if (told.problem) throw new ApiError(told.problem, false);
         if (before && (before.done !== told.done || before.state !== told.state)) await onProgress();
       }),
-    [attempt, state, onProgress],
+    [attempt, state, onProgress, store, id],
   );
   const running = state.value?.state === "running";
   useEffect(() => {
     if (!running) {
-      void take(() => store.materialisation(id));
+      void take();
       return;
     }
-    const timer = setInterval(() => void take(() => store.materialisation(id)), ASK_EVERY);
+    const timer = setInterval(() => void take(), ASK_EVERY);
     return () => clearInterval(timer);
-  }, [running, store, id, take]);
+  }, [running, take]);
   if (state.value === null || state.value.total === 0) return null;
   const { done, total } = state.value;
   return (
@@ -100,7 +100,7 @@ function Rendering({ store, id, attempt, onProgress }: RenderingProps) {
           <output>
             {done} of {total}
           </output>
-          <button type="button" class="button quiet" onClick={() => void take(() => store.stopMaterialising(id))}>
+          <button type="button" class="button quiet" onClick={() => void take("DELETE")}>
             Stop
           </button>
         </>
@@ -110,7 +110,7 @@ function Rendering({ store, id, attempt, onProgress }: RenderingProps) {
             {done} of {total} have ground truth
           </span>
           {done < total && (
-            <button type="button" class="button" onClick={() => void take(() => store.materialise(id))}>
+            <button type="button" class="button" onClick={() => void take("POST")}>
               Render ground truth
             </button>
           )}
@@ -128,7 +128,7 @@ interface RunsProps {
 
 function Runs({ runs, chosen, onChoose }: RunsProps) {
   return (
-    <Table kind="sampled-runs" columns={["Run", "Samples", "Identical", "Different", "Incomplete"]}>
+    <Table columns={["Run", "Samples", "Identical", "Different", "Incomplete"]}>
       {runs.map(
         ({ folder, samples }) =>
           samples && (

@@ -4,14 +4,12 @@ import type { ComponentChildren } from "preact";
 interface Props {
   /** Heads; null: of actions. */
   readonly columns: readonly (string | null)[];
-  /** A further class. */
-  readonly kind?: string;
   readonly children: ComponentChildren;
 }
 
-export function Table({ columns, kind = "", children }: Props) {
+export function Table({ columns, children }: Props) {
   return (
-    <div class={`experiment-list ${kind}`}>
+    <div class="experiment-list">
       <table>
         <thead class="muted">
           <tr>

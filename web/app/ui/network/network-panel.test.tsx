@@ -3,26 +3,15 @@ import { act, cleanup, fireEvent, render, screen, within } from "@testing-librar
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { ShaperStatus } from "#client/wire/shaper";
-import { asSession, fakeSession } from "../../state/fake-session";
+import { asSession, fakeSession } from "#fakes/session";
+import { CONSTANT as REPORT } from "#fakes/shaper";
 import { NetworkPanel } from "./network-panel";
 
 vi.mock("../chart/plots", () => ({ plotLive: () => () => undefined }));
 
 const LINK = { down_kbps: 20_000, up_kbps: 10_000, delay_ms: 10, jitter_ms: 0, loss_pct: 0 };
 const DOWN = { target_kbps: 20_000, delivered_kbps: 12_340, queue_bytes: 0, queue_ms: 7.6, drops: 3 };
-const CONSTANT: ShaperStatus = {
-  time_ms: 1000,
-  mode: "constant",
-  trace: null,
-  position_ms: null,
-  duration_ms: null,
-  loop: false,
-  link: LINK,
-  down: DOWN,
-  up: { ...DOWN, delivered_kbps: 50 },
-  backend: "netem",
-  closed: null,
-};
+const CONSTANT: ShaperStatus = { ...REPORT, link: LINK, down: DOWN, up: { ...DOWN, delivered_kbps: 50 } };
 const PLAYING: ShaperStatus = { ...CONSTANT, mode: "playing", trace: "bus", position_ms: 5000, duration_ms: 60_000 };
 const TRACES = [
   { name: "bus", uploaded: false, duration_ms: 60_000, mean_down_kbps: 8000 },
@@ -72,10 +61,7 @@ beforeEach(() => {
   });
 });
 
-afterEach(() => {
-  cleanup();
-  vi.unstubAllGlobals();
-});
+afterEach(cleanup);
 
 async function show(status: ShaperStatus = CONSTANT) {
   const page = render(<NetworkPanel base="http://shaper.test" session={asSession(fakeSession())} />);

@@ -135,7 +135,14 @@ function traceRow({ name, error, mean_down_kbps = 0, duration_ms = 0 }: TraceSum
     ),
     detail: (
       <svg class="trace-plot" aria-hidden="true" viewBox={`0 -1 ${width} ${height + 2}`} width={width} height={height}>
-        {points && <path d={stepPath(points.times_ms, points.down_kbps, points.duration_ms, OUTLINE)} />}
+        {points && (
+          <path
+            d={stepPath(points.times_ms, points.down_kbps, points.duration_ms, OUTLINE)}
+            fill="none"
+            stroke="var(--accent)"
+            stroke-width="1.25"
+          />
+        )}
       </svg>
     ),
     tooltip: error ?? undefined,

@@ -49,7 +49,7 @@ function Charts({ names, comparison }: Props) {
         {charts.map(({ name, quantities, columns }) => (
           <Fragment key={name}>
             <h4>{name}</h4>
-            <LiveChart name={name} quantities={quantities} columns={history[columns]} />
+            <LiveChart name={name} quantities={quantities} columns={history.series[columns]} />
           </Fragment>
         ))}
       </div>

@@ -5,9 +5,9 @@ import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "#client/http/problem";
 import type { Training } from "#client/wire/render";
 import { fetchScene, training } from "#viewer/state/api";
-import { COURTYARD, serverConfig } from "#viewer/state/fake-server";
+import { COURTYARD, serverConfig } from "#fakes/server";
 import { config } from "../../state/app";
-import { asSession, type FakeSession, fakeSession } from "../../state/fake-session";
+import { asSession, type FakeSession, fakeSession } from "#fakes/session";
 import { SceneTraining } from "./enhancement-panel";
 
 vi.mock("#viewer/state/api");

@@ -23,8 +23,8 @@ export function Hud({ session, source, stats, linkNote }: HudProps) {
   const enhancement = source.enhancement?.status.value ?? { kind: "off" };
   const { fallback, host } = session.connected.value ?? {};
   return (
-    <section class="floating hud" aria-label="Measurements">
-      <div class="hud-main">
+    <section class="floating hud small" aria-label="Measurements">
+      <div class="hud-main row">
         <Figure name="new-views" label="new views/s" value={rate(stats)} />
         <Figure
           name="motion-to-photon"
@@ -133,7 +133,7 @@ function Details({ stats, enhancement }: { stats: Stats; enhancement: Enhancemen
     ["overtaken", "Cancelled · dropped", `${counts.cancelled} · ${counts.dropped}`],
   ];
   return (
-    <dl class="hud-details">
+    <dl class="hud-details stack">
       <Rows of={rows} />
     </dl>
   );

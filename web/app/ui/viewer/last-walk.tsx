@@ -53,7 +53,7 @@ export function WalkVerdict({ session, onOpen }: { session: ViewerSession; onOpe
   const walk = comparison?.walks.last.value;
   if (!comparison || !walk || comparison.sides.length < 2) return null;
   return (
-    <button type="button" class="floating walk-verdict" title="All figures of the walk" onClick={onOpen}>
+    <button type="button" class="floating walk-verdict row small" title="All figures of the walk" onClick={onOpen}>
       <span role="status">{verdict(walk, sideTitles(settings.value), comparison.quality.value)}</span>
     </button>
   );

@@ -11,7 +11,7 @@ import { ComparisonPanel } from "./comparison-panel";
 import { Choice, NumberSetting, SegmentList, Segments } from "./setting";
 
 /** Settings of a comparison, and those shared by both sides. */
-export function SidesPanel() {
+function SidesPanel() {
   const { lock, lockRung } = settings.value;
   return (
     <>

@@ -25,7 +25,7 @@ export function MovePad({ input }: { input: StageInput }) {
   };
 
   return (
-    <div class="move-pad">
+    <div class="move-pad row spread">
       <div
         class="floating pad"
         aria-hidden="true"

@@ -18,7 +18,7 @@ export function MovementStatus({ deck }: { deck: MovementDeck }) {
   const at = clock(deck.position.value);
   const duration = clock(deck.movement.value?.trace.duration ?? 0);
   return (
-    <div class="floating movement-status" data-state={state}>
+    <div class="floating movement-status row small" data-state={state}>
       <Icon of={state === "recording" ? Circle : Route} size={16} />
       <p role="status">
         {state === "recording" ? "Recording" : deck.movement.value?.name}

@@ -83,7 +83,7 @@ interface SectionProps {
 
 function Section({ title, action, children }: SectionProps) {
   return (
-    <section>
+    <section class="stack">
       <div class="section-head row spread">
         <h3 class="muted small">{title}</h3>
         {action}

@@ -6,12 +6,12 @@ import { ApiError } from "#client/http/problem";
 import type { SceneEdit, SceneInfo } from "#client/wire/render";
 import { exportVideo } from "#viewer/control/video-export";
 import { editScene } from "#viewer/state/api";
-import { COURTYARD, serverConfig } from "#viewer/state/fake-server";
+import { COURTYARD, serverConfig } from "#fakes/server";
 import { config } from "../../state/app";
-import { asSession, type FakeSession, fakeSession } from "../../state/fake-session";
+import { asSession, type FakeSession, fakeSession } from "#fakes/session";
 import { save } from "../save";
 import { CameraPaths } from "./camera-paths";
-import { SavedViews } from "./saved-views";
+import { SavedViews, StartView } from "./saved-views";
 import { ViewMenu } from "./view-menu";
 
 vi.mock("#viewer/state/api");
@@ -32,6 +32,8 @@ const TOUR = {
 const SCENE: SceneInfo = {
   ...COURTYARD,
   builtin: false,
+  up: [0, -1, 0],
+  camera: { position: [0, 0, -5], look_at: [0, 0, 0] },
   views: { Gate: GATE },
   paths: { Tour: { ...TOUR, keyframes: [...TOUR.keyframes] } },
 };
@@ -39,13 +41,14 @@ let session: FakeSession;
 let scenes = 0;
 
 /** The server's part: the scene with the edit. */
-async function edited(_: string, { views = {}, paths = {} }: SceneEdit): Promise<SceneInfo> {
+async function edited(_: string, { views = {}, paths = {}, camera }: SceneEdit): Promise<SceneInfo> {
   const merged = <Saved,>(now: Record<string, Saved> = {}, change: Record<string, Saved | null>) =>
     Object.fromEntries(
       Object.entries({ ...now, ...change }).flatMap(([name, value]) => (value === null ? [] : [[name, value]])),
     );
   const scene = session.scene.value as SceneInfo;
-  return { ...scene, views: merged(scene.views, views), paths: merged(scene.paths, paths) };
+  const kept = { views: merged(scene.views, views), paths: merged(scene.paths, paths) };
+  return { ...scene, ...(camera && { camera }), ...kept };
 }
 
 beforeEach(() => {
@@ -68,6 +71,7 @@ function stand(x: number): void {
 const button = (name: string) => screen.getByRole("button", { name });
 const press = (name: string) => userEvent.click(button(name));
 const lastEdit = () => vi.mocked(editScene).mock.lastCall?.[1];
+const rounded = (vector: readonly number[] | undefined) => vector?.map((x) => Math.round(x * 1000) / 1000 + 0);
 const where = () => session.rig.pose.position.map((value) => Math.round(value * 1000) / 1000)[0];
 
 /** Lets the camera move for as long as it takes. */
@@ -117,12 +121,36 @@ test("a view is renamed and deleted once that is confirmed", async () => {
 
 test("a refusal is shown, and the typed name stays", async () => {
   vi.mocked(editScene).mockRejectedValue(new ApiError("The disk that holds the models is full.", false));
+  const { unmount } = render(<StartView session={asSession(session)} />);
+  const scene = session.scene.value;
+  await press("This way is up");
+  expect((await screen.findByRole("alert")).textContent).toContain("disk");
+  expect(session.scene.value).toBe(scene);
+  unmount();
   render(<SavedViews session={asSession(session)} />);
   await userEvent.clear(screen.getByLabelText("Name"));
   await userEvent.type(screen.getByLabelText("Name"), "Pond");
   await press("Save this view");
   expect((await screen.findByRole("alert")).textContent).toContain("disk");
   expect((screen.getByLabelText("Name") as HTMLInputElement).value).toBe("Pond");
+});
+
+test("the present view becomes the start view", async () => {
+  render(<StartView session={asSession(session)} />);
+  stand(1);
+  await press("Use this view as the start view");
+  expect(lastEdit()?.up).toEqual([0, -1, 0]);
+  expect(rounded(lastEdit()?.camera?.position)).toEqual([1, 0, 0]);
+  expect(rounded(lastEdit()?.camera?.look_at)).toEqual([1, 0, 5]);
+  await waitFor(() => expect(rounded(session.rig.pose.position)).toEqual([1, 0, 0]));
+});
+
+test("the viewing direction becomes up, and the picture's bottom the new start view", async () => {
+  render(<StartView session={asSession(session)} />);
+  stand(0);
+  await press("This way is up");
+  expect(rounded(lastEdit()?.up)).toEqual([0, 0, 1]);
+  expect(rounded(lastEdit()?.camera?.look_at)).toEqual([0, 5, 0]);
 });
 
 test("a path is built from views, timed, played and saved", async () => {
@@ -200,9 +228,10 @@ test.each([
   session.scene.value = { ...(session.scene.value as SceneInfo), ...change };
   config.value = { ...serverConfig(), max_upload_bytes };
   render(<SavedViews session={asSession(session)} />);
+  render(<StartView session={asSession(session)} />);
   render(<CameraPaths session={asSession(session)} />);
   await userEvent.click(screen.getByLabelText(/Tour/));
-  for (const name of [/Save this view/, /Rename/, /Delete/, /Save path/]) {
+  for (const name of [/Save this view/, /start view/, /is up/, /Rename/, /Delete/, /Save path/]) {
     expect(screen.queryByRole("button", { name })).toBeNull();
   }
   for (const name of ["Gate", "Play path", "Save as video", "Add this view as a keyframe"]) button(name);

@@ -92,10 +92,10 @@ interface SegmentListProps {
 /** Choices side by side that change settings. */
 export function SegmentList({ name, label, headed, choices }: SegmentListProps) {
   return (
-    <fieldset class="segments" data-choice={name}>
+    <fieldset class="segments row wrap" data-choice={name}>
       <legend class={headed ? "segments-name small" : "visually-hidden"}>{label}</legend>
       {choices.map(({ title, chosen, part }) => (
-        <label key={title}>
+        <label key={title} class="small">
           <input
             type="radio"
             class="visually-hidden"

@@ -2,10 +2,10 @@
 import { cleanup, render, screen } from "@testing-library/preact";
 import { afterEach, expect, test } from "vitest";
 import { type LocalStats, NO_LOCAL_STATS } from "#viewer/local/local-player";
-import { COURTYARD } from "#viewer/state/fake-server";
+import { COURTYARD } from "#fakes/server";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
 import { changeSettings, settings } from "../../state/app";
-import { asSession, fakeLocal, fakeSession } from "../../state/fake-session";
+import { asSession, fakeLocal, fakeSession } from "#fakes/session";
 import { Rows } from "./hud";
 import { ModePanel } from "./mode-panel";
 import { localRows } from "./side-figures";
@@ -42,9 +42,6 @@ test("a whole scene has no progress any more", () => {
 });
 
 test.each([
-  [{ kind: "connecting", message: "Downloading the scene…" } as const, "Downloading the scene…"],
-  [{ kind: "lost", message: "The download was cut off." } as const, "The download was cut off. Trying again…"],
-  [{ kind: "failed", message: "This scene is too large." } as const, "This scene is too large."],
   [{ kind: "playing" } as const, ""],
   [null, "This server does not offer the scene for download; see Lab, Mode."],
 ])("the stage says how a download stands: %j", (phase, said) => {

@@ -21,7 +21,7 @@ export function Sidebar({ session, actions, onSkip }: Props) {
       <QuietButton kind="visually-hidden" onClick={onSkip}>
         Skip to the view
       </QuietButton>
-      <header>
+      <header class="row">
         <h2>Lab</h2>
         <QuietButton onClick={actions.experiment}>Experiment…</QuietButton>
         <IconButton

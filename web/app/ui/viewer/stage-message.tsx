@@ -27,7 +27,7 @@ export function StageMessage({ session }: { session: ViewerSession }) {
       )}
       {kind === "lost" && <Lost>{session.presence.offline.value ? "This device is offline." : message}</Lost>}
       {kind === "failed" && (
-        <div class="floating message tall" data-tone="danger">
+        <div class="floating message row tall" data-tone="danger">
           <Icon of={CircleAlert} />
           <p>{message}</p>
           <div class="row">
@@ -84,7 +84,7 @@ function Connection({ state }: { state: ConnectionState | null }) {
 
 function Waiting({ children }: { children: ComponentChildren }) {
   return (
-    <p class="floating message">
+    <p class="floating message row">
       <span class="spinner">
         <Icon of={LoaderCircle} />
       </span>
@@ -95,7 +95,7 @@ function Waiting({ children }: { children: ComponentChildren }) {
 
 function Lost({ children }: { children: ComponentChildren }) {
   return (
-    <p class="floating message" data-tone="warning">
+    <p class="floating message row" data-tone="warning">
       <Icon of={Unplug} />
       <span>{children} Trying again…</span>
     </p>
@@ -104,7 +104,7 @@ function Lost({ children }: { children: ComponentChildren }) {
 
 function Failed({ children }: { children: ComponentChildren }) {
   return (
-    <p class="floating message" data-tone="danger">
+    <p class="floating message row" data-tone="danger">
       <Icon of={CircleAlert} />
       <span>{children}</span>
     </p>
@@ -120,7 +120,7 @@ export function Freeze({ session }: { session: ViewerSession }) {
   });
   if (session.phase.value.kind !== "playing" || frozen.length === 0) return null;
   return (
-    <p class="floating freeze" data-stat="frozen">
+    <p class="floating freeze row small" data-stat="frozen">
       <Icon of={Snowflake} size={16} />
       {frozen.map(({ name, time }) => (
         <span key={name}>

@@ -16,7 +16,7 @@ export function Hint({ rig }: { readonly rig: Rig }) {
   const touch = useMedia(TOUCH);
   const drag = settings.value.drag === "orbit" ? "Drag to orbit" : "Drag to look";
   return (
-    <p class="floating hint-line">
+    <p class="floating hint-line row small">
       {touch
         ? `${drag} · pad or pinch to move · double-tap to go there`
         : `${drag} · WASD or wheel to move · double-click to go there`}
@@ -74,7 +74,7 @@ function StatusLine({ side, name, silent, linkNote }: LineProps) {
   const views = Math.round(figures?.newViewsPerSecond ?? 0);
   const latency = figures?.motionToPhoton?.p50;
   return (
-    <section class="floating status-line" aria-label={name ? `Status: ${name}` : "Status"} data-live={!silent}>
+    <section class="floating status-line small" aria-label={name ? `Status: ${name}` : "Status"} data-live={!silent}>
       <p>
         <span data-stat="status">{silent ? "No answer, retrying…" : (name ?? state(side))}</span>
         {views > 0 && (

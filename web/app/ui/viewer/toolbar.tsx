@@ -25,15 +25,15 @@ interface Props {
 export function Toolbar({ name, session, actions, lab, saving }: Props) {
   const [menu, setMenu] = useState(false);
   return (
-    <header class="toolbar">
-      <div class="floating title">
+    <header class="toolbar row spread">
+      <div class="floating title row">
         <a class="icon-button" href="#/" aria-label="Back to all scenes" title="Back to all scenes">
           <Icon of={ArrowLeft} />
         </a>
         <h1>{name}</h1>
       </div>
       {session && (
-        <div class="floating" role="toolbar" aria-label="Tools">
+        <div class="floating row" role="toolbar" aria-label="Tools">
           <IconButton
             icon={SlidersHorizontal}
             label="View"

@@ -1,15 +1,16 @@
 /** A visitor's settings: how the picture comes about, its quality, dragging and the theme. */
 
 import { RotateCcw } from "lucide";
+import type { SceneInfo, ServerConfig } from "#client/wire/render";
 import type { ViewerSession } from "#viewer/session/session";
-import { applies } from "#viewer/sources/sides";
-import { DEFAULT_SETTINGS } from "#viewer/state/settings";
+import { SOURCES } from "#viewer/sources/registry";
+import { applies, kindsShown } from "#viewer/sources/sides";
+import { COMPARED, DEFAULT_SETTINGS, type Mode, type Settings, type SourceName } from "#viewer/state/settings";
 import { config, ladder, settings } from "../../state/app";
 import { QuietButton } from "../button";
 import { useWindowEvent } from "../hooks";
 import { goTo, play, SavedPlaces } from "./saved-places";
 import { SegmentList, Segments } from "./setting";
-import { wayOf, waysOffered } from "./ways";
 
 interface Props {
   readonly session: ViewerSession;
@@ -24,7 +25,7 @@ export function ViewMenu({ session, onReset, onClose }: Props) {
   });
   useWindowEvent("keydown", ({ key }) => key === "Escape" && onClose());
   return (
-    <fieldset class="floating view-menu" id="view-menu" aria-label="View">
+    <fieldset class="floating view-menu stack" id="view-menu" aria-label="View">
       <Saved session={session} onClose={onClose} />
       <Picture session={session} />
       {applies("controller", settings.value) && <Quality />}
@@ -91,4 +92,30 @@ function Quality() {
   const sharp = fixed("Sharp", 0);
   const choices = [auto, sharp, { ...fixed("Fast", fast), ...(fast === 0 && { chosen: false }) }];
   return <SegmentList name="quality" label="Quality" headed choices={choices} />;
+}
+
+/** A mode in a visitor's words: how the picture comes about, without the details of its delivery. */
+interface Way {
+  readonly title: string;
+  /** The mode that it begins with. */
+  readonly mode: Mode;
+}
+
+const STREAM: Way = { title: "Stream", mode: DEFAULT_SETTINGS.mode };
+const COMPARE: Way = { title: "Compare", mode: COMPARED };
+const HERE = (Object.keys(SOURCES) as SourceName[])
+  .filter((name) => SOURCES[name].drawsHere)
+  .map((mode): Way => ({ title: "On this device", mode }));
+
+function wayOf(mode: Mode): Way {
+  return [COMPARE, ...HERE].find((way) => way.mode === mode) ?? STREAM;
+}
+
+/** Those that this server offers for the scene, and the present one. */
+function waysOffered(settings: Settings, config: ServerConfig | null, scene: SceneInfo): readonly Way[] {
+  return [STREAM, COMPARE, ...HERE].filter(
+    (way) =>
+      way === wayOf(settings.mode) ||
+      kindsShown({ ...settings, mode: way.mode }).every((kind) => kind.missing(config, scene) === null),
+  );
 }

@@ -3,16 +3,16 @@ import { signal } from "@preact/signals";
 import { act, cleanup, render, screen, waitFor } from "@testing-library/preact";
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeAll, beforeEach, expect, test, vi } from "vitest";
-import { FakeTransport } from "#client/transport/fake";
+import { FakeTransport } from "#fakes/transport";
 import type { SessionStatus } from "#client/wire/dash";
 import { ComparisonHistory } from "#viewer/charts/history";
 import { screenshot } from "#viewer/control/screenshot";
 import { type Comparison, UNSCORED } from "#viewer/session/comparison";
-import { COURTYARD, serverConfig } from "#viewer/state/fake-server";
+import { COURTYARD, serverConfig } from "#fakes/server";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
 import { NO_STATS } from "#viewer/stateless/stats";
 import { config, settings } from "../../state/app";
-import { type FakeSession, fakeLocal, fakeSession, fakeSide, fakeStream } from "../../state/fake-session";
+import { type FakeSession, fakeLocal, fakeSession, fakeSide, fakeStream } from "#fakes/session";
 import type { Asked } from "../../state/route";
 import { save } from "../save";
 import { Viewer } from "./viewer";
@@ -136,7 +136,6 @@ test("help names the keys as the keyboard in use does", async () => {
   await userEvent.keyboard("h");
   const walk = (await screen.findByText("Walk")).parentElement;
   await waitFor(() => expect(walk?.textContent).toBe("WalkZQSD"));
-  vi.unstubAllGlobals();
 });
 
 test.each([
@@ -152,7 +151,6 @@ test.each([
   await userEvent.keyboard("x");
   expect((await screen.findByRole<HTMLInputElement>("checkbox", { name: "Reprojection" })).checked).toBe(checked);
   expect(screen.getByRole<HTMLSelectElement>("combobox", { name: "Prediction" }).value).toBe("linear");
-  vi.unstubAllGlobals();
 });
 
 test("a dialog gives the focus back to what opened it, and the settings give it to the stage", async () => {

@@ -153,7 +153,7 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
         {live && <StageMessage session={live} />}
         {live && <Freeze session={live} />}
         {picture.problem && (
-          <p class="floating freeze" role="alert">
+          <p class="floating freeze row small" role="alert">
             {picture.problem}
           </p>
         )}

@@ -1,7 +1,7 @@
 /** LoL+ and L2A step by step against dash.js's own; each intended deviation has its own test. */
 import { afterEach, describe, expect, test, vi } from "vitest";
-import { DashL2a, DashLolp, type Segment } from "./dashjs-rules";
-import { observation } from "./fake-observation";
+import { DashL2a, DashLolp, type Segment } from "#fakes/dashjs-rules";
+import { observation } from "#fakes/observation";
 import { L2aController } from "./l2a";
 import { PAPER_LADDER } from "./ladder";
 import { LolpController } from "./lolp";

@@ -1,5 +1,5 @@
 import { beforeEach, describe, expect, test } from "vitest";
-import { type ObservationOptions, observation } from "./fake-observation";
+import { type ObservationOptions, observation } from "#fakes/observation";
 import { PAPER_LADDER } from "./ladder";
 import { LatencyController, perRequest, perTransfer } from "./latency";
 

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { observation } from "./fake-observation";
+import { observation } from "#fakes/observation";
 import { PAPER_LADDER } from "./ladder";
 import { seeded } from "./random";
 import { CONTROLLER_NAMES, CONTROLLERS } from "./registry";

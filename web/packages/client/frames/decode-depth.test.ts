@@ -1,23 +1,8 @@
 import { expect, test } from "vitest";
 import { readDepthSegment } from "./decode-depth";
-import { jpegWithDepth, webpWithDepth } from "./fake-frames";
+import { jpegWithDepth, webpWithDepth } from "#fakes/frames";
 
 const CODES = Uint8Array.of(7, 8, 9);
-
-test("a frame's depth is its first segment", () => {
-  const { nearest, image } = readDepthSegment(jpegWithDepth(0.5, CODES)) ?? {};
-  expect(nearest).toBe(0.5);
-  expect([...(image ?? [])]).toEqual([7, 8, 9]);
-});
-
-test.each([
-  ["even", CODES],
-  ["odd", CODES.subarray(0, 2)],
-])("a WebP's depth is its last chunk, of %s length", (_, codes) => {
-  const { nearest, image } = readDepthSegment(webpWithDepth(0.5, codes)) ?? {};
-  expect(nearest).toBe(0.5);
-  expect([...(image ?? [])]).toEqual([...codes]);
-});
 
 test.each<[string, Uint8Array<ArrayBuffer>]>([
   ["nothing", new Uint8Array()],

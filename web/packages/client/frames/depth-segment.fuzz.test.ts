@@ -2,9 +2,9 @@
 
 import fc from "fast-check";
 import { expect, test } from "vitest";
-import { EFFORT } from "#client/fuzz/effort";
+import { EFFORT } from "#fakes/effort";
 import { readDepthSegment } from "./decode-depth";
-import { jpegWithDepth, webpWithDepth } from "./fake-frames";
+import { jpegWithDepth, webpWithDepth } from "#fakes/frames";
 
 const image = fc.uint8Array({ minLength: 1, maxLength: 60 });
 const sound = fc.tuple(fc.float({ min: 0, noNaN: true, noDefaultInfinity: true }), image);
@@ -38,10 +38,10 @@ test("any bytes have a usable depth or none", () => {
 
 test("what was put in comes out, wherever the frame's bytes lie", () => {
   fc.assert(
-    fc.property(sound, fc.nat({ max: 9 }), ([nearest, codes], offset) => {
-      const jpeg = jpegWithDepth(nearest, codes);
-      const whole = new Uint8Array(offset + jpeg.length);
-      whole.set(jpeg, offset);
+    fc.property(sound, fc.boolean(), fc.nat({ max: 9 }), ([nearest, codes], webp, offset) => {
+      const frame = (webp ? webpWithDepth : jpegWithDepth)(nearest, codes);
+      const whole = new Uint8Array(offset + frame.length);
+      whole.set(frame, offset);
       const segment = readDepthSegment(whole.subarray(offset));
       expect(segment?.nearest).toBe(nearest);
       expect(Uint8Array.from(segment?.image ?? [])).toEqual(codes);

@@ -1,4 +1,4 @@
-/** How a service says that it failed: problem details (RFC 9457), and one sentence to show. */
+/** Requests to services, and how one says that it failed: problem details (RFC 9457), and one sentence to show. */
 import type { Problem } from "../wire/render";
 
 /** Reasons why a page cannot reach a service named by `/config.json`, as far as its URL shows. */
@@ -41,6 +41,33 @@ export class ApiError extends Error {
     this.unreachable = unreachable;
     this.type = type;
   }
+}
+
+export interface AskOptions extends Omit<RequestInit, "signal"> {
+  readonly signal?: AbortSignal | undefined;
+  /** In milliseconds; without it, the answer may take any time. */
+  readonly timeout?: number;
+}
+
+/** Reads a service's answer. Rejects with an ApiError, whose sentence for a missing answer is `silence`, or with the reason of `signal`. */
+export async function ask<T>(
+  url: string,
+  read: (answer: Response) => Promise<T>,
+  silence: () => string,
+  { signal, timeout, ...request }: AskOptions = {},
+): Promise<T> {
+  const late = timeout === undefined ? [] : [AbortSignal.timeout(timeout)];
+  let answer: Response;
+  try {
+    const either = AbortSignal.any(signal ? [signal, ...late] : late);
+    answer = await fetch(url, { cache: "no-store", ...request, signal: either });
+    if (answer.ok) return await read(answer);
+  } catch {
+    signal?.throwIfAborted();
+    throw new ApiError(silence(), true);
+  }
+  const { detail, type } = await readProblem(answer);
+  throw new ApiError(detail, false, type);
 }
 
 /** The problem of a failed response. */

@@ -1,6 +1,6 @@
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { beforeEach, expect, test, vi } from "vitest";
 import { connect, type FrameBackend, type TransportChoice } from "./connect";
-import { FakeTransport } from "./fake";
+import { FakeTransport } from "#fakes/transport";
 import type { DecodedImage } from "./transport";
 
 const CONFIG = { webtransport_url: "https://localhost:4433/render", certificate_sha256: "AQID" };
@@ -15,10 +15,6 @@ beforeEach(() => {
   vi.stubGlobal("isSecureContext", true);
   vi.stubGlobal("WebTransport", class {});
 });
-afterEach(() => {
-  vi.unstubAllGlobals();
-});
-
 test.each<[TransportChoice, string]>([
   ["auto", "webtransport-streams"],
   ["webtransport-streams", "webtransport-streams"],

@@ -1,9 +1,9 @@
-import { beforeEach, describe, expect, test, vi } from "vitest";
+import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
 import { deferred } from "../async/deferred";
 import type { ServerConfig } from "../wire/render";
 import { type ConnectionState, maintainConnection } from "./connection";
 import { ASK_DIRECTOR_EVERY, CHECK_EVERY, LOOK_ELSEWHERE_EVERY, LOOK_EVERY } from "./ending";
-import { FakeTransport, turn } from "./fake";
+import { FakeTransport, turn } from "#fakes/transport";
 import type { HostReport } from "./host-report";
 import { RequestProblem } from "./transport";
 
@@ -40,6 +40,7 @@ let now: number;
 let reply: () => Promise<void>;
 let visible: () => Promise<void>;
 let stop: AbortController;
+let running: Promise<void>;
 
 /** Waits until the connection has been in this state so often. */
 const reached = (status: ConnectionState["status"], times = 1) =>
@@ -47,8 +48,8 @@ const reached = (status: ConnectionState["status"], times = 1) =>
     interval: 1,
   });
 
-function start(): Promise<void> {
-  return maintainConnection(
+function start(): void {
+  running = maintainConnection(
     {
       fetchConfig: async (_, report) => {
         reports.push(report);
@@ -103,8 +104,14 @@ beforeEach(() => {
   stop = new AbortController();
 });
 
+afterEach(async () => {
+  stop.abort();
+  await running;
+  expect(transports.every(({ closed }) => closed)).toBe(true);
+});
+
 test("connects, and closes the transport when it is stopped", async () => {
-  const running = start();
+  start();
   await reached("connected");
   stop.abort(new Error("left the page"));
   await running;
@@ -113,58 +120,48 @@ test("connects, and closes the transport when it is stopped", async () => {
 });
 
 test("a lost transport is replaced", async () => {
-  const running = start();
+  start();
   await reached("connected");
   transports[0]?.lose("The connection to the server broke.");
   await reached("connected", 2);
   expect(states[2]).toEqual({ status: "lost", reason: "The connection to the server broke." });
   expect(transports.map(({ closed }) => closed)).toEqual([true, false]);
-  stop.abort();
-  await running;
 });
 
 test("a server that is not there is tried again until it is", async () => {
   reachable = false;
-  const running = start();
+  start();
   await reached("lost", 3);
   reachable = true;
   await reached("connected");
-  stop.abort();
-  await running;
 });
 
 test("a full server is asked again when it says, a little later, until it has room", async () => {
   full = [5, 3, null];
-  const running = start();
+  start();
   await reached("connected");
   expect(states.map(({ status }) => status)).toEqual(["connecting", "full", "full", "connected"]);
   expect(waits).toEqual([6250, 3750]);
   expect(transports).toHaveLength(1);
-  stop.abort();
-  await running;
 });
 
 test("a server that has become full while it was connected to is full, and not without QUIC", async () => {
   full = [null, 2, null];
   fallback = "QUIC could not connect";
-  const running = start();
+  start();
   await reached("connected");
   expect(states.map(({ status }) => status)).toEqual(["connecting", "full", "connected"]);
   expect(transports.map(({ closed }) => closed)).toEqual([true, false]);
-  stop.abort();
-  await running;
 });
 
 test("a server that died in silence is noticed", async () => {
-  const running = start();
+  start();
   await reached("connected");
   await vi.waitFor(() => expect(checks).toHaveLength(1));
   reachable = false;
   checks[0]?.();
   await reached("lost");
   expect(transports[0]?.closed).toBe(true);
-  stop.abort();
-  await running;
 });
 
 test("a malformed configuration is no reason to give up", async () => {
@@ -172,17 +169,15 @@ test("a malformed configuration is no reason to give up", async () => {
   reply = async () => {
     if (malformed) throw new TypeError("Cannot read properties of null");
   };
-  const running = start();
+  start();
   await reached("lost", 3);
   malformed = false;
   await reached("connected");
-  stop.abort();
-  await running;
 });
 
 test("a hidden page asks the server for nothing until it is shown", async () => {
   const shown = deferred<void>();
-  const running = start();
+  start();
   await reached("connected");
   await vi.waitFor(() => expect(checks).toHaveLength(1));
   const before = reports.length;
@@ -194,12 +189,10 @@ test("a hidden page asks the server for nothing until it is shown", async () => 
   expect(reports).toHaveLength(before);
   shown.resolve();
   await reached("connected", 2);
-  stop.abort();
-  await running;
 });
 
 test("a server that was started again is noticed by its certificate", async () => {
-  const running = start();
+  start();
   await reached("connected");
   await vi.waitFor(() => expect(checks).toHaveLength(1));
   checks[0]?.(); // nothing new: the connection stays
@@ -209,13 +202,10 @@ test("a server that was started again is noticed by its certificate", async () =
   checks[1]?.();
   await reached("connected", 2);
   expect(states[2]).toEqual({ status: "lost", reason: "The server was restarted." });
-  stop.abort();
-  await running;
 });
 
 const request = { scene: "s", seq: 0, fx: 1, fy: 1, cx: 1, cy: 1, width: 2, height: 2 };
 const never = new AbortController().signal;
-let running: Promise<void>;
 
 /** Advances the time and settles everything that follows. */
 async function pass(milliseconds: number): Promise<void> {
@@ -227,7 +217,7 @@ async function pass(milliseconds: number): Promise<void> {
 
 /** Connects, requests a view, and gets no answer for long enough. */
 async function fallSilent(): Promise<void> {
-  running = start();
+  start();
   await reached("connected");
   const connected = states.find((state) => state.status === "connected");
   connected?.transport.request(request, never).catch(() => undefined);
@@ -248,8 +238,6 @@ describe("a server that has fallen silent", () => {
     expect(states[2]).toEqual({ status: "lost", reason: "The server was restarted." });
     expect(silence.at(-1)).toBe(false);
     expect(transports.map(({ closed }) => closed)).toEqual([true, false]);
-    stop.abort();
-    await running;
   });
 
   test("but can be reached has lost the connection", async () => {
@@ -259,8 +247,6 @@ describe("a server that has fallen silent", () => {
     await pass(3000);
     await reached("connected", 2);
     expect(states[2]).toEqual({ status: "lost", reason: "The connection fell silent." });
-    stop.abort();
-    await running;
   });
 
   test("and refuses what it is asked then is only slow", async () => {
@@ -272,8 +258,6 @@ describe("a server that has fallen silent", () => {
     expect(transports).toHaveLength(1);
     expect(states).toHaveLength(2);
     expect(silence).toContain(false);
-    stop.abort();
-    await running;
   });
 
   test("for as long as the network is out keeps its connection", async () => {
@@ -288,8 +272,6 @@ describe("a server that has fallen silent", () => {
     await pass(10_000);
     expect(states).toHaveLength(2);
     expect(silence.at(-1)).toBe(false);
-    stop.abort();
-    await running;
   });
 });
 
@@ -298,18 +280,12 @@ describe("in a cluster", () => {
   const hosts = () =>
     states.slice(1).map((state) => (state.status === "connected" ? state.host : `${state.status} instead`));
 
-  async function end(): Promise<void> {
-    stop.abort();
-    await running;
-    expect(transports.every(({ closed }) => closed)).toBe(true);
-  }
-
   beforeEach(() => {
     named = "a";
   });
 
   test("a viewer goes where it is sent, and what it sees stays open until it is there", async () => {
-    running = start();
+    start();
     await reached("connected");
     await vi.waitFor(() => expect(checks).toHaveLength(1));
     checks[0]?.(); // it may stay
@@ -321,7 +297,6 @@ describe("in a cluster", () => {
     expect(hosts()).toEqual(["a", "b"]);
     expect(reports).toEqual([undefined, { at: "a" }, { at: "a" }]);
     expect(transports.map(({ closed }) => closed)).toEqual([true, false]);
-    await end();
   });
 
   test("a host that has been silent for a moment is left for another", async () => {
@@ -333,7 +308,6 @@ describe("in a cluster", () => {
     await reached("connected", 2);
     expect(hosts()).toEqual(["a", "b"]);
     expect(reports[1]).toEqual({ silent: "a" });
-    await end();
   });
 
   test("a silent host that its director still hears keeps its viewer, and is asked about again", async () => {
@@ -343,11 +317,10 @@ describe("in a cluster", () => {
     named = "b";
     await pass(1250);
     expect(hosts()).toEqual(["a", "b"]);
-    await end();
   });
 
   test("a session that has ended is replaced at once, wherever its viewer is sent", async () => {
-    running = start();
+    start();
     await reached("connected");
     now += 5000;
     named = "b";
@@ -356,11 +329,10 @@ describe("in a cluster", () => {
     expect(hosts()).toEqual(["a", "b"]);
     expect(reports[1]).toEqual({ silent: "a" });
     expect(waits).toEqual([]);
-    await end();
   });
 
   test("while the director is away, a session that has ended is opened again at the same host", async () => {
-    running = start();
+    start();
     await reached("connected");
     now += 5000;
     reachable = false;
@@ -374,36 +346,32 @@ describe("in a cluster", () => {
     reachable = true;
     await reached("connected", 3);
     expect(hosts().at(-1)).toBe("b");
-    await end();
   });
 
   test("a session that ends as soon as it has begun is not opened again at once", async () => {
-    running = start();
+    start();
     await reached("connected");
     transports[0]?.lose("The connection to the server broke.");
     await reached("connected", 2);
     expect(hosts()).toEqual(["a", "lost instead", "a"]);
     expect(waits).toEqual([1]);
-    await end();
   });
 
   test("a host that cannot be got into is told of, and another one entered", async () => {
     instead = new Map([["a", "b"]]);
-    running = start();
+    start();
     await reached("connected");
     expect(hosts()).toEqual(["b"]);
     expect(reports).toEqual([undefined, { lost: "a" }]);
     expect(transports.map(({ closed }) => closed)).toEqual([true, false]);
-    await end();
   });
 
   test("a browser without WebTransport stays with the host that it is sent to", async () => {
     fallback = "this browser has no WebTransport";
-    running = start();
+    start();
     await reached("connected");
     expect(reports).toEqual([undefined, { at: "a" }]);
     expect(hosts()).toEqual(["a"]);
-    await end();
   });
 
   test("where QUIC reaches no host, each is tried once", async () => {
@@ -411,15 +379,14 @@ describe("in a cluster", () => {
       ["a", "b"],
       ["b", "a"],
     ]);
-    running = start();
+    start();
     await reached("connected");
     expect(hosts()).toEqual(["b"]);
     expect(transports).toHaveLength(2);
-    await end();
   });
 
   test("nobody leaves for a host that is full, or because the director is away", async () => {
-    running = start();
+    start();
     await reached("connected");
     await vi.waitFor(() => expect(checks).toHaveLength(1));
     [named, full] = ["b", [5]];
@@ -431,13 +398,12 @@ describe("in a cluster", () => {
     await vi.waitFor(() => expect(reports).toHaveLength(3));
     await turn();
     expect(hosts()).toEqual(["a"]);
-    await end();
   });
 });
 
 test("stopping ends the attempts", async () => {
   reachable = false;
-  const running = start();
+  start();
   await reached("lost");
   stop.abort(new Error("left the page"));
   await running;

@@ -1,8 +1,8 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { DatagramTransport } from "./datagrams";
-import { turn } from "./fake";
-import { FakeSession } from "./fake-session";
-import { frameBytes } from "./frame-bytes";
+import { fragments, frameBytes } from "#fakes/frames";
+import { turn } from "#fakes/transport";
+import { FakeSession } from "#fakes/web-transport";
 import { FrameDropped } from "./transport";
 
 const never = new AbortController().signal;
@@ -22,17 +22,7 @@ afterEach(() => {
 /** The datagrams of one frame. */
 function datagrams(seq: number, size = 40): Uint8Array[] {
   const whole = frameBytes({ status: 200, seq, content_type: "image/jpeg" }, new Uint8Array(100));
-  const count = Math.ceil(whole.length / size);
-  return Array.from({ length: count }, (_, index) => {
-    const part = whole.subarray(index * size, (index + 1) * size);
-    const datagram = new Uint8Array(8 + part.length);
-    const view = new DataView(datagram.buffer);
-    view.setUint32(0, seq);
-    view.setUint16(4, index);
-    view.setUint16(6, count);
-    datagram.set(part, 8);
-    return datagram;
-  });
+  return fragments(seq, whole, size);
 }
 
 test("a frame comes back in fragments, in any order", async () => {

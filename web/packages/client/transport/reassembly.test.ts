@@ -1,43 +1,13 @@
 import { describe, expect, test } from "vitest";
+import { fragment as datagramOf } from "#fakes/frames";
 import { Reassembler } from "./reassembly";
 
 function fragment(seq: number, index: number, count: number, content = `${seq}.${index}`): Uint8Array<ArrayBuffer> {
-  const body = new TextEncoder().encode(content);
-  const bytes = new Uint8Array(8 + body.length);
-  const view = new DataView(bytes.buffer);
-  view.setUint32(0, seq);
-  view.setUint16(4, index);
-  view.setUint16(6, count);
-  bytes.set(body, 8);
-  return bytes;
+  return datagramOf(seq, index, count, new TextEncoder().encode(content));
 }
 
 const text = (chunks: readonly Uint8Array[] | undefined) => chunks?.map((chunk) => new TextDecoder().decode(chunk));
 const everything = () => true;
-
-test("a frame is whole once its last fragment came, in whatever order", () => {
-  const subject = new Reassembler(everything);
-  for (const index of [3, 0, 2]) expect(subject.add(fragment(9, index, 4))).toBeUndefined();
-  const whole = subject.add(fragment(9, 1, 4));
-  expect(whole?.seq).toBe(9);
-  expect(text(whole?.chunks)).toEqual(["9.0", "9.1", "9.2", "9.3"]);
-  expect(subject.partial).toBe(0);
-});
-
-test("frames may come interleaved", () => {
-  const subject = new Reassembler(everything);
-  subject.add(fragment(1, 0, 2));
-  subject.add(fragment(2, 0, 2));
-  expect(subject.add(fragment(2, 1, 2))?.seq).toBe(2);
-  expect(subject.add(fragment(1, 1, 2))?.seq).toBe(1);
-});
-
-test("a fragment that comes twice counts once", () => {
-  const subject = new Reassembler(everything);
-  subject.add(fragment(1, 0, 2, "first"));
-  expect(subject.add(fragment(1, 0, 2, "again"))).toBeUndefined();
-  expect(text(subject.add(fragment(1, 1, 2))?.chunks)).toEqual(["first", "1.1"]);
-});
 
 test("a frame with a lost fragment stays partial until it is dropped", () => {
   const subject = new Reassembler(everything);

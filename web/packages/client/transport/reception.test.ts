@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { turn } from "./fake";
+import { turn } from "#fakes/transport";
 import { Receiver, readAll } from "./reception";
 
 function stream(): {

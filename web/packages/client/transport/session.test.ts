@@ -1,5 +1,5 @@
 import { afterEach, expect, test, vi } from "vitest";
-import { FakeSession } from "./fake-session";
+import { FakeSession } from "#fakes/web-transport";
 import { openSession } from "./session";
 
 const OPTIONS = { url: "https://localhost:4433/render", certificateSha256: "AQID", timeout: 3000 };

@@ -1,7 +1,7 @@
 import { beforeEach, expect, test } from "vitest";
-import { turn } from "./fake";
-import { FakeSession } from "./fake-session";
-import { frameBytes } from "./frame-bytes";
+import { frameBytes } from "#fakes/frames";
+import { turn } from "#fakes/transport";
+import { FakeSession } from "#fakes/web-transport";
 import { StreamTransport } from "./streams";
 
 const REQUEST = { scene: "s", seq: 3, fx: 1, fy: 1, cx: 1, cy: 1, width: 2, height: 2 };

@@ -1,5 +1,5 @@
 import { beforeEach, expect, test } from "vitest";
-import { FakeTransport, settle } from "./fake";
+import { FakeTransport, settle } from "#fakes/transport";
 import { FrameDropped, RequestProblem } from "./transport";
 import { MIN_PATIENCE, WatchedTransport } from "./watched";
 

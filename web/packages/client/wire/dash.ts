@@ -1,8 +1,6 @@
 // Generated from services/common/tigas_common/wire/dash.py by `npm run wire`. Do not edit.
 
-/**
- * A DASH stream for one viewer.
- */
+/** A DASH stream for one viewer. */
 export interface SessionRequest {
   scene: string;
   position: [number, number, number];
@@ -19,16 +17,12 @@ export interface SessionRequest {
   frames_per_chunk?: number;
   target_latency_ms?: number;
 }
-/**
- * One representation that a session wants.
- */
+/** One representation that a session wants. */
 export interface RepresentationRequest {
   rung: number;
   bitrate_kbps?: number | null;
 }
-/**
- * The viewer's newest pose. The lens may change with it; for the viewport of the session.
- */
+/** The viewer's newest pose. The lens may change with it; for the viewport of the session. */
 export interface PoseUpdate {
   seq: number;
   position: [number, number, number];
@@ -38,9 +32,7 @@ export interface PoseUpdate {
   cx?: number | null;
   cy?: number | null;
 }
-/**
- * An offer to receive one video, on one transport with the data channels `poses` and `frames`.
- */
+/** An offer to receive one video, on one transport with the data channels `poses` and `frames`. */
 export interface WebRtcRequest {
   scene: string;
   position: [number, number, number];
@@ -56,9 +48,7 @@ export interface WebRtcRequest {
   rung?: number | null;
   bitrate_kbps?: number | null;
 }
-/**
- * A session that was opened; its paths are relative to the packager's root.
- */
+/** A session that was opened; its paths are relative to the packager's root. */
 export interface SessionInfo {
   representations: RepresentationInfo[];
   frame_rate: number;
@@ -69,9 +59,7 @@ export interface SessionInfo {
   manifest: string;
   poses: string;
 }
-/**
- * One representation of a session.
- */
+/** One representation of a session. */
 export interface RepresentationInfo {
   id: string;
   rung: number;
@@ -80,9 +68,7 @@ export interface RepresentationInfo {
   bitrate_kbps: number;
   codecs: string;
 }
-/**
- * How a session does.
- */
+/** How a session does. */
 export interface SessionStatus {
   id: string;
   scene: string;
@@ -96,17 +82,13 @@ export interface SessionStatus {
   encoder_failures: number;
   watchers: number;
 }
-/**
- * Which pose a frame of the stream shows: maps media time to poses.
- */
+/** Which pose a frame of the stream shows: maps media time to poses. */
 export interface FrameShown {
   frame: number;
   media_time_s: number;
   pose: number;
 }
-/**
- * A session that was opened; `DELETE /sessions/{id}` ends it.
- */
+/** A session that was opened; `DELETE /sessions/{id}` ends it. */
 export interface WebRtcSession {
   id: string;
   sdp: string;
@@ -116,9 +98,7 @@ export interface WebRtcSession {
   height: number;
   frame_rate: number;
 }
-/**
- * Which pose a frame of the video shows.
- */
+/** Which pose a frame of the video shows. */
 export interface SentFrame {
   rtp_timestamp: number;
   pose: number;

@@ -1,8 +1,6 @@
 // Generated from services/common/tigas_common/wire/render.py by `npm run wire`. Do not edit.
 
-/**
- * One view to render. The pose is either Euler angles and `translation`, or `position` and `quaternion`.
- */
+/** One view to render. The pose is either Euler angles and `translation`, or `position` and `quaternion`. */
 export interface RenderRequest {
   scene: string;
   seq?: number;
@@ -28,17 +26,13 @@ export interface RenderRequest {
   video?: VideoRequest | null;
   deadline_ms?: number | null;
 }
-/**
- * How to encode a view as the next frame of its session's video.
- */
+/** How to encode a view as the next frame of its session's video. */
 export interface VideoRequest {
   bitrate_kbps: number;
   frames_per_s?: number;
   key?: boolean;
 }
-/**
- * Changes of a scene's description; whatever is left out stays.
- */
+/** Changes of a scene's description; whatever is left out stays. */
 export interface SceneEdit {
   camera?: StartCamera | null;
   up?: [number, number, number] | null;
@@ -49,39 +43,29 @@ export interface SceneEdit {
     [k: string]: SavedPath | null;
   };
 }
-/**
- * Where a visitor enters the scene.
- */
+/** Where a visitor enters the scene. */
 export interface StartCamera {
   position: [number, number, number];
   look_at: [number, number, number];
 }
-/**
- * A camera pose in the scene's own coordinates.
- */
+/** A camera pose in the scene's own coordinates. */
 export interface SavedView {
   position: [number, number, number];
   quaternion: [number, number, number, number];
 }
-/**
- * A smooth camera path through keyframes.
- */
+/** A smooth camera path through keyframes. */
 export interface SavedPath {
   keyframes: Keyframe[];
   easing?: "linear" | "ease-in" | "ease-out" | "ease-in-out";
   loop?: boolean;
 }
-/**
- * A pose of a camera path and its time.
- */
+/** A pose of a camera path and its time. */
 export interface Keyframe {
   position: [number, number, number];
   quaternion: [number, number, number, number];
   t_ms: number;
 }
-/**
- * Precedes the body on WebTransport. From status 400 on, the body is a Problem and the other fields are null.
- */
+/** Precedes the body on WebTransport. From status 400 on, the body is a Problem and the other fields are null. */
 export interface FrameHeader {
   status: number;
   seq: number;
@@ -96,34 +80,26 @@ export interface FrameHeader {
   timing?: ServerTiming | null;
   requests_per_s?: number | null;
 }
-/**
- * A frame's place in its session's video.
- */
+/** A frame's place in its session's video. */
 export interface VideoInfo {
   key: boolean;
   after: number | null;
   codec: string;
 }
-/**
- * Where the server's time went, in milliseconds.
- */
+/** Where the server's time went, in milliseconds. */
 export interface ServerTiming {
   queue: number;
   render: number;
   encode: number;
 }
-/**
- * Why a request failed (RFC 9457, application/problem+json).
- */
+/** Why a request failed (RFC 9457, application/problem+json). */
 export interface Problem {
   type: string;
   title: string;
   status: number;
   detail: string;
 }
-/**
- * Facts about a scene, loaded or not; `camera` and `up` are known once it was loaded, or from its scene.json.
- */
+/** Facts about a scene, loaded or not; `camera` and `up` are known once it was loaded, or from its scene.json. */
 export interface SceneInfo {
   id: string;
   name: string;
@@ -152,9 +128,7 @@ export interface SceneInfo {
   builtin?: boolean;
   downloads?: SceneDownload[];
 }
-/**
- * One level of the quality ladder; its number is its place in the ladder, 0 the best.
- */
+/** One level of the quality ladder; its number is its place in the ladder, 0 the best. */
 export interface Rung {
   name: string;
   width: number;
@@ -176,9 +150,7 @@ export interface SceneDownload {
   sha256?: string | null;
   gaussians?: number | null;
 }
-/**
- * The server's configuration for the page (`/config.json`).
- */
+/** The server's configuration for the page (`/config.json`). */
 export interface ServerConfig {
   version: string;
   commit?: string | null;
@@ -202,18 +174,14 @@ export interface ServerConfig {
   tcp_congestion_control?: string | null;
   why_no_training?: string | null;
 }
-/**
- * How far the training of a scene's networks is.
- */
+/** How far the training of a scene's networks is. */
 export interface Training {
   state: "idle" | "running" | "done" | "failed";
   progress?: number;
   stage?: string;
   problem?: string | null;
 }
-/**
- * Result of an upload.
- */
+/** Result of an upload. */
 export interface AddedScene {
   id: string;
 }

@@ -1,28 +1,20 @@
 // Generated from services/common/tigas_common/wire/shaper.py by `npm run wire`. Do not edit.
 
-/**
- * Play a trace from its start.
- */
+/** Play a trace from its start. */
 export interface StartRequest {
   trace: string;
   loop?: boolean;
   delay_ms?: number | null;
 }
-/**
- * Go to a position in the trace.
- */
+/** Go to a position in the trace. */
 export interface SeekRequest {
   position_ms: number;
 }
-/**
- * Whether to start again at the end.
- */
+/** Whether to start again at the end. */
 export interface LoopRequest {
   loop: boolean;
 }
-/**
- * Effects of a link on packets.
- */
+/** Effects of a link on packets. */
 export interface LinkSetting {
   down_kbps: number;
   up_kbps: number;
@@ -30,15 +22,11 @@ export interface LinkSetting {
   jitter_ms?: number;
   loss_pct?: number;
 }
-/**
- * Every trace that there is.
- */
+/** Every trace that there is. */
 export interface TraceList {
   traces: TraceSummary[];
 }
-/**
- * A trace in the list. If `error` is not null, the trace cannot be played and the other fields are zero.
- */
+/** A trace in the list. If `error` is not null, the trace cannot be played and the other fields are zero. */
 export interface TraceSummary {
   name: string;
   uploaded: boolean;
@@ -51,9 +39,7 @@ export interface TraceSummary {
   outages?: number;
   error?: string | null;
 }
-/**
- * A trace's outline, as means over spans of time.
- */
+/** A trace's outline, as means over spans of time. */
 export interface TracePoints {
   name: string;
   duration_ms: number;
@@ -61,9 +47,7 @@ export interface TracePoints {
   down_kbps: number[];
   up_kbps: number[];
 }
-/**
- * The link at one moment, and its playback.
- */
+/** The link at one moment, and its playback. */
 export interface ShaperStatus {
   time_ms: number;
   mode: "constant" | "playing" | "paused" | "ended";
@@ -77,9 +61,7 @@ export interface ShaperStatus {
   backend: "netem" | "relay";
   closed: string | null;
 }
-/**
- * One direction, as tc counts it: bytes of whole Ethernet frames.
- */
+/** One direction, as tc counts it: bytes of whole Ethernet frames. */
 export interface DirectionStatus {
   target_kbps: number;
   delivered_kbps: number;

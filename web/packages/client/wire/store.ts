@@ -5,9 +5,7 @@ import type { RenderRequest, ServerTiming } from "./render";
 import type { LinkSetting } from "./shaper";
 
 export type JsonValue = unknown;
-/**
- * An experiment's file (docs/experiments.md), and the inputs that only the page has.
- */
+/** An experiment's file (docs/experiments.md), and the inputs that only the page has. */
 export interface ExperimentRequest {
   file: string;
   movements?: {
@@ -17,17 +15,13 @@ export interface ExperimentRequest {
     [k: string]: number;
   };
 }
-/**
- * A page asks for a run to perform.
- */
+/** A page asks for a run to perform. */
 export interface NextRequest {
   page: string;
   begin?: boolean;
   allow_changes?: boolean;
 }
-/**
- * A performed run. Figures can be computed from any valid one.
- */
+/** A performed run. Figures can be computed from any valid one. */
 export interface RunUpload {
   problem?: string | null;
   recording?: Recording | null;
@@ -35,9 +29,7 @@ export interface RunUpload {
   backend?: ("netem" | "relay") | null;
   sampling_problem?: string | null;
 }
-/**
- * One run, as the viewer saw it.
- */
+/** One run, as the viewer saw it. */
 export interface Recording {
   scene: string;
   mode: "stateless" | "video" | "dash" | "webrtc" | "side-by-side" | "local";
@@ -60,9 +52,7 @@ export interface Recording {
   captures: Capture[];
   traffic: Traffic[];
 }
-/**
- * The stream of the modes with DASH, as made by the packager, and its player.
- */
+/** The stream of the modes with DASH, as made by the packager, and its player. */
 export interface PlayedStream {
   representations: RepresentationInfo[];
   frame_rate: number;
@@ -73,9 +63,7 @@ export interface PlayedStream {
   targets_ms?: number[];
   protocols?: string[];
 }
-/**
- * Statistics of WebRTC.
- */
+/** Statistics of WebRTC. */
 export interface PlayedWebRtc {
   codec: string;
   rung: number;
@@ -84,9 +72,7 @@ export interface PlayedWebRtc {
   frame_rate: number;
   lost_packets: number;
 }
-/**
- * Download and rendering of the scene in the mode `local`. Times in ms; None: it never happened.
- */
+/** Download and rendering of the scene in the mode `local`. Times in ms; None: it never happened. */
 export interface PlayedDownload {
   form: "compressed" | "streamed" | "ply";
   renderer: string | null;
@@ -97,9 +83,7 @@ export interface PlayedDownload {
   bytes: number;
   gaussians: number | null;
 }
-/**
- * The viewport and its intrinsics, in its pixels.
- */
+/** The viewport and its intrinsics, in its pixels. */
 export interface Lens {
   width: number;
   height: number;
@@ -108,9 +92,7 @@ export interface Lens {
   cx: number;
   cy: number;
 }
-/**
- * A pose that the rig sampled, because it differs from the one before, or should have sampled.
- */
+/** A pose that the rig sampled, because it differs from the one before, or should have sampled. */
 export interface Input {
   at: number;
   pose: number;
@@ -118,9 +100,7 @@ export interface Input {
   position: [number, number, number];
   quaternion: [number, number, number, number];
 }
-/**
- * A frame that was on the screen.
- */
+/** A frame that was on the screen. */
 export interface ShownFrame {
   side: "stateless" | "dash" | "webrtc" | "local";
   at: number;
@@ -136,9 +116,7 @@ export interface ShownFrame {
   shown_height?: number | null;
   enhance_ms?: number | null;
 }
-/**
- * A frame received in the modes `stateless` and `video`, shown or not. Superseded requests have none.
- */
+/** A frame received in the modes `stateless` and `video`, shown or not. Superseded requests have none. */
 export interface Reply {
   at: number;
   asked_at: number;
@@ -150,18 +128,14 @@ export interface Reply {
   server: ServerTiming | null;
   throughput_kbps: number | null;
 }
-/**
- * A request of the mode `stateless` or `video`, and its outcome.
- */
+/** A request of the mode `stateless` or `video`, and its outcome. */
 export interface Request {
   at: number;
   pose: number;
   asked_rung: number | null;
   fate: "shown" | "overtaken" | "cancelled" | "dropped" | "unanswered";
 }
-/**
- * The screen at a tick of the run's clock, with its picture kept.
- */
+/** The screen at a tick of the run's clock, with its picture kept. */
 export interface Capture {
   at: number;
   shown_at: number;
@@ -172,16 +146,12 @@ export interface Capture {
   width: number;
   height: number;
 }
-/**
- * Bytes received by the page so far.
- */
+/** Bytes received by the page so far. */
 export interface Traffic {
   at: number;
   bytes: number;
 }
-/**
- * The link at one moment of a run.
- */
+/** The link at one moment of a run. */
 export interface LinkSample {
   at: number;
   position_ms: number | null;
@@ -191,15 +161,11 @@ export interface LinkSample {
   drops: number;
   up_delivered_kbps: number;
 }
-/**
- * All samples of a run, once their pictures are in the store.
- */
+/** All samples of a run, once their pictures are in the store. */
 export interface SampleIndex {
   samples: Sample[];
 }
-/**
- * A kept frame of the mode `stateless`: the JPEG as received and, with enhancement, as shown.
- */
+/** A kept frame of the mode `stateless`: the JPEG as received and, with enhancement, as shown. */
 export interface Sample {
   seq: number;
   at: number;
@@ -213,23 +179,17 @@ export interface Sample {
   height: number;
   enhanced?: boolean;
 }
-/**
- * An expanded experiment file.
- */
+/** An expanded experiment file. */
 export interface PlanSummary {
   runs: number;
   lasting: string;
   problem: string | null;
 }
-/**
- * The answer to an ExperimentRequest.
- */
+/** The answer to an ExperimentRequest. */
 export interface ExperimentCreated {
   id: string;
 }
-/**
- * The next run of an experiment, or why there is none.
- */
+/** The next run of an experiment, or why there is none. */
 export interface NextRun {
   job: RunJob | null;
   planned: number;
@@ -238,9 +198,7 @@ export interface NextRun {
   wait: boolean;
   problem: string | null;
 }
-/**
- * A run for the page to perform.
- */
+/** A run for the page to perform. */
 export interface RunJob {
   run: string;
   title: string;
@@ -250,9 +208,7 @@ export interface RunJob {
   };
   plan: RunPlan;
 }
-/**
- * One run. Two runs with equal configurations get the same inputs.
- */
+/** One run. Two runs with equal configurations get the same inputs. */
 export interface Configuration {
   scene: string;
   movement: string;
@@ -289,9 +245,7 @@ export interface Configuration {
   sample_stride?: number;
   warm_up_s?: number;
 }
-/**
- * The network of a run: a constant link, a trace (of the shaper's, or from a file), or none of these.
- */
+/** The network of a run: a constant link, a trace (of the shaper's, or from a file), or none of these. */
 export interface Network {
   link?: LinkSetting | null;
   trace?: string | null;
@@ -299,9 +253,7 @@ export interface Network {
   rtt_ms?: number | null;
   offset_s?: number;
 }
-/**
- * The part of a run that the page plays and records.
- */
+/** The part of a run that the page plays and records. */
 export interface RunPlan {
   points: TimedPose[];
   duration_ms: number;
@@ -309,23 +261,17 @@ export interface RunPlan {
   sample_stride: number;
   download: boolean;
 }
-/**
- * A pose at a time, in the scene's own frame.
- */
+/** A pose at a time, in the scene's own frame. */
 export interface TimedPose {
   t_ms: number;
   position: number[];
   quaternion: number[];
 }
-/**
- * All experiments, the newest first.
- */
+/** All experiments, the newest first. */
 export interface ExperimentList {
   experiments: ExperimentSummary[];
 }
-/**
- * One experiment in the list.
- */
+/** One experiment in the list. */
 export interface ExperimentSummary {
   id: string;
   name: string;
@@ -336,9 +282,7 @@ export interface ExperimentSummary {
   complete: number;
   sampled: number;
 }
-/**
- * One experiment and its runs.
- */
+/** One experiment and its runs. */
 export interface Experiment {
   id: string;
   name: string;
@@ -350,9 +294,7 @@ export interface Experiment {
   complete: number;
   runs: RunRow[];
 }
-/**
- * One run of an experiment.
- */
+/** One run of an experiment. */
 export interface RunRow {
   folder: string;
   status: "running" | "complete" | "failed";
@@ -362,25 +304,19 @@ export interface RunRow {
   samples: SampleCounts | null;
   saturated_share?: number | null;
 }
-/**
- * Summary of a run's samples.
- */
+/** Summary of a run's samples. */
 export interface SampleCounts {
   samples: number;
   identical: number;
   different: number;
   missing: number;
 }
-/**
- * The samples of a run, in the order of time.
- */
+/** The samples of a run, in the order of time. */
 export interface SampleList {
   samples: SampleRow[];
   problem: string | null;
 }
-/**
- * One sample of a run. Pictures are names of files (`/experiments/{id}/runs/{run}/samples/{name}`), or null.
- */
+/** One sample of a run. Pictures are names of files (`/experiments/{id}/runs/{run}/samples/{name}`), or null. */
 export interface SampleRow {
   seq: number;
   at: number;
@@ -398,38 +334,28 @@ export interface SampleRow {
   identical: boolean | null;
   problem: string | null;
 }
-/**
- * How far the samples of an experiment are, rendered again.
- */
+/** How far the samples of an experiment are, rendered again. */
 export interface Materialisation {
   state: "idle" | "running";
   done: number;
   total: number;
   problem: string | null;
 }
-/**
- * The store's part of a run's samples: a resumed upload sends only the others.
- */
+/** The store's part of a run's samples: a resumed upload sends only the others. */
 export interface UploadedSamples {
   complete: boolean;
   files: UploadedFile[];
 }
-/**
- * A picture of a sample.
- */
+/** A picture of a sample. */
 export interface UploadedFile {
   name: string;
   bytes: number;
 }
-/**
- * All movement traces, by name.
- */
+/** All movement traces, by name. */
 export interface MovementList {
   movements: Movement[];
 }
-/**
- * A movement trace.
- */
+/** A movement trace. */
 export interface Movement {
   name: string;
   duration_ms: number;

@@ -25,7 +25,7 @@ export interface SampleList {
   readonly problem: string | null;
 }
 
-export class Bridge {
+class Bridge {
   readonly #runner: Runner;
   #sampled: SampledRun | null = null;
 

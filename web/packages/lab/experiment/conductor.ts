@@ -6,7 +6,6 @@ import { signal } from "@preact/signals";
 import { sleep } from "#client/async/retry";
 import { ApiError } from "#client/http/problem";
 import type { NextRun, RunJob, RunUpload } from "#client/wire/store";
-import { ShaperError } from "../network/api";
 import { RunFailed } from "./errors";
 import type { Performed } from "./perform";
 import { uploadSamples } from "./sample-upload";
@@ -181,6 +180,6 @@ function megabytes(bytes: number): string {
 }
 
 function sentence(error: unknown): string {
-  if (error instanceof RunFailed || error instanceof ShaperError || error instanceof ApiError) return error.message;
+  if (error instanceof RunFailed || error instanceof ApiError) return error.message;
   return `The page failed: ${error instanceof Error ? error.message : error}`.replace(/\.?$/, ".");
 }

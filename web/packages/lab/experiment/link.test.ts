@@ -1,34 +1,12 @@
 import { signal } from "@preact/signals";
 import { expect, test } from "vitest";
+import { CONSTANT, LINK, PLAYING } from "#fakes/shaper";
 import type { ShaperStatus } from "#client/wire/shaper";
 import type { Configuration } from "#client/wire/store";
 import labels from "../../../../tests/experiments/wire/network_labels.golden.json";
 import type { Shaper } from "../network/shaper";
 import { networkLabel, presentNetwork, RunLink } from "./link";
 
-const LINK = { down_kbps: 8000, up_kbps: 4000, delay_ms: 40, jitter_ms: 0, loss_pct: 0 };
-const DIRECTION = { target_kbps: 8000, delivered_kbps: 7000, queue_bytes: 0, queue_ms: 0, drops: 0 };
-const CONSTANT: ShaperStatus = {
-  time_ms: 1000,
-  mode: "constant",
-  trace: null,
-  position_ms: null,
-  duration_ms: null,
-  loop: false,
-  link: LINK,
-  down: DIRECTION,
-  up: DIRECTION,
-  backend: "netem",
-  closed: null,
-};
-const PLAYING: ShaperStatus = {
-  ...CONSTANT,
-  mode: "playing",
-  trace: "bus",
-  position_ms: 12_000,
-  duration_ms: 30_000,
-  loop: true,
-};
 const BUS = { trace: "bus", rtt_ms: 80 };
 const CHANGED = "The link was changed from outside during the run.";
 

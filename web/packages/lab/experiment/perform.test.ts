@@ -1,10 +1,11 @@
 // @vitest-environment happy-dom
 import { signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { PLAYING } from "#fakes/shaper";
 import type { ShaperStatus } from "#client/wire/shaper";
 import type { Recording, RunJob } from "#client/wire/store";
 import type { ViewerSession } from "#viewer/session/session";
-import { ShaperError } from "../network/api";
+import { ApiError } from "#client/http/problem";
 import type { Shaper } from "../network/shaper";
 import { RunFailed } from "./errors";
 import { perform } from "./perform";
@@ -18,18 +19,7 @@ const JOB = {
   settings: { seed: 7, mode: "stateless" },
   plan: { points: [FIRST], duration_ms: 1000, capture_every_ms: 0, sample_stride: 0, download: false },
 } as unknown as RunJob;
-const STATUS = {
-  mode: "playing",
-  trace: "bus",
-  closed: null,
-  time_ms: 1000,
-  position_ms: 0,
-  duration_ms: 30_000,
-  backend: "netem",
-  link: {},
-  down: {},
-  up: {},
-} as ShaperStatus;
+const STATUS: ShaperStatus = { ...PLAYING, position_ms: 0 };
 
 let events: string[];
 let phase: { kind: string; message?: string };
@@ -61,7 +51,7 @@ afterEach(() => {
 async function performed() {
   const ask = (name: string) => async () => {
     events.push(name);
-    if (refused && name === "start") throw new ShaperError("There is no trace bus.");
+    if (refused && name === "start") throw new ApiError("There is no trace bus.", false);
     return STATUS;
   };
   const names = ["start", "seek", "stop"];

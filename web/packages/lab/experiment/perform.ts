@@ -36,7 +36,7 @@ const LOOK_EVERY = 50;
 const HIDDEN = "The page was hidden during the run.";
 
 /**
- * Rejects with a RunFailed or a ShaperError, or with the reason of `signal`. Afterwards the link is the shaper's own
+ * Rejects with a RunFailed or an ApiError, or with the reason of `signal`. Afterwards the link is the shaper's own
  * again.
  */
 export async function perform(job: RunJob, performance_: Performance): Promise<Performed> {

@@ -1,23 +1,21 @@
 import { type Signal, signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { settle } from "#client/transport/fake";
-import type { SceneInfo } from "#client/wire/render";
+import { steeredRig } from "#fakes/rig";
+import { settle } from "#fakes/transport";
 import type { EnhancementStatus } from "#viewer/enhance/enhancement";
 import type { TimedPose } from "#viewer/movement/movement";
 import { turning } from "#viewer/reproject/acceleration";
 import type { ViewerSession } from "#viewer/session/session";
+import { DEFAULT_SETTINGS } from "#viewer/state/settings";
 import { ViewerState } from "#viewer/state/viewer-state";
-import { NO_NUDGE } from "#viewer/view/motion";
 import type { PresentedFrame } from "#viewer/view/presented";
-import { Rig } from "#viewer/view/rig";
-import { Runner } from "./runner";
+import type { Rig } from "#viewer/view/rig";
+import { Runner, type RunPlan } from "./runner";
 
-const SCENE = { id: "hall", up: [0, -1, 0], camera: { position: [0, -2, -8], look_at: [0, -2, 0] } } as SceneInfo;
-const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 const nothing = () => () => undefined;
 
 const state = new ViewerState();
-const { settings, change: changeSettings } = state;
+const { settings } = state;
 
 let now: number;
 let waiting: (() => void)[];
@@ -34,6 +32,8 @@ let present: (frame: PresentedFrame) => void;
 
 beforeEach(() => {
   now = connections = 0;
+  settings.value = DEFAULT_SETTINGS;
+  turning.value = null;
   enhancement = signal({ kind: "off" });
   unturned = signal(null);
   phase = signal({ kind: "playing" });
@@ -44,8 +44,7 @@ beforeEach(() => {
   vi.stubGlobal("navigator", { userAgent: "a browser" });
   vi.stubGlobal("requestAnimationFrame", (callback: () => void) => waiting.push(callback));
   vi.spyOn(performance, "now").mockImplementation(() => now);
-  rig = new Rig({ sampleInput: () => ({ axes: STILL, nudge: NO_NUDGE }), turnSpeed: () => 60 });
-  rig.enter(SCENE);
+  rig = steeredRig();
   const session = {
     state,
     rig,
@@ -72,7 +71,6 @@ beforeEach(() => {
 });
 
 afterEach(() => {
-  vi.unstubAllGlobals();
   vi.restoreAllMocks();
 });
 
@@ -86,6 +84,18 @@ async function drawn(...times: number[]): Promise<void> {
   }
 }
 
+/** A run in which the camera is to stand where it is. */
+function stands(duration_ms: number, more: Partial<RunPlan> = {}) {
+  const { position, quaternion } = rig.pose;
+  return runner.run({
+    points: [{ t_ms: 0, position, quaternion }],
+    duration_ms,
+    capture_every_ms: 0,
+    sample_stride: 0,
+    ...more,
+  });
+}
+
 const every20 = (from: number, to: number) => Array.from({ length: (to - from) / 20 + 1 }, (_, i) => from + 20 * i);
 
 test.each([
@@ -97,14 +107,7 @@ test.each([
   ["stood after its end", [every20(0, 4020), every20(5400, 5600)], true],
 ])("a movement of four seconds that %s", async (_, times, complete) => {
   await drawn(-20);
-  const { position, quaternion } = rig.pose;
-  const plan = {
-    points: [{ t_ms: 0, position, quaternion }],
-    duration_ms: 4000,
-    capture_every_ms: 0,
-    sample_stride: 0,
-  };
-  const run = runner.run(plan);
+  const run = stands(4000);
   await drawn(...times.flat());
   await expect(run).resolves.toMatchObject({ complete, hidden: false });
 });
@@ -125,9 +128,7 @@ test.each<[string, () => void, string]>([
     "No room.",
   ],
 ])("%s ends the run", async (_, happens, sentence) => {
-  const { position, quaternion } = rig.pose;
-  const points = [{ t_ms: 0, position, quaternion }];
-  const run = runner.run({ points, duration_ms: 4000, capture_every_ms: 0, sample_stride: 0 });
+  const run = stands(4000);
   const failed = expect(run).rejects.toThrow(sentence);
   await drawn(...every20(0, 100));
   happens();
@@ -136,9 +137,7 @@ test.each<[string, () => void, string]>([
 });
 
 test("a connection and a stream that come back are part of the record", async () => {
-  const { position, quaternion } = rig.pose;
-  const points = [{ t_ms: 0, position, quaternion }];
-  const run = runner.run({ points, duration_ms: 400, capture_every_ms: 0, sample_stride: 0 });
+  const run = stands(400);
   await drawn(...every20(0, 100));
   visit.value = { kind: "lost" };
   phase.value = { kind: "connecting" };
@@ -164,13 +163,7 @@ test("the display's interval is that of the page at rest, in later runs, too", a
 });
 
 test("a page that was hidden says so", async () => {
-  const { position, quaternion } = rig.pose;
-  const run = runner.run({
-    points: [{ t_ms: 0, position, quaternion }],
-    duration_ms: 1000,
-    capture_every_ms: 0,
-    sample_stride: 0,
-  });
+  const run = stands(1000);
   await drawn(...every20(0, 500));
   page.visibilityState = "hidden";
   page.dispatchEvent(new Event("visibilitychange"));
@@ -187,9 +180,7 @@ test("a viewer is ready when its models are, and says why they are not used", ()
 });
 
 test("frames that were not turned for a while are a problem of the run, until settings are made again", async () => {
-  const { position, quaternion } = rig.pose;
-  const points = [{ t_ms: 0, position, quaternion }];
-  const run = runner.run({ points, duration_ms: 200, capture_every_ms: 0, sample_stride: 0 });
+  const run = stands(200);
   await drawn(...every20(now, now + 100));
   expect(runner.state().problem).toBeNull();
   unturned.value = "The graphics processor was lost.";
@@ -203,7 +194,6 @@ test("frames that were not turned for a while are a problem of the run, until se
 });
 
 test("a stream that is opened anew is waited for, and a view that is there in the stateless mode is not", () => {
-  const before = settings.value;
   for (const [mode, waits] of [
     ["dash", true],
     ["stateless", false],
@@ -214,7 +204,6 @@ test("a stream that is opened anew is waited for, and a view that is there in th
     runner.settings({ reprojection: false });
     expect(runner.state().ready).toBe(!waits);
   }
-  changeSettings(before);
 });
 
 test("after connecting again, only a new frame makes the viewer ready", () => {
@@ -226,14 +215,11 @@ test("after connecting again, only a new frame makes the viewer ready", () => {
 });
 
 test("reprojection that a run asks for is not left out for lack of graphics acceleration", () => {
-  const before = settings.value;
   turning.value = "slow";
   runner.settings({ mode: "dash", reprojection: false });
   expect(turning.value).toBe("slow");
   runner.settings({ reprojection: true });
   expect(turning.value).toBe("forced");
-  changeSettings(before);
-  turning.value = null;
 });
 
 test("a model that there is not is refused with those that there are", () => {
@@ -246,10 +232,7 @@ test("a download begins with the recording, and until its first picture nothing 
   vi.stubGlobal("createImageBitmap", async () => ({ width: 640, height: 360, close: () => undefined }));
   rig.resize(640, 360);
   present({ pose: rig.pose.seq, side: "stateless" } as PresentedFrame);
-  const { position, quaternion } = rig.pose;
-  const points = [{ t_ms: 0, position, quaternion }];
-  const before = settings.value;
-  const run = runner.run({ points, duration_ms: 400, capture_every_ms: 100, sample_stride: 0, download: true });
+  const run = stands(400, { capture_every_ms: 100, download: true });
   expect(settings.value.mode).toBe("stateless");
   await drawn(0);
   expect(settings.value.mode).toBe("local");
@@ -269,24 +252,19 @@ test("a download begins with the recording, and until its first picture nothing 
   expect(await (await runner.takePicture(0)).text()).toBe("png");
   expect(size).toHaveBeenCalledWith(640, 360);
   await expect(runner.takePicture(0)).rejects.toThrow("there is no picture 0");
-  changeSettings(before);
 });
 
 test("a page that stands while it draws a download has played its movement, unless it was hidden", async () => {
-  const { position, quaternion } = rig.pose;
-  const points = [{ t_ms: 0, position, quaternion }];
-  const before = settings.value;
   for (const visibilityState of ["visible", "hidden"]) {
     page.visibilityState = visibilityState;
-    const run = runner.run({ points, duration_ms: 3000, capture_every_ms: 0, sample_stride: 0, download: true });
+    const run = stands(3000, { download: true });
     await drawn(...every20(now, now + 400), ...every20(now + 2400, now + 3600));
     await expect(run).resolves.toMatchObject({ complete: visibilityState === "visible" });
   }
   page.visibilityState = "visible";
-  const held = runner.run({ points, duration_ms: 3000, capture_every_ms: 0, sample_stride: 0, download: true });
+  const held = stands(3000, { download: true });
   await drawn(...[0, 1000, 2000, 3000, 4000].map((after) => now + after));
   await expect(held, "a page with an animation frame a second").resolves.toMatchObject({ complete: false });
-  changeSettings(before);
 });
 
 test("a download that fails is a problem of the run, in its own words", () => {

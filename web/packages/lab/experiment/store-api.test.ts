@@ -1,5 +1,4 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { ApiError, storeUnreachable } from "#client/http/problem";
 import { StoreApi } from "./store-api";
 
 const store = new StoreApi("http://lab:8091/");
@@ -18,7 +17,6 @@ beforeEach(() => {
 });
 
 afterEach(() => {
-  vi.unstubAllGlobals();
   vi.restoreAllMocks();
 });
 
@@ -64,22 +62,7 @@ test("a large run may take long", async () => {
   expect(large - small).toBeGreaterThan(99_000);
 });
 
-test("a refusal is the store's own sentence", async () => {
-  answer(() =>
-    Response.json({ type: "tigas:x", title: "", status: 507, detail: "The disk is full." }, { status: 507 }),
-  );
-  await expect(store.list()).rejects.toThrow(new ApiError("The disk is full.", false, "tigas:x"));
-});
-
 test("a store that is away is named", async () => {
   answer(() => Promise.reject(new TypeError("Failed to fetch")));
   await expect(store.list()).rejects.toThrow("The store at http://lab:8091 does not answer");
-});
-
-test.each([
-  ["http://lab:8091", "https://lab:8443/", /^Browsers do not let a secure page use a store over plain HTTP/],
-  ["http://localhost:8091", "https://localhost:8443/", /^The store at http:\/\/localhost:8091 does not answer/],
-  ["lab 8091", "https://lab:8443/", /^The store at lab 8091 does not answer/],
-])("what keeps a page from the store at %s", (base, page, sentence) => {
-  expect(storeUnreachable(base, page)).toMatch(sentence);
 });

@@ -1,6 +1,6 @@
 /** The store of experiments (`docs/experiments.md`). Every failure is an ApiError with one sentence to show. */
 
-import { ApiError, readProblem, storeUnreachable } from "#client/http/problem";
+import { type AskOptions, ask, storeUnreachable } from "#client/http/problem";
 import type {
   ExperimentCreated,
   ExperimentList,
@@ -90,19 +90,9 @@ export class StoreApi {
     return this.#ask(`${this.#run(id, run)}/samples/${encodeURIComponent(name)}`, {});
   }
 
-  /** How far rendering the samples again is. */
-  materialisation(id: string): Promise<Materialisation> {
-    return this.#materialise(id, "GET");
-  }
-
-  /** Begins to render them again, or goes on. */
-  materialise(id: string): Promise<Materialisation> {
-    return this.#materialise(id, "POST");
-  }
-
-  /** Existing parts are kept. */
-  stopMaterialising(id: string): Promise<Materialisation> {
-    return this.#materialise(id, "DELETE");
+  /** How far rendering the samples again is; with POST it begins or goes on, with DELETE it stops and keeps what there is. */
+  materialisation(id: string, method: "GET" | "POST" | "DELETE" = "GET"): Promise<Materialisation> {
+    return this.#json(`${this.#path(id)}/materialise`, { method });
   }
 
   async list(): Promise<readonly ExperimentSummary[]> {
@@ -138,39 +128,19 @@ export class StoreApi {
     return JSON.parse(await answer.text()) as T;
   }
 
-  #materialise(id: string, method: "GET" | "POST" | "DELETE"): Promise<Materialisation> {
-    return this.#json(`${this.#path(id)}/materialise`, { method });
-  }
-
-  /** The response's body. Also rejects with the reason of `signal`. */
-  async #ask(path: string, { signal: cancelled, timeout = TIMEOUT, ...request }: Asked): Promise<Blob> {
-    const { body } = request;
+  #ask(path: string, request: Asked): Promise<Blob> {
+    const { body, timeout = TIMEOUT } = request;
     const bytes = typeof body === "string" ? body.length : (body?.size ?? 0);
-    const late = AbortSignal.timeout(timeout + bytes / SLOWEST);
-    const signal = cancelled ? AbortSignal.any([cancelled, late]) : late;
-    let answer: Response;
-    try {
-      answer = await fetch(`${this.base}/${path}`, { cache: "no-store", ...request, signal });
-      if (answer.ok) return await answer.blob();
-    } catch {
-      cancelled?.throwIfAborted();
-      throw new ApiError(storeUnreachable(this.base, location.href), true);
-    }
-    const { detail, type } = await readProblem(answer);
-    throw new ApiError(detail, false, type);
+    const silence = () => storeUnreachable(this.base, location.href);
+    const limited = { ...request, timeout: timeout + bytes / SLOWEST };
+    return ask(`${this.base}/${path}`, (answer) => answer.blob(), silence, limited);
   }
 }
 
-interface Asked {
-  readonly method?: string;
+interface Asked extends AskOptions {
   readonly body?: string | Blob;
-  readonly headers?: Record<string, string>;
-  /** Cancels the request. */
-  readonly signal?: AbortSignal;
-  /** In milliseconds, without the time for the body. */
-  readonly timeout?: number;
 }
 
-function jsonBody(content: object): Pick<Asked, "body" | "headers"> {
+function jsonBody(content: object) {
   return { body: JSON.stringify(content), headers: { "Content-Type": "application/json" } };
 }

@@ -1,5 +1,5 @@
-/** The shaper's HTTP interface. Every failure is a ShaperError with one sentence to show. */
-import { readProblem } from "#client/http/problem";
+/** The shaper's HTTP interface. Every failure is an ApiError with one sentence to show. */
+import { type AskOptions, ask } from "#client/http/problem";
 import type {
   LinkSetting,
   ShaperStatus,
@@ -8,8 +8,6 @@ import type {
   TracePoints,
   TraceSummary,
 } from "#client/wire/shaper";
-
-export class ShaperError extends Error {}
 
 /** In milliseconds. */
 const TIMEOUT = 5000;
@@ -33,7 +31,11 @@ export class ShaperApi {
 
   /** Keeps a trace of a person's own, in any format that `tigas trace import` reads; large ones take a while. */
   upload(file: File): Promise<TraceSummary> {
-    return this.#ask(`traces?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file }, UPLOAD_TIMEOUT);
+    return this.#ask(`traces?name=${encodeURIComponent(file.name)}`, {
+      method: "POST",
+      body: file,
+      timeout: UPLOAD_TIMEOUT,
+    });
   }
 
   start(request: StartRequest): Promise<ShaperStatus> {
@@ -77,21 +79,11 @@ export class ShaperApi {
 
   #call<T>(path: string, body?: object): Promise<T> {
     const headers = { "Content-Type": "application/json" };
-    return this.#ask(path, body ? { method: "POST", body: JSON.stringify(body), headers } : {}, TIMEOUT);
+    return this.#ask(path, body ? { method: "POST", body: JSON.stringify(body), headers } : {});
   }
 
-  async #ask<T>(path: string, request: RequestInit, timeout: number): Promise<T> {
-    let response: Response;
-    try {
-      response = await fetch(`${this.base}/${path}`, {
-        cache: "no-store",
-        signal: AbortSignal.timeout(timeout),
-        ...request,
-      });
-      if (response.ok) return (await response.json()) as T;
-    } catch {
-      throw new ShaperError(this.silence);
-    }
-    throw new ShaperError((await readProblem(response)).detail);
+  #ask<T>(path: string, request: AskOptions): Promise<T> {
+    const read = (answer: Response) => answer.json() as Promise<T>;
+    return ask(`${this.base}/${path}`, read, () => this.silence, { timeout: TIMEOUT, ...request });
   }
 }

@@ -1,22 +1,7 @@
 import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
-import type { ShaperStatus } from "#client/wire/shaper";
+import { CONSTANT } from "#fakes/shaper";
 import { NO_STATS } from "#viewer/stateless/stats";
 import { frames, Shaper, stepPath } from "./shaper";
-
-const direction = { target_kbps: 8000, delivered_kbps: 7000, queue_bytes: 0, queue_ms: 0, drops: 0 };
-const status: ShaperStatus = {
-  time_ms: 0,
-  mode: "constant",
-  trace: null,
-  position_ms: null,
-  duration_ms: null,
-  loop: false,
-  link: { down_kbps: 8000, up_kbps: 8000 },
-  down: direction,
-  up: direction,
-  backend: "netem",
-  closed: null,
-};
 
 class FakeEvents {
   static readonly CLOSED = 2;
@@ -41,7 +26,6 @@ beforeEach(() => {
 
 afterEach(() => {
   vi.useRealTimers();
-  vi.unstubAllGlobals();
 });
 
 function watched() {
@@ -53,14 +37,14 @@ function watched() {
 
 test("what comes is the status and the chart's next sample", () => {
   const { subject, events } = watched();
-  events.onmessage({ data: JSON.stringify(status) });
-  expect(subject.status.value).toEqual(status);
+  events.onmessage({ data: JSON.stringify(CONSTANT) });
+  expect(subject.status.value).toEqual(CONSTANT);
   expect(subject.rates.value).toEqual([[1], [8], [7]]);
 });
 
 test("a shaper that goes says so; one that refuses to be watched is asked again", () => {
   const { subject, events } = watched();
-  events.onmessage({ data: JSON.stringify(status) });
+  events.onmessage({ data: JSON.stringify(CONSTANT) });
   events.readyState = 0;
   events.onerror();
   expect(subject.status.value).toBeNull();
@@ -84,13 +68,13 @@ test("nothing is asked once it is disposed of", () => {
 
 test("a refused action leaves the status and says why, until one succeeds", async () => {
   const { subject, events } = watched();
-  events.onmessage({ data: JSON.stringify(status) });
+  events.onmessage({ data: JSON.stringify(CONSTANT) });
   const problem = { type: "tigas:x", title: "", status: 409, detail: "No trace is playing." };
   vi.stubGlobal("fetch", async () => Response.json(problem, { status: 409 }));
   await subject.act((api) => api.pause());
   expect(subject.actionError.value).toBe("No trace is playing.");
-  expect(subject.status.value).toEqual(status);
-  vi.stubGlobal("fetch", async () => Response.json({ ...status, loop: true }));
+  expect(subject.status.value).toEqual(CONSTANT);
+  vi.stubGlobal("fetch", async () => Response.json({ ...CONSTANT, loop: true }));
   await subject.act((api) => api.loop(true));
   expect(subject.actionError.value).toBeNull();
   expect(subject.status.value?.loop).toBe(true);

@@ -1,10 +1,10 @@
 /** Client of one shaper: its traces, its live link and the user's actions, until disposed of. */
 import { signal } from "@preact/signals";
-import { shaperObstacle } from "#client/http/problem";
+import { ApiError, shaperObstacle } from "#client/http/problem";
 import type { ShaperStatus, TracePoints, TraceSummary } from "#client/wire/shaper";
 import { append, type Column, noColumns } from "#viewer/charts/history";
 import type { Stats } from "#viewer/stateless/stats";
-import { ShaperApi, ShaperError } from "./api";
+import { ShaperApi } from "./api";
 
 /** Towards the client, Mbit/s: target, delivered. */
 export function rates({ down }: ShaperStatus): Column {
@@ -65,7 +65,7 @@ export class Shaper {
       this.status.value = await ask(this.api);
       this.actionError.value = null;
     } catch (error) {
-      if (!(error instanceof ShaperError)) throw error;
+      if (!(error instanceof ApiError)) throw error;
       this.actionError.value = error.message;
     }
   }
@@ -78,7 +78,7 @@ export class Shaper {
       await this.#list();
       return name;
     } catch (error) {
-      if (!(error instanceof ShaperError)) throw error;
+      if (!(error instanceof ApiError)) throw error;
       this.actionError.value = error.message;
       return null;
     }
@@ -120,7 +120,7 @@ export class Shaper {
         this.plots.value = new Map(this.plots.value).set(name, points);
       }
     } catch (error) {
-      if (!(error instanceof ShaperError)) throw error;
+      if (!(error instanceof ApiError)) throw error;
       this.actionError.value = error.message;
     }
   }

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import type { Sample } from "#client/wire/store";
-import { FakeDisk } from "./fake-opfs";
+import { FakeDisk } from "#fakes/opfs";
 import type { About } from "./layout";
 import { SampleFiles } from "./sample-files";
 

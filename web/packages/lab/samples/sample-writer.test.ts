@@ -1,6 +1,6 @@
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { beforeEach, expect, test, vi } from "vitest";
 import type { WorkerCall } from "#client/async/worker-calls";
-import { FakeDisk } from "./fake-opfs";
+import { FakeDisk } from "#fakes/opfs";
 import { type SampleRequest, SampleWriter } from "./sample-writer";
 
 let disk: FakeDisk;
@@ -30,10 +30,6 @@ beforeEach(() => {
   const locks = { request: async (_name: string, _options: object, work: (lock: object) => unknown) => work({}) };
   vi.stubGlobal("navigator", { storage, locks });
   vi.stubGlobal("Worker", FakeWorker);
-});
-
-afterEach(() => {
-  vi.unstubAllGlobals();
 });
 
 const folders = async () => [...(await disk.root.getDirectoryHandle("samples", { create: true })).children.keys()];

@@ -1,6 +1,6 @@
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { beforeEach, expect, test, vi } from "vitest";
 import type { Sample } from "#client/wire/store";
-import { FakeDisk } from "./fake-opfs";
+import { FakeDisk } from "#fakes/opfs";
 import type { About } from "./layout";
 import { SampleFiles } from "./sample-files";
 import { hold, listSampledRuns, readSampledRun, removeSampledRun, samplesFolder } from "./sampled-runs";
@@ -20,10 +20,6 @@ beforeEach(() => {
     },
   };
   vi.stubGlobal("navigator", { storage: { getDirectory: async () => disk.folder }, locks });
-});
-
-afterEach(() => {
-  vi.unstubAllGlobals();
 });
 
 async function sampled(key: string, about: About | null = ABOUT): Promise<SampleFiles> {

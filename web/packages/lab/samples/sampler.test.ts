@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { type Deferred, deferred } from "#client/async/deferred";
-import { settle } from "#client/transport/fake";
+import { settle } from "#fakes/transport";
 import type { Sample } from "#client/wire/store";
 import type { ShownFrame } from "#viewer/stateless/stateless-player";
 import { SamplesRefused } from "./sample-writer";

@@ -24,7 +24,7 @@ export function whyFewer({ problem, missed, kept }: Sampled): string | null {
 /** Samples that are being written; with more of them, a browser's memory would fill. */
 const MOST_WAITING = 16;
 /** A run's samples, for upload to a store. */
-export const MOST_SAMPLES = 10_000;
+const MOST_SAMPLES = 10_000;
 
 type Writer = Pick<SampleWriter, "key" | "keep" | "close">;
 

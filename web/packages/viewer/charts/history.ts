@@ -22,7 +22,7 @@ export const LATENCY_BINS_MS: readonly number[] = Array.from(
 );
 
 /** Percent of the values in each bin; values outside the axis count in the outermost bins. All null without values. */
-export function histogram(values: readonly number[]): readonly (number | null)[] {
+function histogram(values: readonly number[]): readonly (number | null)[] {
   if (values.length === 0) return LATENCY_BINS_MS.map(() => null);
   const counts = LATENCY_BINS_MS.map(() => 0);
   for (const value of values) {
@@ -64,29 +64,34 @@ export function append(columns: Columns, time: number, values: Column): Columns 
 /** Present figures of each picture's meter, from left to right; null without a picture. */
 export type SideFigures = readonly (Figures | null)[];
 
-const MBIT = 1e6;
+/** Figures that are kept over time. */
+const SAMPLED = {
+  /** Mbit/s. */
+  bandwidth: ({ bandwidth }: Figures) => bandwidth / 1e6,
+  /** Seconds stalled since the side began. */
+  stalled: ({ stalls }: Figures) => stalls.time / 1000,
+  /** New views a second. */
+  newViews: ({ newViewsPerSecond }: Figures) => newViewsPerSecond,
+  /** Lines of pixels in the picture. */
+  lines: ({ picture }: Figures) => picture?.height ?? null,
+  /** Milliseconds of a stream that wait to be shown. */
+  buffered: ({ buffered }: Figures) => buffered,
+} satisfies Readonly<Record<string, (of: Figures) => number | null>>;
+
+type Sampled = keyof typeof SAMPLED;
+const NAMES = Object.keys(SAMPLED) as Sampled[];
 
 export class ComparisonHistory {
   /** Percent of the last minute's inputs over latency (not over time). */
   readonly latency: Signal<Columns>;
-  /** Mbit/s. */
-  readonly bandwidth: Signal<Columns>;
-  /** Seconds stalled since the side began. */
-  readonly stalled: Signal<Columns>;
-  /** New views a second. */
-  readonly newViews: Signal<Columns>;
-  /** Lines of pixels in the picture. */
-  readonly lines: Signal<Columns>;
-  /** Milliseconds of a stream that wait to be shown. */
-  readonly buffered: Signal<Columns>;
+  readonly series: Readonly<Record<Sampled, Signal<Columns>>>;
   readonly #latencies: readonly TimeWindow[];
 
   constructor(sides: number) {
     this.#latencies = Array.from({ length: sides }, () => new TimeWindow(SPAN_S * 1000));
     this.latency = signal<Columns>([LATENCY_BINS_MS, ...this.#latencies.map(() => histogram([]))]);
-    const columns = () => signal(noColumns(sides));
-    [this.bandwidth, this.stalled, this.newViews] = [columns(), columns(), columns()];
-    [this.lines, this.buffered] = [columns(), columns()];
+    const series = NAMES.map((name) => [name, signal(noColumns(sides))]);
+    this.series = Object.fromEntries(series) as ComparisonHistory["series"];
   }
 
   /** A frame of picture number `side` is on the screen. */
@@ -96,28 +101,10 @@ export class ComparisonHistory {
 
   /** Take a sample of all; `now` in milliseconds. */
   sample(figures: SideFigures, now: number): void {
-    const each = (value: (of: Figures) => number | null) => figures.map((of) => of && value(of));
-    const add = (columns: Columns, values: (number | null)[]) => append(columns, now / 1000, values);
     this.latency.value = [LATENCY_BINS_MS, ...this.#latencies.map((window) => histogram(window.values(now)))];
-    this.bandwidth.value = add(
-      this.bandwidth.peek(),
-      each(({ bandwidth }) => bandwidth / MBIT),
-    );
-    this.stalled.value = add(
-      this.stalled.peek(),
-      each(({ stalls }) => stalls.time / 1000),
-    );
-    this.newViews.value = add(
-      this.newViews.peek(),
-      each(({ newViewsPerSecond }) => newViewsPerSecond),
-    );
-    this.lines.value = add(
-      this.lines.peek(),
-      each(({ picture }) => picture?.height ?? null),
-    );
-    this.buffered.value = add(
-      this.buffered.peek(),
-      each(({ buffered }) => buffered),
-    );
+    for (const name of NAMES) {
+      const values = figures.map((of) => of && SAMPLED[name](of));
+      this.series[name].value = append(this.series[name].peek(), now / 1000, values);
+    }
   }
 }

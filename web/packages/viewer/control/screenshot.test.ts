@@ -1,13 +1,9 @@
-import { afterEach, expect, test, vi } from "vitest";
-import { COURTYARD, serverConfig } from "../state/fake-server";
+import { expect, test, vi } from "vitest";
+import { COURTYARD, serverConfig } from "#fakes/server";
 import { defaultIntrinsics } from "../view/intrinsics";
 import { screenshot } from "./screenshot";
 
 const VIEWPORT = { width: 1000, height: 500 };
-
-afterEach(() => {
-  vi.unstubAllGlobals();
-});
 
 const holding = <T>(value: T) => ({ peek: () => value }) as never;
 

@@ -17,7 +17,6 @@ let file: { add: ReturnType<typeof vi.fn>; finish: ReturnType<typeof vi.fn>; can
 let take: ReturnType<typeof vi.fn>;
 
 beforeEach(() => {
-  vi.unstubAllGlobals();
   file = { add: vi.fn(async () => undefined), finish: vi.fn(async () => new Blob(["mp4"])), cancel: vi.fn() };
   take = vi.fn(async ({ position }) => `picture at ${position[0]}`);
   vi.mocked(VideoFile.open).mockResolvedValue(file as never);

@@ -87,7 +87,6 @@ beforeEach(() => {
 
 afterEach(() => {
   stream.dispose();
-  vi.unstubAllGlobals();
   vi.useRealTimers();
 });
 

@@ -52,7 +52,6 @@ beforeEach(() => {
 
 afterEach(() => {
   visit.abort();
-  vi.unstubAllGlobals();
   vi.useRealTimers();
 });
 

@@ -1,12 +1,12 @@
 import { beforeAll, beforeEach, expect, test, vi } from "vitest";
 import { deferred } from "#client/async/deferred";
-import { turn as settle } from "#client/transport/fake";
+import { turn as settle } from "#fakes/transport";
 import { Enhancement } from "./enhancement";
-import { FakeDevice, type FakeRenderer, fakeModel, NO_WORK, PLACE } from "./fake-gpu";
+import { FakeDevice, type FakeRenderer, fakeModel, NO_WORK, PLACE } from "#fakes/gpu";
 import { EnhancementError, type Enhancer } from "./model/enhancer";
 import type { Overlay } from "./overlay";
 
-vi.mock("./renderer", async () => ({ Renderer: (await import("./fake-gpu")).FakeRenderer }));
+vi.mock("./renderer", async () => ({ Renderer: (await import("#fakes/gpu")).FakeRenderer }));
 
 let devices: FakeDevice[];
 let changes: (string | null)[];
@@ -126,7 +126,6 @@ test.each([
   vi.stubGlobal("fetch", async () => answer());
   await chosen(fakeModel("x", { weights: () => "scenes/courtyard/enhance.safetensors" }));
   expect(status()).toMatchObject({ kind: "failed", message: expect.stringContaining(sentence) });
-  vi.unstubAllGlobals();
 });
 
 test("a model that throws on the first picture is never shown", async () => {

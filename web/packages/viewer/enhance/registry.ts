@@ -7,8 +7,7 @@
  */
 import { type Enhancer, KINDS, type Kind, OFF } from "./model/enhancer";
 import { ANIME4K } from "./models/anime4k";
-import { BICUBIC } from "./models/bicubic";
-import { LANCZOS } from "./models/lanczos";
+import { BICUBIC, LANCZOS } from "./models/filters";
 import { SCENE } from "./models/scene";
 
 /** In the order in which they are offered. */

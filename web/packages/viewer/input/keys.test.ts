@@ -1,8 +1,8 @@
 import { beforeEach, expect, test } from "vitest";
+import { STILL } from "#fakes/rig";
 import { HeldKeys } from "./keys";
 
 const key = (code: string, modifiers = {}) => ({ code, ctrlKey: false, altKey: false, metaKey: false, ...modifiers });
-const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 let keys: HeldKeys;
 
 beforeEach(() => {

@@ -34,6 +34,17 @@ function part({ from = 0, until = FILE.length, etag = '"one"', file = FILE } = {
   return new Response(body, { status: from > 0 ? 206 : 200, headers });
 }
 
+/** The file's beginning, and then nothing. */
+const silent: Answer = (_, signal) => {
+  const body = new ReadableStream({
+    start: (controller) => {
+      controller.enqueue(FILE.slice(0, 10));
+      signal.addEventListener("abort", () => controller.error(signal.reason));
+    },
+  });
+  return new Response(body, { headers: { "content-length": "1000", etag: '"one"' } });
+};
+
 const fetched = (answers: Answer[], options: Partial<DownloadOptions> = {}) => {
   const { request, asked } = server(...answers);
   const onCut = vi.fn();
@@ -92,15 +103,6 @@ test("a server that is full for the moment is asked again; one that refuses is n
 });
 
 test("a server that falls silent is asked again for the rest", async () => {
-  const silent: Answer = (_, signal) => {
-    const body = new ReadableStream({
-      start: (controller) => {
-        controller.enqueue(FILE.slice(0, 10));
-        signal.addEventListener("abort", () => controller.error(signal.reason));
-      },
-    });
-    return new Response(body, { headers: { "content-length": "1000", etag: '"one"' } });
-  };
   const { file, asked } = fetched([silent, () => part({ from: 10 })], { patience: 5 });
   expect(await file).toEqual(FILE);
   expect(asked[1]?.get("range")).toBe("bytes=10-");
@@ -116,17 +118,9 @@ test("a length that is not told, or too little memory for it, ends with a senten
 test("leaving ends the download", async () => {
   const visit = new AbortController();
   let link: AbortSignal | undefined;
-  const endless: Answer = (_, signal) => {
+  const endless: Answer = (request, signal) => {
     link = signal;
-    return new Response(
-      new ReadableStream({
-        start: (controller) => {
-          controller.enqueue(FILE.slice(0, 10));
-          signal.addEventListener("abort", () => controller.error(signal.reason));
-        },
-      }),
-      { headers: { "content-length": "1000" } },
-    );
+    return silent(request, signal);
   };
   const { file } = fetched([endless], { signal: visit.signal, onBytes: () => visit.abort() });
   await expect(file).rejects.toThrow();

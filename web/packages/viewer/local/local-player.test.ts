@@ -1,15 +1,14 @@
 // @vitest-environment happy-dom
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { COURTYARD } from "../state/fake-server";
-import { NO_NUDGE } from "../view/motion";
+import { steeredRig } from "#fakes/rig";
+import { COURTYARD } from "#fakes/server";
 import type { PresentedFrame } from "../view/presented";
-import { Rig } from "../view/rig";
-import { compressedPly } from "./fake-ply";
+import type { Rig } from "../view/rig";
+import { compressedPly } from "#fakes/ply";
 import { type LocalOptions, LocalPlayer, type LocalRenderer } from "./local-player";
 import { readHeader } from "./ply";
 import type { RendererOptions } from "./renderer";
 
-const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 const FILE = compressedPly(1000, 0);
 const SIZE = { width: 640, height: 360 };
 
@@ -75,9 +74,8 @@ beforeEach(() => {
 afterEach(() => player.dispose());
 
 function start(options: Partial<LocalOptions> = {}): Rig {
-  const rig = new Rig({ sampleInput: () => ({ axes: STILL, nudge: NO_NUDGE }), turnSpeed: () => 60 });
+  const rig = steeredRig();
   rig.resize(640, 360);
-  rig.enter(COURTYARD);
   player = new LocalPlayer({
     pane,
     rig,
@@ -217,7 +215,6 @@ test("a streamed scene is drawn as it arrives, counts its bytes, and is complete
   frame(rig, 1000);
   expect(player.played(0).local).toMatchObject({ complete_ms: expect.any(Number), gaussians: 500_000_000 });
   expect(asked).toHaveLength(0);
-  vi.unstubAllGlobals();
 });
 
 test("a scene that is too large is not asked for", async () => {

@@ -10,7 +10,7 @@ import type { PlayedDownload } from "#client/wire/store";
 import type { Size } from "../enhance/geometry";
 import type { Settings } from "../state/settings";
 import { type Figures, Meter, NO_FIGURES, STATS_EVERY } from "../view/meter";
-import type { PresentedFrame } from "../view/presented";
+import type { PresentedFrame, SourcePhase } from "../view/presented";
 import type { NumberedPose, Rig } from "../view/rig";
 import { download } from "./download";
 import { arrived, BrokenPly, nextStep, type PlyHeader, type Prefix, prefixOf, readHeader } from "./ply";
@@ -45,13 +45,6 @@ export const NO_LOCAL_STATS: LocalStats = {
   backend: null,
 };
 
-/** How it stands; `connecting` until there is a picture, `failed` waits for another mode. */
-export type LocalPhase =
-  | { readonly kind: "connecting"; readonly message?: string }
-  | { readonly kind: "playing" }
-  | { readonly kind: "lost"; readonly message: string }
-  | { readonly kind: "failed"; readonly message: string };
-
 /** The part of a `Renderer` that is used. */
 export type LocalRenderer = Pick<Renderer, "backend" | "show" | "stream" | "draw" | "dispose">;
 
@@ -80,14 +73,14 @@ interface Drawn extends Size {
 /** Why the scene is not drawn here, in one sentence. */
 class Impossible extends Error {}
 
-const DOWNLOADING: LocalPhase = { kind: "connecting", message: "Downloading the scene…" };
+const DOWNLOADING: SourcePhase = { kind: "connecting", message: "Downloading the scene…" };
 const NO_GRAPHICS = "This browser cannot draw Gaussians: it offers neither WebGPU nor WebGL 2.";
 const LOST = "The graphics processor was lost. Choose the mode again to download the scene once more.";
 const UNKNOWN = "The scene could not be drawn here.";
 
 export class LocalPlayer {
   readonly stats = signal<LocalStats>(NO_LOCAL_STATS);
-  readonly phase = signal<LocalPhase>(DOWNLOADING);
+  readonly phase = signal<SourcePhase>(DOWNLOADING);
   readonly #options: LocalOptions;
   readonly #meter: Meter;
   readonly #visit = new AbortController();

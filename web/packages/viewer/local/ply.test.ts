@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { compressedPly } from "./fake-ply";
+import { compressedPly } from "#fakes/ply";
 import {
   arrived,
   BrokenPly,

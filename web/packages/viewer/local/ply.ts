@@ -29,7 +29,7 @@ export function isScale(type: string, name: string): boolean {
 }
 
 /** How many Gaussians the parts have that the header speaks of, the smallest first. */
-export function partsOf(header: readonly string[]): number[] {
+function partsOf(header: readonly string[]): number[] {
   return header.map((line) => Number(PART.exec(line)?.[1] ?? 0)).filter((count) => count > 0);
 }
 

@@ -234,7 +234,7 @@ function contents(parts: readonly Uint8Array<ArrayBuffer>[]): ArrayBuffer {
 }
 
 /** From the camera's axes to the clip space of OpenGL, column by column: fx, fy, cx and cy in pixels, y down. */
-export function projection({ fx, fy, cx, cy, width, height }: Lens): number[] {
+function projection({ fx, fy, cx, cy, width, height }: Lens): number[] {
   const depth = FAR - NEAR;
   return [
     (2 * fx) / width, 0, 0, 0,

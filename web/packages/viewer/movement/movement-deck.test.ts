@@ -1,14 +1,11 @@
 import { beforeEach, expect, test } from "vitest";
+import { steeredRig, STILL } from "#fakes/rig";
 import { deferred } from "#client/async/deferred";
-import type { SceneInfo } from "#client/wire/render";
-import { NO_NUDGE } from "../view/motion";
-import { type NumberedPose, Rig } from "../view/rig";
+import type { NumberedPose, Rig } from "../view/rig";
 import { MovementError } from "./movement";
 import { addFile, MovementDeck, movements, type NamedMovement, unsaved } from "./movement-deck";
 import { readMovement, writeMovement } from "./movement-file";
 
-const SCENE = { id: "hall", up: [0, -1, 0], camera: { position: [0, -2, -8], look_at: [0, -2, 0] } } as SceneInfo;
-const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 const WALK = readMovement("t_ms,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n100,1,0,0,0,0,0,1\n300,2,0,0,0,0,0,1\n");
 
 let axes: typeof STILL;
@@ -19,8 +16,7 @@ beforeEach(() => {
   movements.value = [];
   unsaved.value = new Set();
   axes = STILL;
-  rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
-  rig.enter(SCENE);
+  rig = steeredRig(() => axes);
   rig.sample(0);
   deck = new MovementDeck(rig, undefined, () => new Date("2026-01-02T03:04:05Z"));
   deck.insert(addFile("walk.csv", WALK));
@@ -143,7 +139,7 @@ test("what is recorded plays as it was seen, standing still included", () => {
   if (!recording) return;
 
   const text = writeMovement(recording.trace);
-  expect(text).toContain("# scene: hall\n# recorded: 2026-01-02T03:04:05.000Z\n");
+  expect(text).toContain("# scene: courtyard\n# recorded: 2026-01-02T03:04:05.000Z\n");
   deck.insert(addFile("saved.csv", readMovement(text)));
   deck.play();
   for (const [i, at] of times.entries()) {

@@ -3,6 +3,7 @@
  * follows a playing movement; stopping it continues from the camera's present pose. Time is part of the samples.
  */
 import { computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
+import { ApiError } from "#client/http/problem";
 import type { NumberedPose, PoseSource, Rig } from "../view/rig";
 import type { CameraPath } from "./camera-path";
 import {
@@ -91,7 +92,8 @@ export class MovementDeck {
       if (!signal.aborted) this.insert(movement);
     } catch (error) {
       if (signal.aborted) return;
-      this.problem.value = error instanceof MovementError ? error.message : "This movement is not available.";
+      const known = error instanceof MovementError || error instanceof ApiError;
+      this.problem.value = known ? error.message : "This movement is not available.";
     }
   }
 

@@ -2,7 +2,7 @@
 
 import fc from "fast-check";
 import { expect, test } from "vitest";
-import { EFFORT } from "#client/fuzz/effort";
+import { EFFORT } from "#fakes/effort";
 import { MovementError, type MovementTrace } from "./movement";
 import { readMovement, readMovementFile, writeMovement } from "./movement-file";
 

@@ -1,10 +1,5 @@
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { MovementError } from "./movement";
+import { beforeEach, expect, test, vi } from "vitest";
 import { fetchMovement, listMovements } from "./stored-movements";
-
-afterEach(() => {
-  vi.unstubAllGlobals();
-});
 
 beforeEach(() => {
   vi.stubGlobal("location", { href: "http://lab:8080/" });
@@ -35,13 +30,6 @@ test("asks where the store answers, whatever a movement's name", async () => {
   expect(asked).toEqual(["http://lab:8091/movements/a%2F..%2Fb%20c"]);
 });
 
-test("a refusal is the store's own sentence", async () => {
-  answer(() =>
-    Response.json({ type: "tigas:x", title: "", status: 404, detail: "No such movement." }, { status: 404 }),
-  );
-  await expect(fetchMovement("http://lab", "gone")).rejects.toThrow(new MovementError("No such movement."));
-});
-
 test("an unreadable stored movement is reported by its name", async () => {
   answer(() => new Response("<html>"));
   await expect(fetchMovement("http://lab", "walk")).rejects.toThrow(/^walk has no column “t_ms”/);
@@ -49,7 +37,6 @@ test("an unreadable stored movement is reported by its name", async () => {
 
 test.each([
   ["is away", () => Promise.reject(new TypeError("Failed to fetch"))],
-  ["answers with a page", () => new Response("<html>")],
   ["lists something else", () => Response.json({ movements: [{ name: 7 }] })],
 ])("a store that %s is named", async (_, make) => {
   answer(make);

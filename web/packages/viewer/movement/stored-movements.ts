@@ -1,10 +1,9 @@
-/** The movement traces that the store keeps: their list, and each of them. Every failure is a MovementError. */
+/** The movement traces that the store keeps: their list, and each of them. A failure is an ApiError, or a MovementError for what is no movement. */
 
 import * as v from "valibot";
-import { readProblem, storeUnreachable } from "#client/http/problem";
+import { ask, storeUnreachable } from "#client/http/problem";
 import { ANCHORS } from "#client/wire/movement";
 import type { Movement as ListedMovement } from "#client/wire/store";
-import { MovementError } from "./movement";
 import type { NamedMovement } from "./movement-deck";
 import { readMovement } from "./movement-file";
 
@@ -22,32 +21,26 @@ const TIMEOUT = 10_000;
 
 /** `base` is the store's URL, as `/config.json` names it. */
 export async function listMovements(base: string, signal?: AbortSignal): Promise<readonly ListedMovement[]> {
-  const { movements } = await ask(base, "movements", async (answer) => v.parse(List, await answer.json()), signal);
+  const { movements } = await storeAnswer(
+    base,
+    "movements",
+    async (answer) => v.parse(List, await answer.json()),
+    signal,
+  );
   return movements;
 }
 
 export async function fetchMovement(base: string, name: string, signal?: AbortSignal): Promise<NamedMovement> {
-  const text = await ask(base, `movements/${encodeURIComponent(name)}`, (answer) => answer.text(), signal);
+  const text = await storeAnswer(base, `movements/${encodeURIComponent(name)}`, (answer) => answer.text(), signal);
   return { name, origin: "store", trace: readMovement(text, name) };
 }
 
-async function ask<T>(
+function storeAnswer<T>(
   base: string,
   path: string,
   read: (answer: Response) => Promise<T>,
-  signal?: AbortSignal,
+  signal: AbortSignal | undefined,
 ): Promise<T> {
-  const limit = AbortSignal.timeout(TIMEOUT);
-  let answer: Response;
-  try {
-    answer = await fetch(`${base.replace(/\/+$/, "")}/${path}`, {
-      cache: "no-store",
-      signal: signal ? AbortSignal.any([signal, limit]) : limit,
-    });
-    if (answer.ok) return await read(answer);
-  } catch (error) {
-    if (signal?.aborted) throw error;
-    throw new MovementError(storeUnreachable(base, location.href));
-  }
-  throw new MovementError((await readProblem(answer)).detail);
+  const silence = () => storeUnreachable(base, location.href);
+  return ask(`${base.replace(/\/+$/, "")}/${path}`, read, silence, { signal, timeout: TIMEOUT });
 }

@@ -1,8 +1,8 @@
 import { beforeEach, describe, expect, test } from "vitest";
+import { steeredRig, STILL } from "#fakes/rig";
 import type { SceneInfo } from "#client/wire/render";
 import { orientation, type ScenePose } from "../view/camera";
-import { NO_INPUT } from "../view/motion";
-import { Rig } from "../view/rig";
+import type { Rig } from "../view/rig";
 import { angleBetween } from "../view/vector";
 import { Foresight, Guarded, LeadTime } from "./foresight";
 import type { Predictor } from "./predictor";
@@ -21,10 +21,7 @@ beforeEach(() => {
   chosen = "velocity";
   now = 1000;
   turning = 0;
-  rig = new Rig({
-    sampleInput: () => ({ ...NO_INPUT, axes: { ...NO_INPUT.axes, turnRight: turning } }),
-    turnSpeed: () => 60,
-  });
+  rig = steeredRig(() => ({ ...STILL, turnRight: turning }));
   rig.enter(SCENE);
   rig.drive((at) => ({ position: [at / 1000, 0, 0], quaternion: [0, 0, 0, 1] }));
   foresight = new Foresight(rig, () => chosen);

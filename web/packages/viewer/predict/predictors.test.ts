@@ -3,7 +3,7 @@
 import fc from "fast-check";
 import { beforeAll, describe, expect, test } from "vitest";
 import { seeded } from "#client/abr/random";
-import { EFFORT } from "#client/fuzz/effort";
+import { EFFORT } from "#fakes/effort";
 import { orientation, type ScenePose } from "../view/camera";
 import { angleBetween, subtract } from "../view/vector";
 import { Guarded } from "./foresight";

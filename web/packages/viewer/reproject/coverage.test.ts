@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { uncoveredShare } from "./coverage";
-import { fakeView, turned } from "./fake-view";
+import { fakeView, turned } from "#fakes/views";
 import { resized, viewOfFrame } from "./view";
 
 const VIEW = fakeView();

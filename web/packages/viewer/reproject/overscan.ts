@@ -9,6 +9,7 @@
  * it is 0. Pure: time is an argument.
  */
 import { angleBetween, conjugate, multiply, rotate, subtract, type Vector3 } from "../view/vector";
+import { nearestRank } from "../view/window";
 import type { View } from "./view";
 
 export const MAX_OVERSCAN = 0.25;
@@ -93,10 +94,9 @@ export class AutoOverscan {
     while (this.#span > SPAN) this.#span -= this.#samples.shift()?.elapsed ?? this.#span;
   }
 
-  /** The nearest rank. */
   #percentile(name: "needed" | "speed"): number {
-    const sorted = this.#samples.map((sample) => sample[name]).sort((a, b) => a - b);
-    return sorted[Math.max(0, Math.ceil(RANK * sorted.length) - 1)] ?? 0;
+    const values = this.#samples.map((sample) => sample[name]);
+    return nearestRank(values, RANK) ?? 0;
   }
 }
 

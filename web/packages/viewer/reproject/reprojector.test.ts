@@ -3,7 +3,7 @@ import { beforeEach, expect, test } from "vitest";
 import { orientation } from "../view/camera";
 import type { NumberedPose } from "../view/rig";
 import { turning } from "./acceleration";
-import { FakeWarp } from "./fake-warp";
+import { FakeWarp } from "#fakes/warp";
 import { type Content, Reprojector, reprojectionNote } from "./reprojector";
 import { sideView } from "./side-pictures";
 import { resized, viewOfFrame } from "./view";

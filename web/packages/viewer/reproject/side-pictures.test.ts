@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { rotate, type Vector3 } from "../view/vector";
-import { fakeView } from "./fake-view";
+import { fakeView } from "#fakes/views";
 import { SIDES, sideView } from "./side-pictures";
 import { transfer, transferred } from "./view";
 

@@ -21,7 +21,7 @@ export function transposed([a, b, c, d, e, f, g, h, i]: Matrix3): Matrix3 {
 }
 
 /** Of a quaternion of length 1. */
-export function rotationMatrix([x, y, z, w]: Quaternion): Matrix3 {
+function rotationMatrix([x, y, z, w]: Quaternion): Matrix3 {
   return [
     ...([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)] as const),
     ...([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)] as const),

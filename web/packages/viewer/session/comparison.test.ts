@@ -1,17 +1,15 @@
 import { signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { steeredRig, STILL } from "#fakes/rig";
 import { groundTruth } from "../quality/ground-truth";
-import { COURTYARD } from "../state/fake-server";
 import { DEFAULT_SETTINGS } from "../state/settings";
 import { type Figures, NO_FIGURES } from "../view/meter";
-import { NO_NUDGE } from "../view/motion";
 import type { PresentedFrame } from "../view/presented";
-import { Rig } from "../view/rig";
+import type { Rig } from "../view/rig";
 import { Comparison } from "./comparison";
 
 vi.mock("../quality/ground-truth", () => ({ groundTruth: vi.fn(), psnrOf: () => [30, 20] }));
 
-const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 let rig: Rig;
 let axes: typeof STILL;
 let sides: ReturnType<typeof fakeSide>[];
@@ -44,8 +42,7 @@ beforeEach(() => {
   vi.mocked(groundTruth).mockReset();
   vi.mocked(groundTruth).mockImplementation(async () => ({ close: () => undefined }) as ImageBitmap);
   axes = STILL;
-  rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
-  rig.enter(COURTYARD);
+  rig = steeredRig(() => axes);
   sides = [fakeSide(), fakeSide()];
   comparison = new Comparison(rig, sides, { every }, signal(null));
 });
@@ -98,14 +95,14 @@ test("one stream alone is measured, and not judged", async () => {
   await frames(1);
   await walk(4);
   await frames(3);
-  expect(comparison.history.bandwidth.value).toHaveLength(2);
+  expect(comparison.history.series.bandwidth.value).toHaveLength(2);
   expect(sides[0]?.picture).not.toHaveBeenCalled();
   expect(groundTruth).not.toHaveBeenCalled();
 });
 
 test("a comparison that is over looks no more", async () => {
   comparison.dispose();
-  const before = comparison.history.newViews.value;
+  const before = comparison.history.series.newViews.value;
   await frames(1);
-  expect(comparison.history.newViews.value).toBe(before);
+  expect(comparison.history.series.newViews.value).toBe(before);
 });

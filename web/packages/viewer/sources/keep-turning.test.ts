@@ -1,6 +1,6 @@
 import { signal } from "@preact/signals";
 import { expect, test, vi } from "vitest";
-import { COURTYARD } from "../state/fake-server";
+import { COURTYARD } from "#fakes/server";
 import { DEFAULT_SETTINGS } from "../state/settings";
 import { keepTurning } from "./keep-turning";
 

@@ -14,8 +14,9 @@ import { selectedController, videoSteps } from "../stateless/selected-controller
 import { StatelessPlayer } from "../stateless/stateless-player";
 import type { Pictured } from "../stateless/turning";
 import type { VideoFrames } from "../video/video-frames";
+import type { SourcePhase } from "../view/presented";
 import { keepTurning } from "./keep-turning";
-import type { Source, SourceContext, SourceKind, SourcePhase } from "./source";
+import type { Source, SourceContext, SourceKind } from "./source";
 
 export const STATELESS: SourceKind = {
   title: "Stateless",

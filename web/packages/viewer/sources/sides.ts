@@ -29,7 +29,7 @@ function locked({ lock, lockRung, lockKbps }: Settings, ladder: readonly Rung[])
   return { ...fixed, profile, dashRepresentation: { rung, bitrate_kbps: lockKbps }, bitrateKbps: lockKbps };
 }
 
-export function placesOf({ mode }: Settings): readonly Place[] {
+function placesOf({ mode }: Settings): readonly Place[] {
   return mode === COMPARED ? PLACES : ["left"];
 }
 

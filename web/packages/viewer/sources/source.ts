@@ -12,13 +12,7 @@ import type { Settings, SideSettings } from "../state/settings";
 import type { Visit } from "../stateless/stateless-player";
 import type { Stats } from "../stateless/stats";
 import type { StreamStats } from "../stream/stream-player";
-
-/** `failed` waits for another setting. */
-export type SourcePhase =
-  | { readonly kind: "connecting"; readonly message?: string }
-  | { readonly kind: "playing" /** Why the server refuses frames at the moment. */; readonly problem?: string }
-  | { readonly kind: "lost"; readonly message: string }
-  | { readonly kind: "failed"; readonly message: string };
+import type { SourcePhase } from "../view/presented";
 
 /** Figures of every source, and of its kind of delivery. */
 export type SourceStats = Stats | StreamStats | LocalStats;

@@ -6,8 +6,9 @@ import { AUTO_OVERSCAN } from "../stream/camera-feed";
 import { type OpenViews, STREAM_NAMES, type StreamKind } from "../stream/stream";
 import { NO_STREAM_STATS, StreamPlayer, type StreamStats } from "../stream/stream-player";
 import { type StreamedFrame, TurnedVideo } from "../stream/turned-video";
+import type { SourcePhase } from "../view/presented";
 import { keepTurning } from "./keep-turning";
-import type { OpenSource, Source, SourceContext, SourcePhase } from "./source";
+import type { OpenSource, Source, SourceContext } from "./source";
 import { packagerOf } from "./streamed";
 
 /** A stream is opened anew when the viewport has kept its size for this long, in milliseconds. */

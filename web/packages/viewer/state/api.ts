@@ -1,5 +1,5 @@
 /** The service's JSON endpoints. Every failure is an ApiError with one sentence to show. */
-import { ApiError, readProblem } from "#client/http/problem";
+import { type AskOptions, ApiError, ask } from "#client/http/problem";
 import type { AddedScene, SceneEdit, SceneInfo, ServerConfig, Training } from "#client/wire/render";
 
 const TIMEOUT = 5000;
@@ -15,14 +15,14 @@ export async function fetchConfig(
 ): Promise<ServerConfig> {
   const query = new URLSearchParams(viewer).toString();
   const path = query === "" ? "config.json" : `config.json?${query}`;
-  const config = await call<ServerConfig | null>(at(server, path), {}, withTimeout(signal));
+  const config = await callSoon<ServerConfig | null>(at(server, path), { signal });
   if (!Array.isArray(config?.ladder)) throw new ApiError("The server's answer cannot be read.", true); // of a proxy
   return server === "" || config.render_url ? config : { ...config, render_url: server };
 }
 
 /** All scenes; `scan` has the server look at its directory again first. */
 export function fetchScenes({ scan = false } = {}): Promise<SceneInfo[]> {
-  return call<SceneInfo[]>(scan ? "scenes?scan=1" : "scenes", {}, withTimeout());
+  return callSoon(scan ? "scenes?scan=1" : "scenes");
 }
 
 interface Loading {
@@ -37,64 +37,52 @@ interface Loading {
 export function loadScene(id: string, signal?: AbortSignal, { host, server = "", coarse }: Loading = {}) {
   const query = new URLSearchParams({ ...(coarse && { coarse: "1" }), ...(host && { host }) }).toString();
   const path = `scenes/${encodeURIComponent(id)}/load${query && `?${query}`}`;
-  return call<SceneInfo>(at(server, path), { method: "POST" }, signal);
+  return call<SceneInfo>(at(server, path), { method: "POST", signal });
 }
 
 export function unloadScene(id: string): Promise<SceneInfo> {
-  return call<SceneInfo>(`scenes/${encodeURIComponent(id)}/unload`, { method: "POST" }, withTimeout());
+  return callSoon(`scenes/${encodeURIComponent(id)}/unload`, { method: "POST" });
 }
 
 /** Deletes a scene on the server's disk. */
 export function deleteScene(id: string): Promise<void> {
-  return call<void>(`scenes/${encodeURIComponent(id)}`, { method: "DELETE" }, withTimeout());
+  return callSoon(`scenes/${encodeURIComponent(id)}`, { method: "DELETE" });
 }
 
 /** The renamed scene; its name is also its id. */
 export function renameScene(id: string, name: string): Promise<SceneInfo> {
   const init = { method: "POST", body: JSON.stringify({ name }) };
-  return call<SceneInfo>(`scenes/${encodeURIComponent(id)}/rename`, init, withTimeout());
+  return callSoon(`scenes/${encodeURIComponent(id)}/rename`, init);
 }
 
 /** Changes a scene's start view, saved views and camera paths; the changed scene. */
 export function editScene(id: string, edit: SceneEdit): Promise<SceneInfo> {
   const init = { method: "PATCH", body: JSON.stringify(edit) };
-  return call<SceneInfo>(`scenes/${encodeURIComponent(id)}`, init, withTimeout());
+  return callSoon(`scenes/${encodeURIComponent(id)}`, init);
 }
 
 /** Makes the upload at this URL a scene, however long it takes to check it. */
 export function addUploaded(url: string, signal?: AbortSignal): Promise<AddedScene> {
-  return call<AddedScene>(`${url}/scene`, { method: "POST" }, signal);
+  return call(`${url}/scene`, { method: "POST", signal });
 }
 
 export function fetchScene(id: string, server = ""): Promise<SceneInfo> {
-  return call<SceneInfo>(at(server, `scenes/${encodeURIComponent(id)}`), {}, withTimeout());
+  return callSoon(at(server, `scenes/${encodeURIComponent(id)}`));
 }
 
 /** How far the training of a scene's networks is; `POST` begins it, and `DELETE` stops it. */
 export function training(id: string, method: "GET" | "POST" | "DELETE" = "GET"): Promise<Training> {
-  return call<Training>(`scenes/${encodeURIComponent(id)}/enhance`, { method }, withTimeout());
+  return callSoon(`scenes/${encodeURIComponent(id)}/enhance`, { method });
 }
 
 /** The URL of a path at a server; relative to the page without one. */
 const at = (server: string, path: string) => (server === "" ? path : `${server}/${path}`);
 
-async function call<T>(path: string, init: RequestInit, signal?: AbortSignal): Promise<T> {
-  let response: Response;
-  try {
-    response = await fetch(path, { ...init, cache: "no-store", ...(signal && { signal }) });
-    if (response.ok) return (response.status === 204 ? undefined : await response.json()) as T;
-  } catch (error) {
-    if (signal?.aborted && !isTimeout(signal.reason)) throw error;
-    throw new ApiError("The server does not answer.", true);
-  }
-  throw new ApiError((await readProblem(response)).detail, false);
+function call<T>(path: string, request: AskOptions): Promise<T> {
+  const read = async (answer: Response) => (answer.status === 204 ? undefined : await answer.json());
+  return ask(path, read, () => "The server does not answer.", request);
 }
 
-function withTimeout(signal?: AbortSignal): AbortSignal {
-  const timeout = AbortSignal.timeout(TIMEOUT);
-  return signal ? AbortSignal.any([signal, timeout]) : timeout;
-}
-
-function isTimeout(reason: unknown): boolean {
-  return reason instanceof DOMException && reason.name === "TimeoutError";
+function callSoon<T>(path: string, request: AskOptions = {}): Promise<T> {
+  return call(path, { ...request, timeout: TIMEOUT });
 }

@@ -1,8 +1,8 @@
 import { beforeEach, describe, expect, test } from "vitest";
 import { deferred } from "#client/async/deferred";
-import { FakeTransport, settle } from "#client/transport/fake";
+import { FakeTransport, settle } from "#fakes/transport";
 import { type DecodedImage, FrameDropped, RequestProblem } from "#client/transport/transport";
-import { view } from "./fake-view";
+import { view } from "#fakes/views";
 import { FramePipeline, type SentRequest, type ViewRequest } from "./pipeline";
 
 let now: number;

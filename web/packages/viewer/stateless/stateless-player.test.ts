@@ -2,7 +2,8 @@ import { beforeEach, describe, expect, test } from "vitest";
 import type { Display } from "../enhance/display";
 import { angleBetween } from "../view/vector";
 import type { DecodedFrame } from "./pipeline";
-import { PlayerBench, STILL } from "./player-bench";
+import { PlayerBench } from "#fakes/player-bench";
+import { STILL } from "#fakes/rig";
 import type { Reply } from "./stateless-player";
 
 let bench: PlayerBench;
@@ -159,12 +160,6 @@ describe("refining", () => {
     expect(asked().map(([rung]) => rung)).toEqual([3, undefined, 3]);
     expect(bench.player.stats.value.settled).toBe(true);
     expect(bench.player.problem.value).toBeNull();
-  });
-
-  test("can be left out", async () => {
-    bench.profile = 3;
-    await bench.frames(60);
-    expect(bench.transport.requests.map(({ request }) => request.profile)).toEqual([3]);
   });
 });
 

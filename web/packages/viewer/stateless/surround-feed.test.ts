@@ -1,5 +1,5 @@
 import { beforeEach, expect, test } from "vitest";
-import { PlayerBench } from "./player-bench";
+import { PlayerBench } from "#fakes/player-bench";
 
 let bench: PlayerBench;
 let received: number;

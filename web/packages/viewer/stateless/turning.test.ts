@@ -1,7 +1,8 @@
 import { beforeEach, expect, test, vi } from "vitest";
 import { Display } from "../enhance/display";
 import { angleBetween } from "../view/vector";
-import { PlayerBench, STILL } from "./player-bench";
+import { PlayerBench } from "#fakes/player-bench";
+import { STILL } from "#fakes/rig";
 
 let bench: PlayerBench;
 
@@ -99,14 +100,6 @@ test("margins of the frame that came are what counts, not those that are asked f
   const { fx } = bench.rig.intrinsics.value;
   expect(first?.view).toMatchObject({ width: 1280, cx: 640, fx: expect.closeTo(fx / 1.5) });
   expect(bench.warp.taken.at(-1)?.view).toMatchObject({ width: 1280, cx: 640, fx: expect.closeTo(fx) });
-});
-
-test("samples tell of frames as they came", async () => {
-  bench.axes = { ...STILL, turnRight: 1 };
-  await bench.frames(20);
-  expect(bench.shown.length).toBeGreaterThan(5);
-  expect(bench.shown.length).toBeLessThan(bench.presented.length + 1);
-  expect(bench.shown[0]?.image).toBeInstanceOf(Blob);
 });
 
 test.each([30, 120])(

@@ -2,9 +2,10 @@
 
 import { beforeEach, expect, test } from "vitest";
 import { videoLadder } from "#client/abr/video-ladder";
-import { settle } from "#client/transport/fake";
-import { PLACE } from "../enhance/fake-gpu";
-import { PlayerBench, STILL } from "./player-bench";
+import { settle } from "#fakes/transport";
+import { PLACE } from "#fakes/gpu";
+import { PlayerBench } from "#fakes/player-bench";
+import { STILL } from "#fakes/rig";
 
 const STEPS = videoLadder(PLACE.ladder);
 

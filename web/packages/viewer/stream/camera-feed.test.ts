@@ -1,15 +1,11 @@
 import { beforeEach, describe, expect, test } from "vitest";
+import { steeredRig, STILL } from "#fakes/rig";
 import type { PoseUpdate } from "#client/wire/dash";
-import type { SceneInfo } from "#client/wire/render";
 import { Foresight } from "../predict/foresight";
 import type { PredictorName } from "../predict/registry";
 import type { View } from "../reproject/view";
-import { NO_NUDGE } from "../view/motion";
-import { Rig } from "../view/rig";
+import type { Rig } from "../view/rig";
 import { CameraFeed, widened } from "./camera-feed";
-
-const SCENE = { up: [0, -1, 0], camera: { position: [0, -2, -8], look_at: [0, -2, 0] } } as SceneInfo;
-const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 
 let axes: typeof STILL;
 let rig: Rig;
@@ -25,9 +21,8 @@ beforeEach(() => {
   busy = false;
   now = 0;
   prediction = "off";
-  rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
+  rig = steeredRig(() => axes);
   rig.resize(640, 360);
-  rig.enter(SCENE);
   rig.sample(0);
   foresight = new Foresight(rig, () => prediction);
 });

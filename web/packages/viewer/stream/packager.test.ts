@@ -1,4 +1,4 @@
-import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
+import { beforeEach, describe, expect, test, vi } from "vitest";
 import type { SessionRequest } from "#client/wire/dash";
 import { endSession, openSession, openWebRtc, repeatedShare } from "./packager";
 
@@ -7,10 +7,6 @@ const SIGNAL = new AbortController().signal;
 
 beforeEach(() => {
   vi.stubGlobal("location", { href: "http://page/" });
-});
-
-afterEach(() => {
-  vi.unstubAllGlobals();
 });
 
 function answer(response: () => Response | Promise<Response>) {

@@ -1,21 +1,18 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { steeredRig, STILL } from "#fakes/rig";
 import { deferred } from "#client/async/deferred";
 import { ApiError } from "#client/http/problem";
 import type { PoseUpdate } from "#client/wire/dash";
-import type { SceneInfo } from "#client/wire/render";
 import type { Content, Reprojector, Turned } from "../reproject/reprojector";
-import { NO_NUDGE } from "../view/motion";
 import type { PresentedFrame } from "../view/presented";
-import { type NumberedPose, Rig } from "../view/rig";
+import type { NumberedPose, Rig } from "../view/rig";
 import { type OpenViews, StreamUnsupported, type ViewEvents, type ViewStream } from "./stream";
 import { StreamPlayer } from "./stream-player";
 import type { StreamedFrame } from "./turned-video";
 
-const SCENE = { up: [0, -1, 0], camera: { position: [0, -2, -8], look_at: [0, -2, 0] } } as SceneInfo;
 const PLAYED: ViewStream["played"] = {
   webrtc: { codec: "VP8", rung: 2, width: 640, height: 360, frame_rate: 30, lost_packets: 0 },
 };
-const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 
 /** The video's present media time in seconds. */
 let mediaTimeNow: number;
@@ -80,9 +77,8 @@ beforeEach(() => {
       return told;
     },
   } as unknown as Reprojector<StreamedFrame>;
-  rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
+  rig = steeredRig(() => axes);
   rig.resize(640, 360);
-  rig.enter(SCENE);
   rig.sample(0);
   vi.resetAllMocks();
   disposed = 0;
@@ -94,7 +90,6 @@ beforeEach(() => {
 
 afterEach(() => {
   player.dispose();
-  vi.unstubAllGlobals();
   vi.useRealTimers();
 });
 

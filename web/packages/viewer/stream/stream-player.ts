@@ -10,7 +10,7 @@ import { Foresight } from "../predict/foresight";
 import type { PredictorName } from "../predict/registry";
 import type { Reprojector } from "../reproject/reprojector";
 import { type Figures, Meter, NO_FIGURES, STATS_EVERY } from "../view/meter";
-import type { PresentedFrame, Side } from "../view/presented";
+import type { PresentedFrame, Side, SourcePhase } from "../view/presented";
 import type { Rig } from "../view/rig";
 import { CameraFeed } from "./camera-feed";
 import { FramePoses } from "./frame-poses";
@@ -44,13 +44,6 @@ export const NO_STREAM_STATS: StreamStats = {
   jitterBuffer: null,
 };
 
-/** How it stands; `failed` waits for another setting. */
-export type StreamPhase =
-  | { readonly kind: "connecting" }
-  | { readonly kind: "playing" }
-  | { readonly kind: "lost"; readonly message: string }
-  | { readonly kind: "failed"; readonly message: string };
-
 export interface StreamOptions {
   readonly video: HTMLVideoElement;
   readonly rig: Rig;
@@ -83,7 +76,7 @@ interface Playing {
 
 export class StreamPlayer {
   readonly stats = signal<StreamStats>(NO_STREAM_STATS);
-  readonly phase = signal<StreamPhase>({ kind: "connecting" });
+  readonly phase = signal<SourcePhase>({ kind: "connecting" });
   readonly #options: StreamOptions;
   readonly #visit = new AbortController();
   readonly #meter: Meter;

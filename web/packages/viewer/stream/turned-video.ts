@@ -6,44 +6,8 @@ import type { Reprojector } from "../reproject/reprojector";
 import { resized } from "../reproject/view";
 import type { Told } from "./camera-feed";
 
-/** Pictures of a video's frames, each kept until its view is known, and closed if unused. */
-export class WaitingPictures<Picture extends { close(): void }> {
-  /** A decoder has few pictures to lend. */
-  static readonly MOST = 3;
-  /** By the frames' numbers, which grow unless the video jumps. */
-  readonly #waiting = new Map<number, Picture>();
-
-  /** The newest frame's. */
-  add(frame: number, picture: Picture): void {
-    this.#drop(frame);
-    this.#waiting.set(frame, picture);
-    for (const oldest of this.#waiting.keys()) {
-      if (this.#waiting.size <= WaitingPictures.MOST) break;
-      this.#drop(oldest);
-    }
-  }
-
-  /** Removes and returns a frame's picture, dropping earlier ones; null if it was dropped. */
-  take(frame: number): Picture | null {
-    const picture = this.#waiting.get(frame);
-    if (picture === undefined) return null;
-    for (const earlier of this.#waiting.keys()) {
-      if (earlier === frame) break;
-      this.#drop(earlier);
-    }
-    this.#waiting.delete(frame);
-    return picture;
-  }
-
-  clear(): void {
-    for (const frame of this.#waiting.keys()) this.#drop(frame);
-  }
-
-  #drop(frame: number): void {
-    this.#waiting.get(frame)?.close();
-    this.#waiting.delete(frame);
-  }
-}
+/** How many pictures wait: a decoder has few to lend. */
+const MOST = 3;
 
 /** Properties of a frame on screen. */
 export interface StreamedFrame {
@@ -58,7 +22,8 @@ export interface StreamedFrame {
 export class TurnedVideo {
   readonly #video: HTMLVideoElement;
   readonly #reprojector: Reprojector<StreamedFrame>;
-  readonly #waiting = new WaitingPictures<VideoFrame>();
+  /** Until their view is known, by the frames' numbers, which grow unless the video jumps. */
+  readonly #waiting = new Map<number, VideoFrame>();
 
   constructor(video: HTMLVideoElement, reprojector: Reprojector<StreamedFrame>) {
     this.#video = video;
@@ -86,14 +51,18 @@ export class TurnedVideo {
     const untimed = picture.timestamp === Math.trunc(this.#video.currentTime);
     const frame = numberAt(untimed ? reported : picture.timestamp / 1e6);
     if (frame === null) picture.close();
-    else this.#waiting.add(frame, picture);
+    else this.#wait(frame, picture);
     return frame;
   }
 
   /** It is known which view a frame shows. */
   show(frame: number, told: Told, about: Omit<StreamedFrame, "askedAt">): void {
-    const picture = this.#waiting.take(frame);
-    if (picture === null) return;
+    const picture = this.#waiting.get(frame);
+    if (picture === undefined) return;
+    for (const earlier of this.#waiting.keys()) {
+      if (earlier === frame) break;
+      this.#drop(earlier);
+    }
     this.#reprojector.take(picture, {
       frame: { ...about, askedAt: told.at },
       pose: told.pose,
@@ -101,11 +70,25 @@ export class TurnedVideo {
       view: resized(told.view, picture.displayWidth, picture.displayHeight),
       depth: null,
     });
-    picture.close();
+    this.#drop(frame);
   }
 
   /** The stream has ended. */
   clear(): void {
-    this.#waiting.clear();
+    for (const frame of this.#waiting.keys()) this.#drop(frame);
+  }
+
+  #wait(frame: number, picture: VideoFrame): void {
+    this.#drop(frame);
+    this.#waiting.set(frame, picture);
+    for (const oldest of this.#waiting.keys()) {
+      if (this.#waiting.size <= MOST) break;
+      this.#drop(oldest);
+    }
+  }
+
+  #drop(frame: number): void {
+    this.#waiting.get(frame)?.close();
+    this.#waiting.delete(frame);
   }
 }

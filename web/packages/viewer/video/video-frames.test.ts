@@ -1,9 +1,9 @@
-import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
-import { FakeTransport, settle } from "#client/transport/fake";
+import { beforeEach, describe, expect, test, vi } from "vitest";
+import { FakeTransport, settle } from "#fakes/transport";
 import { FrameDropped, type FrameReply, type FrameTransport } from "#client/transport/transport";
 import type { RenderRequest } from "#client/wire/render";
 import { SKIPPED } from "./encoded-frame";
-import { FakeDecoder } from "./fake-decoder";
+import { FakeDecoder } from "#fakes/decoder";
 import { VideoFrames, videoProblem } from "./video-frames";
 
 const PATIENCE = 100;
@@ -172,8 +172,6 @@ test("what is left when the viewer is closed is closed, too", async () => {
 });
 
 describe("support", () => {
-  afterEach(() => vi.unstubAllGlobals());
-
   const decoder = (isConfigSupported: () => Promise<{ supported: boolean }>) =>
     vi.stubGlobal("VideoDecoder", { isConfigSupported });
 

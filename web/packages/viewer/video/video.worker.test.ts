@@ -1,4 +1,4 @@
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { beforeEach, expect, test, vi } from "vitest";
 
 /** Returns pictures on demand, in any order. */
 class FakeDecoder {
@@ -25,10 +25,6 @@ beforeEach(async () => {
   vi.stubGlobal("postMessage", (answer: { readonly id: number }) => answers.push(answer));
   await import("./video.worker");
   worker = globalThis as unknown as typeof worker;
-});
-
-afterEach(() => {
-  vi.unstubAllGlobals();
 });
 
 function frame(timestamp: number): VideoFrame & { closed: boolean } {

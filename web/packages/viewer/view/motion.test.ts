@@ -1,8 +1,8 @@
 import { describe, expect, test } from "vitest";
+import { STILL } from "#fakes/rig";
 import { NO_NUDGE, step, suggestedSpeed } from "./motion";
 
 const CAMERA = { position: [0, 0, 0], azimuth: 0, elevation: 0 } as const;
-const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 const SPEEDS = { turn: 60, move: 2 };
 
 test("when nothing is asked the camera is the very same", () => {

@@ -15,7 +15,6 @@ beforeEach(() => {
 afterEach(() => {
   presence.dispose();
   vi.useRealTimers();
-  vi.unstubAllGlobals();
 });
 
 function hide(hidden: boolean): void {

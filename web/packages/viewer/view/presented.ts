@@ -1,7 +1,15 @@
-/** A frame on screen, in any mode. */
+/** Phases and frames of every mode. */
+
+/** How a mode stands; `failed` waits for another setting. */
+export type SourcePhase =
+  | { readonly kind: "connecting"; readonly message?: string }
+  | { readonly kind: "playing" /** Why the server refuses frames at the moment. */; readonly problem?: string }
+  | { readonly kind: "lost"; readonly message: string }
+  | { readonly kind: "failed"; readonly message: string };
 
 export type Side = "stateless" | "dash" | "webrtc" | "local";
 
+/** A frame on screen. */
 export interface PresentedFrame {
   readonly side: Side;
   /** When it was on the screen, on the page's own clock (performance.now), in milliseconds. */

@@ -1,20 +1,16 @@
 import { beforeEach, expect, test } from "vitest";
-import type { SceneInfo } from "#client/wire/render";
+import { steeredRig, STILL } from "#fakes/rig";
+import { COURTYARD } from "#fakes/server";
 import type { ScenePose } from "./camera";
-import { NO_NUDGE } from "./motion";
-import { Rig } from "./rig";
+import type { Rig } from "./rig";
 import { rotate } from "./vector";
-
-const SCENE = { up: [0, -1, 0], camera: { position: [0, -2, -8], look_at: [0, -2, 0] } } as SceneInfo;
-const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 
 let axes: typeof STILL;
 let rig: Rig;
 
 beforeEach(() => {
   axes = STILL;
-  rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
-  rig.enter(SCENE);
+  rig = steeredRig(() => axes);
   rig.sample(0);
 });
 
@@ -30,7 +26,7 @@ test("a pose gets a new number with each change, and only then", () => {
 
 test("stays where it is when the scene is known better, also with another axis up", () => {
   const { position, quaternion } = rig.pose;
-  rig.update({ ...SCENE, up: [1, 0, 0], camera: { position: [5, 5, 5], look_at: [0, 0, 0] } });
+  rig.update({ ...COURTYARD, up: [1, 0, 0], camera: { position: [5, 5, 5], look_at: [0, 0, 0] } });
   rig.sample(16);
   expect(rig.pose.position).toEqual(position.map((value) => expect.closeTo(value)));
   const forward = rotate(rig.pose.quaternion, [0, 0, 1]);

@@ -5,7 +5,7 @@
  */
 
 /** A longer gap than this is a stall, in milliseconds: six frames at 30 frames/s. */
-export const STALL_AFTER = 200;
+const STALL_AFTER = 200;
 /** A camera that did not move for this long stands still, in milliseconds. */
 const STILL_AFTER = 100;
 

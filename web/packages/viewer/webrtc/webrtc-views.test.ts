@@ -91,7 +91,6 @@ beforeEach(() => {
 
 afterEach(() => {
   vi.useRealTimers();
-  vi.unstubAllGlobals();
 });
 
 function open(signal = new AbortController().signal): Promise<ViewStream> {

@@ -2,9 +2,9 @@
 
 import fc from "fast-check";
 import { expect, test } from "vitest";
-import { EFFORT } from "#client/fuzz/effort";
+import { EFFORT } from "#fakes/effort";
 import { EnhancementError } from "../model/enhancer";
-import { ONE, OTHER, safetensors, weights } from "./fake-weights";
+import { ONE, OTHER, safetensors, weights } from "#fakes/weights";
 import { readNetworks } from "./networks";
 import { shaders } from "./wgsl";
 

@@ -1,8 +1,8 @@
 import { expect, test } from "vitest";
 import type { Rung } from "#client/wire/render";
 import { EnhancementError } from "../model/enhancer";
-import { type Header, LADDER, ONE, OTHER, safetensors, weights } from "./fake-weights";
-import { multiplications, type Network, networksFor, readNetworks } from "./networks";
+import { type Header, LADDER, ONE, OTHER, safetensors, weights } from "#fakes/weights";
+import { type Network, networksFor, readNetworks } from "./networks";
 
 const SOUND = weights([ONE, OTHER]);
 
@@ -31,11 +31,6 @@ test("a file has a network for each of its rungs", () => {
     [8 * 8 * 9, 8],
     [3 * 8 * 9, 3],
   ]);
-});
-
-test("a pixel costs nine products for each pair of an input and an output", () => {
-  const [one] = readNetworks(safetensors(SOUND.header, SOUND.data));
-  expect(one && multiplications(one)).toBe(9 * (3 * 4 + 4 * 12));
 });
 
 test("values keep their tensor and their place", () => {

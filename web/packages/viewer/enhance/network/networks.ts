@@ -124,8 +124,3 @@ function nearest(networks: readonly Network[], { height, quality }: Rung): Netwo
     .filter((network) => network.height <= NEAR * height && height <= NEAR * network.height)
     .sort((a, b) => away(a) - away(b) || Math.abs(a.quality - quality) - Math.abs(b.quality - quality))[0];
 }
-
-/** Multiply-accumulate operations for a pixel of the frame, without the bilinear enlargement. */
-export function multiplications({ layers }: Network): number {
-  return layers.reduce((sum, { inputs, outputs }) => sum + 9 * inputs * outputs, 0);
-}

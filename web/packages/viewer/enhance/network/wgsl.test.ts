@@ -1,6 +1,6 @@
 /** Checks the text of the shaders; tests/web/test_scene_network.py compares their results with PyTorch in a browser. */
 import { expect, test } from "vitest";
-import { ONE, OTHER, safetensors, weights } from "./fake-weights";
+import { ONE, OTHER, safetensors, weights } from "#fakes/weights";
 import { readNetworks } from "./networks";
 import { fasterPrecision, shaders } from "./wgsl";
 

@@ -2,7 +2,7 @@
 
 import { vi } from "vitest";
 import type { Connected } from "#client/transport/connect";
-import { FakeTransport, settle } from "#client/transport/fake";
+import { FakeTransport, settle } from "./transport";
 
 /** Does nothing: transports are fake. */
 class FakeWorker {

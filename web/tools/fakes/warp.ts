@@ -1,8 +1,8 @@
 /** For tests: a warp that records its calls, and a reprojector that uses it. */
 import type { DepthMap } from "#client/transport/transport";
-import type { Warper } from "./reprojector";
-import type { View } from "./view";
-import type { WarpOptions } from "./warp";
+import type { Warper } from "#viewer/reproject/reprojector";
+import type { View } from "#viewer/reproject/view";
+import type { WarpOptions } from "#viewer/reproject/warp";
 
 export class FakeWarp implements Warper {
   working = true;

@@ -4,24 +4,21 @@
  */
 import type { Observation } from "#client/abr/controller";
 import type { VideoStep } from "#client/abr/video-ladder";
-import { FakeTransport, settle } from "#client/transport/fake";
-import { Display } from "../enhance/display";
-import { Enhancement } from "../enhance/enhancement";
-import { PLACE } from "../enhance/fake-gpu";
-import { Overlay } from "../enhance/overlay";
-import type { PredictorName } from "../predict/registry";
-import { FakeWarp } from "../reproject/fake-warp";
-import { Reprojector } from "../reproject/reprojector";
-import { FakeDecoder } from "../video/fake-decoder";
-import { VideoFrames } from "../video/video-frames";
-import { NO_NUDGE } from "../view/motion";
-import type { PresentedFrame } from "../view/presented";
-import { Rig } from "../view/rig";
-import type { DecodedFrame } from "./pipeline";
-import { type Reply, type ShownFrame, StatelessPlayer } from "./stateless-player";
-import type { Pictured } from "./turning";
-
-export const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
+import { Display } from "#viewer/enhance/display";
+import { Enhancement } from "#viewer/enhance/enhancement";
+import { Overlay } from "#viewer/enhance/overlay";
+import type { PredictorName } from "#viewer/predict/registry";
+import { Reprojector } from "#viewer/reproject/reprojector";
+import type { DecodedFrame } from "#viewer/stateless/pipeline";
+import { type Reply, type ShownFrame, StatelessPlayer } from "#viewer/stateless/stateless-player";
+import type { Pictured } from "#viewer/stateless/turning";
+import { VideoFrames } from "#viewer/video/video-frames";
+import type { PresentedFrame } from "#viewer/view/presented";
+import { FakeDecoder } from "./decoder";
+import { PLACE } from "./gpu";
+import { STILL, steeredRig } from "./rig";
+import { FakeTransport, settle } from "./transport";
+import { FakeWarp } from "./warp";
 
 const SIZE = { width: 1280, height: 720 };
 
@@ -49,7 +46,7 @@ export class PlayerBench {
   readonly shown: ShownFrame[] = [];
   presented: PresentedFrame[] = [];
   transport!: FakeTransport;
-  readonly rig = new Rig({ sampleInput: () => ({ axes: this.axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
+  readonly rig = steeredRig(() => this.axes);
   readonly reprojector: Reprojector<Pictured>;
   /** The reprojector's, once it is on. */
   warp!: FakeWarp;
@@ -91,7 +88,6 @@ export class PlayerBench {
       now: () => this.now,
     });
     this.resize(SIZE.width, SIZE.height);
-    this.rig.enter(PLACE.scene);
     this.connect();
   }
 

@@ -1,5 +1,5 @@
 /** Observations for tests: a frame of a given size on a given link and server. */
-import type { Observation, Way } from "./controller";
+import type { Observation, Way } from "#client/abr/controller";
 
 export interface ObservationOptions {
   readonly profile?: number;

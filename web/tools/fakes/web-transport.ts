@@ -1,5 +1,5 @@
 /** A WebTransport session for tests: streams and datagrams that the test answers. */
-import { type Deferred, deferred } from "../async/deferred";
+import { type Deferred, deferred } from "#client/async/deferred";
 
 export interface FakeStream {
   /** The client's bytes, once it has closed its side. */

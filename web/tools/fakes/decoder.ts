@@ -1,6 +1,6 @@
 /** For tests: a worker that decodes each frame at once, or fails on demand. */
 import type { CalledWorker, WorkerAnswer, WorkerCall } from "#client/async/worker-calls";
-import type { EncodedFrame } from "./encoded-frame";
+import type { EncodedFrame } from "#viewer/video/encoded-frame";
 
 export class FakeDecoder implements CalledWorker {
   onmessage: CalledWorker["onmessage"] = null;

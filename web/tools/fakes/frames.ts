@@ -1,4 +1,30 @@
-/** The beginning of a JPEG with a depth, and a WebP with one, for tests. */
+/** Frames as the server writes them, for tests: whole, in datagrams, and with a depth. */
+
+export function frameBytes(header: object, body: Uint8Array<ArrayBuffer>): Uint8Array<ArrayBuffer> {
+  const json = new TextEncoder().encode(JSON.stringify(header));
+  const bytes = new Uint8Array(4 + json.length + body.length);
+  new DataView(bytes.buffer).setUint32(0, json.length);
+  bytes.set(json, 4);
+  bytes.set(body, 4 + json.length);
+  return bytes;
+}
+
+/** One datagram of a frame. */
+export function fragment(seq: number, index: number, count: number, part: Uint8Array): Uint8Array<ArrayBuffer> {
+  const datagram = new Uint8Array(8 + part.length);
+  const view = new DataView(datagram.buffer);
+  view.setUint32(0, seq);
+  view.setUint16(4, index);
+  view.setUint16(6, count);
+  datagram.set(part, 8);
+  return datagram;
+}
+
+/** A frame's datagrams with parts of this size, as the server cuts them. */
+export function fragments(seq: number, whole: Uint8Array, size: number): Uint8Array<ArrayBuffer>[] {
+  const count = Math.max(1, Math.ceil(whole.length / size));
+  return Array.from({ length: count }, (_, i) => fragment(seq, i, count, whole.subarray(i * size, (i + 1) * size)));
+}
 
 export function jpegWithDepth(nearest: number, image: Uint8Array): Uint8Array<ArrayBuffer> {
   const identifier = new TextEncoder().encode("tigas:depth\0");

@@ -2,10 +2,11 @@
 
 import { PAPER_LADDER } from "#client/abr/ladder";
 import { type Deferred, deferred } from "#client/async/deferred";
-import type { Chain, Place } from "./chain";
-import type { Size } from "./geometry";
-import type { Enhancer, Loaded } from "./model/enhancer";
-import type { Drawn, Picture } from "./renderer";
+import type { Chain, Place } from "#viewer/enhance/chain";
+import type { Size } from "#viewer/enhance/geometry";
+import type { Enhancer, Loaded } from "#viewer/enhance/model/enhancer";
+import type { Drawn, Picture } from "#viewer/enhance/renderer";
+import { COURTYARD } from "./server";
 
 export class FakeDevice {
   readonly features = new Set<string>();
@@ -70,23 +71,7 @@ export class FakeRenderer {
   }
 }
 
-export const PLACE: Place = {
-  scene: {
-    id: "courtyard",
-    name: "Courtyard",
-    state: "loaded",
-    error: null,
-    gaussians: 1,
-    sh_degree: 0,
-    file_bytes: 1,
-    memory_bytes: 1,
-    preview: "",
-    up: [0, -1, 0],
-    camera: { position: [0, -2, -8], look_at: [0, -2, 0] },
-    background: [0, 0, 0],
-  },
-  ladder: PAPER_LADDER,
-};
+export const PLACE: Place = { scene: COURTYARD, ladder: PAPER_LADDER };
 
 export const NO_WORK: Loaded = { run: (_, input) => input, dispose: () => undefined };
 

@@ -11,17 +11,15 @@ import type { Comparison } from "#viewer/session/comparison";
 import type { Phase, ViewerSession } from "#viewer/session/session";
 import { SOURCES } from "#viewer/sources/registry";
 import { settingsAt } from "#viewer/sources/sides";
-import type { Source, SourcePhase, SourceStats } from "#viewer/sources/source";
-import { COURTYARD } from "#viewer/state/fake-server";
+import type { Source, SourceStats } from "#viewer/sources/source";
 import type { Place } from "#viewer/state/settings";
 import { NO_STATS, type Stats } from "#viewer/stateless/stats";
 import { NO_STREAM_STATS, type StreamStats } from "#viewer/stream/stream-player";
-import { NO_NUDGE } from "#viewer/view/motion";
 import { Presence } from "#viewer/view/presence";
-import { Rig } from "#viewer/view/rig";
-import { page, settings } from "./app";
-
-const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
+import type { SourcePhase } from "#viewer/view/presented";
+import { page, settings } from "../../app/state/app";
+import { STILL, steeredRig } from "./rig";
+import { COURTYARD } from "./server";
 
 /** A source without a picture, with its state for the test to set. */
 export interface FakeSource<Of extends SourceStats = SourceStats> extends Source {
@@ -86,9 +84,8 @@ type FakeSide = ReturnType<typeof fakeSide>;
 
 /** In the scene, playing. */
 export function fakeSession() {
-  const rig = new Rig({ sampleInput: () => ({ axes: fake.axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
+  const rig = steeredRig(() => fake.axes);
   rig.resize(1280, 720);
-  rig.enter(COURTYARD);
   const pictures = fakePictures();
   const left = fakeSide("left", pictures);
   const right = signal<FakeSide | null>(null);

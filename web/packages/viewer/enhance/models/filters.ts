@@ -1,0 +1,19 @@
+/** Baselines: the picture as it came, which only the filter of the last step scales to the displayed size. */
+import type { Enhancer, Filter, Loaded } from "../model/enhancer";
+
+const AS_IT_IS: Loaded = {
+  run: (_, input) => input,
+  dispose: () => undefined,
+};
+
+const model = (filter: Filter, label: string): Enhancer => ({
+  name: filter,
+  label,
+  kind: "upscale",
+  scale: 1,
+  filter,
+  load: async () => AS_IT_IS,
+});
+
+export const BICUBIC = model("bicubic", "Bicubic");
+export const LANCZOS = model("lanczos", "Lanczos");
