@@ -40,6 +40,19 @@ class Client(NamedTuple):
         return self.address, self.session.rpartition("/")[0] or self.session
 
 
+def obsoletes(request: RenderRequest, other: RenderRequest) -> bool:
+    """Whether a frame is useless to its session once there is another: it shows the same view at an earlier moment.
+
+    Requests without numbers and additional pictures, which have other lenses or no rung, obsolete no frame of a view.
+    """
+    return other.seq < request.seq and _kind(other) == _kind(request)
+
+
+def _kind(request: RenderRequest) -> tuple[object, ...]:
+    lens = (request.width, request.height, request.fx, request.fy, request.cx, request.cy)
+    return request.scene, request.format, request.profile is None, lens
+
+
 @dataclass(slots=True)
 class Frame:
     """The answer to one RenderRequest."""

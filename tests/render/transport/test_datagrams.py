@@ -137,7 +137,7 @@ class Session:
     def sends(self, room: int) -> list[tuple[int, ...]]:
         """Datagrams sent with this much room: seq, fragment and number of fragments of each."""
         self.network.datagram_room, self.network.sent = room, []
-        self.writer.hand_over_datagrams()
+        self.writer.hand_over()
         return self.network.sent
 
 

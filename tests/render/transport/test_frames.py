@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import dataclasses
 import json
 import logging
@@ -176,6 +177,30 @@ async def test_a_frame_cancelled_while_it_is_being_sent_makes_room_for_the_next(
 
 
 VIDEO = {"format": "h264", "video": {"bitrate_kbps": 1000}}
+
+
+async def test_a_view_that_waits_for_the_network_makes_way_for_a_newer_one() -> None:
+    """The first frame fills the congestion window of a new connection."""
+    source = FakeFrames(random.Random(1).randbytes(100_000))
+    source.held = True
+    asked = [
+        request_body(seq=1),
+        request_body(seq=2),
+        request_body(seq=4),
+        request_body(seq=3),
+        request_body(seq=5, fx=1.0),
+        request_body(seq=6, format="h264", video={"bitrate_kbps": 1000}),
+        request_body(fx=2.0),
+        request_body(fx=2.0),
+    ]
+    async with in_session(source) as (_, client, session):
+        answers = asyncio.gather(*(client.frame(session, body) for body in asked))
+        await source.until(lambda: len(source.requests) == len(asked))
+        for seq in (1, 2, 4, 3, 5, 6, 0):
+            source.release(seq)
+        found = [(header["seq"], header["status"]) for header, _ in await answers]
+        assert found == [(1, 200), (2, 409), (4, 200), (3, 409), (5, 200), (6, 200), (0, 200), (0, 200)]
+    assert source.cancelled == []
 
 
 async def test_a_frame_of_a_video_says_what_it_refers_to_and_needs_a_stream() -> None:

@@ -86,14 +86,6 @@ class Work:
         """Whether the frame is no longer wanted."""
         return self.answered is None
 
-    def overtakes(self, other: Work) -> bool:
-        """Whether another frame of the same session is obsolete once this one has begun.
-
-        Both show the same view, the other from an earlier moment: it has a smaller number, and is of the same kind.
-        Additional pictures differ in their kind, or have no numbers.
-        """
-        return other.request.seq < self.request.seq and _kind(other.request) == _kind(self.request)
-
     def check_deadline(self, ready_at: float) -> None:
         """Raises DeadlineExceeded if the frame is of no use then."""
         deadline_ms = self.request.deadline_ms
@@ -129,9 +121,3 @@ class CallbackQueue(Generic[Item]):
                 self._receive(self._items.popleft())
             except Exception:  # the others' answers are not to be lost with one
                 logger.exception("An answer was not delivered")
-
-
-def _kind(request: RenderRequest) -> tuple[object, ...]:
-    """The scene and lens, and whether it is at a rung: predicted or surrounding views have other lenses."""
-    lens = (request.width, request.height, request.fx, request.fy, request.cx, request.cy)
-    return request.scene, request.format, request.profile is None, lens

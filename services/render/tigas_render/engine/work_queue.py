@@ -13,7 +13,7 @@ from tigas_render.engine.cost_model import CostModel, LargeFrames
 from tigas_render.engine.metrics import Utilisation
 from tigas_render.engine.work import Work
 from tigas_render.fair_queue import FairSchedule
-from tigas_render.frame import Client
+from tigas_render.frame import Client, obsoletes
 
 QUEUE_DEPTH = 4
 """Maximum number of waiting requests of one session: enough for a burst, too few to build up delay."""
@@ -220,7 +220,7 @@ class WorkQueue:
         self._at_work[client.address] += 1
         if self._at_work[client.address] >= self._most_at_work:
             self._all_at_work.add(client.address)
-        for older in self._schedule.remove_if(client, work.overtakes):
+        for older in self._schedule.remove_if(client, lambda other: obsoletes(work.request, other.request)):
             self._refuse(older, Superseded("A newer view of this client is rendered instead."))
 
     def _check(self, work: Work) -> None:

@@ -144,7 +144,7 @@ class Connection:
     def _transmit(self) -> None:
         more = True
         while more:
-            more = self.router is not None and self.router.writer.hand_over_datagrams()
+            more = self.router is not None and self.router.writer.hand_over()
             datagrams = self._quic.datagrams_to_send(now=_now())
             if not datagrams:
                 break

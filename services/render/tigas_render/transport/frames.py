@@ -11,13 +11,13 @@ import time
 from collections.abc import Callable
 from functools import partial
 
-from tigas_common.errors import BodyTooLarge, InvalidRequest, Overloaded, TigasError, problem
+from tigas_common.errors import BodyTooLarge, InvalidRequest, Overloaded, Superseded, TigasError, problem
 from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.wire.render import FrameHeader, RenderRequest
 from tigas_render.admission.load import Load
 from tigas_render.admission.viewers import RequestRate
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
-from tigas_render.transport.outlet import Datagrams, Outlet
+from tigas_render.transport.outlet import Datagrams, NewestFrames, Outlet, WaitingFrame, Writer
 
 logger = logging.getLogger(__name__)
 
@@ -32,12 +32,13 @@ MAX_DATAGRAM_REQUESTS = 16
 class RenderSession:
     """One viewer. No method may wait."""
 
-    def __init__(self, source: FrameSource, rate: RequestRate, client: Client, datagrams: Datagrams) -> None:
-        """client: unique to the session."""
+    def __init__(self, source: FrameSource, rate: RequestRate, client: Client, writer: Writer, session_id: int) -> None:
+        """client: unique to the session. session_id: the id of the stream that opened it."""
         self._source = source
         self._rate = rate
         self._client = client
-        self._datagrams = datagrams
+        self._datagrams = Datagrams(writer, session_id)
+        self.frames = NewestFrames(writer)
         self._running: dict[int, Withdraw] = {}
         """Cancel functions of requests received by datagram, by number."""
         self._has_video = False
@@ -49,6 +50,7 @@ class RenderSession:
             withdraw()
         self._running.clear()
         self._datagrams.close()
+        self.frames.close()
 
     def stopped(self) -> None:
         """The client does not get all of an answer: it has stopped reading, or is too slow."""
@@ -138,14 +140,14 @@ class RenderSession:
         return _encode(header) + about.model_dump_json().encode()
 
 
-SessionFactory = Callable[[Client, Datagrams], RenderSession]
-"""Makes a new session, from its client, which no other session has, and its datagrams."""
+SessionFactory = Callable[[Client, Writer, int], RenderSession]
+"""Makes a new session, from its client, which no other session has, its connection's writer, and its id."""
 
 
 def render_session(source: FrameSource, rate: RequestRate | None = None) -> SessionFactory:
     """Factory of the `/render` sessions. rate: request rate of each; None: unlimited."""
     rates = RequestRate(Load(), math.inf, time.monotonic) if rate is None else rate
-    return lambda client, datagrams: RenderSession(source, rates, client, datagrams)
+    return partial(RenderSession, source, rates)
 
 
 class WebTransportStream:
@@ -211,11 +213,18 @@ class WebTransportStream:
     def _answer(self, result: Frame | Exception) -> None:
         self._stop_reading()
         self._withdraw, self._is_answered = None, True
-        if isinstance(result, Frame):
-            self.outlet.finish((self.session.header(result), result.body), self._end)
-            result.release()
-        else:
+        if not isinstance(result, Frame):
             self.outlet.finish((self.session.failure(result, self._body),), self._end)
+            return
+        if result.video is not None or self.session.frames.may_leave:
+            self.outlet.finish((self.session.header(result), result.body), self._end)
+        else:
+            send = partial(self.outlet.finish, (self.session.header(result), bytes(result.body)), self._end)
+            self.session.frames.wait(WaitingFrame(parse(RenderRequest, self._body), send, self._supersede))
+        result.release()
+
+    def _supersede(self) -> None:
+        self._answer(Superseded("A newer view is sent instead."))
 
     def _end(self) -> None:
         ended, self._ended = self._ended, None

@@ -7,6 +7,7 @@ import struct
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from aioquic.buffer import encode_uint_var
 from aioquic.h3.connection import FrameType
@@ -15,6 +16,7 @@ from aioquic.h3.events import Headers
 from tigas_common.errors import InvalidRequest
 from tigas_common.wire.render import RenderRequest
 from tigas_render.admission.limits import Limits
+from tigas_render.frame import obsoletes
 from tigas_render.transport.aioquic_ext.h3 import ServerH3Connection
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 
@@ -47,8 +49,8 @@ class Writer:
         self.transmit_soon = transmit_soon
         self.waiting: dict[int, Callable[[], None]] = {}
         """Callbacks of writers that wait for room, by stream."""
-        self.with_datagrams: list[Callable[[], bool]] = []
-        """`Datagrams.hand_over` of the sessions with datagrams that wait."""
+        self.handing_over: list[Callable[[], bool]] = []
+        """`hand_over` of everything that waits to be handed to QUIC."""
         self.closed = False
 
     def room(self, stream_id: int) -> int:
@@ -64,10 +66,16 @@ class Writer:
             if not self.quic.can_write(stream_id) or self.room(stream_id):
                 self.waiting[stream_id]()
 
-    def hand_over_datagrams(self) -> bool:
-        """Give QUIC as many datagrams as it can send soon; whether any are left."""
-        self.with_datagrams = [hand_over for hand_over in self.with_datagrams if hand_over()]
-        return bool(self.with_datagrams)
+    def hand_over(self) -> bool:
+        """Give QUIC as many frames and datagrams as it can send soon; whether any are left."""
+        self.handing_over = [hand_over for hand_over in self.handing_over if hand_over()]
+        return bool(self.handing_over)
+
+    def hand_over_soon(self, hand_over: Callable[[], bool]) -> None:
+        """Call this, at once and whenever there may be room, until it returns False because nothing is left."""
+        if hand_over not in self.handing_over:
+            self.handing_over.append(hand_over)
+        self.transmit_soon()
 
     def close(self) -> None:
         """Resume all writers, which then find the connection closed."""
@@ -191,6 +199,56 @@ class _Sending:
         self.ended()
 
 
+class WaitingFrame(NamedTuple):
+    """An answer on a stream that is not handed to QUIC yet."""
+
+    request: RenderRequest
+    send: Callable[[], None]
+    refuse: Callable[[], None]
+
+
+class NewestFrames:
+    """A session's frames on streams while the congestion window is full, as it is for the first round trips.
+
+    They wait here, where the newest of a view takes the place of older ones, which would arrive late and hold it up.
+    Those are refused when it leaves, so that the client requests no more than the link carries.
+    """
+
+    def __init__(self, writer: Writer) -> None:
+        self._writer = writer
+        self._waiting: deque[WaitingFrame] = deque()
+        self._refused: list[Callable[[], None]] = []
+
+    @property
+    def may_leave(self) -> bool:
+        """Whether a frame need not wait."""
+        return not self._waiting and self._writer.quic.has_room
+
+    def wait(self, frame: WaitingFrame) -> None:
+        """Send a frame as soon as there is room, unless a newer one of its view is there by then."""
+        frames = [*self._waiting, frame]
+        self._waiting.clear()
+        for each in frames:
+            if any(obsoletes(other.request, each.request) for other in frames):
+                self._refused.append(each.refuse)
+            else:
+                self._waiting.append(each)
+        self._writer.hand_over_soon(self.hand_over)
+
+    def hand_over(self) -> bool:
+        """As `Writer.hand_over`."""
+        while self._waiting and self._writer.quic.has_room:
+            self._waiting.popleft().send()
+            refused, self._refused = self._refused, []
+            for refuse in refused:
+                refuse()
+        return bool(self._waiting)
+
+    def close(self) -> None:
+        self._waiting.clear()
+        self._refused.clear()
+
+
 def fragments(seq: int, answer: bytes, max_datagram: int) -> list[bytes]:
     """Cut an answer into datagrams of at most `max_datagram` bytes, header included.
 
@@ -251,7 +309,7 @@ class Datagrams:
         if request >= self._newest_sent:
             self._newest_sent = request
             self._waiting = deque(fragments(seq, answer, self._max_size))
-            self._send_soon()
+            self._writer.hand_over_soon(self.hand_over)
 
     def send_problem(self, seq: int, answer: bytes) -> None:
         """Send a short answer ahead of the frame that is on its way, which stays good.
@@ -259,10 +317,10 @@ class Datagrams:
         Beyond the limit, the oldest are dropped.
         """
         self._urgent.extend(fragments(seq, answer, self._max_size))
-        self._send_soon()
+        self._writer.hand_over_soon(self.hand_over)
 
     def hand_over(self) -> bool:
-        """As `Writer.hand_over_datagrams`. A datagram that has become too long for the path is dropped."""
+        """As `Writer.hand_over`. A datagram that has become too long for the path is dropped."""
         quic = self._writer.quic
         for queue in (self._urgent, self._waiting):
             while queue and quic.datagram_room:
@@ -274,8 +332,3 @@ class Datagrams:
     def close(self) -> None:
         self._waiting.clear()
         self._urgent.clear()
-
-    def _send_soon(self) -> None:
-        if self.hand_over not in self._writer.with_datagrams:
-            self._writer.with_datagrams.append(self.hand_over)
-        self._writer.transmit_soon()

@@ -31,7 +31,7 @@ from tigas_render.transport.aioquic_ext.h3 import ServerH3Connection
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 from tigas_render.transport.frames import DRAFT_HEADER, RenderSession, SessionFactory, WebTransportStream
 from tigas_render.transport.http import HttpRequest, http_scope, refusal
-from tigas_render.transport.outlet import Datagrams, Outlet, Writer
+from tigas_render.transport.outlet import Outlet, Writer
 
 BUFFERED_STREAM_REJECTED = 0x3994BD84
 """WebTransport's error for a stream of a session that does not exist."""
@@ -271,7 +271,7 @@ class Router:
         outlet.send_headers([(b":status", b"200"), DRAFT_HEADER])
         self._usage.sessions += 1
         client = Client(self._usage.address, f"session {next(_numbers)}", "webtransport")
-        self._sessions[stream_id] = make_session(client, Datagrams(self.writer, stream_id))
+        self._sessions[stream_id] = make_session(client, self.writer, stream_id)
         return None
 
     def _close_session(self, stream_id: int) -> None:

@@ -198,6 +198,12 @@ class ServerQuicConnection(BulkQuicConnection):
                     network += unsent
         return network, total
 
+    @property
+    def has_room(self) -> bool:
+        """Whether the congestion window has room for more than all streams have to send."""
+        waiting, _ = self.unsent_total()
+        return self._loss.bytes_in_flight + waiting + self._max_datagram_size <= self._loss.congestion_window
+
     def can_write(self, stream_id: int) -> bool:
         """Whether a stream accepts data: it is open, not finished, and neither side has reset it."""
         stream = self._streams.get(stream_id)
