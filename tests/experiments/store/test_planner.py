@@ -262,11 +262,11 @@ async def test_what_the_services_lack_is_told_before_the_first_run(tmp_path: Pat
         return SERVER, scene()
 
     async with running_store(tmp_path, services=without_packager) as store:
-        for changes, told in (
-            ({}, "There is no packager behind"),
-            ({"scenes": ["gone"]}, "The scene 'gone' cannot be loaded"),
+        for scene_id, told in (
+            ("courtyard", "There is no packager behind"),
+            ("gone", "The scene 'gone' cannot be loaded"),
         ):
-            experiment = await store.create(**changes)
+            experiment = await store.create(scenes=[scene_id])
             refused = await store.http.post(f"/experiments/{experiment}/next", json={"page": "a", "begin": True})
             assert (refused.status_code, refused.json()["type"]) == (409, "tigas:cannot-start")
             assert told in refused.json()["detail"]
