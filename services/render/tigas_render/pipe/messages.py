@@ -34,9 +34,9 @@ def pack_frame(id: int, frame: Frame, offset: int) -> bytes:
 
 def unpack_frame(body: memoryview, values: tuple[Any, ...], on_release: Callable[[], None]) -> Frame:
     """A frame from its body and the further values of its message."""
-    format, width, height, seq, profile, times, *rest = values
+    format, width, height, seq, profile, times, margin_x, margin_y, video, coarse = values
     timing = ServerTiming.trusted(dict(zip(_TIMING, times, strict=True)))
-    return Frame(body, format, width, height, seq, profile, timing, *rest, on_release)
+    return Frame(body, format, width, height, seq, profile, timing, margin_x, margin_y, video, coarse, on_release)
 
 
 def pack_failure(id: int, error: Exception) -> bytes:
