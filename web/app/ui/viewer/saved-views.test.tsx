@@ -71,7 +71,7 @@ function stand(x: number): void {
 const button = (name: string) => screen.getByRole("button", { name });
 const press = (name: string) => userEvent.click(button(name));
 const lastEdit = () => vi.mocked(editScene).mock.lastCall?.[1];
-const rounded = (vector: readonly number[] | undefined) => vector?.map((x) => Math.round(x * 1000) / 1000 + 0);
+const rounded = (vector: readonly number[] | null | undefined) => vector?.map((x) => Math.round(x * 1000) / 1000 + 0);
 const where = () => session.rig.pose.position.map((value) => Math.round(value * 1000) / 1000)[0];
 
 /** Lets the camera move for as long as it takes. */
