@@ -1,11 +1,11 @@
 // @vitest-environment happy-dom
 
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { asSession, type FakeSession, fakeSession } from "#fakes/session";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
 import type { ScenePose } from "#viewer/view/camera";
 import { keepAddress } from "./address";
 import { settings, settingsOverridden } from "./app";
-import { asSession, type FakeSession, fakeSession } from "#fakes/session";
 import { linkedPose } from "./link";
 import { parseRoute } from "./route";
 

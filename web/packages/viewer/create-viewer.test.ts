@@ -3,11 +3,11 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "#client/http/problem";
 import { connect } from "#client/transport/connect";
+import { FakePage } from "#fakes/page";
+import { COURTYARD, serverConfig } from "#fakes/server";
 import { settle } from "#fakes/transport";
 import { createViewer, type Viewer } from "./create-viewer";
-import { FakePage } from "#fakes/page";
 import { fetchConfig, loadScene } from "./state/api";
-import { COURTYARD, serverConfig } from "#fakes/server";
 import { DEFAULT_SETTINGS } from "./state/settings";
 import type { ScenePose } from "./view/camera";
 

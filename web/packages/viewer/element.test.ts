@@ -7,8 +7,8 @@ import type { ViewerEvents } from "./create-viewer";
 import type { TigasViewer } from "./element";
 import "./element";
 import { FakePage } from "#fakes/page";
-import { fetchConfig, loadScene } from "./state/api";
 import { COURTYARD, serverConfig } from "#fakes/server";
+import { fetchConfig, loadScene } from "./state/api";
 
 vi.mock("./state/api");
 vi.mock("#client/transport/connect");

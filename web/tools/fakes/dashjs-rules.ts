@@ -46,7 +46,7 @@ async function load(): Promise<FactoryMaker> {
   return page.FactoryMaker;
 }
 
-const factories = load();
+const factories = await load();
 
 /** A player that plays these bitrates (bits per second, the lowest first), as much of it as the rules ask. */
 class Player {
@@ -154,7 +154,7 @@ export class DashLolp {
 
   /** dash.js draws its first weights from Math.random, which is `random` at its first segment. */
   static async create(bitrates: readonly number[], safety: number): Promise<DashLolp> {
-    return new DashLolp(await factories, bitrates, safety);
+    return new DashLolp(factories, bitrates, safety);
   }
 
   /** The index of the chosen bitrate. */
@@ -189,7 +189,7 @@ export class DashL2a {
   }
 
   static async create(bitrates: readonly number[], safety: number, unit: number): Promise<DashL2a> {
-    return new DashL2a(await factories, bitrates, safety, unit);
+    return new DashL2a(factories, bitrates, safety, unit);
   }
 
   /** The index of the chosen bitrate. */

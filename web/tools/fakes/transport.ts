@@ -1,7 +1,7 @@
 /** A transport for tests: requests wait until the test answers them. */
 import { deferred } from "#client/async/deferred";
-import type { FrameHeader, RenderRequest, ServerTiming, VideoInfo } from "#client/wire/render";
 import type { FrameReply, FrameTransport, TransportKind } from "#client/transport/transport";
+import type { FrameHeader, RenderRequest, ServerTiming, VideoInfo } from "#client/wire/render";
 
 export interface FakeRequest {
   readonly request: RenderRequest;

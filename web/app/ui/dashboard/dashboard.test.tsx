@@ -3,8 +3,8 @@ import { cleanup, render, screen, waitFor, within } from "@testing-library/preac
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "#client/http/problem";
-import { deleteScene, fetchConfig, fetchScenes, loadScene, renameScene, unloadScene } from "#viewer/state/api";
 import { COURTYARD, serverConfig } from "#fakes/server";
+import { deleteScene, fetchConfig, fetchScenes, loadScene, renameScene, unloadScene } from "#viewer/state/api";
 import { config, scenes, scenesError } from "../../state/app";
 import { added } from "../../uploads/uploads";
 import { Dashboard } from "./dashboard";

@@ -4,10 +4,10 @@ import { cleanup, fireEvent, render, screen } from "@testing-library/preact";
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { ExperimentRequest } from "#client/wire/store";
+import { COURTYARD, serverConfig } from "#fakes/server";
 import { addFile, movements } from "#viewer/movement/movement-deck";
 import { readMovement } from "#viewer/movement/movement-file";
 import type { ViewerSession } from "#viewer/session/session";
-import { COURTYARD, serverConfig } from "#fakes/server";
 import { config } from "../../state/app";
 import { ExperimentDialog } from "./experiment-dialog";
 

@@ -3,8 +3,8 @@
 import { cleanup, render, screen, within } from "@testing-library/preact";
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { fetchConfig, fetchScenes } from "#viewer/state/api";
 import { serverConfig } from "#fakes/server";
+import { fetchConfig, fetchScenes } from "#viewer/state/api";
 import { config } from "../../state/app";
 import { ExperimentList } from "./experiment-list";
 

@@ -4,10 +4,10 @@ import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "#client/http/problem";
 import type { Training } from "#client/wire/render";
-import { fetchScene, training } from "#viewer/state/api";
 import { COURTYARD, serverConfig } from "#fakes/server";
-import { config } from "../../state/app";
 import { asSession, type FakeSession, fakeSession } from "#fakes/session";
+import { fetchScene, training } from "#viewer/state/api";
+import { config } from "../../state/app";
 import { SceneTraining } from "./enhancement-panel";
 
 vi.mock("#viewer/state/api");

@@ -2,12 +2,12 @@
 import { act, cleanup, render, screen } from "@testing-library/preact";
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test } from "vitest";
-import { FakeTransport } from "#fakes/transport";
 import { serverConfig } from "#fakes/server";
+import { asSession, type FakeSession, fakeSession } from "#fakes/session";
+import { FakeTransport } from "#fakes/transport";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
 import { NO_STATS, type Stats } from "#viewer/stateless/stats";
 import { config, settings } from "../../state/app";
-import { asSession, type FakeSession, fakeSession } from "#fakes/session";
 import { Hud } from "./hud";
 
 const STATS: Stats = {

@@ -4,11 +4,11 @@ import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "#client/http/problem";
 import type { SceneEdit, SceneInfo } from "#client/wire/render";
+import { COURTYARD, serverConfig } from "#fakes/server";
+import { asSession, type FakeSession, fakeSession } from "#fakes/session";
 import { exportVideo } from "#viewer/control/video-export";
 import { editScene } from "#viewer/state/api";
-import { COURTYARD, serverConfig } from "#fakes/server";
 import { config } from "../../state/app";
-import { asSession, type FakeSession, fakeSession } from "#fakes/session";
 import { save } from "../save";
 import { CameraPaths } from "./camera-paths";
 import { SavedViews, StartView } from "./saved-views";
@@ -71,7 +71,7 @@ function stand(x: number): void {
 const button = (name: string) => screen.getByRole("button", { name });
 const press = (name: string) => userEvent.click(button(name));
 const lastEdit = () => vi.mocked(editScene).mock.lastCall?.[1];
-const rounded = (vector: readonly number[] | undefined) => vector?.map((x) => Math.round(x * 1000) / 1000 + 0);
+const rounded = (vector: readonly number[] | null | undefined) => vector?.map((x) => Math.round(x * 1000) / 1000 + 0);
 const where = () => session.rig.pose.position.map((value) => Math.round(value * 1000) / 1000)[0];
 
 /** Lets the camera move for as long as it takes. */

@@ -1,11 +1,11 @@
 // @vitest-environment happy-dom
 import { cleanup, render, screen } from "@testing-library/preact";
 import { afterEach, expect, test } from "vitest";
-import { type LocalStats, NO_LOCAL_STATS } from "#viewer/local/local-player";
 import { COURTYARD } from "#fakes/server";
+import { asSession, fakeLocal, fakeSession } from "#fakes/session";
+import { type LocalStats, NO_LOCAL_STATS } from "#viewer/local/local-player";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
 import { changeSettings, settings } from "../../state/app";
-import { asSession, fakeLocal, fakeSession } from "#fakes/session";
 import { Rows } from "./hud";
 import { ModePanel } from "./mode-panel";
 import { localRows } from "./side-figures";

@@ -2,12 +2,12 @@
 import { cleanup, render, screen, within } from "@testing-library/preact";
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeAll, beforeEach, expect, test, vi } from "vitest";
-import { turning } from "#viewer/reproject/acceleration";
 import { serverConfig } from "#fakes/server";
+import { asSession, type FakeSession, fakeSession, fakeSide, fakeStream } from "#fakes/session";
+import { turning } from "#viewer/reproject/acceleration";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
 import { NO_STATS } from "#viewer/stateless/stats";
 import { config, sceneLadder, settings } from "../../state/app";
-import { asSession, type FakeSession, fakeSession, fakeSide, fakeStream } from "#fakes/session";
 import { Sidebar } from "./sidebar";
 
 vi.mock("../chart/plots", () => ({ plotLive: () => () => undefined, plotDistribution: () => () => undefined }));

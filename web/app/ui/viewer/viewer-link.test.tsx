@@ -2,11 +2,11 @@
 import { act, cleanup, render, screen, waitFor } from "@testing-library/preact";
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { turning } from "#viewer/reproject/acceleration";
 import { COURTYARD, serverConfig } from "#fakes/server";
+import { type FakeSession, fakeSession } from "#fakes/session";
+import { turning } from "#viewer/reproject/acceleration";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
 import { config, settings } from "../../state/app";
-import { type FakeSession, fakeSession } from "#fakes/session";
 import type { Asked } from "../../state/route";
 import { Viewer } from "./viewer";
 

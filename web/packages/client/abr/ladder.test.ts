@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
-import type { Observation } from "./controller";
 import { observation } from "#fakes/observation";
+import type { Observation } from "./controller";
 import { firstOffered, offering, PAPER_LADDER } from "./ladder";
 
 test.each([

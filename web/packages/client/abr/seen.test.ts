@@ -1,7 +1,7 @@
 import { beforeEach, expect, test } from "vitest";
+import { type ObservationOptions, observation } from "#fakes/observation";
 import courtyard from "../../../../services/render/tigas_render/scenes/demo/ladder.json";
 import type { Rung } from "../wire/render";
-import { type ObservationOptions, observation } from "#fakes/observation";
 import { PAPER_LADDER } from "./ladder";
 import { seeded } from "./random";
 import { SeenController } from "./seen";

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
-import { readDepthSegment } from "./decode-depth";
 import { jpegWithDepth, webpWithDepth } from "#fakes/frames";
+import { readDepthSegment } from "./decode-depth";
 
 const CODES = Uint8Array.of(7, 8, 9);
 

@@ -3,8 +3,8 @@
 import fc from "fast-check";
 import { expect, test } from "vitest";
 import { EFFORT } from "#fakes/effort";
-import { readDepthSegment } from "./decode-depth";
 import { jpegWithDepth, webpWithDepth } from "#fakes/frames";
+import { readDepthSegment } from "./decode-depth";
 
 const image = fc.uint8Array({ minLength: 1, maxLength: 60 });
 const sound = fc.tuple(fc.float({ min: 0, noNaN: true, noDefaultInfinity: true }), image);

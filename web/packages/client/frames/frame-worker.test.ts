@@ -1,6 +1,6 @@
 import { beforeEach, expect, test, vi } from "vitest";
-import type { CalledWorker } from "../async/worker-calls";
 import { FakeTransport, settle } from "#fakes/transport";
+import type { CalledWorker } from "../async/worker-calls";
 import { type DecodedImage, FrameDropped, RequestProblem } from "../transport/transport";
 import { FrameHost } from "./frame-host";
 import { FrameWorker } from "./frame-worker";

@@ -1,6 +1,6 @@
 import { beforeEach, expect, test, vi } from "vitest";
-import { connect, type FrameBackend, type TransportChoice } from "./connect";
 import { FakeTransport } from "#fakes/transport";
+import { connect, type FrameBackend, type TransportChoice } from "./connect";
 import type { DecodedImage } from "./transport";
 
 const CONFIG = { webtransport_url: "https://localhost:4433/render", certificate_sha256: "AQID" };

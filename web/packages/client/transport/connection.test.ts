@@ -1,9 +1,9 @@
 import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
+import { FakeTransport, turn } from "#fakes/transport";
 import { deferred } from "../async/deferred";
 import type { ServerConfig } from "../wire/render";
 import { type ConnectionState, maintainConnection } from "./connection";
 import { ASK_DIRECTOR_EVERY, CHECK_EVERY, LOOK_ELSEWHERE_EVERY, LOOK_EVERY } from "./ending";
-import { FakeTransport, turn } from "#fakes/transport";
 import type { HostReport } from "./host-report";
 import { RequestProblem } from "./transport";
 

@@ -1,8 +1,8 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { DatagramTransport } from "./datagrams";
 import { fragments, frameBytes } from "#fakes/frames";
 import { turn } from "#fakes/transport";
 import { FakeSession } from "#fakes/web-transport";
+import { DatagramTransport } from "./datagrams";
 import { FrameDropped } from "./transport";
 
 const never = new AbortController().signal;

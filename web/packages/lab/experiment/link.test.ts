@@ -1,8 +1,8 @@
 import { signal } from "@preact/signals";
 import { expect, test } from "vitest";
-import { CONSTANT, LINK, PLAYING } from "#fakes/shaper";
 import type { ShaperStatus } from "#client/wire/shaper";
 import type { Configuration } from "#client/wire/store";
+import { CONSTANT, LINK, PLAYING } from "#fakes/shaper";
 import labels from "../../../../tests/experiments/wire/network_labels.golden.json";
 import type { Shaper } from "../network/shaper";
 import { networkLabel, presentNetwork, RunLink } from "./link";

@@ -1,11 +1,11 @@
 // @vitest-environment happy-dom
 import { signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { PLAYING } from "#fakes/shaper";
+import { ApiError } from "#client/http/problem";
 import type { ShaperStatus } from "#client/wire/shaper";
 import type { Recording, RunJob } from "#client/wire/store";
+import { PLAYING } from "#fakes/shaper";
 import type { ViewerSession } from "#viewer/session/session";
-import { ApiError } from "#client/http/problem";
 import type { Shaper } from "../network/shaper";
 import { RunFailed } from "./errors";
 import { perform } from "./perform";

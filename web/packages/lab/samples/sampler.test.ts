@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import { type Deferred, deferred } from "#client/async/deferred";
-import { settle } from "#fakes/transport";
 import type { Sample } from "#client/wire/store";
+import { settle } from "#fakes/transport";
 import type { ShownFrame } from "#viewer/stateless/stateless-player";
 import { SamplesRefused } from "./sample-writer";
 import { Sampler } from "./sampler";

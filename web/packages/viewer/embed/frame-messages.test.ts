@@ -1,6 +1,6 @@
 import { beforeEach, expect, test, vi } from "vitest";
-import { settle } from "#fakes/transport";
 import { COURTYARD } from "#fakes/server";
+import { settle } from "#fakes/transport";
 import { DEFAULT_SETTINGS, type Settings, validSettings } from "../state/settings";
 import type { ScenePose } from "../view/camera";
 import { answerParent } from "./frame-messages";

@@ -1,9 +1,9 @@
 import { beforeEach, describe, expect, test, vi } from "vitest";
+import { FakeDevice as Device, type FakeDevice, FakeRenderer, fakeModel, PLACE } from "#fakes/gpu";
 import { settle } from "#fakes/transport";
 import { Chain } from "./chain";
 import { Display } from "./display";
 import type { Active, Enhancement } from "./enhancement";
-import { FakeDevice as Device, type FakeDevice, FakeRenderer, fakeModel, PLACE } from "#fakes/gpu";
 import type { Overlay } from "./overlay";
 import type { Renderer } from "./renderer";
 

@@ -1,8 +1,8 @@
 import { beforeAll, beforeEach, expect, test, vi } from "vitest";
 import { deferred } from "#client/async/deferred";
+import { FakeDevice, type FakeRenderer, fakeModel, NO_WORK, PLACE } from "#fakes/gpu";
 import { turn as settle } from "#fakes/transport";
 import { Enhancement } from "./enhancement";
-import { FakeDevice, type FakeRenderer, fakeModel, NO_WORK, PLACE } from "#fakes/gpu";
 import { EnhancementError, type Enhancer } from "./model/enhancer";
 import type { Overlay } from "./overlay";
 

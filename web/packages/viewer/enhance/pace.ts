@@ -4,7 +4,7 @@
  * far too long.
  */
 import { FrameClock } from "#client/abr/frame-clock";
-import { nearestRank } from "../view/window";
+import { median } from "./median";
 
 const FRAMES = 15;
 const FEW = 5;
@@ -36,7 +36,7 @@ export class Pace {
   /** Records the milliseconds of a frame. Returns the median of the last ones if that is too long, else null. */
   observe(time: number): number | null {
     this.#times = [...this.#times, time].slice(-FRAMES);
-    const usual = nearestRank(this.#times, 0.5) ?? time;
+    const usual = median(this.#times);
     const full = this.#times.length === FRAMES && usual > this.interval;
     const far = this.#times.length >= FEW && usual > FAR * this.interval;
     return full || far ? usual : null;

@@ -1,10 +1,10 @@
 // @vitest-environment happy-dom
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { compressedPly } from "#fakes/ply";
 import { steeredRig } from "#fakes/rig";
 import { COURTYARD } from "#fakes/server";
 import type { PresentedFrame } from "../view/presented";
 import type { Rig } from "../view/rig";
-import { compressedPly } from "#fakes/ply";
 import { type LocalOptions, LocalPlayer, type LocalRenderer } from "./local-player";
 import { readHeader } from "./ply";
 import type { RendererOptions } from "./renderer";

@@ -1,6 +1,6 @@
 import { beforeEach, expect, test } from "vitest";
-import { steeredRig, STILL } from "#fakes/rig";
 import { deferred } from "#client/async/deferred";
+import { STILL, steeredRig } from "#fakes/rig";
 import type { NumberedPose, Rig } from "../view/rig";
 import { MovementError } from "./movement";
 import { addFile, MovementDeck, movements, type NamedMovement, unsaved } from "./movement-deck";

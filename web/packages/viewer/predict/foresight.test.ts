@@ -1,6 +1,6 @@
 import { beforeEach, describe, expect, test } from "vitest";
-import { steeredRig, STILL } from "#fakes/rig";
 import type { SceneInfo } from "#client/wire/render";
+import { STILL, steeredRig } from "#fakes/rig";
 import { orientation, type ScenePose } from "../view/camera";
 import type { Rig } from "../view/rig";
 import { angleBetween } from "../view/vector";

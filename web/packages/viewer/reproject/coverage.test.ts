@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
-import { uncoveredShare } from "./coverage";
 import { fakeView, turned } from "#fakes/views";
+import { uncoveredShare } from "./coverage";
 import { resized, viewOfFrame } from "./view";
 
 const VIEW = fakeView();

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
-import { FACES, facesSeen } from "./cube-cache";
 import { fakeView, turned } from "#fakes/views";
+import { FACES, facesSeen } from "./cube-cache";
 import { apply } from "./view";
 
 const [RIGHT, LEFT, DOWN, UP, AHEAD, BEHIND] = [0, 1, 2, 3, 4, 5] as const;

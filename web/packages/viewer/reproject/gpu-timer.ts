@@ -1,6 +1,6 @@
 /** GPU time of draws, where available: results follow some frames later. */
 
-import { nearestRank } from "../view/window";
+import { median } from "../enhance/median";
 
 /** EXT_disjoint_timer_query_webgl2. */
 interface TimerExtension {
@@ -27,7 +27,7 @@ export class GpuTimer {
 
   /** The median of the last ones, in milliseconds; null until there are enough of them. */
   get ms(): number | null {
-    return this.#times.length < REMEMBERED ? null : nearestRank(this.#times, 0.5);
+    return this.#times.length < REMEMBERED ? null : median(this.#times);
   }
 
   begin(): void {

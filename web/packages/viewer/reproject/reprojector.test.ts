@@ -1,9 +1,9 @@
 // @vitest-environment happy-dom
 import { beforeEach, expect, test } from "vitest";
+import { FakeWarp } from "#fakes/warp";
 import { orientation } from "../view/camera";
 import type { NumberedPose } from "../view/rig";
 import { turning } from "./acceleration";
-import { FakeWarp } from "#fakes/warp";
 import { type Content, Reprojector, reprojectionNote } from "./reprojector";
 import { sideView } from "./side-pictures";
 import { resized, viewOfFrame } from "./view";

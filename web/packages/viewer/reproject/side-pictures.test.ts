@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
-import { rotate, type Vector3 } from "../view/vector";
 import { fakeView } from "#fakes/views";
+import { rotate, type Vector3 } from "../view/vector";
 import { SIDES, sideView } from "./side-pictures";
 import { transfer, transferred } from "./view";
 

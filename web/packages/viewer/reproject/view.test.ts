@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
-import { add, conjugate, type Quaternion, rotate, subtract, type Vector3 } from "../view/vector";
 import { fakeView, turned } from "#fakes/views";
+import { add, conjugate, type Quaternion, rotate, subtract, type Vector3 } from "../view/vector";
 import { cropFor, resized, transfer, transferred, type View, viewOfFrame } from "./view";
 
 test("a picture of another size has the same field of view", () => {

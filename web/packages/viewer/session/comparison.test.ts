@@ -1,6 +1,6 @@
 import { signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { steeredRig, STILL } from "#fakes/rig";
+import { STILL, steeredRig } from "#fakes/rig";
 import { groundTruth } from "../quality/ground-truth";
 import { DEFAULT_SETTINGS } from "../state/settings";
 import { type Figures, NO_FIGURES } from "../view/meter";

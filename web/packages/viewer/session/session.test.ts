@@ -6,14 +6,14 @@ import { deferred } from "#client/async/deferred";
 import { ApiError } from "#client/http/problem";
 import { connect } from "#client/transport/connect";
 import { ASK_DIRECTOR_EVERY, CHECK_EVERY } from "#client/transport/ending";
-import { type FakeTransport, turn as settle } from "#fakes/transport";
 import { RequestProblem } from "#client/transport/transport";
-import { fetchConfig, fetchScene, loadScene } from "../state/api";
+import { FakePage } from "#fakes/page";
 import { COURTYARD, serverConfig } from "#fakes/server";
+import { type FakeTransport, turn as settle } from "#fakes/transport";
+import { fetchConfig, fetchScene, loadScene } from "../state/api";
 import { DEFAULT_SETTINGS } from "../state/settings";
 import { ViewerState } from "../state/viewer-state";
 import { LEFT_AFTER } from "../view/presence";
-import { FakePage } from "#fakes/page";
 import { ViewerSession } from "./session";
 
 vi.mock("../state/api");

@@ -1,5 +1,5 @@
 /** The service's JSON endpoints. Every failure is an ApiError with one sentence to show. */
-import { type AskOptions, ApiError, ask } from "#client/http/problem";
+import { ApiError, type AskOptions, ask } from "#client/http/problem";
 import type { AddedScene, SceneEdit, SceneInfo, ServerConfig, Training } from "#client/wire/render";
 
 const TIMEOUT = 5000;

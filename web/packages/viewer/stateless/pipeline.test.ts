@@ -1,7 +1,7 @@
 import { beforeEach, describe, expect, test } from "vitest";
 import { deferred } from "#client/async/deferred";
-import { FakeTransport, settle } from "#fakes/transport";
 import { type DecodedImage, FrameDropped, RequestProblem } from "#client/transport/transport";
+import { FakeTransport, settle } from "#fakes/transport";
 import { view } from "#fakes/views";
 import { FramePipeline, type SentRequest, type ViewRequest } from "./pipeline";
 

@@ -1,9 +1,9 @@
 import { beforeEach, describe, expect, test } from "vitest";
+import { PlayerBench } from "#fakes/player-bench";
+import { STILL } from "#fakes/rig";
 import type { Display } from "../enhance/display";
 import { angleBetween } from "../view/vector";
 import type { DecodedFrame } from "./pipeline";
-import { PlayerBench } from "#fakes/player-bench";
-import { STILL } from "#fakes/rig";
 import type { Reply } from "./stateless-player";
 
 let bench: PlayerBench;

@@ -1,8 +1,8 @@
 import { beforeEach, expect, test, vi } from "vitest";
-import { Display } from "../enhance/display";
-import { angleBetween } from "../view/vector";
 import { PlayerBench } from "#fakes/player-bench";
 import { STILL } from "#fakes/rig";
+import { Display } from "../enhance/display";
+import { angleBetween } from "../view/vector";
 
 let bench: PlayerBench;
 

@@ -2,10 +2,10 @@
 
 import { beforeEach, expect, test } from "vitest";
 import { videoLadder } from "#client/abr/video-ladder";
-import { settle } from "#fakes/transport";
 import { PLACE } from "#fakes/gpu";
 import { PlayerBench } from "#fakes/player-bench";
 import { STILL } from "#fakes/rig";
+import { settle } from "#fakes/transport";
 
 const STEPS = videoLadder(PLACE.ladder);
 

@@ -1,6 +1,6 @@
 import { beforeEach, describe, expect, test } from "vitest";
-import { steeredRig, STILL } from "#fakes/rig";
 import type { PoseUpdate } from "#client/wire/dash";
+import { STILL, steeredRig } from "#fakes/rig";
 import { Foresight } from "../predict/foresight";
 import type { PredictorName } from "../predict/registry";
 import type { View } from "../reproject/view";

@@ -1,8 +1,8 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { steeredRig, STILL } from "#fakes/rig";
 import { deferred } from "#client/async/deferred";
 import { ApiError } from "#client/http/problem";
 import type { PoseUpdate } from "#client/wire/dash";
+import { STILL, steeredRig } from "#fakes/rig";
 import type { Content, Reprojector, Turned } from "../reproject/reprojector";
 import type { PresentedFrame } from "../view/presented";
 import type { NumberedPose, Rig } from "../view/rig";

@@ -1,9 +1,9 @@
 import { beforeEach, describe, expect, test, vi } from "vitest";
-import { FakeTransport, settle } from "#fakes/transport";
 import { FrameDropped, type FrameReply, type FrameTransport } from "#client/transport/transport";
 import type { RenderRequest } from "#client/wire/render";
-import { SKIPPED } from "./encoded-frame";
 import { FakeDecoder } from "#fakes/decoder";
+import { FakeTransport, settle } from "#fakes/transport";
+import { SKIPPED } from "./encoded-frame";
 import { VideoFrames, videoProblem } from "./video-frames";
 
 const PATIENCE = 100;

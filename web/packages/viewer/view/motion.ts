@@ -40,6 +40,11 @@ export interface InputSample {
   readonly nudge: Nudge;
 }
 
+export const NO_INPUT: InputSample = {
+  axes: { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 },
+  nudge: NO_NUDGE,
+};
+
 /** After a pause (a hidden page, a slow machine) the camera continues without a jump (ms). */
 const LONGEST_STEP = 100;
 

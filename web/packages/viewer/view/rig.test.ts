@@ -1,5 +1,5 @@
 import { beforeEach, expect, test } from "vitest";
-import { steeredRig, STILL } from "#fakes/rig";
+import { STILL, steeredRig } from "#fakes/rig";
 import { COURTYARD } from "#fakes/server";
 import type { ScenePose } from "./camera";
 import type { Rig } from "./rig";

@@ -1,7 +1,7 @@
 /** Error messages only: tests/web/test_scene_network.py checks the pictures. */
 import { expect, test } from "vitest";
-import { EnhancementError } from "../model/enhancer";
 import { LADDER, ONE, safetensors, weights } from "#fakes/weights";
+import { EnhancementError } from "../model/enhancer";
 import { SCENE } from "./scene";
 
 const SOUND = safetensors(weights([ONE]).header, weights([ONE]).data);

@@ -3,8 +3,8 @@
 import fc from "fast-check";
 import { expect, test } from "vitest";
 import { EFFORT } from "#fakes/effort";
-import { EnhancementError } from "../model/enhancer";
 import { ONE, OTHER, safetensors, weights } from "#fakes/weights";
+import { EnhancementError } from "../model/enhancer";
 import { readNetworks } from "./networks";
 import { shaders } from "./wgsl";
 

@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import type { Rung } from "#client/wire/render";
-import { EnhancementError } from "../model/enhancer";
 import { type Header, LADDER, ONE, OTHER, safetensors, weights } from "#fakes/weights";
+import { EnhancementError } from "../model/enhancer";
 import { type Network, networksFor, readNetworks } from "./networks";
 
 const SOUND = weights([ONE, OTHER]);
