@@ -236,7 +236,7 @@ async def test_only_what_is_missing_is_asked_for_again(run: Path) -> None:
     [
         (httpx.Response(200, content=b"<html>"), "cannot be read"),
         (httpx.Response(200, content=picture(0, 64, 36, "PNG")[:-30]), "cannot be read"),
-        (httpx.Response(200, content=picture(0, 64, 36, "JPEG")), "no PNG"),
+        (httpx.Response(200, content=picture(0, 64, 36, "JPEG")), "not PNG"),
         (httpx.Response(200, content=picture(0, 65, 36, "PNG")), "65×36 pixels, not 64×36"),
         (httpx.Response(200, content=BOMB), "65536×65536 pixels; the limit is"),
     ],
