@@ -112,7 +112,7 @@ def test_one_that_ends_again_and_again_is_given_up_with_the_others(
     with pytest.raises(StartError, match=r"^The one exited 5 times within 60 s, the last time with exit status 0"):
         keep_running([Service("other", stays), Service("one", ends)], threading.Event())
     assert len(ends.processes) == 5
-    assert capfd.readouterr().err.count("started again") == 4
+    assert capfd.readouterr().err.count("restarting it") == 4
     assert stays.processes[0].returncode == -signal.SIGTERM
 
 

@@ -43,7 +43,7 @@ def test_the_camera_follows_a_file_and_the_person_goes_on_from_its_end(visit: tu
     expect(page.locator(".movement")).to_contain_text("A walk along x")
     poses.clear()
     press(page, "Play")
-    expect(page.locator(".movement-status")).to_contain_text("Your input waits")
+    expect(page.locator(".movement-status")).to_contain_text("Your input is ignored")
     page.locator(".stage").focus()
     page.keyboard.press("KeyA", delay=300)
     expect_state(page, "stopped")

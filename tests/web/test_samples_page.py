@@ -78,7 +78,7 @@ def test_samples_are_rendered_again_and_shown_beside_ground_truth(lab: Lab, open
 
     second.get_by_role("radio").check()
     gallery.get_by_role("combobox", name="Sample").select_option("3")
-    expect(gallery.get_by_role("alert")).to_contain_text("The renderer answered differently")
+    expect(gallery.get_by_role("alert")).to_contain_text("Rendering it again gave a different frame")
     gallery.get_by_role("combobox", name="Left").select_option("replayed")
     gallery.get_by_role("button", name="Next").click()
     expect(gallery.get_by_role("combobox", name="Sample")).to_have_value("40")

@@ -152,7 +152,7 @@ def test_what_a_page_must_not_say(changes: dict[str, object], sentence: str) -> 
 def test_poses_and_times_must_grow() -> None:
     made = recording()
     backwards = [made["inputs"][1], made["inputs"][0]]
-    with pytest.raises(BrokenRecording, match="must grow"):
+    with pytest.raises(BrokenRecording, match="must increase"):
         parse_recording(json.dumps(made | {"inputs": backwards}))
     frames = [made["frames"][1], made["frames"][0]]
     with pytest.raises(BrokenRecording, match="times of frames"):

@@ -222,7 +222,7 @@ async def test_what_the_service_refuses_is_said_and_asked_for_again_the_next_tim
     [
         (httpx.Response(200, content=b"<html>"), "cannot be read"),
         (httpx.Response(200, content=picture(0, 64, 36, "PNG")[:-30]), "cannot be read"),
-        (httpx.Response(200, content=picture(0, 64, 36, "JPEG")), "no PNG"),
+        (httpx.Response(200, content=picture(0, 64, 36, "JPEG")), "not PNG"),
         (httpx.Response(200, content=picture(0, 65, 36, "PNG")), "65×36 pixels, not 64×36"),
     ],
 )

@@ -136,7 +136,7 @@ async def test_while_the_engine_is_gone_requests_are_refused_and_later_they_are_
     await eventually(lambda: pipe.frames.requests)
     kept = await pipe.submit(seq=2)
     pipe.server.close()
-    with pytest.raises(Overloaded, match="starting again") as caught:
+    with pytest.raises(Overloaded, match="restarting") as caught:
         await held
     assert caught.value.retry_after_s == 1
     with pytest.raises(Overloaded):  # at once, whether or not the loss has been dealt with

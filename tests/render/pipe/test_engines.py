@@ -232,7 +232,7 @@ async def test_without_any_engine_viewers_hear_when_to_come_back(host: Host) -> 
         assert device.server is not None
         device.server.close()
     await eventually(lambda: not host.edge.up())
-    with pytest.raises(Overloaded, match="starting again") as caught:
+    with pytest.raises(Overloaded, match="restarting") as caught:
         await host.ask()
     assert caught.value.retry_after_s
 

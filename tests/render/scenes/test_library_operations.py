@@ -97,7 +97,7 @@ def test_a_scene_is_fetched(tmp_path: Path, site: str) -> None:
     ("path", "id", "words"),
     [
         ("nowhere.spz", None, "answers with 404"),
-        ("letter.ply", None, "is no scene"),
+        ("letter.ply", None, "is not a scene"),
         ("short.ply", None, "is truncated"),
         ("there.ply", None, "There is a scene there already"),
         ("good.ply", "../../etc", "cannot be a scene's name"),

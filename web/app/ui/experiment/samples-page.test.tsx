@@ -109,7 +109,7 @@ test("a sample without ground truth says so, and is compared with nothing", asyn
 test("a renderer that answered differently is said, and what it sends now can be seen", async () => {
   render(<SamplesPage id="my bus" />);
   await userEvent.click(await screen.findByRole("radio", { name: "second" }));
-  expect(await screen.findByText(/answered differently/)).toBeTruthy();
+  expect(await screen.findByText(/gave a different frame/)).toBeTruthy();
   expect(views("Left")).toContain("Rendered again");
 });
 

@@ -24,7 +24,7 @@ export function MovementStatus({ deck }: { deck: MovementDeck }) {
         {state === "recording" ? "Recording" : deck.movement.value?.name}
         {state !== "recording" && (
           <small class="muted">
-            Your input waits<span class="by-key">; Esc gives the camera back</span>
+            Your input is ignored<span class="by-key">; Esc gives the camera back</span>
           </small>
         )}
       </p>

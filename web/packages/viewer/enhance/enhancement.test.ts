@@ -153,7 +153,7 @@ test("a device that is lost is asked for once more, and then again only when a p
   open = () => retried.promise;
   devices[0]?.lose();
   await settle();
-  expect(status()).toEqual({ kind: "starting", message: "The graphics processor was lost; starting again." });
+  expect(status()).toEqual({ kind: "starting", message: "The graphics processor was lost; restarting." });
   expect(changes).toEqual(["A", null]);
   const second = new FakeDevice();
   retried.resolve(second as unknown as GPUDevice);
