@@ -45,7 +45,9 @@ test("latencies are distributed side by side, those off the axis at its ends, an
   history.presented(1, { at: 0, latencies: [700] });
   history.sample([FIGURES, FIGURES], 100);
   const [, left, right] = history.latency.value;
-  expect([left?.[bin(50)], left?.[0], left?.at(-1), right?.[bin(700)]]).toEqual([50, 25, 25, 100]);
+  expect([left?.[bin(50)], left?.[0], left?.[LATENCY_BINS_MS.length - 1], right?.[bin(700)]]).toEqual([
+    50, 25, 25, 100,
+  ]);
   history.sample([FIGURES, FIGURES], 61_000);
   const [, ...sides] = history.latency.value;
   expect(new Set(sides.flat())).toEqual(new Set([null]));
