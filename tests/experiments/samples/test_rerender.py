@@ -255,7 +255,7 @@ async def test_another_service_at_the_address_gets_a_sentence(run: Path) -> None
     async with httpx.AsyncClient(
         base_url="http://render", transport=httpx.MockTransport(lambda _: httpx.Response(404, text="nginx"))
     ) as http:
-        with pytest.raises(RenderUnavailable, match="not a TIGAS render service"):
+        with pytest.raises(RenderUnavailable, match="a TIGAS render service"):
             await rerender(run, patient_client(http))
 
 
