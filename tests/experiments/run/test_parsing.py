@@ -76,7 +76,7 @@ def test_the_same_rates_at_another_round_trip() -> None:
     [
         ("20mbit,fast", "'fast' is not part of a link"),
         ("20ms-rtt,5ms-jitter", "has no rate"),
-        ("20mbit,10mbit", "says mbit twice"),
+        ("20mbit,10mbit", "has mbit twice"),
         ("gone.csv", "there is no trace file 'gone.csv'"),
         ("../up/x", "there is no trace file"),
         ("20mbit,200%-loss", "less than or equal to 100"),

@@ -253,7 +253,7 @@ def test_many_failures_in_a_row_end_it(stub: Stub, file: Path) -> None:
     assert result.exit_code == 1
     assert len(stub.made) == GIVE_UP_AFTER == 5
     assert "5 runs in a row failed, so the others are not tried; the same command continues." in result.output
-    assert result.output.endswith("this: The viewer failed: Target closed\n")
+    assert result.output.endswith("failure: The viewer failed: Target closed\n")
     file.write_text(toml(controllers=["latency", "l2a", 0], repeats=4))
     stub.happenings = [fails, fails, None] * 4
     assert "8 of 12 runs are incomplete" in tigas("run", file).output, "failures among others do not"

@@ -142,7 +142,7 @@ async def test_an_upload_goes_on_where_its_connection_was_closed(client: httpx.A
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("letter.ply", b"Dear reader, " * 10, "letter is no scene"),
+        ("letter.ply", b"Dear reader, " * 10, "letter is not a scene"),
         ("short.ply", plys.binary_ply()[:-4], "short is truncated"),
         ("empty.splat", b"", "empty"),
         ("bomb.spz", SHELL[:40] + os.urandom(4000), "bomb"),

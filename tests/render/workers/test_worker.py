@@ -204,7 +204,7 @@ async def test_one_that_ends_too_often_is_tried_again_while_another_serves(
 
     def is_said() -> bool:
         said.append(capsys.readouterr().err)
-        why = "ended 5 times within 60 s, the last time with exit status 1. It is lost. It is tried again in 15 s"
+        why = "exited 5 times within 60 s, the last time with exit status 1. It is lost. It is tried again in 15 s"
         return why in "".join(said)
 
     await eventually(is_said)
