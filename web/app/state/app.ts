@@ -27,8 +27,7 @@ export function start(): void {
     if (!settingsOverridden.value) saveSettings(() => localStorage, settings.value);
   });
   effect(() => {
-    const { theme } = settings.value;
-    document.documentElement.style.colorScheme = theme === "system" ? "" : theme;
+    document.documentElement.dataset.theme = settings.value.theme;
   });
   const follow = () => {
     route.value = parseRoute(location.hash);
@@ -64,7 +63,7 @@ export async function setSceneLoaded(scene: SceneInfo, loaded: boolean): Promise
   }
 }
 
-function replaceScene(scene: SceneInfo): void {
+export function replaceScene(scene: SceneInfo): void {
   scenes.value = scenes.value?.map((other) => (other.id === scene.id ? scene : other)) ?? null;
 }
 
