@@ -47,11 +47,11 @@ test.each([
 });
 
 test.each([
-  [{ left: "local-ply" }, /^The link sets left to “local-ply”, which it cannot be; choose one of stateless, video, /],
-  [{ prediction: "magic" }, /^The link sets prediction to “magic”, which it cannot be; choose one of off, velocity, /],
-  [{ upscale: "magic" }, /^The link sets upscale to “magic”, which it cannot be; choose one of off, bicubic, /],
-  [{ reprojection: "maybe" }, /^The link sets reprojection to “maybe”, which it cannot be; choose one of on, off\.$/],
-  [{ profile: "-2" }, /^The link sets profile to “-2”, which it cannot be\.$/],
+  [{ left: "local-ply" }, /^The link sets left to “local-ply”, which is not possible; choose one of stateless, video, /],
+  [{ prediction: "magic" }, /^The link sets prediction to “magic”, which is not possible; choose one of off, velocity, /],
+  [{ upscale: "magic" }, /^The link sets upscale to “magic”, which is not possible; choose one of off, bicubic, /],
+  [{ reprojection: "maybe" }, /^The link sets reprojection to “maybe”, which is not possible; choose one of on, off\.$/],
+  [{ profile: "-2" }, /^The link sets profile to “-2”, which is not possible\.$/],
   [{ at: "here" }, /^The link's place cannot be read/],
   [{ view: "constructor" }, /^This scene has no saved view “constructor”\.$/],
 ])("a link with %o says what makes no sense in it", (named, sentence) => {
@@ -61,7 +61,7 @@ test.each([
 test("what a link names and nobody knows is said", () => {
   const { asked: named, unknown } = asked("#/scene/courtyard?predicton=linear");
   expect(linkNote(named, unknown)).toMatch(
-    /^The link names “predicton”, which means nothing here; it may name at, view/,
+    /^The link has no setting “predicton”; choose from at, view/,
   );
   expect(linkNote({ mode: "video" })).toBeNull();
 });

@@ -40,7 +40,7 @@ test("a link says where the camera is and what is shown how, and what makes no s
   await act(() => void session.rig.sample(20));
   expect(session.rig.pose.position).toEqual([1, 2, 3]);
   expect(settings.value).toMatchObject({ mode: "local", restore: "anime4k-restore-m", prediction: "velocity" });
-  expect(screen.getByText(/^The link sets prediction to “magic”, which it cannot be/)).toBeTruthy();
+  expect(screen.getByText(/^The link sets prediction to “magic”, which is not possible/)).toBeTruthy();
 });
 
 test.each([
