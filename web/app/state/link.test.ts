@@ -47,10 +47,19 @@ test.each([
 });
 
 test.each([
-  [{ left: "local-ply" }, /^The link sets left to “local-ply”, which is not possible; choose one of stateless, video, /],
-  [{ prediction: "magic" }, /^The link sets prediction to “magic”, which is not possible; choose one of off, velocity, /],
+  [
+    { left: "local-ply" },
+    /^The link sets left to “local-ply”, which is not possible; choose one of stateless, video, /,
+  ],
+  [
+    { prediction: "magic" },
+    /^The link sets prediction to “magic”, which is not possible; choose one of off, velocity, /,
+  ],
   [{ upscale: "magic" }, /^The link sets upscale to “magic”, which is not possible; choose one of off, bicubic, /],
-  [{ reprojection: "maybe" }, /^The link sets reprojection to “maybe”, which is not possible; choose one of on, off\.$/],
+  [
+    { reprojection: "maybe" },
+    /^The link sets reprojection to “maybe”, which is not possible; choose one of on, off\.$/,
+  ],
   [{ profile: "-2" }, /^The link sets profile to “-2”, which is not possible\.$/],
   [{ at: "here" }, /^The link's place cannot be read/],
   [{ view: "constructor" }, /^This scene has no saved view “constructor”\.$/],
@@ -60,8 +69,6 @@ test.each([
 
 test("what a link names and nobody knows is said", () => {
   const { asked: named, unknown } = asked("#/scene/courtyard?predicton=linear");
-  expect(linkNote(named, unknown)).toMatch(
-    /^The link has no setting “predicton”; choose from at, view/,
-  );
+  expect(linkNote(named, unknown)).toMatch(/^The link has no setting “predicton”; choose from at, view/);
   expect(linkNote({ mode: "video" })).toBeNull();
 });
