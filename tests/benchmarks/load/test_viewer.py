@@ -47,7 +47,7 @@ async def test_frames_are_counted_to_their_last_byte() -> None:
     served_frames = [due for due in viewer.ended if due.fate == "served"]
     assert all(due.size == 200_000 for due in served_frames)
     assert all(0 < due.took < 10 and 0 <= due.lag < 10 for due in served_frames)
-    assert set(fates(viewer)) <= {"served", "overtaken", "outside", "waiting"}
+    assert set(fates(viewer)) <= {"served", "overtaken", "superseded", "outside", "waiting"}
 
 
 async def test_a_viewer_walks_along_its_movement_and_begins_anew() -> None:

@@ -46,7 +46,7 @@ def test_the_published_file_is_fetched_into_the_cache_and_nothing_larger(monkeyp
 
 @pytest.mark.parametrize("load", [perceptual.lpips, perceptual.dists])
 def test_without_weights_the_command_that_gets_them_is_named(load: Callable[[], Perceptual]) -> None:
-    with pytest.raises(MetricUnavailable, match="not here: tigas quality fetch"):
+    with pytest.raises(MetricUnavailable, match="its weights are missing: tigas quality fetch"):
         load()
     for source in SOURCES:
         source.cached.parent.mkdir(parents=True, exist_ok=True)

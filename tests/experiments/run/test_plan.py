@@ -264,7 +264,7 @@ def test_a_run_keeps_no_more_pictures_than_a_page_has_room_for(tmp_path: Path) -
         ({"segments": 2, "networks": ["walk.csv"]}, "walk.csv is not a TIGAS trace"),
         ({"segments": 2, "movements": ["bus.csv"]}, "bus.csv"),
         ({"segments": 2, "duration_s": 61}, "The movement walk.csv lasts 60.0 s, less than a run's 61 s."),
-        ({"upscale": "Scene!"}, "upscale: 'Scene!' is no name of a model or predictor."),
+        ({"upscale": "Scene!"}, "upscale: 'Scene!' is not the name of a model or predictor."),
         ({"variants": [{"scenes": ["room"]}]}, "variants"),
         *(({"dash_representations": [odd]}, "representation") for odd in ("2-500", "r2", "r2-5", "r300-500")),
     ],
