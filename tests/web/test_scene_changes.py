@@ -79,6 +79,6 @@ def test_a_dropped_file_becomes_a_scene_that_is_renamed_and_deleted(
 def test_what_is_no_scene_says_why_until_it_is_dismissed(dashboard: Page) -> None:
     drop(dashboard, "letter.ply", b"Dear reader, " * 10)
     upload = dashboard.locator("[data-upload=failed]")
-    expect(upload.get_by_role("alert")).to_contain_text("letter is no scene")
+    expect(upload.get_by_role("alert")).to_contain_text("letter is not a scene")
     upload.get_by_role("button", name="Dismiss: letter.ply").click()
     expect(upload).to_have_count(0)
