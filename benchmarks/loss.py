@@ -4,7 +4,7 @@
 
 A client of aioquic's requests frames of one size at a fixed rate, with as many requests in flight as a round trip
 needs. Latency is from the request to the frame's last byte. Packets are lost at random in both directions, and where
-the bottleneck's queue is full. `bulk` is a download beside the frames, with NewReno.
+the bottleneck's queue is full. `bulk` is a download beside the frames, with NewReno or aioquic's CUBIC.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from tigas_render.transport.aioquic_ext.westwood import WESTWOOD
 from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.shared_port import Edge
 
+CUBIC = "cubic"
 CONTROLLERS = {"reno": RENO, "westwood": WESTWOOD}
 CERTIFICATE = Certificate.create([], datetime.now(UTC))
 CLIENT, SERVER = ("192.0.2.1", 1000), ("192.0.2.2", 2000)
@@ -53,7 +54,8 @@ class Case:
     queue_ms: float
     frame: int
     """Bytes."""
-    bulk: bool = False
+    bulk: str | None = None
+    """Congestion controller of a download beside the frames."""
 
 
 CASES = {
@@ -67,8 +69,11 @@ CASES = {
     "5M-20ms-deep-overload": Case(5, 20, 0, 500, 25_000),
     "10M-40ms-shallow-overload": Case(10, 40, 0, 30, 50_000),
     "10M-40ms-policer": Case(10, 40, 0, 4, 25_000),
-    "10M-40ms-beside-bulk": Case(10, 40, 0, 200, 12_000, bulk=True),
-    "10M-40ms-saturating-beside-bulk": Case(10, 40, 0, 200, 60_000, bulk=True),
+    "10M-40ms-beside-bulk": Case(10, 40, 0, 200, 12_000, bulk=RENO),
+    "10M-40ms-saturating-beside-bulk": Case(10, 40, 0, 200, 60_000, bulk=RENO),
+    "10M-40ms-beside-cubic": Case(10, 40, 0, 200, 12_000, bulk=CUBIC),
+    "10M-40ms-saturating-beside-cubic": Case(10, 40, 0, 200, 60_000, bulk=CUBIC),
+    "20M-100ms-saturating-beside-cubic": Case(20, 100, 0, 100, 100_000, bulk=CUBIC),
 }
 FPS = 30
 
@@ -116,7 +121,7 @@ class Simulation:
         self._events: list[tuple[float, int, Callable[[float], None]]] = []
         self._order = itertools.count()
         self.frames = self._flow(CONTROLLERS[controller], os.urandom(case.frame))
-        self.bulk = self._flow(RENO, bytes(60_000_000)) if case.bulk else None
+        self.bulk = self._flow(case.bulk, bytes(60_000_000)) if case.bulk else None
 
     def run(self, seconds: float) -> None:
         """Play from the handshake on."""
@@ -139,18 +144,24 @@ class Simulation:
             )
         )
         client.connect(SERVER, now=0.0)
-        server = ServerQuicConnection(
-            edge=Edge(),
-            reset_token=lambda cid: bytes(16),
-            configuration=QuicConfiguration(
-                is_client=False,
-                certificate=CERTIFICATE.x509,
-                private_key=CERTIFICATE.private_key,
-                max_datagram_size=1452,
-                congestion_control_algorithm=controller,
-                **settings,
-            ),
-            original_destination_connection_id=client.original_destination_connection_id,
+        configuration = QuicConfiguration(
+            is_client=False,
+            certificate=CERTIFICATE.x509,
+            private_key=CERTIFICATE.private_key,
+            max_datagram_size=1452,
+            congestion_control_algorithm=controller,
+            **settings,
+        )
+        cid = client.original_destination_connection_id
+        server = (
+            QuicConnection(configuration=configuration, original_destination_connection_id=cid)
+            if controller == CUBIC
+            else ServerQuicConnection(
+                edge=Edge(),
+                reset_token=lambda cid: bytes(16),
+                configuration=configuration,
+                original_destination_connection_id=cid,
+            )
         )
         flow = Flow(client, server, lambda quic, stream: quic.send_stream_data(stream, body, end_stream=True))
         self._at(0.0, lambda now: self._send(flow, client, now))
