@@ -20,6 +20,7 @@ import statistics
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any
 
 from aioquic.quic.configuration import QuicConfiguration
@@ -144,24 +145,17 @@ class Simulation:
             )
         )
         client.connect(SERVER, now=0.0)
-        configuration = QuicConfiguration(
-            is_client=False,
-            certificate=CERTIFICATE.x509,
-            private_key=CERTIFICATE.private_key,
-            max_datagram_size=1452,
-            congestion_control_algorithm=controller,
-            **settings,
-        )
-        cid = client.original_destination_connection_id
-        server = (
-            QuicConnection(configuration=configuration, original_destination_connection_id=cid)
-            if controller == CUBIC
-            else ServerQuicConnection(
-                edge=Edge(),
-                reset_token=lambda cid: bytes(16),
-                configuration=configuration,
-                original_destination_connection_id=cid,
-            )
+        ours = partial(ServerQuicConnection, edge=Edge(), reset_token=lambda cid: bytes(16))
+        server = (QuicConnection if controller == CUBIC else ours)(
+            configuration=QuicConfiguration(
+                is_client=False,
+                certificate=CERTIFICATE.x509,
+                private_key=CERTIFICATE.private_key,
+                max_datagram_size=1452,
+                congestion_control_algorithm=controller,
+                **settings,
+            ),
+            original_destination_connection_id=client.original_destination_connection_id,
         )
         flow = Flow(client, server, lambda quic, stream: quic.send_stream_data(stream, body, end_stream=True))
         self._at(0.0, lambda now: self._send(flow, client, now))
