@@ -27,7 +27,7 @@ from tigas_experiments.wire.run import Network
 TIMEOUT_S = 10
 UPLOAD_TIMEOUT_S = 60
 OPENING_S = 10
-"""A trace begins so long before the warm-up, because a viewer opened at the moment of an outage may never be ready."""
+"""How long before the warm-up a trace starts: a viewer that opens during an outage may never be ready."""
 JUMP_MS = 500
 """A trace so far from where time has brought it was moved; less may pass between the shaper's looks at its clock."""
 
@@ -159,7 +159,7 @@ class ShaperClient:
         await self._http.aclose()
 
     async def begin(self, network: Network, before_s: float) -> ShaperStatus:
-        """Put the network in force; its trace plays from so long before the run's part, and again after its end."""
+        """Put the network in force. Its trace loops, and starts `before_s` seconds before the run's part."""
         if network.link is not None:
             return await self._post("/link", asdict(network.link))
         name = network.trace if network.trace_file is None else await self._upload(network.trace_file)
@@ -170,7 +170,7 @@ class ShaperClient:
         return await self.seek(network, before_s, playing.duration_ms)
 
     async def seek(self, network: Network, before_s: float, duration_ms: float | None) -> ShaperStatus:
-        """Play the network's trace from so long before the run's part; before its start comes its end."""
+        """Play the network's trace from `before_s` seconds before the run's part, wrapping around its start."""
         position_ms = (network.offset_s - before_s) * 1000
         return await self._post("/seek", {"position_ms": position_ms % (duration_ms or MAX_DURATION_MS)})
 

@@ -8,7 +8,7 @@ import { RunFailed } from "./errors";
 
 type Network = Configuration["network"];
 
-/** A trace begins so many seconds before the warm-up: a viewer opened during an outage may never be ready. */
+/** Seconds before the warm-up at which a trace starts: a viewer that opens during an outage may never be ready. */
 const OPENING = 10;
 /** Tolerated difference between a trace's position and the elapsed time, in milliseconds. */
 const JUMP = 1000;
@@ -103,7 +103,7 @@ export class RunLink {
     this.#shaper?.api.abandon();
   }
 
-  /** Play from so many seconds before the run's part; before the trace's start comes its end. */
+  /** Play from `before` seconds before the run's part, wrapping around the trace's start. */
   async #seek(before: number): Promise<void> {
     if (this.#shaper === null || !this.#network.trace) return;
     const position = ((this.#network.offset_s ?? 0) - before) * 1000;
