@@ -1,4 +1,4 @@
-"""Requests of programs to a render service, or to a cluster, whose director names the host of each scene's frames."""
+"""Requests of programs to a render service, or to the director of a cluster, which names the host of each scene."""
 
 from __future__ import annotations
 

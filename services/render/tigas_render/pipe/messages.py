@@ -1,4 +1,4 @@
-"""The messages between edges and the engine with models in them, whose values are packed without their names."""
+"""Messages of the pipe that contain models: their fields travel as plain values, without names."""
 
 from __future__ import annotations
 

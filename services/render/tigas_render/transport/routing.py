@@ -178,7 +178,7 @@ class Router:
         return next((since + self._service.limits.request_timeout for since in self._unfinished.values()), None)
 
     def end_late(self, now: float) -> None:
-        """End the streams whose first frame is overdue, however often something arrives."""
+        """End the streams with an overdue first frame, however often something arrives."""
         while (deadline := self.deadline) is not None and deadline <= now:
             stream_id = next(iter(self._unfinished))
             del self._unfinished[stream_id]

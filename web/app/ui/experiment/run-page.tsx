@@ -93,7 +93,7 @@ interface Job {
   readonly signal: AbortSignal;
 }
 
-/** Performs a run in a new visit, whose stage has the run's size and is scaled to fit. */
+/** Performs a run in a new visit, on a stage of the run's size that is scaled to fit. */
 async function performOn(place: HTMLElement | null, { job, shaper, experiment, say, signal }: Job): Promise<Performed> {
   if (place === null) throw new Error("There is no place for the view.");
   const { scene, width, height } = job.configuration;

@@ -118,7 +118,7 @@ function WebRtc() {
     <>
       <h4>WebRTC stream</h4>
       <Segments name="webrtcStream" />
-      <p class="muted small">A video whose bit rate follows the browser’s estimate of the link.</p>
+      <p class="muted small">A video with the bit rate that the browser estimates for the link.</p>
     </>
   );
 }

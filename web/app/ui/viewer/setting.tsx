@@ -66,7 +66,7 @@ export function Choice({ name, disabled, options, bare, tone, parse, value }: Li
   );
 }
 
-/** A setting whose few values are side by side. */
+/** A setting with a few values, side by side. */
 export function Segments({ name, headed }: { readonly name: ChoiceName; readonly headed?: boolean }) {
   const { label, options } = SETTINGS[name];
   const choices = Object.entries(options).map(([value, title]) => ({

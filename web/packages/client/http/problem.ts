@@ -49,7 +49,7 @@ export interface AskOptions extends Omit<RequestInit, "signal"> {
   readonly timeout?: number;
 }
 
-/** Reads a service's answer. Rejects with an ApiError, whose sentence for a missing answer is `silence`, or with the reason of `signal`. */
+/** Reads a service's answer. Rejects with an ApiError, or with the reason of `signal`; `silence` is the sentence for no answer. */
 export async function ask<T>(
   url: string,
   read: (answer: Response) => Promise<T>,

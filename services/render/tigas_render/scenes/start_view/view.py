@@ -1,4 +1,4 @@
-"""The start view of a scene whose scene.json has none, derived once and kept."""
+"""The start view of a scene without one in scene.json, derived once and kept."""
 
 from __future__ import annotations
 
