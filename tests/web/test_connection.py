@@ -57,7 +57,6 @@ def test_a_page_over_plain_http_works_and_names_the_secure_one(open_page: OpenPa
     expect(page.locator("[data-stat=fallback]")).to_contain_text("secure context")
     wait_for_frames(page)
     assert picture(page).std() > 10, "the picture is blank"
-    page.unroute_all(behavior="ignoreErrors")
 
 
 def test_a_server_that_falls_silent_is_named_and_keeps_its_viewers(open_page: OpenPage, server: RenderServer) -> None:
@@ -92,7 +91,6 @@ def test_a_full_server_is_said_to_be_full_and_the_visit_begins_by_itself(open_pa
     wait_for_frames(page)
     expect(page.locator(".stage-message")).to_have_text("")
     expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams")
-    page.unroute_all(behavior="ignoreErrors")  # requests made while the page closes are abandoned
 
 
 def test_a_lost_server_is_announced_and_found_again_within_seconds(open_page: OpenPage, server: RenderServer) -> None:
