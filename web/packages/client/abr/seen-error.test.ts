@@ -1,8 +1,11 @@
 import { describe, expect, test } from "vitest";
+import courtyard from "../../../../services/render/tigas_render/scenes/demo/ladder.json";
 import type { Rung } from "../wire/render";
 import { WAYS } from "./controller";
 import { PAPER_LADDER } from "./ladder";
 import { decibels, seenLate, seenOfRung, together } from "./seen-error";
+
+const LADDER = courtyard.rungs as Rung[];
 
 describe("a late picture", () => {
   test.each(WAYS)("shown %s is never better the further its view has turned", (way) => {
@@ -37,10 +40,21 @@ describe("a rung's picture", () => {
   });
 });
 
-test("two faults are worse than either", () => {
-  const rung = seenOfRung(PAPER_LADDER[2] as Rung);
-  const late = seenLate("depth", 3);
-  const both = together(rung, late);
-  expect(both.mse).toBeCloseTo(rung.mse + late.mse, 9);
-  expect(both.ssim).toBeLessThan(Math.min(rung.ssim, late.ssim));
+describe("two faults", () => {
+  test("are worse than either, but the greater one hides the lesser", () => {
+    const blurred = seenOfRung(LADDER.at(-1) as Rung);
+    const late = seenLate("stale", 10);
+    const both = together(blurred, late);
+    expect(both.mse).toBeGreaterThan(late.mse);
+    expect(both.mse).toBeLessThan(1.05 * late.mse);
+    expect(both.ssim).toBeLessThan(late.ssim);
+    expect(1 - both.ssim).toBeLessThan(1.1 * (1 - late.ssim));
+  });
+
+  test("leave a picture that is in place as sharp as its rung", () => {
+    const blurred = seenOfRung(LADDER.at(-1) as Rung);
+    const both = together(blurred, seenLate("predicted", 0.5));
+    expect(decibels(both.mse)).toBeCloseTo(decibels(blurred.mse), 1);
+    expect(both.ssim).toBeCloseTo(blurred.ssim, 2);
+  });
 });

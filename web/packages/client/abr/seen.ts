@@ -58,9 +58,9 @@ export class TurningSpeeds {
 }
 
 /** Decibels that an SSIM of 1 is worth. */
-const WEIGHT = 20;
+const WEIGHT = 100;
 /** Minimum gain of another rung, in decibels. */
-const MARGIN = 0.4;
+const MARGIN = 0.8;
 /** Share of the throughput that an upgrade may count on. */
 const CAUTION = 0.55;
 /** Decoding and display, in milliseconds. */
