@@ -1,7 +1,7 @@
 /**
  * Error of the seen picture against the ideal one, as measured in rendered pictures (docs/results/2026-11-seen-error.md).
  * It has two causes, rung and age, and the lesser one hides behind the greater: blur is hardly visible in a picture that
- * is out of place. Their mean squared errors, and their losses of SSIM, are therefore combined as a norm of degree DEGREE.
+ * is out of place. Their mean squared errors, and their losses of SSIM, are therefore combined as norms of the degrees DEGREES.
  * The simulator judges controllers by it, and *Seen* decides by it.
  */
 import type { Rung } from "../wire/render";
@@ -29,8 +29,8 @@ const LATE = Object.fromEntries(
 ) as Record<Way, Readonly<Record<keyof Seen, Points>>>;
 
 const PEAK = 255 ** 2;
-/** Fits pictures with both faults best. */
-const DEGREE = 3;
+/** Fit frames that have both best. */
+const DEGREES = { mse: 1.5, ssim: 3 };
 /** Lower bound: two unrelated pictures. */
 const LEAST_SSIM = 0.2;
 const MOST_MSE = 6000;
@@ -52,8 +52,13 @@ export function seenLate(way: Way, degrees: number): Seen {
 
 /** Of a picture that has both faults. */
 export function together(a: Seen, b: Seen): Seen {
-  const norm = (x: number, y: number) => (x ** DEGREE + y ** DEGREE) ** (1 / DEGREE);
-  return { mse: Math.min(MOST_MSE, norm(a.mse, b.mse)), ssim: Math.max(LEAST_SSIM, 1 - norm(1 - a.ssim, 1 - b.ssim)) };
+  const mse = norm(a.mse, b.mse, DEGREES.mse);
+  const loss = norm(1 - a.ssim, 1 - b.ssim, DEGREES.ssim);
+  return { mse: Math.min(MOST_MSE, mse), ssim: Math.max(LEAST_SSIM, 1 - loss) };
+}
+
+function norm(a: number, b: number, degree: number): number {
+  return (a ** degree + b ** degree) ** (1 / degree);
 }
 
 export function decibels(mse: number): number {
