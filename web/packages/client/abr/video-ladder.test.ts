@@ -1,5 +1,6 @@
 import { describe, expect, test } from "vitest";
 import type { Rung } from "../wire/render";
+import { seenOfRung } from "./seen-error";
 import { stepOfRung, videoLadder } from "./video-ladder";
 
 const rung = (width: number, height: number, quality = 50): Rung => ({
@@ -40,6 +41,15 @@ describe("the ladder of video", () => {
   test("expects of a frame its share of the bit rate", () => {
     for (const { expected_kb, video } of videoLadder(PAPER)) {
       expect((expected_kb * 8 * video.frames_per_s) / video.bitrate_kbps).toBeCloseTo(1);
+    }
+  });
+
+  test("expects a better picture of more bytes, and that of a far larger JPEG", () => {
+    const steps = videoLadder(PAPER);
+    const errors = steps.map((step) => seenOfRung(step).mse);
+    expect(errors).toEqual(errors.toSorted((a, b) => a - b));
+    for (const step of steps) {
+      expect(seenOfRung(step).mse).toBeLessThan(seenOfRung({ expected_kb: 3 * step.expected_kb }).mse);
     }
   });
 

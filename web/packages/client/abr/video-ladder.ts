@@ -4,6 +4,7 @@
  * both modes.
  */
 import type { Rung, VideoRequest } from "../wire/render";
+import { decibels, seenOfRung } from "./seen-error";
 
 /** The video parameters of a request. The same object for the same step, because views are compared by identity. */
 export type VideoSetting = Readonly<Required<Omit<VideoRequest, "key">>>;
@@ -22,6 +23,8 @@ const BEST = 0.16;
 const LEAST = 0.04;
 /** Each step's share of the bytes of the one before. */
 const APART = 0.7;
+/** How many times as many bytes a JPEG of the same error has (docs/results/2026-11-video.md). */
+const JPEG = 7;
 /** In kbit/s: the server takes no lower rate. */
 const LOWEST = 10;
 
@@ -35,14 +38,12 @@ export function videoLadder(ladder: readonly Rung[], first = 0): readonly VideoS
   const smallest = smaller.at(-1) ?? largest;
   const steps: VideoStep[] = [];
   for (let bits = BEST * largest.pixels; bits >= LEAST * smallest.pixels; bits *= APART) {
-    const {
-      pixels: _,
-      psnr_db: __,
-      ...size
-    } = [largest, ...smaller].find(({ pixels }) => LEAST * pixels <= bits) ?? smallest;
+    const { pixels: _, ...size } = [largest, ...smaller].find(({ pixels }) => LEAST * pixels <= bits) ?? smallest;
     const bitrate_kbps = Math.max(LOWEST, Math.round((bits * FRAMES_PER_S) / 1000));
     const video = Object.freeze({ bitrate_kbps, frames_per_s: FRAMES_PER_S });
-    steps.push({ ...size, expected_kb: bitrate_kbps / 8 / FRAMES_PER_S, video });
+    const expected_kb = bitrate_kbps / 8 / FRAMES_PER_S;
+    const psnr_db = decibels(seenOfRung({ expected_kb: JPEG * expected_kb }).mse);
+    steps.push({ ...size, expected_kb, psnr_db, video });
     if (bitrate_kbps === LOWEST) break;
   }
   return steps;
