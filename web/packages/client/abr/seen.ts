@@ -14,9 +14,9 @@
  * two or twenty.
  *
  * Rungs with longer intervals than LONGEST are worse than all others. It goes down as far as needed once that is better
- * by MARGIN, and up by one rung once that has been better for a while even on a link with CAUTION times the throughput;
- * reverting an upgrade early doubles the wait before the next one. It starts with a rung whose frames fit into QUIC's
- * first window, and goes up with the first frame of each rung during BEGINNING.
+ * by MARGIN_DOWN, and up by one rung once that has been better by MARGIN_UP for a while even on a link with CAUTION times
+ * the throughput; reverting an upgrade early doubles the wait before the next one. It starts with a rung whose frames fit
+ * into QUIC's first window, and goes up with the first frame of each rung during BEGINNING.
  */
 import {
   type Controller,
@@ -59,8 +59,9 @@ export class TurningSpeeds {
 
 /** Decibels that an SSIM of 1 is worth. */
 const WEIGHT = 100;
-/** Minimum gain of another rung, in decibels. */
-const MARGIN = 0.8;
+/** Minimum gain of a lower rung, and of a better one, in decibels. */
+const MARGIN_DOWN = 0.4;
+const MARGIN_UP = 1;
 /** Share of the throughput that an upgrade may count on. */
 const CAUTION = 0.55;
 /** Decoding and display, in milliseconds. */
@@ -157,7 +158,7 @@ export class SeenController implements Controller {
   /** Goes to the best of the lesser rungs if that is better; whether it did. */
   #lower(utility: Utility, now: number): boolean {
     const own = utility(this.#rung);
-    let best = { rung: this.#rung, value: own + MARGIN };
+    let best = { rung: this.#rung, value: own + MARGIN_DOWN };
     for (let rung = this.#rung + 1; rung < this.#pictures.length; rung++) {
       const value = utility(rung);
       if (value > best.value) best = { rung, value };
@@ -172,7 +173,7 @@ export class SeenController implements Controller {
 
   /** Goes up by a rung if that has been better for long enough. */
   #raise(utility: Utility, now: number): void {
-    if (this.#rung === 0 || utility(this.#rung - 1) <= utility(this.#rung) + MARGIN) {
+    if (this.#rung === 0 || utility(this.#rung - 1) <= utility(this.#rung) + MARGIN_UP) {
       this.#possibleSince = undefined;
       return;
     }
