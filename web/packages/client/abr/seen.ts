@@ -8,14 +8,15 @@
  *     link(ℓ) = j + (S(k) / r − j) · S(ℓ) / S(k)
  *     interval(ℓ) = max(f, link(ℓ), stage(ℓ))
  *
- * `S` is the estimated size of a rung's frames, `k` the rung in use, `r` the throughput of the link, `delay` and `queue`
- * the time that frames spend outside the server without their own transmission, `stage` the time in the server's slowest
- * stage, `f` an animation frame and `j` the link's jitter, which spreads the packets of a frame equally whether there are
- * two or twenty.
+ * `S` is the estimated size of a rung's frames, `k` the rung in use, `r` the rate at which frames get through
+ * (link-rate.ts), `delay` and `queue` the time that frames spend outside the server without their own transmission,
+ * `stage` the time in the server's slowest stage, `f` an animation frame and `j` the link's jitter, which spreads the
+ * packets of a frame equally whether there are two or twenty. Where frames are shown as they came, their age is what the
+ * user feels as latency, so it also costs LATENCY · age(ℓ).
  *
  * Rungs with longer intervals than LONGEST are worse than all others. It goes down as far as needed once that is better
  * by MARGIN_DOWN, and up by one rung once that has been better by MARGIN_UP for a while even on a link with CAUTION times
- * the throughput; reverting an upgrade early doubles the wait before the next one. It starts with a rung whose frames fit
+ * the rate; reverting an upgrade early doubles the wait before the next one. It starts with a rung whose frames fit
  * into QUIC's first window, and goes up with the first frame of each rung during BEGINNING.
  */
 import {
@@ -29,6 +30,7 @@ import {
 import { FrameClock } from "./frame-clock";
 import { firstRung } from "./ladder";
 import { LinkDelay } from "./link-delay";
+import { LinkRate } from "./link-rate";
 import { decibels, type Seen, seenLate, seenOfRung, together } from "./seen-error";
 import { ServerTimes } from "./server-times";
 import { FrameSizes } from "./sizes";
@@ -58,11 +60,13 @@ export class TurningSpeeds {
 }
 
 /** Decibels that an SSIM of 1 is worth. */
-const WEIGHT = 100;
+const WEIGHT = 150;
 /** Minimum gain of a lower rung, and of a better one, in decibels. */
-const MARGIN_DOWN = 0.4;
-const MARGIN_UP = 1;
-/** Share of the throughput that an upgrade may count on. */
+const MARGIN_DOWN = 0.5;
+const MARGIN_UP = 1.4;
+/** Decibels that a millisecond is worth where frames are shown as they came. */
+const LATENCY = 0.02;
+/** Share of the rate that an upgrade may count on. */
 const CAUTION = 0.55;
 /** Decoding and display, in milliseconds. */
 const PAGE = 25;
@@ -90,6 +94,7 @@ export class SeenController implements Controller {
   readonly #server: ServerTimes;
   readonly #clock = new FrameClock();
   readonly #delay = new LinkDelay();
+  readonly #rate = new LinkRate();
   readonly #speeds = new TurningSpeeds();
   #rung: number;
   #beginning = true;
@@ -120,22 +125,23 @@ export class SeenController implements Controller {
     this.#begunAt ??= at;
     if (at - this.#begunAt > BEGINNING) this.#beginning = false;
     const transmission = (arrival.bytes * 8000) / throughput;
-    if (arrival.sentAt > this.#changedAt) {
-      // Frames requested before the last change say nothing about its effect.
-      const network = responseTime(observation) - serverTime(observation);
-      this.#delay.observe(Math.max(0, network - transmission), at);
-    }
+    const network = responseTime(observation) - serverTime(observation);
+    const pace = Math.max(this.#clock.interval, this.#server.expected(this.#rung).stage);
+    this.#rate.observe({ bytes: arrival.bytes, network, transmission, pace, at });
+    // Frames requested before the last change say nothing about its effect.
+    const rate = this.#rate.bitsPerSecond;
+    if (arrival.sentAt > this.#changedAt) this.#delay.observe(Math.max(0, network - (arrival.bytes * 8000) / rate), at);
     const { frames } = this.#delay;
     const judged = frames >= JUDGED || transmission * frames > LONG;
-    if (judged && this.#lower(this.#utility(throughput, way), at)) return;
-    this.#raise(this.#utility(CAUTION * throughput, way), at);
+    if (judged && this.#lower(this.#utility(Math.min(rate, throughput), way), at)) return;
+    this.#raise(this.#utility(CAUTION * rate, way), at);
   }
 
-  #utility(throughput: number, way: Way): Utility {
+  #utility(rate: number, way: Way): Utility {
     const { interval } = this.#clock;
     const { average, queue, jitter } = this.#delay;
     const own = this.#sizes.expected(this.#rung);
-    const seems = (own * 8000) / throughput;
+    const seems = (own * 8000) / rate;
     const jittered = Math.min(jitter, MOST_JITTER * seems);
     return (rung) => {
       const times = this.#sizes.expected(rung) / own;
@@ -143,7 +149,8 @@ export class SeenController implements Controller {
       const link = jittered + (seems - jittered) * times;
       if (Math.max(link, stage) > LONGEST && rung < this.#pictures.length - 1) return -Math.max(link, stage);
       const delay = Math.max(0, average - queue) + queue * times;
-      return this.#quality(rung, delay + total + link + Math.max(interval, link, stage) / 2 + PAGE, way);
+      const age = delay + total + link + Math.max(interval, link, stage) / 2 + PAGE;
+      return this.#quality(rung, age, way) - (way === "stale" ? LATENCY * age : 0);
     };
   }
 
