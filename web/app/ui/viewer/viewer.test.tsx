@@ -259,6 +259,23 @@ test("the measurements are those of the mode", async () => {
   expect(screen.getAllByRole("region")).toHaveLength(1);
 });
 
+test("two columns of measurements leave no room for the hint", async () => {
+  settings.value = { ...settings.value, mode: "side-by-side", right: "video", hint: true, hudDetails: false };
+  session.comparison.value = {
+    sides: [session.left, fakeSide("right")],
+    history: new ComparisonHistory(2),
+    walks: { last: signal(null) },
+    quality: signal(UNSCORED),
+  } as unknown as Comparison;
+  show();
+  expect(screen.queryByText(/^Drag to look/)).not.toBeNull();
+  await act(() => {
+    settings.value = { ...settings.value, hudDetails: true };
+  });
+  await screen.findByRole("region", { name: /^Measurements/ });
+  expect(screen.queryByText(/^Drag to look/)).toBeNull();
+});
+
 test("while the settings are closed, the last walk is summed up over the stage, and leads to them", async () => {
   settings.value = { ...settings.value, mode: "side-by-side", right: "video" };
   const side = {

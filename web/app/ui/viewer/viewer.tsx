@@ -147,7 +147,7 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
           <div class="pane" ref={right} />
         </div>
         {measured && <Measurements session={measured} linkNote={note} />}
-        {measured && hint && <Hint rig={measured.rig} />}
+        {measured && hint && !(compared && Measurements === Figures) && <Hint rig={measured.rig} />}
         {live && usable && touch && <MovePad input={live.input} />}
         {live && <MovementStatus deck={live.movement} />}
         {live && <StageMessage session={live} />}
