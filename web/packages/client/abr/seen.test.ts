@@ -104,6 +104,26 @@ test("a way that has become longer is taken for a queue no longer than needed", 
   expect(hear(15_000, { throughput: 20e6, trip: 120 })).toBe(before);
 });
 
+test("a link that lets through ten frames a second is slow, however fast the bytes of each come", () => {
+  const first = hear(AT_60_HZ, { throughput: 50e6 });
+  for (let frame = 0; frame < 600; frame++, now += AT_60_HZ) {
+    const profile = subject.decide(now);
+    if (frame % 6 > 0) continue;
+    const bytes = 1000 * (LADDER[profile]?.expected_kb ?? 0);
+    const frames = {
+      bytes,
+      profile,
+      throughput: 50e6,
+      server: 5,
+      response: 150,
+      turning: 20,
+      way: "predicted",
+    } as const;
+    subject.observe(observation({ ...frames, at: now }));
+  }
+  expect(subject.decide(now)).toBeGreaterThanOrEqual(first - 1);
+});
+
 test("a short rise of the throughput changes nothing", () => {
   hear(20_000, { throughput: 4e6 });
   const before = subject.decide(now);
