@@ -1,4 +1,4 @@
-"""Training of networks, and the choice of those that are kept."""
+"""Training of networks, and the choice of which are kept."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def server(models: Path) -> Iterator[RenderServer]:
 
 @pytest.fixture(scope="session")
 def packager() -> Packager:
-    """The one that `viewer_url` starts."""
+    """The packager that `viewer_url` starts."""
     return Packager()
 
 

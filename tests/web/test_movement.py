@@ -28,7 +28,7 @@ def visit(open_page: OpenPage, server: RenderServer) -> tuple[Page, Poses]:
 
 
 def assert_on_the_walk(poses: Poses) -> None:
-    """All poses are those of `turning_walk`."""
+    """All poses are from `turning_walk`."""
     x = poses.positions[:, 0]
     np.testing.assert_allclose(poses.positions[:, 1:], 0, atol=MICRO)
     zero = np.zeros_like(x)

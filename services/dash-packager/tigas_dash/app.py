@@ -142,7 +142,7 @@ async def init_segment(request: Request) -> Response:
 
 @described(gives=("video/iso.segment",))
 async def media_segment(request: Request) -> Response:
-    """A segment, sent while it grows; the response waits for one that is about to begin."""
+    """A segment, sent while it grows; the response waits if it is about to begin."""
     session = _session(request)
     track, number = session.media.track(request.path_params["representation"]), request.path_params["segment"]
     if not (number.isascii() and number.isdecimal() and len(number) <= 12):

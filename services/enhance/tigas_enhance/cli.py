@@ -61,7 +61,7 @@ class _EnhanceCommand(Command):
 
     @contextmanager
     def _renderer(self, *, own_ladders: bool = True) -> Iterator[Renderer]:
-        """The running service, or one that runs as long as the context."""
+        """The running service, or a new one for the duration of the context."""
         from tigas_common.render_requests import render_service
         from tigas_enhance.renderer import Renderer
 

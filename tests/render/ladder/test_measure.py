@@ -1,4 +1,4 @@
-"""Bytes and errors of settings: the only losses are those of size and quality."""
+"""Bytes and errors of settings: only size and quality cost anything."""
 
 from __future__ import annotations
 

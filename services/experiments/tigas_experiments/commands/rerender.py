@@ -70,7 +70,7 @@ class Rerender(SamplesCommand, RenderCommand):
 
 @contextmanager
 def render_url(folder: Path, given: str | None) -> Iterator[str]:
-    """The URL of the given render service, or of one that runs during the context. Raises StartError."""
+    """The URL of the given render service, or of a service that runs during the context. Raises StartError."""
     from tigas_common.render_requests import render_service
     from tigas_experiments.records.files import BrokenRecording
     from tigas_experiments.records.folder import read_experiment

@@ -2,7 +2,7 @@
 
 The format (https://github.com/nianticlabs/spz): versions 2 and 3 are one gzip stream with a header of 16 bytes in it,
 version 4 has a header of 32 bytes and a table before one Zstandard stream per column. Positions have 24 bits in fixed
-point, scales (logarithms) and colours 8, quaternions 24 or 32. The axes are those of the original file, as with the
+point, scales (logarithms) and colours 8, quaternions 24 or 32. The axes are as in the original file, as with the
 tools that write it: the file does not name them.
 
 No column is kept in memory: all are unpacked in parallel, each from its own offset. A gzip stream has to be unpacked up

@@ -1,4 +1,4 @@
-"""A scene's thumbnail: its own picture, or one that is rendered once and kept."""
+"""A scene's thumbnail: its own picture, or a rendered one, which is kept."""
 
 from __future__ import annotations
 
