@@ -34,9 +34,10 @@ def until(process: subprocess.Popen[str], happened: Callable[[], bool], otherwis
 
 
 def finished(process: subprocess.Popen[str]) -> tuple[int, str, str]:
-    """Status, output and error output, once it has ended."""
-    try:
-        output, errors = process.communicate(timeout=PATIENCE_S)
-    finally:
-        process.kill()
+    """Status, output and error output, once it has ended; one that takes too long leaves nothing to the next test."""
+    with process:
+        try:
+            output, errors = process.communicate(timeout=PATIENCE_S)
+        finally:
+            process.kill()
     return process.returncode, output, errors
