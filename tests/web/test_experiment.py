@@ -58,12 +58,9 @@ def test_two_controllers_are_compared_and_kept(open_page: OpenPage, lab: PageLab
         assert (configuration["network"]["trace"], configuration["network"]["rtt_ms"]) == ("stairs", 80)
         assert (configuration["movement"], configuration["width"], configuration["height"]) == ("walk.csv", 1000, 640)
     assert (next(folder.glob("runs/*latency*")) / "link.ndjson").read_text().count("\n") > 2, "the link was not watched"
-    held = [
-        ("/start", {"trace": "stairs", "loop": True, "delay_ms": 40}),
-        ("/pause", {}),
-        ("/seek", {"position_ms": 0}),
-    ]
-    assert lab.shaper.asked == [*held, ("/seek", {"position_ms": 0}), ("/resume", {}), ("/stop", {})] * 2
+    begun = ("/start", {"trace": "stairs", "loop": True, "delay_ms": 40})
+    seeks = [("/seek", {"position_ms": 1000 * s}) for s in (17, 27, 0)]  # 13 s and 3 s before the movement, and with it
+    assert lab.shaper.asked == [begun, *seeks, ("/stop", {})] * 2
 
     page.get_by_role("link", name="Experiments").click()
     row = page.get_by_role("row", name="Two (b) controllers")
