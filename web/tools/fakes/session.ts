@@ -3,6 +3,7 @@ import { computed, type Signal, signal } from "@preact/signals";
 import type { Connected } from "#client/transport/connect";
 import type { ConnectionState } from "#client/transport/connection";
 import type { SceneInfo } from "#client/wire/render";
+import type { WalkedSide } from "#viewer/charts/walk";
 import type { Enhancement, EnhancementStatus } from "#viewer/enhance/enhancement";
 import { type LocalStats, NO_LOCAL_STATS } from "#viewer/local/local-player";
 import { MovementDeck } from "#viewer/movement/movement-deck";
@@ -20,6 +21,17 @@ import type { SourcePhase } from "#viewer/view/presented";
 import { page, settings } from "../../app/state/app";
 import { STILL, steeredRig } from "./rig";
 import { COURTYARD } from "./server";
+
+/** What a walk came to on one side. */
+export const WALKED_SIDE: WalkedSide = {
+  inputs: 600,
+  contentAge: 60,
+  latency: { p50: 48, p95: 96 },
+  newViewsPerSecond: 47.6,
+  bandwidth: 10_200_000,
+  bytes: 15_700_000,
+  stalled: 0,
+};
 
 /** A source without a picture, with its state for the test to set. */
 export interface FakeSource<Of extends SourceStats = SourceStats> extends Source {

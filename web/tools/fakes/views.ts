@@ -24,16 +24,6 @@ export function turned(degrees: number): Pick<View, "quaternion"> {
 
 /** A request for the view from a place along x. */
 export function view(x: number, profile = 0): ViewRequest {
-  return {
-    scene: "s",
-    position: [x, 0, 0],
-    quaternion: [0, 0, 0, 1],
-    fx: 1,
-    fy: 1,
-    cx: 1,
-    cy: 1,
-    width: 2,
-    height: 2,
-    profile,
-  };
+  const lens = fakeView({ fx: 1, fy: 1, cx: 1, cy: 1, width: 2, height: 2 });
+  return { ...lens, scene: "s", position: [x, 0, 0], quaternion: [0, 0, 0, 1], profile };
 }

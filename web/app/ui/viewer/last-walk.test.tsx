@@ -1,27 +1,19 @@
 // @vitest-environment happy-dom
 import { cleanup, render, screen } from "@testing-library/preact";
 import { afterEach, expect, test } from "vitest";
+import { WALKED_SIDE } from "#fakes/session";
 import type { Unmeasured, Walk, WalkedSide } from "#viewer/charts/walk";
 import { LastWalk, verdict } from "./last-walk";
 
 afterEach(cleanup);
 
-const SIDE: WalkedSide = {
-  inputs: 600,
-  contentAge: 60,
-  latency: { p50: 48, p95: 96 },
-  newViewsPerSecond: 47.6,
-  bandwidth: 10_200_000,
-  bytes: 15_700_000,
-  stalled: 0,
-};
 const UNSCORED = { psnr: [], moments: 0, problem: null };
 const LOCAL = [false, false];
 const NAMES = ["Stateless", "DASH, tuned"];
 type Changes = Partial<WalkedSide> | Unmeasured;
 const walk = ({ left = {}, right = {} }: { left?: Changes; right?: Changes }): Walk => ({
   duration: 12_300,
-  sides: [left, right].map((changes) => (typeof changes === "string" ? changes : { ...SIDE, ...changes })),
+  sides: [left, right].map((changes) => (typeof changes === "string" ? changes : { ...WALKED_SIDE, ...changes })),
 });
 
 test.each<[{ left?: Changes; right?: Changes }, string]>([

@@ -5,9 +5,10 @@ import userEvent from "@testing-library/user-event";
 import { afterEach, beforeAll, beforeEach, expect, test, vi } from "vitest";
 import type { SessionStatus } from "#client/wire/dash";
 import { COURTYARD, serverConfig } from "#fakes/server";
-import { type FakeSession, fakeLocal, fakeSession, fakeSide, fakeStream } from "#fakes/session";
+import { type FakeSession, fakeLocal, fakeSession, fakeSide, fakeStream, WALKED_SIDE } from "#fakes/session";
 import { FakeTransport } from "#fakes/transport";
 import { ComparisonHistory } from "#viewer/charts/history";
+import type { Walk } from "#viewer/charts/walk";
 import { screenshot } from "#viewer/control/screenshot";
 import { type Comparison, UNSCORED } from "#viewer/session/comparison";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
@@ -259,14 +260,19 @@ test("the measurements are those of the mode", async () => {
   expect(screen.getAllByRole("region")).toHaveLength(1);
 });
 
-test("two columns of measurements leave no room for the hint", async () => {
-  settings.value = { ...settings.value, mode: "side-by-side", right: "video", hint: true, hudDetails: false };
+/** Two sides, and their last walk. */
+function compare(walk: Walk | null): void {
   session.comparison.value = {
     sides: [session.left, fakeSide("right")],
     history: new ComparisonHistory(2),
-    walks: { last: signal(null) },
+    walks: { last: signal(walk) },
     quality: signal(UNSCORED),
   } as unknown as Comparison;
+}
+
+test("two columns of measurements leave no room for the hint", async () => {
+  settings.value = { ...settings.value, mode: "side-by-side", right: "video", hint: true, hudDetails: false };
+  compare(null);
   show();
   expect(screen.queryByText(/^Drag to look/)).not.toBeNull();
   await act(() => {
@@ -278,22 +284,7 @@ test("two columns of measurements leave no room for the hint", async () => {
 
 test("while the settings are closed, the last walk is summed up over the stage, and leads to them", async () => {
   settings.value = { ...settings.value, mode: "side-by-side", right: "video" };
-  const side = {
-    inputs: 9,
-    contentAge: 40,
-    latency: { p50: 40, p95: 90 },
-    newViewsPerSecond: 12,
-    bandwidth: 1e6,
-    bytes: 1e6,
-    stalled: 0,
-  };
-  const walk = { duration: 5000, sides: [side, { ...side, contentAge: 90 }] };
-  session.comparison.value = {
-    sides: [session.left, fakeSide("right")],
-    history: new ComparisonHistory(2),
-    walks: { last: signal(walk) },
-    quality: signal(UNSCORED),
-  } as unknown as Comparison;
+  compare({ duration: 5000, sides: [WALKED_SIDE, { ...WALKED_SIDE, contentAge: WALKED_SIDE.contentAge + 50 }] });
   show();
   const said = await screen.findByRole("button", { name: /^Stateless was 50 ms more up to date than Video/ });
   await userEvent.click(said);

@@ -84,6 +84,15 @@ function start(): void {
   );
 }
 
+/** Connects for the first time. */
+async function connected(): Promise<void> {
+  start();
+  await reached("connected");
+}
+
+/** Waits until so many checks of the server are due, in all. */
+const checked = (times: number) => vi.waitFor(() => expect(checks).toHaveLength(times));
+
 beforeEach(() => {
   certificate = "a";
   reachable = true;
@@ -111,8 +120,7 @@ afterEach(async () => {
 });
 
 test("connects, and closes the transport when it is stopped", async () => {
-  start();
-  await reached("connected");
+  await connected();
   stop.abort(new Error("left the page"));
   await running;
   expect(states.map(({ status }) => status)).toEqual(["connecting", "connected"]);
@@ -120,8 +128,7 @@ test("connects, and closes the transport when it is stopped", async () => {
 });
 
 test("a lost transport is replaced", async () => {
-  start();
-  await reached("connected");
+  await connected();
   transports[0]?.lose("The connection to the server broke.");
   await reached("connected", 2);
   expect(states[2]).toEqual({ status: "lost", reason: "The connection to the server broke." });
@@ -138,8 +145,7 @@ test("a server that is not there is tried again until it is", async () => {
 
 test("a full server is asked again when it says, a little later, until it has room", async () => {
   full = [5, 3, null];
-  start();
-  await reached("connected");
+  await connected();
   expect(states.map(({ status }) => status)).toEqual(["connecting", "full", "full", "connected"]);
   expect(waits).toEqual([6250, 3750]);
   expect(transports).toHaveLength(1);
@@ -148,16 +154,14 @@ test("a full server is asked again when it says, a little later, until it has ro
 test("a server that has become full while it was connected to is full, and not without QUIC", async () => {
   full = [null, 2, null];
   fallback = "QUIC could not connect";
-  start();
-  await reached("connected");
+  await connected();
   expect(states.map(({ status }) => status)).toEqual(["connecting", "full", "connected"]);
   expect(transports.map(({ closed }) => closed)).toEqual([true, false]);
 });
 
 test("a server that died in silence is noticed", async () => {
-  start();
-  await reached("connected");
-  await vi.waitFor(() => expect(checks).toHaveLength(1));
+  await connected();
+  await checked(1);
   reachable = false;
   checks[0]?.();
   await reached("lost");
@@ -177,9 +181,8 @@ test("a malformed configuration is no reason to give up", async () => {
 
 test("a hidden page asks the server for nothing until it is shown", async () => {
   const shown = deferred<void>();
-  start();
-  await reached("connected");
-  await vi.waitFor(() => expect(checks).toHaveLength(1));
+  await connected();
+  await checked(1);
   const before = reports.length;
   visible = () => shown.promise;
   checks[0]?.();
@@ -192,11 +195,10 @@ test("a hidden page asks the server for nothing until it is shown", async () => 
 });
 
 test("a server that was started again is noticed by its certificate", async () => {
-  start();
-  await reached("connected");
-  await vi.waitFor(() => expect(checks).toHaveLength(1));
+  await connected();
+  await checked(1);
   checks[0]?.(); // nothing new: the connection stays
-  await vi.waitFor(() => expect(checks).toHaveLength(2));
+  await checked(2);
   expect(transports).toHaveLength(1);
   certificate = "b";
   checks[1]?.();
@@ -217,10 +219,9 @@ async function pass(milliseconds: number): Promise<void> {
 
 /** Connects, requests a view, and gets no answer for long enough. */
 async function fallSilent(): Promise<void> {
-  start();
-  await reached("connected");
-  const connected = states.find((state) => state.status === "connected");
-  connected?.transport.request(request, never).catch(() => undefined);
+  await connected();
+  const state = states.find((state) => state.status === "connected");
+  state?.transport.request(request, never).catch(() => undefined);
   await turn();
 }
 
@@ -285,11 +286,10 @@ describe("in a cluster", () => {
   });
 
   test("a viewer goes where it is sent, and what it sees stays open until it is there", async () => {
-    start();
-    await reached("connected");
-    await vi.waitFor(() => expect(checks).toHaveLength(1));
+    await connected();
+    await checked(1);
     checks[0]?.(); // it may stay
-    await vi.waitFor(() => expect(checks).toHaveLength(2));
+    await checked(2);
     expect(hosts()).toEqual(["a"]);
     named = "b";
     checks[1]?.();
@@ -320,8 +320,7 @@ describe("in a cluster", () => {
   });
 
   test("a session that has ended is replaced at once, wherever its viewer is sent", async () => {
-    start();
-    await reached("connected");
+    await connected();
     now += 5000;
     named = "b";
     transports[0]?.lose("The connection to the server broke.");
@@ -332,8 +331,7 @@ describe("in a cluster", () => {
   });
 
   test("while the director is away, a session that has ended is opened again at the same host", async () => {
-    start();
-    await reached("connected");
+    await connected();
     now += 5000;
     reachable = false;
     transports[0]?.lose("The connection to the server broke.");
@@ -349,8 +347,7 @@ describe("in a cluster", () => {
   });
 
   test("a session that ends as soon as it has begun is not opened again at once", async () => {
-    start();
-    await reached("connected");
+    await connected();
     transports[0]?.lose("The connection to the server broke.");
     await reached("connected", 2);
     expect(hosts()).toEqual(["a", "lost instead", "a"]);
@@ -359,8 +356,7 @@ describe("in a cluster", () => {
 
   test("a host that cannot be got into is told of, and another one entered", async () => {
     instead = new Map([["a", "b"]]);
-    start();
-    await reached("connected");
+    await connected();
     expect(hosts()).toEqual(["b"]);
     expect(reports).toEqual([undefined, { lost: "a" }]);
     expect(transports.map(({ closed }) => closed)).toEqual([true, false]);
@@ -368,8 +364,7 @@ describe("in a cluster", () => {
 
   test("a browser without WebTransport stays with the host that it is sent to", async () => {
     fallback = "this browser has no WebTransport";
-    start();
-    await reached("connected");
+    await connected();
     expect(reports).toEqual([undefined, { at: "a" }]);
     expect(hosts()).toEqual(["a"]);
   });
@@ -379,16 +374,14 @@ describe("in a cluster", () => {
       ["a", "b"],
       ["b", "a"],
     ]);
-    start();
-    await reached("connected");
+    await connected();
     expect(hosts()).toEqual(["b"]);
     expect(transports).toHaveLength(2);
   });
 
   test("nobody leaves for a host that is full, or because the director is away", async () => {
-    start();
-    await reached("connected");
-    await vi.waitFor(() => expect(checks).toHaveLength(1));
+    await connected();
+    await checked(1);
     [named, full] = ["b", [5]];
     checks[0]?.();
     await vi.waitFor(() => expect(reports).toHaveLength(2));

@@ -99,6 +99,13 @@ function start(options: Partial<LocalOptions> = {}): Rig {
   return rig;
 }
 
+/** One whose download was answered. */
+async function downloading(): Promise<Rig> {
+  const rig = start();
+  await vi.waitFor(() => expect(link).toBeDefined());
+  return rig;
+}
+
 const canvas = () => document.querySelector("canvas.local");
 /** Waits until the download has this many bytes of the file's rows, and for all consequences. */
 async function come(from: number, to: number): Promise<void> {
@@ -115,8 +122,7 @@ function frame(rig: Rig, after = 1000 / 60): void {
 }
 
 test("a first part is drawn long before the whole has come, and both times are told", async () => {
-  const rig = start();
-  await vi.waitFor(() => expect(link).toBeDefined());
+  const rig = await downloading();
   frame(rig);
   expect([player.phase.value.kind, canvas()]).toEqual(["connecting", null]);
   await come(0, 16 * 30);
@@ -148,8 +154,7 @@ test("a first part is drawn long before the whole has come, and both times are t
 });
 
 test("frames say which pose they show, and latency counts from the first picture on", async () => {
-  const rig = start();
-  await vi.waitFor(() => expect(link).toBeDefined());
+  const rig = await downloading();
   rig.drive(() => ({ position: [now, 0, 0], quaternion: [0, 0, 0, 1] }));
   frame(rig);
   frame(rig);
@@ -163,8 +168,7 @@ test("frames say which pose they show, and latency counts from the first picture
 });
 
 test("a download that is cut off is said to be, and what is there goes on being drawn", async () => {
-  const rig = start();
-  await vi.waitFor(() => expect(link).toBeDefined());
+  const rig = await downloading();
   await come(0, 16 * 30);
   frame(rig);
   frame(rig);
@@ -253,8 +257,7 @@ test.each<[string, Partial<LocalOptions>, string]>([
 });
 
 test("a lost graphics processor ends it, and all is given back", async () => {
-  const rig = start();
-  await vi.waitFor(() => expect(link).toBeDefined());
+  const rig = await downloading();
   await come(0, 16 * 30);
   frame(rig);
   renderers[0]?.options.onLost();
@@ -265,8 +268,7 @@ test("a lost graphics processor ends it, and all is given back", async () => {
 });
 
 test("leaving aborts the download and frees what drew, also while the renderer is still being made", async () => {
-  const rig = start();
-  await vi.waitFor(() => expect(link).toBeDefined());
+  const rig = await downloading();
   await come(0, 16 * 30);
   frame(rig);
   player.dispose();

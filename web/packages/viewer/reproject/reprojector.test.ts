@@ -52,20 +52,24 @@ function frame(name: string, at: NumberedPose, margin = 0): Content<string> {
 
 const canvas = () => pane.querySelector<HTMLCanvasElement>("canvas.reprojected");
 
+/** A frame comes and is drawn for its own pose. */
+function show(name: string): void {
+  reprojector.take(PICTURE, frame(name, pose(1)));
+  reprojector.turn(pose(1), LENS);
+}
+
 test("there is no canvas before the first picture is turned, nor once it is off", () => {
   expect(canvas()).toBeNull();
   reprojector.turn(pose(1), LENS);
   expect(canvas()).toBeNull();
-  reprojector.take(PICTURE, frame("a", pose(1)));
-  reprojector.turn(pose(1), LENS);
+  show("a");
   expect(canvas()).toBe(warp.canvas);
   reprojector.off();
   expect([canvas(), warp.disposed, reprojector.status.value, reprojector.working]).toEqual([null, true, "off", false]);
 });
 
 test("each animation frame with another view draws the same picture anew, and tells of it once", () => {
-  reprojector.take(PICTURE, frame("a", pose(1)));
-  reprojector.turn(pose(1), LENS);
+  show("a");
   expect(reprojector.presented()).toEqual({ frame: "a", pose: 1, view: 1, filled: 0, warpMs: 2, fresh: true });
   reprojector.turn(pose(2, 5), LENS);
   expect(reprojector.presented()).toMatchObject({ frame: "a", pose: 1, view: 2, fresh: false });
@@ -124,8 +128,7 @@ test("across a cut the picture of before stays as it was, and none of before it 
 
 test("a small step is no cut, and the scene's size says what a small one is", () => {
   const stepped = (seq: number, x: number): NumberedPose => ({ ...pose(seq), position: [x, 0, 0] });
-  reprojector.take(PICTURE, frame("a", pose(1)));
-  reprojector.turn(pose(1), LENS);
+  show("a");
   reprojector.turn(stepped(2, 2), LENS);
   expect(warp.drawn).toHaveLength(2);
   reprojector.turn(stepped(3, 6), LENS);
@@ -133,8 +136,7 @@ test("a small step is no cut, and the scene's size says what a small one is", ()
 });
 
 test("a picture that changes only in its quality is drawn, and is no new frame", () => {
-  reprojector.take(PICTURE, frame("a", pose(1)));
-  reprojector.turn(pose(1), LENS);
+  show("a");
   reprojector.presented();
   reprojector.take(PICTURE, frame("a, enhanced", pose(1)), false);
   reprojector.turn(pose(1), LENS);
@@ -142,8 +144,7 @@ test("a picture that changes only in its quality is drawn, and is no new frame",
 });
 
 test("when the graphics processor is lost, what lies below is seen, and a word says why", () => {
-  reprojector.take(PICTURE, frame("a", pose(1)));
-  reprojector.turn(pose(1), LENS);
+  show("a");
   warp.lose();
   expect([canvas(), reprojector.working, reprojector.picture()]).toEqual([null, false, null]);
   expect(reprojectionNote(reprojector.status.value)).toContain("was lost");
@@ -156,26 +157,28 @@ test("when the graphics processor is lost, what lies below is seen, and a word s
   expect(canvas()).not.toBeNull();
 });
 
-test("a browser without graphics acceleration says so and shows pictures as they come", () => {
+/** One that is on, over a video, in such a browser. */
+function plainly(browser: Partial<ConstructorParameters<typeof Reprojector>[0]>): Reprojector<string> {
   const plain = new Reprojector<string>({
     below: document.createElement("video"),
     size: () => size,
     now: () => now,
-    create: (canvas, options) => Object.assign(new FakeWarp(canvas, options), { working: false }),
+    ...browser,
   });
   plain.on(10);
+  return plain;
+}
+
+test("a browser without graphics acceleration says so and shows pictures as they come", () => {
+  const plain = plainly({
+    create: (canvas, options) => Object.assign(new FakeWarp(canvas, options), { working: false }),
+  });
   expect([plain.status.value, plain.working]).toEqual(["slow", false]);
   expect(reprojectionNote("slow")).toBe("No graphics acceleration here: smooth turning is off.");
 });
 
 test("a browser that gives a video's pictures away to nobody says so and shows them as they come", () => {
-  const plain = new Reprojector<string>({
-    below: document.createElement("video"),
-    size: () => size,
-    now: () => now,
-    readable: false,
-  });
-  plain.on(10);
+  const plain = plainly({ readable: false });
   expect([plain.status.value, plain.working]).toEqual(["unreadable", false]);
   expect(reprojectionNote("on", "unreadable")).toContain("WebCodecs");
   plain.off();
@@ -184,8 +187,7 @@ test("a browser that gives a video's pictures away to nobody says so and shows t
 
 test("the main thread's time for a picture and its turn is measured", () => {
   expect(reprojector.warpMs(now)).toBeNull();
-  reprojector.take(PICTURE, frame("a", pose(1)));
-  reprojector.turn(pose(1), LENS);
+  show("a");
   expect(reprojector.warpMs(now)).toBe(2); // one tick of this test's clock for each of the two
   expect(reprojector.gpuMs).toBe(0.5);
 });
@@ -229,8 +231,7 @@ test("a machine that cannot keep up shows frames as they come in every scene and
 const SIDE = sideView(1, [0, 0, 0], [0, -1, 0]);
 
 test("a side of the surround is drawn at once where the frame does not fill the view, and changes nothing where it does", () => {
-  reprojector.take(PICTURE, frame("a", pose(1)));
-  reprojector.turn(pose(1), LENS);
+  show("a");
   reprojector.takeSide(PICTURE, 1, SIDE, 1);
   reprojector.turn(pose(1), LENS);
   expect([warp.sides.length, warp.drawn.length, [...reprojector.surround.keys()]]).toEqual([1, 1, [1]]);
@@ -241,8 +242,7 @@ test("a side of the surround is drawn at once where the frame does not fill the 
 });
 
 test("the surround of before a cut is forgotten, also what comes of it later", () => {
-  reprojector.take(PICTURE, frame("a", pose(1)));
-  reprojector.turn(pose(1), LENS);
+  show("a");
   reprojector.takeSide(PICTURE, 1, SIDE, 1);
   reprojector.turn(pose(2, 90), LENS);
   reprojector.takeSide(PICTURE, 2, SIDE, 1);

@@ -35,6 +35,13 @@ function pipeline(decode?: () => Promise<DecodedImage>): FramePipeline {
   });
 }
 
+/** One that has asked for a first view. */
+function asking(x = 1, decode?: () => Promise<DecodedImage>): FramePipeline {
+  const subject = pipeline(decode);
+  subject.want(view(x), 0);
+  return subject;
+}
+
 const problem = (type: string) => new RequestProblem({ type, title: "", status: 400, detail: `because of ${type}` });
 const sent = () => transport.requests.map(({ request }) => request.position?.[0]);
 
@@ -58,8 +65,7 @@ beforeEach(() => {
 });
 
 test("after a pause no old frame is shown, and the same view is asked for anew", async () => {
-  const subject = pipeline();
-  subject.want(view(1), 0);
+  const subject = asking();
   transport.requests[0]?.reply();
   await settle();
   expect(await frame(subject, view(2))).toBe(0);
@@ -79,8 +85,7 @@ test("after a pause no old frame is shown, and the same view is asked for anew",
 test("a bitmap that is decoded after its viewer was closed is closed, too", async () => {
   const decoding = deferred<DecodedImage>();
   let closed = false;
-  const subject = pipeline(() => decoding.promise);
-  subject.want(view(1), 0);
+  const subject = asking(1, () => decoding.promise);
   transport.requests[0]?.reply();
   await settle();
   subject.dispose();
@@ -95,8 +100,7 @@ test("a bitmap that is decoded after its viewer was closed is closed, too", asyn
 
 describe("asking for frames", () => {
   test("a view is asked for once, and nothing is asked while it stays the same", async () => {
-    const subject = pipeline();
-    subject.want(view(1), 0);
+    const subject = asking();
     transport.requests[0]?.reply();
     expect(await frame(subject, view(1))).toBe(0);
     for (let i = 0; i < 5; i++) await frame(subject, view(1));
@@ -122,8 +126,7 @@ describe("asking for frames", () => {
     { scene: "other" },
     { profile: 3 },
   ])("a change to %o alone asks for the view again", async (change) => {
-    const subject = pipeline();
-    subject.want(view(0), 0);
+    const subject = asking(0);
     transport.requests[0]?.reply();
     await frame(subject, view(0));
     for (const wanted of [{ ...view(0), ...change }, view(0)]) {
@@ -164,8 +167,7 @@ test("a busy server is asked as often as it says", async () => {
 });
 
 test("that the page asked too often is not said to the person, and it pauses", async () => {
-  const subject = pipeline();
-  subject.want(view(1), 0);
+  const subject = asking();
   transport.requests[0]?.fail(problem("tigas:asked-too-often"));
   for (let x = 2; x < 8; x++) await frame(subject, view(x));
   expect(refusals).toEqual([]);
@@ -197,8 +199,7 @@ test("what becomes of each request is told", async () => {
 
 describe("showing frames", () => {
   test("a shown frame cancels the older requests and no newer one", async () => {
-    const subject = pipeline();
-    subject.want(view(0), 0);
+    const subject = asking(0);
     transport.requests[0]?.reply({ timing: { queue: 0, render: 60, encode: 0 } });
     for (const x of [1, 2, 3]) await frame(subject, view(x));
     expect(sent()).toEqual([0, 1, 2, 3]);
@@ -209,8 +210,7 @@ describe("showing frames", () => {
   });
 
   test("of two frames that come between two animation frames the newer is shown and the other closed", async () => {
-    const subject = pipeline();
-    subject.want(view(0), 0);
+    const subject = asking(0);
     transport.requests[0]?.reply({ timing: { queue: 0, render: 60, encode: 0 } });
     await frame(subject, view(1));
     await frame(subject, view(2));
@@ -222,8 +222,7 @@ describe("showing frames", () => {
   });
 
   test("what is still decoded when the viewer closes is closed", async () => {
-    const subject = pipeline();
-    subject.want(view(1), 0);
+    const subject = asking();
     transport.requests[0]?.reply();
     await settle();
     subject.dispose();
@@ -240,8 +239,7 @@ describe("failures", () => {
   ])(
     "a frame that is %s is counted, not shown as an error, and asked for again if it is the newest",
     async (_, error) => {
-      const subject = pipeline();
-      subject.want(view(1), 0);
+      const subject = asking();
       transport.requests[0]?.fail(error());
       await frame(subject, view(1));
       expect(sent()).toEqual([1, 1]);
@@ -251,8 +249,7 @@ describe("failures", () => {
   );
 
   test("the last view is rendered even if its request fails when nothing moves any more", async () => {
-    const subject = pipeline();
-    subject.want(view(1), 0);
+    const subject = asking();
     transport.requests[0]?.fail(new Error("stream was reset"));
     for (let i = 0; i < 20 && transport.requests.length < 2; i++) await frame(subject, view(1));
     transport.requests[1]?.reply();
@@ -261,8 +258,7 @@ describe("failures", () => {
   });
 
   test("a refusal is reported, and the server is not asked again with every animation frame", async () => {
-    const subject = pipeline();
-    subject.want(view(1), 0);
+    const subject = asking();
     transport.requests[0]?.fail(problem("tigas:broken-scene"));
     for (let i = 0; i < 5; i++) await frame(subject, view(1));
     expect(refusals).toEqual(["because of tigas:broken-scene"]);
@@ -270,8 +266,7 @@ describe("failures", () => {
   });
 
   test("an image that cannot be decoded is a dropped frame", async () => {
-    const subject = pipeline(() => Promise.reject(new Error("no image")));
-    subject.want(view(1), 0);
+    const subject = asking(1, () => Promise.reject(new Error("no image")));
     transport.requests[0]?.reply();
     await frame(subject, view(1));
     expect(subject.counts.dropped).toBe(1);
@@ -283,8 +278,7 @@ describe("a refinement, which is a request without a rung", () => {
   const refined = { ...view(1), profile: null };
 
   async function refining(): Promise<FramePipeline> {
-    const subject = pipeline();
-    subject.want(view(1), 0);
+    const subject = asking();
     transport.requests[0]?.reply();
     await frame(subject, view(1));
     await frame(subject, refined);

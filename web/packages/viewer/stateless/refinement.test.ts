@@ -1,9 +1,11 @@
 import { beforeEach, describe, expect, test } from "vitest";
+import { fakeView } from "#fakes/views";
 import type { ViewRequest } from "./pipeline";
 import { type PosedRequest, Refinement, Rest } from "./refinement";
 
 const FRAME = 1000 / 60;
 const FAST = 1e9;
+const RESTING = { settled: true, throughput: FAST, pixelRatio: 1 };
 let subject: Refinement;
 let now: number;
 
@@ -13,19 +15,8 @@ beforeEach(() => {
 });
 
 function view(changes: Partial<PosedRequest> = {}): PosedRequest {
-  return {
-    scene: "s",
-    position: [0, 0, 0],
-    quaternion: [0, 0, 0, 1],
-    fx: 600,
-    fy: 600,
-    cx: 350,
-    cy: 200,
-    width: 700,
-    height: 400,
-    profile: 3,
-    ...changes,
-  };
+  const lens = fakeView({ fx: 600, fy: 600, cx: 350, cy: 200, width: 700, height: 400 });
+  return { ...lens, scene: "s", position: [0, 0, 0], quaternion: [0, 0, 0, 1], profile: 3, ...changes };
 }
 
 interface Server {
@@ -92,10 +83,10 @@ test("a view that changes is not refined, nor one that is not on the screen yet"
   came({ width: 320, height: 180 }, 3, {});
   for (let i = 0; i < 60; i++, now += FRAME) {
     const turned = view({ position: [i, 0, 0] });
-    expect(subject.next(turned, { now, settled: true, throughput: FAST, pixelRatio: 1 })).toBeNull();
+    expect(subject.next(turned, { now, ...RESTING })).toBeNull();
   }
   for (let i = 0; i < 60; i++, now += FRAME) {
-    expect(subject.next(view(), { now, settled: false, throughput: FAST, pixelRatio: 1 })).toBeNull();
+    expect(subject.next(view(), { now, ...RESTING, settled: false })).toBeNull();
   }
 });
 
@@ -103,7 +94,7 @@ test("margins that come and go are no movement", () => {
   came({ width: 320, height: 180 }, 3, {});
   let step: ViewRequest | null = null;
   for (let i = 0; i < 12; i++, now += FRAME) {
-    step = subject.next(view({ overscan: i / 100 }), { now, settled: true, throughput: FAST, pixelRatio: 1 });
+    step = subject.next(view({ overscan: i / 100 }), { now, ...RESTING });
   }
   expect(step).not.toBeNull();
 });
@@ -137,16 +128,15 @@ test("a best rung that has the screen's pixels is as sharp as it gets", () => {
   const wanted = view({ profile: 0 });
   came({ width: 1400, height: 800 }, 0, {});
   for (let i = 0; i < 60; i++, now += FRAME) {
-    expect(subject.next(wanted, { now, settled: true, throughput: FAST, pixelRatio: 2 })).toBeNull();
+    expect(subject.next(wanted, { now, ...RESTING, pixelRatio: 2 })).toBeNull();
   }
   expect(subject.pending).toBe(false);
 });
 
 test("a lesser one with as many pixels is not", () => {
   came({ width: 700, height: 400 }, 2, {});
-  for (let i = 0; i < 12; i++, now += FRAME)
-    subject.next(view(), { now, settled: true, throughput: FAST, pixelRatio: 1 });
-  expect(subject.next(view(), { now, settled: false, throughput: FAST, pixelRatio: 1 })).toMatchObject({ width: 700 });
+  for (let i = 0; i < 12; i++, now += FRAME) subject.next(view(), { now, ...RESTING });
+  expect(subject.next(view(), { now, ...RESTING, settled: false })).toMatchObject({ width: 700 });
 });
 
 describe("again", () => {
@@ -192,24 +182,13 @@ test.each([
   const arrival = { sentAt: 0, firstByteAt: 0, lastByteAt: 0, bytes: 9000, sharedBytes: 0 };
   const header = { status: 200, seq: 0, content_type: "", width: 700, height: 400, profile: 0, video };
   subject.observe({ header, arrival });
-  const settled = { settled: true, throughput: FAST, pixelRatio: 1 };
-  subject.next(wanted, { now: 0, ...settled });
-  const step = subject.next(wanted, { now: 1000, ...settled });
+  subject.next(wanted, { now: 0, ...RESTING });
+  const step = subject.next(wanted, { now: 1000, ...RESTING });
   expect(step === null ? [] : sizes([step])).toEqual(expected);
 });
 
 describe("rest", () => {
-  const VIEW: ViewRequest = {
-    scene: "here",
-    fx: 500,
-    fy: 500,
-    cx: 320,
-    cy: 180,
-    width: 640,
-    height: 360,
-    profile: 3,
-    overscan: 0.1,
-  };
+  const VIEW: ViewRequest = view({ overscan: 0.1 });
   const [CONTROLLER, ANOTHER] = [{}, {}];
 
   /** The request that follows an earlier one. */

@@ -1,9 +1,9 @@
 import { beforeEach, describe, expect, test } from "vitest";
 import type { PoseUpdate } from "#client/wire/dash";
 import { STILL, steeredRig } from "#fakes/rig";
+import { fakeView } from "#fakes/views";
 import { Foresight } from "../predict/foresight";
 import type { PredictorName } from "../predict/registry";
-import type { View } from "../reproject/view";
 import type { Rig } from "../view/rig";
 import { CameraFeed, widened } from "./camera-feed";
 
@@ -111,16 +111,7 @@ test("what was told long ago is forgotten, but for the last message", () => {
 });
 
 describe("wider", () => {
-  const VIEW: View = {
-    position: [1, 2, 3],
-    quaternion: [0, 0, 0, 1],
-    fx: 300,
-    fy: 310,
-    cx: 320,
-    cy: 170,
-    width: 640,
-    height: 360,
-  };
+  const VIEW = fakeView({ position: [1, 2, 3], fx: 300, fy: 310, cx: 320, cy: 170, width: 640, height: 360 });
 
   test("what is in the middle stays as it was, with margins around it", () => {
     expect(widened(VIEW, 0.1)).toEqual({ ...VIEW, cx: 384, cy: 206, width: 768, height: 432 });
