@@ -180,11 +180,11 @@ def sample(at: float, delivered_kbps: float = 5000.0) -> LinkSample:
     )
 
 
-def png(shade: int = 128, width: int = 64, height: int = 36) -> bytes:
-    """A picture with a gradient, so that it has a structure."""
+def png(shade: int = 128, width: int = 64, height: int = 36, *, blue: int = 0, form: str = "PNG") -> bytes:
+    """A picture with a gradient, so that it has a structure; in another form if that is named."""
     pixels = np.zeros((height, width, 3), np.uint8)
     pixels[:, :, 0] = np.linspace(0, 255, width, dtype=np.uint8)
-    pixels[:, :, 1] = shade
+    pixels[:, :, 1:] = shade, blue
     buffer = io.BytesIO()
-    Image.fromarray(pixels).save(buffer, "PNG")
+    Image.fromarray(pixels).save(buffer, form)
     return buffer.getvalue()

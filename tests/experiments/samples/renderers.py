@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
@@ -10,10 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-import numpy as np
-from PIL import Image
 
-from tests.experiments.made_up import sampled, write_run
+from tests.experiments.made_up import png, sampled, write_run
 from tests.scenes import ALONE, scene
 from tigas_common.render_requests import RenderClient
 from tigas_experiments.records.folder import StoredRun
@@ -25,13 +22,7 @@ SHA256 = "a" * 64
 
 def picture(x: float, width: int, height: int, form: str, shade: int = 0) -> bytes:
     """A view that encodes the camera's position; another renderer has another shade."""
-    pixels = np.zeros((height, width, 3), np.uint8)
-    pixels[:, :, 0] = np.linspace(0, 255, width, dtype=np.uint8)
-    pixels[:, :, 1] = int(x) * 20 % 256
-    pixels[:, :, 2] = shade
-    buffer = io.BytesIO()
-    Image.fromarray(pixels).save(buffer, form)
-    return buffer.getvalue()
+    return png(int(x) * 20 % 256, width, height, blue=shade, form=form)
 
 
 class FakeRenderer:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, cast
 
 import numpy as np
@@ -46,6 +46,53 @@ def balls(*centres: tuple[float, float, float], size: float, opacity: float, col
         opacities=np.full(count, opacity),
         sh=((np.array(colours) - 0.5) / 0.28209479177387814)[:, None, :],
     )
+
+
+def fives(places: NDArray[np.float64], step: float, size: float) -> Gaussians:
+    """At each place, five small faint Gaussians in a row along x, the first of which is red and the others green."""
+    count = 5 * len(places)
+    return gaussians_of(
+        means=np.repeat(places, 5, axis=0) + np.tile(np.outer(range(-2, 3), [step, 0, 0]), (len(places), 1)),
+        scales=np.full((count, 3), size),
+        quaternions=np.tile([1.0, 0, 0, 0], (count, 1)),
+        opacities=np.full(count, 0.1),
+        sh=np.tile([[[1.0, 0, 0]], *[[[0, 1.0, 0]]] * 4], (len(places), 1, 1)),
+    )
+
+
+def with_others_among_them(count: int, every: int, change: str) -> Gaussians:
+    """Small Gaussians. One of every few is large or far away, and has a distinct colour."""
+    everything = cloud(count, 0, size=0.02)
+    chosen = np.arange(0, count, every)
+    if change == "large":
+        everything.scales[chosen] = 100.0
+    else:
+        everything.means[chosen] *= 1e4
+    everything.sh[chosen] = 7
+    return everything
+
+
+def no_extent(scene: Gaussians) -> None:
+    scene.scales.fill(0.0)
+    scene.means.fill(1.0)
+
+
+STRANGE: dict[str, Callable[[Gaussians], None]] = {
+    "one place": lambda scene: scene.means.fill(1.0),
+    "no size": lambda scene: scene.scales.fill(0.0),
+    "no size, one place": no_extent,
+    "huge": lambda scene: scene.scales.fill(1e6),
+    "flat": lambda scene: scene.means.__setitem__((slice(None), 0), 0.0),
+    "opaque": lambda scene: scene.opacities.fill(1.0),
+    "size is no number": lambda scene: scene.scales.__setitem__(slice(0, None, 3), np.nan),
+    "infinitely bright": lambda scene: scene.sh.__setitem__(slice(0, None, 3), np.inf),
+}
+"""Changes to a scene that make its levels of detail hard to make."""
+
+
+def from_afar(distance: float) -> Camera:
+    """A view along +z of the origin."""
+    return Camera(Pose((0.0, 0.0, -distance), LEVEL), camera(640, 360).intrinsics)
 
 
 def camera(

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.render.arrays import gaussians_of
-from tests.render.raster.views import LEVEL, camera, cloud, pixels, psnr
-from tigas_common.pose import Pose
-from tigas_render.gaussians import Gaussians
+from tests.render.raster.views import STRANGE, cloud, fives, from_afar, pixels, psnr, with_others_among_them
 from tigas_render.raster.base import Camera
 from tigas_render.raster.cpu import CpuRasterizer, levels, scene
 from tigas_render.raster.cpu import layout as L
@@ -33,11 +29,6 @@ def every_scene_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="module")
 def rasterizer() -> CpuRasterizer:
     return CpuRasterizer()
-
-
-def from_afar(distance: float) -> Camera:
-    """A view along +z of the origin."""
-    return Camera(Pose((0.0, 0.0, -distance), LEVEL), camera(640, 360).intrinsics)
 
 
 def chunks_drawn(rasterizer: CpuRasterizer, packed: CpuScene, view: Camera) -> int:
@@ -93,39 +84,17 @@ def test_levels_take_a_third_more_memory_at_most(rasterizer: CpuRasterizer, monk
 
 @pytest.mark.parametrize("change", ["large", "far away"])
 def test_what_is_larger_than_a_cell_or_far_outside_is_never_merged(rasterizer: CpuRasterizer, change: str) -> None:
-    """A few of them in a distinct colour, between small ones that are."""
-    everything = cloud(COUNT, 0, size=0.02)
-    chosen = np.arange(0, COUNT, 1000)
-    if change == "large":
-        everything.scales[chosen] = 100.0
-    else:
-        everything.means[chosen] *= 1e4
-    everything.sh[chosen] = 7
-    packed = rasterizer.pack(everything.batches())
+    packed = rasterizer.pack(with_others_among_them(COUNT, 1000, change).batches())
     coarsest = [levels_of_node[levels_of_node[:, 1] > 0][-1] for levels_of_node in packed.nodes.chunks]
     colours = np.concatenate([colours_of(packed, first, end) for first, end in coarsest])
     kept = (np.abs(colours / packed.sh.max() - 1) < 1e-3).all(axis=1).sum()
-    assert kept >= 0.9 * len(chosen)
+    assert kept >= 0.9 * (COUNT / 1000)
 
 
-@pytest.mark.parametrize(
-    "strange",
-    [
-        lambda scene: scene.means.fill(1.0),
-        lambda scene: scene.scales.fill(0.0),
-        lambda scene: scene.scales.fill(1e6),
-        lambda scene: scene.means.__setitem__((slice(None), 0), 0.0),
-        lambda scene: scene.opacities.fill(1.0),
-        lambda scene: scene.scales.__setitem__(slice(0, None, 3), np.nan),
-        lambda scene: scene.sh.__setitem__(slice(0, None, 3), np.inf),
-    ],
-    ids=["one place", "no size", "huge", "flat", "opaque", "size is no number", "infinitely bright"],
-)
-def test_strange_scenes_have_levels_that_can_be_drawn(
-    rasterizer: CpuRasterizer, strange: Callable[[Gaussians], None]
-) -> None:
+@pytest.mark.parametrize("strange", STRANGE)
+def test_strange_scenes_have_levels_that_can_be_drawn(rasterizer: CpuRasterizer, strange: str) -> None:
     everything = cloud(20_000, 0)
-    strange(everything)
+    STRANGE[strange](everything)
     packed = rasterizer.pack(everything.batches())
     for distance in (3.0, 1000.0):
         rasterizer.render(packed, from_afar(distance)).close()
@@ -148,19 +117,8 @@ def test_where_there_is_still_too_much_details_are_left_out(
 
 def test_what_becomes_one_keeps_its_place_size_colour_and_cover(rasterizer: CpuRasterizer) -> None:
     """Groups of five neighbours, far from others; a few are cut by a cell's border."""
-    places = np.random.default_rng(1).uniform(0, 10, (4000, 3))
-    number, step, size = 5 * len(places), 0.001, 0.0004
-    packed = rasterizer.pack(
-        gaussians_of(
-            means=np.repeat(places, 5, axis=0) + np.tile(np.outer(range(-2, 3), [step, 0, 0]), (len(places), 1)),
-            scales=np.full((number, 3), size),
-            quaternions=np.tile([1.0, 0, 0, 0], (number, 1)),
-            opacities=np.full(number, 0.1),
-            sh=np.tile(
-                [[[1.0, 0, 0]], [[0, 1.0, 0]], [[0, 1.0, 0]], [[0, 1.0, 0]], [[0, 1.0, 0]]], (len(places), 1, 1)
-            ),
-        ).batches()
-    )
+    places, step, size = np.random.default_rng(1).uniform(0, 10, (4000, 3)), 0.001, 0.0004
+    packed = rasterizer.pack(fives(places, step, size).batches())
     first, end = packed.nodes.chunks[2, 1]
     merged = packed.geometry[first:end].transpose(0, 2, 1).reshape(-1, L.GEOMETRY)
     shown = merged[:, L.LOG_ALPHA] > -2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -11,9 +11,7 @@ import pytest
 import torch
 
 from tests.prerequisites import GPU
-from tests.render.arrays import gaussians_of
-from tests.render.raster.views import LEVEL, camera, cloud, psnr
-from tigas_common.pose import Pose
+from tests.render.raster.views import STRANGE, cloud, fives, from_afar, psnr, with_others_among_them
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, PreparedScene
 from tigas_render.raster.cpu import layout as L
@@ -129,19 +127,9 @@ def test_all_chunks_but_one_have_a_parent_that_holds_them(count: int) -> None:
 
 def test_what_becomes_one_keeps_its_place_size_colour_and_cover() -> None:
     """Groups of five neighbours, far from others; a few are cut by a cell's border."""
-    places = np.random.default_rng(1).uniform(0, 10, (512, 3))
-    number, step, size = 5 * len(places), 0.001, 0.0004
-    scene = pack(
-        gaussians_of(
-            means=np.repeat(places, 5, axis=0) + np.tile(np.outer(range(-2, 3), [step, 0, 0]), (len(places), 1)),
-            scales=np.full((number, 3), size),
-            quaternions=np.tile([1.0, 0, 0, 0], (number, 1)),
-            opacities=np.full(number, 0.1),
-            sh=np.tile([[[1.0, 0, 0]], *[[[0, 1.0, 0]]] * 4], (len(places), 1, 1)),
-        ).batches(),
-        CPU,
-    )
-    leaves = -(-number // CHUNK)
+    places, step, size = np.random.default_rng(1).uniform(0, 10, (512, 3)), 0.001, 0.0004
+    scene = pack(fives(places, step, size).batches(), CPU)
+    leaves = -(-5 * len(places) // CHUNK)
     slots = torch.cat([shown(scene, chunk) for chunk in range(leaves, leaves + -(-leaves // FAN_OUT))])
     shapes = scene.shapes[slots]
     scales = scene.scale_codes.scales(shapes).sort(dim=1).values.median(dim=0).values
@@ -155,18 +143,11 @@ def test_what_becomes_one_keeps_its_place_size_colour_and_cover() -> None:
 
 @pytest.mark.parametrize("change", ["large", "far away"])
 def test_what_is_larger_than_a_cell_or_far_outside_is_not_merged(change: str) -> None:
-    """A few of them in a distinct colour, between small ones."""
-    everything = cloud(5120, 0, size=0.02)
-    chosen = np.arange(0, 5120, 200)
+    everything = with_others_among_them(5120, 200, change)
     everything.opacities[:] = 0.5
-    if change == "large":
-        everything.scales[chosen] = 100.0
-    else:
-        everything.means[chosen] *= 1e4
-    everything.sh[chosen] = 7
     scene = pack(everything.batches(), CPU)
     kept = (scene.sh[0, shown(scene, len(scene.bounds) - 1), 0].float() / scene.sh.max() - 1).abs() < 1e-3
-    assert int(kept.sum()) == len(chosen)
+    assert int(kept.sum()) == -(-5120 // 200)
 
 
 def test_children_without_room_in_a_parent_are_drawn_from_everywhere() -> None:
@@ -201,23 +182,6 @@ def test_making_levels_can_be_ended() -> None:
         pack(replace(cloud(1000, 1).batches(), check=check), CPU)
 
 
-def no_extent(scene: Gaussians) -> None:
-    scene.scales.fill(0.0)
-    scene.means.fill(1.0)
-
-
-STRANGE: dict[str, Callable[[Gaussians], None]] = {
-    "one place": lambda scene: scene.means.fill(1.0),
-    "no size": lambda scene: scene.scales.fill(0.0),
-    "no size, one place": no_extent,
-    "huge": lambda scene: scene.scales.fill(1e6),
-    "flat": lambda scene: scene.means.__setitem__((slice(None), 0), 0.0),
-    "opaque": lambda scene: scene.opacities.fill(1.0),
-    "size is no number": lambda scene: scene.scales.__setitem__(slice(0, None, 3), np.nan),
-    "infinitely bright": lambda scene: scene.sh.__setitem__(slice(0, None, 3), np.inf),
-}
-
-
 @pytest.mark.parametrize("antialiased", [False, True])
 @pytest.mark.parametrize("strange", STRANGE)
 def test_strange_scenes_have_levels_of_finite_gaussians(strange: str, antialiased: bool) -> None:
@@ -236,11 +200,6 @@ def rasterizer(tmp_path_factory: pytest.TempPathFactory) -> CudaRasterizer:
     from tigas_render.raster.cuda.rasterizer import CudaRasterizer
 
     return CudaRasterizer(0, tmp_path_factory.mktemp("cache"))
-
-
-def from_afar(distance: float) -> Camera:
-    """A view along +z of the origin."""
-    return Camera(Pose((0.0, 0.0, -distance), LEVEL), camera(640, 360).intrinsics)
 
 
 def drawn(rasterizer: CudaRasterizer, scene: PreparedScene, view: Camera) -> tuple[np.ndarray, int]:
