@@ -22,6 +22,7 @@ from playwright.sync_api import (
 
 from tests import prerequisites
 from tests.prerequisites import BUILT_PAGE
+from tests.web.experiments import PageLab, page_lab
 from tests.web.scenes import write_scenes
 from tests.web.server import TIGAS, Packager, RenderServer
 
@@ -81,12 +82,22 @@ def viewer_url(models: Path, packager: Packager) -> Iterator[str]:
         yield url
 
 
+@pytest.fixture(scope="module")
+def lab(models: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageLab]:
+    """A viewer with a store and a shaper."""
+    with page_lab(models, tmp_path_factory.mktemp("lab")) as running:
+        yield running
+
+
 @contextmanager
-def streaming(models: Path, packager: Packager, program: Sequence[str] = TIGAS) -> Iterator[str]:
-    """A render service that knows the packager, and the packager; the URL of the viewer."""
+def streaming(
+    models: Path, packager: Packager, program: Sequence[str] = TIGAS, *, proxied: bool = False
+) -> Iterator[str]:
+    """A render service that knows the packager, and may be its proxy, and the packager; the URL of the viewer."""
     BUILT_PAGE.require()
-    services = {"TIGAS_RENDER_SERVICES": json.dumps({"dash": packager.url})}
-    with RenderServer("--scenes", str(models), environment=services, program=program) as render:
+    known = json.dumps({"dash": packager.url})
+    environment = {"TIGAS_RENDER_SERVICES": known} | ({"TIGAS_RENDER_UPSTREAMS": known} if proxied else {})
+    with RenderServer("--scenes", str(models), environment=environment, program=program) as render:
         packager.render = render.url.rstrip("/")
         with packager:
             yield render.url

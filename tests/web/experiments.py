@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,9 +18,13 @@ from tests.web.server import RenderServer, Store
 
 STORED_MS = 90_000
 """How long the last run and its upload may take; the store's first check starts a process."""
+TURN = "# anchor: start\nt_ms,x,y,z,qx,qy,qz,qw\n" + "".join(
+    f"{t},0,0,0,0,{math.sin(t / 8000):.6f},0,{math.cos(t / 8000):.6f}\n" for t in range(0, 20_001, 50)
+)
 WALK = "# anchor: start\nt_ms,x,y,z,qx,qy,qz,qw\n" + "".join(
     f"{t},{t / 8000:.4f},0,{t / 8000:.4f},0,0,0,1\n" for t in range(0, 2001, 50)
 )
+MOVEMENTS = {"walk": WALK, "long": WALK + "4000,0.5,0,0.5,0,0,0,1\n", "turn": TURN}
 
 
 @dataclass(frozen=True)
@@ -40,12 +45,13 @@ class PageLab:
 
 @contextmanager
 def page_lab(models: Path, directory: Path) -> Iterator[PageLab]:
-    """The viewer of a render service that knows a store, with one movement, and a shaper."""
+    """The viewer of a render service that knows a store, with movements, and a shaper."""
     BUILT_PAGE.require()
     movements, results = directory / "movements", directory / "results"
     movements.mkdir()
     results.mkdir()
-    (movements / "walk.csv").write_text(WALK)
+    for name, text in MOVEMENTS.items():
+        (movements / f"{name}.csv").write_text(text)
     store = Store("--results", str(results), movements=movements)
     with FakeShaper() as shaper:
         services = {"TIGAS_RENDER_SERVICES": json.dumps({"store": store.url, "shaper": shaper.url})}

@@ -41,16 +41,21 @@ def stat(page: Page, name: str) -> str:
 
 def picture(page: Page) -> NDArray[np.int16]:
     """The centre of the stage, free of overlays: [height, width, 3]."""
-    box = page.locator(".stage").bounding_box()
+    return np.asarray(part(page, ".stage", (0.52, 0.3, 0.4, 0.35)), dtype=np.int16)
+
+
+def part(page: Page, element: str, shares: tuple[float, float, float, float]) -> Image.Image:
+    """A screenshot of a part of an element: left, top, width and height as shares of its own."""
+    box = page.locator(element).bounding_box()
     assert box is not None
+    left, top, width, height = shares
     clip: FloatRect = {
-        "x": box["x"] + box["width"] * 0.52,
-        "y": box["y"] + box["height"] * 0.3,
-        "width": box["width"] * 0.4,
-        "height": box["height"] * 0.35,
+        "x": box["x"] + box["width"] * left,
+        "y": box["y"] + box["height"] * top,
+        "width": box["width"] * width,
+        "height": box["height"] * height,
     }
-    with Image.open(io.BytesIO(page.screenshot(clip=clip))) as image:
-        return np.asarray(image.convert("RGB"), dtype=np.int16)
+    return Image.open(io.BytesIO(page.screenshot(clip=clip))).convert("RGB")
 
 
 def changes(page: Page, act: Callable[[], object]) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.request import urlopen
@@ -10,10 +9,9 @@ from urllib.request import urlopen
 import pytest
 from playwright.sync_api import Browser, expect
 
-from tests.prerequisites import BUILT_PAGE
-from tests.web.conftest import CHROMIUM, CHROMIUM_ARGS, OpenPage
+from tests.web.conftest import CHROMIUM, CHROMIUM_ARGS, OpenPage, streaming
 from tests.web.modes import wait_for_stream, with_settings
-from tests.web.server import Packager, RenderServer
+from tests.web.server import Packager
 from tests.web.stage import SCENE
 from tests.web.test_motion_to_photon import turning
 from tigas_common.wire.render import ServerConfig
@@ -25,14 +23,8 @@ PLAIN = {"mode": "dash", "reprojection": False, "prediction": "off", "sidebar": 
 @pytest.fixture(scope="module")
 def url(models: Path) -> Iterator[str]:
     """The page of a render service that also proxies a packager."""
-    BUILT_PAGE.require()
-    packager = Packager()
-    known = json.dumps({"dash": packager.url})
-    environment = {"TIGAS_RENDER_SERVICES": known, "TIGAS_RENDER_UPSTREAMS": known}
-    with RenderServer("--scenes", str(models), environment=environment) as render:
-        packager.render = render.url.rstrip("/")
-        with packager:
-            yield render.url
+    with streaming(models, Packager(), proxied=True) as url:
+        yield url
 
 
 @pytest.fixture(scope="module")

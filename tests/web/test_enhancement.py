@@ -7,7 +7,7 @@ import hashlib
 import io
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -70,12 +70,23 @@ def browser(browser: Browser) -> Iterator[Browser]:
         yield enhancing
 
 
-def viewer(open_page: OpenPage, server: RenderServer, *, slow_display: bool = True, **settings: object) -> Page:
-    """With a frame on the screen, at the lowest rung; `window.devices` has the devices that it asks for."""
-    page = open_page(url="about:blank", viewport=SMALL, **with_settings(server.url, **(LOWEST_RUNG | settings)))
-    page.add_init_script(KEEP_DEVICES)
-    if slow_display:
-        page.add_init_script(SLOW_DISPLAY)
+def viewer(
+    open_page: OpenPage,
+    server: RenderServer,
+    *,
+    script: str = SLOW_DISPLAY,
+    source: Image.Image | None = None,
+    viewport: ViewportSize = SMALL,
+    **settings: Any,
+) -> Page:
+    """With a frame on the screen, at the lowest rung; `window.devices` has the devices that it asks for.
+
+    With a source, every frame is this picture.
+    """
+    page = open_page(url="about:blank", viewport=viewport, **with_settings(server.url, **(LOWEST_RUNG | settings)))
+    page.add_init_script(KEEP_DEVICES + script)
+    if source is not None:
+        answer_with(page, source)
     page.goto(server.url + SCENE)
     wait_for_frames(page)
     return page
@@ -129,14 +140,9 @@ def answer_with(page: Page, source: Image.Image) -> None:
     page.route("**/render", answer)
 
 
-def enhanced_page(
-    open_page: OpenPage, url: str, source: Image.Image, viewport: ViewportSize, **settings: object
-) -> Page:
-    """A viewer that always receives this picture, with an enhanced one on the screen."""
-    page = open_page(url="about:blank", viewport=viewport, **with_settings(url, **(LOWEST_RUNG | settings)))
-    page.add_init_script(SLOW_DISPLAY)
-    answer_with(page, source)
-    page.goto(url + SCENE)
+def enhanced_page(open_page: OpenPage, server: RenderServer, source: Image.Image, **settings: Any) -> Page:
+    """A large viewer that always receives this picture, with an enhanced one on the screen."""
+    page = viewer(open_page, server, source=source, viewport=LARGE, **settings)
     wait_until_enhanced(page)
     return page
 
@@ -151,7 +157,7 @@ def test_baselines_are_pillow_s(
     method: Literal[Image.Resampling.BICUBIC, Image.Resampling.LANCZOS],
 ) -> None:
     source = pattern(320, 180)
-    page = enhanced_page(open_page, server.url, source, LARGE, upscale=name)
+    page = enhanced_page(open_page, server, source, upscale=name)
     for width, height, box in (
         (480, 270, (0, 0, 320, 180)),
         (160, 90, (0, 0, 320, 180)),
@@ -167,7 +173,7 @@ def test_baselines_are_pillow_s(
 
 def test_the_enhanced_picture_is_what_is_turned(open_page: OpenPage, server: RenderServer) -> None:
     source = pattern(320, 180)
-    page = enhanced_page(open_page, server.url, source, LARGE, upscale="bicubic", reprojection=True)
+    page = enhanced_page(open_page, server, source, upscale="bicubic", reprojection=True)
     page.locator("canvas.reprojected").wait_for()
     expected = np.asarray(source.resize((480, 270), Image.Resampling.BICUBIC), dtype=np.int16)
     assert np.abs(shown(page) - expected).max() <= 2
@@ -186,7 +192,7 @@ def test_a_scene_s_network_is_pytorch_s(open_page: OpenPage, tmp_path: Path) -> 
     digest = hashlib.sha256((tmp_path / SMALL_SCENE / "point_cloud.ply").read_bytes()).hexdigest()
     (tmp_path / SMALL_SCENE / "enhance.safetensors").write_bytes(weights_file(networks, scene_sha256=digest))
     with RenderServer("--scenes", str(tmp_path)) as server:
-        page = enhanced_page(open_page, server.url, source, LARGE, upscale="scene")
+        page = enhanced_page(open_page, server, source, upscale="scene")
         enlarged = shown(page)
         page.close()
     with torch.inference_mode():
@@ -259,10 +265,7 @@ GPUDevice.prototype.createShaderModule = ((make) => function (parts) {
 
 
 def test_a_shader_that_the_device_refuses_ends_enhancement(open_page: OpenPage, server: RenderServer) -> None:
-    page = open_page(url="about:blank", viewport=SMALL, **with_settings(server.url, **LOWEST_RUNG, upscale="bicubic"))
-    page.add_init_script(BREAK_SHADERS)
-    page.goto(server.url + SCENE)
-    wait_for_frames(page)
+    page = viewer(open_page, server, script=BREAK_SHADERS, upscale="bicubic")
     expect(page.locator(NOTE)).to_contain_text("Enhancement is off. Bicubic failed: ")
     wait_for_canvases(page, 1)
     wait_until_settled(page)
@@ -270,8 +273,8 @@ def test_a_shader_that_the_device_refuses_ends_enhancement(open_page: OpenPage, 
 
 
 def test_a_model_that_is_too_slow_is_switched_off(open_page: OpenPage, server: RenderServer) -> None:
-    models = {"restore": "anime4k-restore-m", "upscale": "anime4k-upscale-m"}
-    page = viewer(open_page, server, slow_display=False, **models)
+    models: dict[str, Any] = {"restore": "anime4k-restore-m", "upscale": "anime4k-upscale-m"}
+    page = viewer(open_page, server, script="", **models)
     page.keyboard.down("ArrowRight")
     expect(page.locator(NOTE)).to_contain_text("Enhancement is off. It took ")
     page.keyboard.up("ArrowRight")

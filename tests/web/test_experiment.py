@@ -13,17 +13,10 @@ from playwright.sync_api import expect
 
 from tests.experiments.processes import finished, started
 from tests.web.conftest import OpenPage
-from tests.web.experiments import STORED_MS, WALK, PageLab, dialog, fill, outcome, page_lab, progress, remarks, start
+from tests.web.experiments import STORED_MS, WALK, PageLab, dialog, fill, outcome, progress, remarks, start
 from tests.web.stage import SCENE, wait_for_frames
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.summary import summarise
-
-
-@pytest.fixture(scope="module")
-def lab(models: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageLab]:
-    """A viewer with a store and a shaper."""
-    with page_lab(models, tmp_path_factory.mktemp("lab")) as running:
-        yield running
 
 
 @pytest.mark.extended

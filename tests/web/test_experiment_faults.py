@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 from playwright.sync_api import Page, expect
 
 from tests.web.conftest import OpenPage
-from tests.web.experiments import STORED_MS, WALK, PageLab, dialog, fill, outcome, page_lab, progress, remarks, start
+from tests.web.experiments import STORED_MS, PageLab, dialog, fill, outcome, progress, remarks, start
 from tests.web.stage import SCENE, wait_for_frames
 
 HIDE = """() => {
@@ -28,15 +25,6 @@ HIDE = """() => {
   see("hidden");
 }"""
 """As a browser does with a tab that is in the background: it gets no animation frames. `show()` brings it back."""
-
-
-@pytest.fixture(scope="module")
-def lab(models: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageLab]:
-    """A viewer with a store and a shaper."""
-    directory = tmp_path_factory.mktemp("lab")
-    with page_lab(models, directory) as running:
-        (directory / "movements" / "long.csv").write_text(WALK + "4000,0.5,0,0.5,0,0,0,1\n")
-        yield running
 
 
 def begun(page: Page, *, name: str, network: str) -> None:

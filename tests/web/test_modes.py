@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import time
 
 import numpy as np
@@ -14,7 +13,7 @@ from playwright.sync_api import Page, expect
 from tests.web.conftest import PATIENCE, OpenPage
 from tests.web.modes import wait_for_sessions, wait_for_stream, with_settings
 from tests.web.server import Packager
-from tests.web.stage import SCENE, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, part, wait_for_frames, wait_until_settled
 
 WINDOW = {"width": 1000, "height": 700}
 ALIKE = 10
@@ -127,16 +126,8 @@ def switch(page: Page, mode: str) -> None:
 
 def shown(page: Page, element: str) -> NDArray[np.int16]:
     """An element of the stage, where no overlay is, as 32 × 18 pixels: [height, width, 3]."""
-    box = page.locator(f".stage {element}").bounding_box()
-    assert box is not None
-    clip = {
-        "x": box["x"] + box["width"] * 0.35,
-        "y": box["y"] + box["height"] * 0.35,
-        "width": box["width"] * 0.3,
-        "height": box["height"] * 0.3,
-    }
-    with Image.open(io.BytesIO(page.screenshot(clip=clip))) as image:  # type: ignore[arg-type]
-        return np.asarray(image.convert("RGB").resize((32, 18), Image.Resampling.BOX), dtype=np.int16)
+    middle = part(page, f".stage {element}", (0.35, 0.35, 0.3, 0.3))
+    return np.asarray(middle.resize((32, 18), Image.Resampling.BOX), dtype=np.int16)
 
 
 def difference(a: NDArray[np.int16], b: NDArray[np.int16]) -> float:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import io
-import math
-from collections.abc import Iterator
-from pathlib import Path
 
 import httpx
 import pytest
@@ -13,7 +10,7 @@ from PIL import Image
 from playwright.sync_api import Locator, Page, Route, expect
 
 from tests.web.conftest import OpenPage
-from tests.web.experiments import STORED_MS, PageLab, dialog, fill, outcome, page_lab, progress, remarks, start
+from tests.web.experiments import STORED_MS, PageLab, dialog, fill, outcome, progress, remarks, start
 from tests.web.stage import SCENE, wait_for_frames
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.samples import read_sample_file, read_samples, sample_path
@@ -21,18 +18,6 @@ from tigas_experiments.wire.recording import ShownFrame
 
 PICTURES = "**/samples/*.jpg"
 EVERY = 5
-TURN = "# anchor: start\nt_ms,x,y,z,qx,qy,qz,qw\n" + "".join(
-    f"{t},0,0,0,0,{math.sin(t / 8000):.6f},0,{math.cos(t / 8000):.6f}\n" for t in range(0, 20_001, 50)
-)
-
-
-@pytest.fixture(scope="module")
-def lab(models: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageLab]:
-    """A viewer with a store and a shaper."""
-    directory = tmp_path_factory.mktemp("lab")
-    with page_lab(models, directory) as running:
-        (directory / "movements" / "turn.csv").write_text(TURN)
-        yield running
 
 
 def begin(page: Page, name: str, seconds: str = "1.5") -> None:
