@@ -14,6 +14,8 @@ from tigas_common.errors import StartError
 
 EXPERIMENT = ".lock"
 """The name of the lock file in the folder of an experiment that a command is making."""
+NAMESPACE = Path("/proc/self/ns/net")
+"""This process' network namespace, on Linux."""
 
 
 @contextmanager
@@ -39,12 +41,17 @@ def exclusive(path: Path, otherwise: str) -> Iterator[None]:
 
 
 def services_lock(url: str) -> Path:
-    """Path of the lock file for the services at a URL. Raises StartError for an invalid URL."""
+    """Path of the lock file for the services at a URL. Raises StartError for an invalid URL.
+
+    `localhost` is another host in each network namespace.
+    """
     try:
         parts = urlsplit(url)
         port = parts.port
     except ValueError as error:
         raise StartError(f"{url!r} is not a URL: {error}.") from None
-    host = "localhost" if parts.hostname in (None, "127.0.0.1", "::1") else parts.hostname
+    host = parts.hostname or "localhost"
+    if host in ("localhost", "127.0.0.1", "::1"):
+        host = f"localhost-{NAMESPACE.stat().st_ino}" if NAMESPACE.exists() else "localhost"
     safe = "".join(c if c.isalnum() or c in ".-" else "-" for c in f"{host}-{port or parts.scheme}")
     return Path(tempfile.gettempdir(), f"tigas-{safe}.lock")

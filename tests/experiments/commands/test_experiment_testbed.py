@@ -22,10 +22,10 @@ from tigas_testbed.services import NAME
 pytestmark = pytest.mark.alone
 
 
-def experiment(out: Path, network: str, duration_s: float = 3) -> subprocess.Popen[str]:
+def experiment(out: Path, *networks: str, duration_s: float = 3, labs: int = 1) -> subprocess.Popen[str]:
     file = out.with_suffix(".toml")
-    file.write_text(toml(networks=[network], controllers=[2], duration_s=duration_s, viewport="320x180"))
-    return started("experiment", "run", str(file), "--out", str(out))
+    file.write_text(toml(networks=networks, controllers=[2], duration_s=duration_s, viewport="320x180"))
+    return started("experiment", "run", str(file), "--out", str(out), "--labs", str(labs))
 
 
 @pytest.fixture(autouse=True)
@@ -63,10 +63,25 @@ def test_a_trace_s_file_is_played_and_frames_cross_the_link(tmp_path: Path) -> N
 @pytest.mark.extended
 def test_even_after_a_kill_nothing_is_left(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    process = experiment(out, "20mbit,20ms-rtt", 60)
+    process = experiment(out, "20mbit,20ms-rtt", duration_s=60)
     until(process, lambda: any(out.glob("runs/*/run.json")), "the run never began")
     children = psutil.Process(process.pid).children(recursive=True)
     process.send_signal(signal.SIGKILL)
     process.communicate()
     _, alive = psutil.wait_procs(children, timeout=20)
     assert alive == []
+
+
+@pytest.mark.extended
+def test_labs_share_an_experiment_over_links_of_their_own(tmp_path: Path) -> None:
+    """Enough runs that the second lab starts before the first one has made all of them."""
+    out = tmp_path / "out"
+    rates = {20: 5, 40: 4, 60: 3, 80: 2}
+    networks = [f"{mbit}mbit,{rtt_ms}ms-rtt" for rtt_ms, mbit in rates.items()]
+    status, _, errors = finished(experiment(out, *networks, labs=2))
+    assert status == 0, errors
+    shaped = {}
+    for folder in (out / "runs").iterdir():
+        run = StoredRun(folder)
+        shaped[run.record.configuration.network.rtt_ms] = {sample.target_kbps for sample in run.read(LinkSample)}
+    assert shaped == {rtt_ms: {mbit * 1000} for rtt_ms, mbit in rates.items()}

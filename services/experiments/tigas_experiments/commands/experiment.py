@@ -8,13 +8,18 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from pydantic import Field
+
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
+from tigas_common.errors import StartError
 from tigas_common.processes import end_as_ctrl_c
 from tigas_common.terminal import make_console
 from tigas_experiments.commands.rerender import Rerender
 
 if TYPE_CHECKING:  # heavy
     from tigas_experiments.run.experiment import Experiment
+
+Labs = Annotated[int, Field(ge=1, le=64)]
 
 
 class _ExperimentCommand(Command):
@@ -46,6 +51,8 @@ class Run(_ExperimentCommand):
 
     url: Annotated[str | None, Metavar("URL")] = None
     """Viewer page of running services to measure; without it, the lab is started."""
+    labs: Labs = 1
+    """Number of labs that share the runs; each needs two processors or more."""
     allow_changes: bool = False
     """Resume even if the commit, browser, ladder or a scene has changed."""
 
@@ -53,19 +60,22 @@ class Run(_ExperimentCommand):
         from tigas_experiments.run.experiment import Experiment
 
         end_as_ctrl_c()
+        if self.url is not None and self.labs > 1:
+            raise StartError("--url measures running services, and --labs starts several of them: choose one.")
         made = Experiment.read(self.file, self.out, command_as_typed())
-        perform(made, self.url, allow_changes=self.allow_changes)
+        perform(made, self.url, labs=self.labs, allow_changes=self.allow_changes)
 
 
 def command_as_typed() -> str:
     return shlex.join(["tigas", *sys.argv[1:]])
 
 
-def perform(made: Experiment, url: str | None, *, allow_changes: bool) -> None:
+def perform(made: Experiment, url: str | None = None, *, labs: int, allow_changes: bool) -> None:
     """Make the missing runs of an experiment and its report. Raises StartError, OSError, and SystemExit if any lack."""
     from tigas_experiments.report.cli import Report
     from tigas_experiments.report.controllers import run_names
     from tigas_experiments.run.experiment import reserved
+    from tigas_experiments.run.labs import make_in_labs
     from tigas_experiments.run.runner import make_missing_runs, progress
 
     def say(text: str) -> None:
@@ -76,7 +86,11 @@ def perform(made: Experiment, url: str | None, *, allow_changes: bool) -> None:
         try:
             if missing := made.missing():
                 with progress(made, missing, run_names(made.runs), console) as callbacks:
-                    asyncio.run(make_missing_runs(made, missing, url, callbacks, allow_changes=allow_changes))
+                    if labs > 1:
+                        making = make_in_labs(made, missing, labs, callbacks, allow_changes=allow_changes)
+                    else:
+                        making = make_missing_runs(made, missing, url, callbacks, allow_changes=allow_changes)
+                    asyncio.run(making)
         except KeyboardInterrupt:
             say(f"Interrupted. To resume: {made.command}")
             raise SystemExit(130) from None

@@ -24,7 +24,7 @@ from tigas_common.parsing import sentence
 from tigas_common.processes import end_as_ctrl_c
 from tigas_common.terminal import make_console
 from tigas_common.wire.model import WireModel
-from tigas_experiments.commands.experiment import command_as_typed, perform
+from tigas_experiments.commands.experiment import Labs, command_as_typed, perform
 
 if TYPE_CHECKING:  # heavy
     from tigas_experiments.run.plan import ExperimentPlan
@@ -126,6 +126,8 @@ class Paper(Command):
     """Folder with a folder of each part."""
     file: Path = Path("experiments/paper.toml")
     """The parts."""
+    labs: Labs = 1
+    """Number of labs that share the runs; each needs two processors or more."""
     allow_changes: bool = False
     """Continue even if the commit, browser, ladder or a scene has changed."""
 
@@ -154,7 +156,7 @@ class Paper(Command):
             made = Experiment.of(plan, making.directory, making.out, command_as_typed())
             complete = complete and not made.missing()
             if not complete:
-                perform(made, None, allow_changes=self.allow_changes)
+                perform(made, labs=self.labs, allow_changes=self.allow_changes)
         if complete:
             print(f"{making.out} is complete.")
             return

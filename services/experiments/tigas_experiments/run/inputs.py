@@ -29,7 +29,7 @@ class Inputs:
     """
 
     def __init__(self, directory: Path) -> None:
-        self._directory = directory
+        self.directory = directory
 
     def points(self, configuration: Configuration, scene: SceneInfo) -> list[TimedPose]:
         """The poses of a run, from 0 ms to its end or just after it."""
@@ -39,7 +39,7 @@ class Inputs:
         """The same, with a path to its trace's file that can be opened."""
         if network.trace_file is None:
             return network
-        return network.model_copy(update={"trace_file": self._directory / network.trace_file})
+        return network.model_copy(update={"trace_file": self.directory / network.trace_file})
 
     def digests(self, configuration: Configuration) -> InputDigests:
         """Digests of the current files; traces known to the shaper by name have none."""
@@ -68,7 +68,7 @@ class Inputs:
         """None for a generated movement."""
         if name in KINDS:
             return None
-        path = self._directory / name
+        path = self.directory / name
         if not path.is_file():
             raise StartError(f"There is no movement {name!r}: neither a file nor one of {', '.join(KINDS)}.")
         return path

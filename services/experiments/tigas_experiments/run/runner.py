@@ -59,11 +59,18 @@ async def make_missing_runs(
     opened = open_environment(url, experiment.inputs, ladder=ladder, webgpu=webgpu)
     async with opened as environment:
         callbacks.on_stage("starting the services")
-        await environment.check(missing)
-        if not allow_changes:
-            await _check_changes(experiment, missing, environment)
-        experiment.write()
-        await _make(experiment, missing, environment, callbacks)
+        await prepare(experiment, missing, environment, allow_changes=allow_changes)
+        await make_runs(experiment, missing, environment, callbacks)
+
+
+async def prepare(
+    experiment: Experiment, missing: Sequence[Configuration], environment: Environment, *, allow_changes: bool
+) -> None:
+    """Check that the missing runs can be made, and write the experiment's plan. Raises OSError and StartError."""
+    await environment.check(missing)
+    if not allow_changes:
+        await _check_changes(experiment, missing, environment)
+    experiment.write()
 
 
 async def _check_changes(experiment: Experiment, missing: Sequence[Configuration], environment: Environment) -> None:
@@ -79,9 +86,10 @@ async def _check_changes(experiment: Experiment, missing: Sequence[Configuration
         )
 
 
-async def _make(
+async def make_runs(
     experiment: Experiment, missing: Sequence[Configuration], environment: Environment, callbacks: RunCallbacks
 ) -> None:
+    """Make runs one after the other. Raises StartError after GIVE_UP_AFTER consecutive failures."""
     failures = 0
     for configuration in missing:
         callbacks.on_begin(configuration)
@@ -123,7 +131,7 @@ def progress(
 
     def on_begin(configuration: Configuration) -> None:
         nonlocal name
-        name = f"{done + 1}/{total} {names[configuration.slug]}"
+        name = numbered(configuration)
         current.reset(line)
 
     def on_stage(what: str) -> None:
@@ -131,12 +139,16 @@ def progress(
 
     def on_finish(record: RunRecord) -> None:
         nonlocal done
+        finished = numbered(record.configuration)
         done += 1
         if record.problem is not None:
-            say(f"{name}: {record.problem}", "red")
+            say(f"{finished}: {record.problem}", "red")
         elif not console.is_terminal:
-            say(name)
+            say(finished)
         overall.advance(bar)
+
+    def numbered(configuration: Configuration) -> str:
+        return f"{done + 1}/{total} {names[configuration.slug]}"
 
     def say(text: str, style: str | None = None) -> None:
         console.print(text, style=style, soft_wrap=True)

@@ -54,7 +54,7 @@ class Target:
 @asynccontextmanager
 async def lab_target(ladder: LadderName) -> AsyncIterator[Target]:
     """The namespace lab, as a context manager. Raises StartError."""
-    await asyncio.to_thread(_check)
+    await asyncio.to_thread(check_lab)
     if await _serves(LAB_URL):
         raise StartError(f"Something is serving {LAB_URL} already; stop it, or measure it with --url {LAB_URL}.")
     # A separate session: Ctrl+C only reaches this process, so runs end before their services. The lab ends if this
@@ -122,7 +122,8 @@ async def load_scene(url: str, scene: str, *, download: bool = False) -> SceneIn
         raise StartError(f"The scene {scene!r} cannot be loaded from {url}: {error}") from None
 
 
-def _check() -> None:
+def check_lab() -> None:
+    """Raise StartError with one sentence if the lab cannot run on this machine."""
     advice = "give running services with --url instead"
     run = subprocess.run(tigas("lab", "check"), capture_output=True, text=True)
     if run.returncode:
