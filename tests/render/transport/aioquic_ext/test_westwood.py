@@ -9,7 +9,7 @@ import pytest
 
 from tests.render.transport.simulated import Simulation
 from tigas_render.transport.aioquic_ext.congestion import RENO, LimitedReno
-from tigas_render.transport.aioquic_ext.westwood import HEADROOM, WESTWOOD, Westwood
+from tigas_render.transport.aioquic_ext.westwood import WESTWOOD, Westwood
 
 SIZE = 1452
 ROUND_TRIP = 0.1
@@ -69,7 +69,7 @@ def test_a_loss_on_a_full_queue_leaves_what_the_link_carries() -> None:
     path.run(11)  # grows a queue that is as long as the link's capacity
     assert path.window > 150
     path.run(0.3, lose_every=150)
-    assert path.window == pytest.approx(HEADROOM * 1000 * ROUND_TRIP, rel=0.1)
+    assert path.window == pytest.approx(1000 * ROUND_TRIP, rel=0.1)
 
 
 def test_more_loss_than_a_radio_has_is_congestion() -> None:

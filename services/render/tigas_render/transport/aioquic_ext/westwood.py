@@ -3,7 +3,7 @@
 NewReno halves its window at each loss, so 1 % of random loss on a path of 100 ms holds it at 12 packets (Mathis et al.,
 1997), whatever the link carries. After a loss this controller keeps
 
-    max(window / 2, min(window, 1.1 · bandwidth · least round trip))
+    max(window / 2, min(window, bandwidth · least round trip))
 
 as TCP Westwood does (Mascolo et al., MobiCom 2001), with the delivery rate of BBR (draft-ietf-ccwg-bbr, 4.5.2) as the
 bandwidth. With a full queue that is the capacity of the link, so the queue drains. Without a queue a loss is
@@ -25,7 +25,6 @@ from tigas_render.transport.aioquic_ext.congestion import LimitedReno
 
 WESTWOOD = "tigas-westwood"
 """The controller's name in aioquic's configuration."""
-HEADROOM = 1.1
 BANDWIDTH_S = 2.0
 """Seconds for which a delivery rate is evidence of the bandwidth."""
 ROUND_TRIP_S = 10.0
@@ -157,7 +156,7 @@ class Westwood(LimitedReno):
         if not self._has_queue:
             self.congestion_window, self.ssthresh = before
         elif self.congestion_window < before[0]:
-            capacity = int(HEADROOM * bandwidth * -shortest)
+            capacity = int(bandwidth * -shortest)
             self.congestion_window = self.ssthresh = max(self.congestion_window, min(before[0], capacity))
 
     def wants_copies(self, now: float) -> bool:
