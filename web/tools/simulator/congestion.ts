@@ -76,7 +76,6 @@ export class NewReno {
   }
 }
 
-const HEADROOM = 1.1;
 const BANDWIDTH_MS = 2000;
 const ROUND_TRIP_MS = 10_000;
 const LEAST_INTERVAL_MS = 2;
@@ -152,7 +151,7 @@ export class Westwood {
     const before = this.#reno.window;
     this.#reno.lost(packet, now, !known || this.#queue || this.#congested);
     if (this.#reno.window >= before || this.#congested || !known) return;
-    this.#reno.keep(Math.min(before, Math.floor(HEADROOM * bandwidth * -shortest)));
+    this.#reno.keep(Math.min(before, Math.floor(bandwidth * -shortest)));
   }
 
   /** Whether data is worth sending twice: packets were lost lately, though the path has no queue. */

@@ -53,7 +53,9 @@ class Path:
                 self._controller.on_packets_lost(now=self._now, packets=[packet])  # type: ignore[list-item]
             else:
                 self._controller.on_packets_acked([packet], self._now)  # type: ignore[list-item]
-                self._controller.on_rtt_measurement(now=self._now, rtt=self._now - packet.sent_time)
+                round_trip = self._now - packet.sent_time
+                self._controller.round_trip = round_trip  # as the connection does
+                self._controller.on_rtt_measurement(now=self._now, rtt=round_trip)
 
 
 def test_random_loss_on_an_empty_queue_costs_nothing() -> None:
