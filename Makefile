@@ -45,17 +45,24 @@ help:
 	@echo "make docs          build the documentation site into site/"
 	@echo "make clean         remove installed dependencies, build outputs and caches"
 
+# Options of `tigas render` that the shaped link lacks.
+UNSHAPED = $(filter-out --https --https=%,$(filter --%,$(ARGS)))
+
 # The Python side, including the rasteriser's kernels, is prepared while the page is built.
 demo:
 	@$(MAKE) --no-print-directory -j2 kernels $(STATIC)
 	@export TIGAS_SHAPER_TRACES=traces/network $(if $(SCENES),TIGAS_RENDER_SCENES=$(SCENES)); \
-	if $(VENV)/tigas lab check $(ARGS); then \
+	if [ "$(UNSHAPED)" ]; then \
+		echo "== without the shaped link, which has no $(UNSHAPED)"; \
+	elif $(VENV)/tigas lab check $(ARGS); then \
 		echo "== behind a shaped link: replay traces from the page's network panel"; \
 		exec $(VENV)/tigas lab up $(ARGS); \
+	elif [ $$? = 2 ]; then \
+		exit 2; \
 	else \
 		echo "== without the shaped link; everything else works"; \
-		exec $(VENV)/tigas demo -- $(ARGS); \
-	fi
+	fi; \
+	exec $(VENV)/tigas demo -- $(ARGS)
 
 PYTEST = $(VENV)/python -m pytest
 

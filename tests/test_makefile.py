@@ -1,9 +1,12 @@
 """Every command that `make help` lists has a rule, and installation shows its progress."""
 
+import os
 import re
 import shutil
 import subprocess
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -52,6 +55,53 @@ def test_what_pip_says_is_seen_at_once_in_a_pipe_and_so_is_its_failure(tmp_path:
     assert install.returncode != 0
     assert "no room on the disk" in said
     assert not (tmp_path / ".venv/.demo").exists()
+
+
+TIGAS = """#!/bin/sh
+echo "tigas $*"
+case "$1 $2" in
+"lab check") exit ${CHECKED};;
+esac
+"""
+"""A `tigas` that prints its arguments, with a shaped link or without."""
+
+
+def demo(folder: Path, arguments: str, checked: int) -> tuple[int, list[str]]:
+    """The exit status of `make demo`, and the commands that it runs. checked: the status of `tigas lab check`."""
+    shutil.copy(ROOT / "Makefile", folder)
+    program = folder / "bin/tigas"
+    program.parent.mkdir()
+    program.write_text(TIGAS)
+    program.chmod(0o755)
+    done = subprocess.run(
+        ["make", "--silent", "demo", "MAKE=true", "VENV=bin", f"ARGS={arguments}"],
+        cwd=folder,
+        env={**os.environ, "CHECKED": str(checked)},
+        capture_output=True,
+        text=True,
+    )
+    return done.returncode, [line for line in done.stdout.splitlines() if line.startswith("tigas ")]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "checked", "status", "commands"),
+    [
+        ("", 0, 0, ["tigas lab check", "tigas lab up"]),
+        ("", 1, 0, ["tigas lab check", "tigas demo --"]),
+        (
+            "--https localhost:8443",
+            0,
+            0,
+            ["tigas lab check --https localhost:8443", "tigas lab up --https localhost:8443"],
+        ),
+        ("--https wrong", 2, 2, ["tigas lab check --https wrong"]),
+        ("--lan", 0, 0, ["tigas demo -- --lan"]),
+    ],
+)
+def test_the_demo_is_behind_the_shaped_link_if_it_can_be(
+    arguments: str, checked: int, status: int, commands: list[str], tmp_path: Path
+) -> None:
+    assert demo(tmp_path, arguments, checked) == (status, commands)
 
 
 def test_pytorch_is_installed_by_the_version_of_the_lock_and_without_cuda() -> None:
