@@ -152,6 +152,7 @@ def test_commands_have_few_parameters() -> None:
     [
         (["render", "--memory-gb", "-1"], "--memory-gb: Input should be greater than 0"),
         (["render", "--device", "tpu"], "--device: 'tpu' is none of auto, cpu, cuda"),
+        (["render", "--allow-origin", "lab"], "--allow-origin: 'lab' is not a page's origin"),
         (["render", "--wheels"], "unrecognized arguments: --wheels; `tigas render --help` lists the options."),
         (["render", "--scene", "x"], "unrecognized arguments: --scene x"),
         (["shaper"], "--access is missing."),
@@ -205,6 +206,11 @@ def test_a_console_takes_names_as_they_are(capsys: pytest.CaptureFixture[str]) -
     assert told.count(r"\x1b[31m[bold]name") == 2
     assert "[link=file:///etc/passwd]here" in told
     assert ":smile:" in told
+
+
+def test_a_file_that_is_missing_is_named_in_plain_words() -> None:
+    run = tigas("trace", "info", "no/such.csv")
+    assert (run.exit_code, run.output) == (1, "no/such.csv: No such file or directory.\n")
 
 
 def test_an_expected_error_cannot_paint_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,7 +15,7 @@ from tigas_cluster.settings import ClusterSettings
 from tigas_common.command import load, parse
 from tigas_common.errors import UsageError
 from tigas_common.limits import HttpLimits
-from tigas_common.settings import Origins, ServiceSettings
+from tigas_common.settings import ListenOrOff, Origins, ServiceSettings
 from tigas_dash.settings import DashSettings
 from tigas_experiments.store.settings import StoreSettings
 from tigas_render.settings import RenderSettings
@@ -30,6 +30,7 @@ class Example(ServiceSettings):
     b: int = 1
     c: int = 1
     d: int = 1
+    at: ListenOrOff = None
 
 
 def test_flag_beats_environment_beats_file_beats_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -50,20 +51,37 @@ def test_a_named_file_is_read_instead(tmp_path: Path, monkeypatch: pytest.Monkey
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        ("[example]\na = -1\n", "a: Input should be greater than 0"),
-        ("[example]\nwheels = 4\n", "wheels"),
-        ("[example\n", "cannot be read: Expected"),
-        (None, "cannot be read: .*No such file or directory: .*mine.toml"),
-        ("example = 3\n", r"cannot be read: \[example\] is not a table"),
+        (b"[example]\na = -1\n", r"^\[example\] a: Input should be greater than 0$"),
+        (b"[example]\nwheels = 4\n", r"^\[example\] wheels: there is no such setting$"),
+        (b"[example]\nat = 80\n", r"^\[example\] at: '80' is not HOST:PORT, such as "),
+        (b"[example\n", r"mine.toml is not TOML: Expected .*\.$"),
+        (b"\xda", r"mine.toml is not TOML: 'utf-8' codec .*\.$"),
+        (None, r"^TIGAS_CONFIG: \S+mine.toml is no file\.$"),
+        (b"example = 3\n", r"mine.toml: example is not a table, which begins with \[example\]\.$"),
     ],
 )
 def test_a_wrong_file_is_explained(
-    content: str | None, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    content: bytes | None, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "mine.toml"
     if content is not None:
-        path.write_text(content)
+        path.write_bytes(content)
     monkeypatch.setenv("TIGAS_CONFIG", str(path))
+    with pytest.raises(UsageError, match=says):
+        load(Example, {})
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "says"),
+    [
+        ("A", "many", r"^TIGAS_EXAMPLE_A: Input should be a valid integer"),
+        ("AT", "80", r"^TIGAS_EXAMPLE_AT: '80' is not HOST:PORT"),
+        ("ALLOW_ORIGINS", "https://lab.example", r"^TIGAS_EXAMPLE_ALLOW_ORIGINS is not JSON: "),
+        ("ALLOW_ORIGINS", '["lab"]', r"^TIGAS_EXAMPLE_ALLOW_ORIGINS\.0: 'lab' is not a page's origin"),
+    ],
+)
+def test_a_wrong_variable_is_named(variable: str, value: str, says: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(f"TIGAS_EXAMPLE_{variable}", value)
     with pytest.raises(UsageError, match=says):
         load(Example, {})
 
@@ -111,7 +129,7 @@ def test_limits_are_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_constants_are_no_settings(table: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "tigas.toml").write_text(f"[render]\n{table} = 3\n")
-    with pytest.raises(UsageError, match=f"^{re.escape(table)}: Extra inputs are not permitted"):
+    with pytest.raises(UsageError, match=rf"^\[render\] {re.escape(table)}: there is no such setting"):
         load(RenderSettings, {})
 
 

@@ -28,8 +28,14 @@ def in_a_sentence(*expected: type[Exception]) -> Iterator[None]:
     except BrokenPipeError:  # of the output, which `main` handles
         raise
     except expected as error:
-        print(printable(str(error)), file=sys.stderr)
+        print(printable(_sentence(error)), file=sys.stderr)
         raise SystemExit(1) from None
+
+
+def _sentence(error: Exception) -> str:
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{os.fsdecode(error.filename)}: {error.strerror}."
+    return str(error)
 
 
 def log_to_stdout(level: int = logging.INFO) -> None:

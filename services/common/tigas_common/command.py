@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -93,16 +94,14 @@ def load(model: type[Model], values: Mapping[str, Any]) -> Model:
         return model(**values)
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
-        loc = list(first["loc"])
-        if loc and loc[0] in values:
-            loc[0] = _name(str(loc[0]), model.model_fields[str(loc[0])])
-        if first["type"] == "missing":
-            raise UsageError(f"{_name(str(loc[0]), model.model_fields[str(loc[0])])} is missing.") from None
-        raise UsageError(f"{'.'.join(map(str, loc))}: {first['msg'].removeprefix('Value error, ')}") from None
+        loc = list(map(str, first["loc"]))
+        if first["type"] == "missing" and len(loc) == 1:
+            raise UsageError(f"{_name(loc[0], model.model_fields[loc[0]])} is missing.") from None
+        problem = "there is no such setting" if first["type"] == "extra_forbidden" else first["msg"]
+        raise UsageError(f"{_place(model, loc, values)}: {problem.removeprefix('Value error, ')}") from None
     except SettingsError as error:
-        raise UsageError(f"{error}: {error.__cause__}") from None
-    except (OSError, ValueError) as error:
-        raise UsageError(f"the settings file cannot be read: {error}") from None
+        _, name, *_ = str(error).split('"')
+        raise UsageError(f"{_variable(model, name)} is not JSON: {error.__cause__}") from None
 
 
 def parameters(model: type[BaseModel]) -> Iterator[tuple[str, FieldInfo]]:
@@ -174,14 +173,29 @@ def _name(name: str, field: FieldInfo) -> str:
     return "--" + (name.removesuffix("s") if _is_several(field) else name.removesuffix("_")).replace("_", "-")
 
 
+def _variable(model: type[BaseModel], name: str) -> str:
+    """The environment variable of a setting."""
+    return f"{model.model_config.get('env_prefix', '')}{name}".upper()
+
+
+def _place(model: type[BaseModel], loc: Sequence[str], values: Mapping[str, Any]) -> str:
+    """The flag, environment variable or key of the settings file that a value came from."""
+    name, *keys = loc
+    if name in values:
+        return _name(name, model.model_fields[name])
+    if (variable := _variable(model, name)) in os.environ:
+        return ".".join([variable, *keys])
+    return f"[{getattr(model, 'table', '')}] {'.'.join(loc)}"
+
+
 def _help(model: type[BaseModel], name: str, field: FieldInfo, default: Any) -> str:
     notes = []
     if isinstance(default, tuple | list):
         default = ",".join(map(str, default))
     if default not in (None, False, ""):
         notes.append(f"default: {default:g}" if isinstance(default, float) else f"default: {default}")
-    if prefix := model.model_config.get("env_prefix"):
-        notes.append(f"{prefix}{name}".upper())
+    if issubclass(model, BaseSettings):
+        notes.append(_variable(model, name))
     text = " ".join((field.description or "").split())
     if _is_several(field) and POSITIONAL not in field.metadata and REST not in field.metadata:
         text += " Repeatable."

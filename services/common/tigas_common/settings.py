@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import re
 from pathlib import Path
@@ -19,6 +18,7 @@ from pydantic_settings import (
 
 from tigas_common.address import Address, host_of, host_of_origin
 from tigas_common.command import NO_FLAG, Metavar
+from tigas_common.errors import UsageError
 from tigas_common.limits import ServiceHttpLimits
 
 FILE_VARIABLE = "TIGAS_CONFIG"
@@ -30,11 +30,11 @@ MODELS = Path("models")
 
 
 def _address(value: Any) -> Any:
-    return Address.parse(value) if isinstance(value, str) else value
+    return value if isinstance(value, Address) else Address.parse(str(value))
 
 
 def _address_or_off(value: Any) -> Any:
-    return None if value == "off" else _address(value)
+    return None if value in (None, "off") else _address(value)
 
 
 def _host(value: str) -> str:
@@ -95,14 +95,18 @@ class ServiceSettings(BaseSettings):
 
 
 def _from_file(model: type[BaseSettings], table: str) -> tuple[TomlConfigSettingsSource, ...]:
-    """A table of the settings file; empty without the file or the table."""
+    """A table of the settings file; empty without the file or the table. Raises UsageError."""
     named = os.environ.get(FILE_VARIABLE)
     path = Path(named or "tigas.toml")
     if named and not path.is_file():  # the library would take it for an empty one
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), named)
+        raise UsageError(f"{FILE_VARIABLE}: {path} is no file.")
     try:
         return (TomlConfigSettingsSource(model, path, toml_table_header=(table,)),)
     except KeyError:  # the file configures other services
         return ()
     except AttributeError:
-        raise ValueError(f"[{table}] is not a table") from None
+        raise UsageError(f"{path}: {table} is not a table, which begins with [{table}].") from None
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror}.") from None
+    except ValueError as error:
+        raise UsageError(f"{path} is not TOML: {error}.") from None

@@ -28,7 +28,13 @@ def _edges(value: Any) -> Any:
     raise ValueError(f"{str(value)[:100]!r} is neither auto nor a number from 1 to {MAX_EDGES}")
 
 
-Upstream = Annotated[str, Field(pattern=r"^http://(\[[0-9A-Fa-f:.]+\]|[0-9A-Za-z._-]+)(:[0-9]{1,5})?/?$")]
+def _upstream(value: str) -> str:
+    if not re.fullmatch(r"http://(\[[0-9A-Fa-f:.]+\]|[0-9A-Za-z._-]+)(:[0-9]{1,5})?/?", value):
+        raise ValueError(f"{value[:100]!r} is not a service's URL, such as http://127.0.0.1:8081")
+    return value
+
+
+Upstream = Annotated[str, AfterValidator(_upstream)]
 # `instant`, for tests and benchmarks, is undocumented (raster/instant.py).
 _DEVICE = "(cpu|cuda:[0-9]{1,3}|instant(:[0-9]{1,7}(:[1-9][0-9]{0,4})?)?)"
 Edges = Annotated[int | None, NoDecode, BeforeValidator(_edges), Metavar("auto|N")]
