@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from tigas_common.errors import StartError
-from tigas_common.installation import check_versions
+from tigas_common.installation import check_versions, install_command
 from tigas_render.local_files import cache_directory
 from tigas_render.raster.base import Rasterizer
 from tigas_render.raster.instant import NAME, InstantRasterizer
@@ -55,7 +55,7 @@ def why_no_cuda() -> str | None:
     except ModuleNotFoundError:
         complete = False
     if not complete:
-        return "The packages for GPUs are missing: make gpu."
+        return f"The packages for GPUs are missing: {install_command('gpu')}, or make gpu in a checkout."
     try:
         check_versions("cuda-core")
     except StartError as error:
