@@ -89,7 +89,7 @@ def connected(port: Port, timeout_s: float) -> closing[http.client.HTTPConnectio
 
 def ask(port: Port, method: str, path: str, body: object = None) -> Any:
     """Request a service like the page; returns its answer, parsed if it is JSON."""
-    with connected(port, 20) as connection:
+    with connected(port, 60) as connection:  # a report takes seconds, and longer on a busy machine
         connection.request(method, path, None if body is None else json.dumps(body), {"Origin": PAGE_ORIGINS[0]})
         answer = connection.getresponse()
         data = answer.read()
