@@ -127,7 +127,8 @@ format: .venv/.ready web/node_modules/.ready
 	@$(VENV)/ruff check --fix . ; $(VENV)/ruff format .
 	@cd web && npm run --silent fix
 
-docs: .venv/.ready
+docs: .venv/.demo
+	@$(UV_SYNC) --quiet --group dev
 	@NO_MKDOCS_2_WARNING=1 $(VENV)/mkdocs build --quiet && echo "The documentation is in site/index.html."
 
 lock: .venv/.demo
@@ -161,7 +162,7 @@ lab: .venv/.lab
 
 # Dependencies come from uv.lock, with their hashes checked. uv itself is installed by pip, from its entry in the lock.
 .venv/.demo: pyproject.toml uv.lock
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "TIGAS needs Python 3.11 or newer: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { echo "TIGAS needs Python 3.11 or newer: make demo PYTHON=python3.12"; exit 1; }
 	@echo "== Python environment in .venv"
 	@$(PYTHON) -m venv .venv || { echo "Python cannot create virtual environments: sudo apt-get install python3-venv"; exit 1; }
 	@$(PIP) --require-hashes -r <($(VENV)/python deploy/uv_requirement.py)
