@@ -96,6 +96,14 @@ def test_the_command_installs_from_where_tigas_came_from(monkeypatch: pytest.Mon
         assert install_command("dash", "render") == command
 
 
+def test_in_the_environment_of_the_makefile_make_installs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    installed(monkeypatch, Installed(tmp_path.as_uri(), dir_info={"editable": True}))
+    assert install_command("lab") == f"pip install -e '{tmp_path}[lab]'"
+    monkeypatch.setattr("sys.prefix", str(tmp_path / ".venv"))
+    assert install_command("lab") == f"make -C {tmp_path} lab"
+    assert install_command("cluster") == f"pip install -e '{tmp_path}[cluster]'"
+
+
 def test_all_packages_that_are_missing_are_named_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     installed(monkeypatch, Installed())
     require("render")

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import subprocess
+import sys
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
@@ -17,6 +18,8 @@ from tigas_common.errors import StartError
 PROJECT = "tigas"
 REQUIREMENT = re.compile(r"""(?P<name>[\w.-]+)[^;]*; extra == ['"](?P<extra>[\w-]+)['"]""")
 """A package that the extra has on every platform, in wheel spelling."""
+OF_MAKE = ("gpu", "lab")
+"""Extras that the Makefile installs into its environment, with the right build of PyTorch."""
 COMMIT_VARIABLE = "TIGAS_COMMIT"
 """Names the commit where there is no repository: images are built with it."""
 
@@ -62,6 +65,8 @@ def install_command(*extras: str) -> str:
     if not url or (url.startswith("file:") and not _path(url).exists()):
         return f"pip install '{named}'"
     if origin.get("dir_info", {}).get("editable"):
+        if len(extras) == 1 and extras[0] in OF_MAKE and Path(sys.prefix) == _path(url) / ".venv":
+            return f"make -C {_path(url)} {extras[0]}"
         return f"pip install -e '{_path(url)}{named.removeprefix(PROJECT)}'"
     if vcs := origin.get("vcs_info"):
         url = f"{vcs['vcs']}+{url}@{vcs['commit_id']}"
