@@ -42,6 +42,11 @@ def test_flag_beats_environment_beats_file_beats_default(tmp_path: Path, monkeyp
     assert (settings.a, settings.b, settings.c, settings.d) == (1, 2, 3, 4)
 
 
+def test_settings_are_the_same_in_another_process() -> None:
+    settings = parse(Example, "example", ["--a", "5", "--at", "[::1]:8080"])
+    assert Example.model_validate_json(settings.model_dump_json()) == settings
+
+
 def test_a_named_file_is_read_instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mine.toml").write_text("[example]\na = 7\n")
     monkeypatch.setenv("TIGAS_CONFIG", str(tmp_path / "mine.toml"))

@@ -30,7 +30,7 @@ MODELS = Path("models")
 
 
 def _address(value: Any) -> Any:
-    return value if isinstance(value, Address) else Address.parse(str(value))
+    return Address.parse(str(value)) if isinstance(value, str | int | float) else value
 
 
 def _address_or_off(value: Any) -> Any:

@@ -40,7 +40,7 @@ def create_rasterizer(device: str, cache: Path | None = None) -> Rasterizer:
                     raise
                 missing = str(error)
         elif device != "auto":
-            raise ValueError(f"{missing} (Or use --device cpu.)")
+            raise ValueError(f"{missing} Start the service with --device cpu, or correct this.")
         if shutil.which("nvidia-smi"):  # comes with NVIDIA's driver
             logger.warning("Rendering on the CPU. %s", missing)
     from tigas_render.raster.cpu import CpuRasterizer
@@ -55,7 +55,7 @@ def why_no_cuda() -> str | None:
     except ModuleNotFoundError:
         complete = False
     if not complete:
-        return f"The packages for GPUs are missing: {install_command('gpu')}"
+        return f"The packages for GPUs are missing ({install_command('gpu')})."
     try:
         check_versions("cuda-core")
     except StartError as error:
