@@ -107,8 +107,9 @@ def test_both_sides_are_measured(open_page: OpenPage, viewer_url: str) -> None:
 def test_any_two_modes_are_compared_and_held_against_the_truth(open_page: OpenPage, viewer_url: str) -> None:
     chosen = with_settings(viewer_url, left="video", right="stateless", reprojection=False, hud=False, sidebar=True)
     page = open_page(f"{SCENE}?mode=side-by-side", url=viewer_url, viewport={"width": 860, "height": 180}, **chosen)
-    wait_for_frames(page)
-    page.keyboard.press("ArrowRight", delay=3500)  # a walk lasts for three seconds at least
+    # A walk begins anew when a side shows its first picture, and lasts for three seconds at least.
+    page.wait_for_function("() => document.querySelector('.stage')?.dataset.shown?.split(' ').every(Number)")
+    page.keyboard.press("ArrowRight", delay=5000)
     for side in ("left", "right"):
         expect(page.locator(f".last-walk [data-side={side}][data-stat=psnr]")).to_contain_text("dB")
     expect(page.locator(".last-walk [role=status]")).to_contain_text("new views per second")
