@@ -46,7 +46,7 @@ def assert_turned(run: dict[str, Any], side: str) -> None:
     sampled = {one["pose"]: one["at"] for one in run["inputs"] if not one["missed"]}
     times = sorted(sampled.values())
     frames = [one for one in frames_of(run, side) if one["view"] in sampled]
-    assert len(frames) > 10, f"{side} showed nothing"
+    assert len(frames) >= 5, f"{side} showed hardly anything"
     waits = [bisect_left(times, one["at"]) - bisect_left(times, sampled[one["view"]]) for one in frames]
     assert median(waits) <= 1, f"in animation frames: {waits}"
     ages = [one["at"] - sampled[one["pose"]] for one in frames if one["pose"] in sampled]
