@@ -34,7 +34,7 @@ def until(process: subprocess.Popen[str], happened: Callable[[], bool], otherwis
 
 
 def finished(process: subprocess.Popen[str]) -> tuple[int, str, str]:
-    """Status, output and error output, once it has ended; one that takes too long leaves nothing to the next test."""
+    """Status, output and error output, once it has ended. A command that takes too long is ended."""
     with process:
         try:
             output, errors = process.communicate(timeout=PATIENCE_S)

@@ -1,4 +1,4 @@
-"""DASH over HTTP/3 in a browser that trusts the server, as the experiments' does, and in one that does not."""
+"""DASH over HTTP/3 with and without trust in the server; the experiments' browser has it."""
 
 from __future__ import annotations
 

@@ -48,6 +48,16 @@ def end(process: subprocess.Popen[bytes], timeout_s: float) -> None:
         process.wait()
 
 
+async def wait_or_kill(process: asyncio.subprocess.Process, timeout_s: float) -> None:
+    """Wait until a process has ended, and kill it if that takes longer than `timeout_s`."""
+    try:
+        async with asyncio.timeout(timeout_s):
+            await process.wait()
+    except TimeoutError:
+        process.kill()
+        await process.wait()
+
+
 @contextmanager
 def running(argv: list[str], timeout_s: float, **options: Any) -> Iterator[subprocess.Popen[bytes]]:
     """Run a process until the context ends, or this process is killed.

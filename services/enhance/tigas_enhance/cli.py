@@ -71,7 +71,7 @@ class _EnhanceCommand(Command):
 
 
 class Train(_EnhanceCommand):
-    """Train networks on a scene's own views, and write them beside the scene. A run that is stopped changes nothing."""
+    """Train networks on a scene's own views, and write them next to the scene. A stopped run changes nothing."""
 
     names: Annotated[tuple[str, ...], POSITIONAL, Metavar("SCENE")]
     """Scenes to train on."""

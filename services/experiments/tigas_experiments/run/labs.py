@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory, TemporaryFile
 from typing import IO
 
 from tigas_common.errors import StartError
-from tigas_common.processes import end_as_ctrl_c, with_parent
+from tigas_common.processes import end_as_ctrl_c, wait_or_kill, with_parent
 from tigas_common.wire.model import WireModel
 from tigas_experiments.records.folder import RunRecord
 from tigas_experiments.run.environment import open_environment
@@ -35,6 +35,7 @@ SCRIPT = 'mkdir -p /run/netns; mount -t tmpfs tigas /run/netns; ip link set lo u
 START_EVERY_S = 3.0
 """Browsers that start at the same time wait for each other in the graphics driver, and runs near them stutter."""
 STOP_S = 30
+"""Longer than the lab itself takes to stop."""
 LINE_BYTES = 1 << 24
 """Maximum length of a line of JSON: a block of runs, or the record of one."""
 
@@ -172,12 +173,7 @@ async def started_worker() -> AsyncIterator[Worker]:
             raise
         finally:
             process.stdin.close()
-            try:
-                async with asyncio.timeout(STOP_S):
-                    await process.wait()
-            except TimeoutError:
-                process.kill()
-                await process.wait()
+            await wait_or_kill(process, STOP_S)
 
 
 def main() -> None:

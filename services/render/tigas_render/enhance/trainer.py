@@ -18,7 +18,7 @@ from pathlib import Path
 
 from tigas_common.errors import TigasError
 from tigas_common.installation import install_command
-from tigas_common.processes import tigas
+from tigas_common.processes import tigas, wait_or_kill
 from tigas_common.wire.render import Training
 
 NICENESS = 15
@@ -142,9 +142,4 @@ async def _end(process: Process) -> None:
         return
     with suppress(ProcessLookupError):
         process.terminate()
-    try:
-        async with asyncio.timeout(STOP_S):
-            await process.wait()
-    except TimeoutError:
-        process.kill()
-        await process.wait()
+    await wait_or_kill(process, STOP_S)

@@ -99,7 +99,7 @@ function start(options: Partial<LocalOptions> = {}): Rig {
   return rig;
 }
 
-/** One whose download was answered. */
+/** A player with an answered download. */
 async function downloading(): Promise<Rig> {
   const rig = start();
   await vi.waitFor(() => expect(link).toBeDefined());

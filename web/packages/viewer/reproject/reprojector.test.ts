@@ -157,7 +157,7 @@ test("when the graphics processor is lost, what lies below is seen, and a word s
   expect(canvas()).not.toBeNull();
 });
 
-/** One that is on, over a video, in such a browser. */
+/** A reprojector in such a browser, switched on, over a video. */
 function plainly(browser: Partial<ConstructorParameters<typeof Reprojector>[0]>): Reprojector<string> {
   const plain = new Reprojector<string>({
     below: document.createElement("video"),

@@ -35,7 +35,7 @@ function pipeline(decode?: () => Promise<DecodedImage>): FramePipeline {
   });
 }
 
-/** One that has asked for a first view. */
+/** A pipeline after its first request. */
 function asking(x = 1, decode?: () => Promise<DecodedImage>): FramePipeline {
   const subject = pipeline(decode);
   subject.want(view(x), 0);
