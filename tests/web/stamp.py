@@ -13,6 +13,7 @@ _WATCH = """
 (() => {
   const WIDTH = 256, HEIGHT = 4;
   const small = new OffscreenCanvas(WIDTH, HEIGHT).getContext("2d", { willReadFrequently: true });
+  small.globalCompositeOperation = "copy"; // where a picture is transparent, nothing of the one before is left
   // As long as it is drawn, a canvas keeps its picture until the next animation frame: what is read is what was shown.
   const getContext = HTMLCanvasElement.prototype.getContext;
   HTMLCanvasElement.prototype.getContext = function (kind, options) {
@@ -27,7 +28,7 @@ _WATCH = """
     if (!source) return;
     small.drawImage(source, 0, 0, WIDTH, HEIGHT);
     const { data } = small.getImageData(0, HEIGHT / 2, WIDTH, 1);
-    window.seen.push([at, Array.from({ length: WIDTH }, (_, i) => data[4 * i + 1])]);
+    window.seen.push([at, Array.from({ length: WIDTH }, (_, i) => (data[4 * i + 3] < 255 ? null : data[4 * i + 1]))]);
   };
   requestAnimationFrame(look);
 })();
@@ -49,6 +50,11 @@ def seen(page: Page, since: float) -> Seen:
     return [(at, heading) for (at, _), heading in zip(rows, headings, strict=True)]
 
 
-def first_shown(rows: Seen, heading: float) -> float | None:
-    """When the screen of a camera that turns to the right first showed this heading or a later one; None: never."""
-    return next((at for at, shown in rows if shown is not None and shown >= heading - TOLERANCE), None)
+def first_shown(rows: Seen, heading: float) -> tuple[float, float] | None:
+    """When the screen of a camera that turns to the right first showed this heading or a later one, and how long the
+    longer of the two frames around it took; None: never.
+    """
+    for before, (at, shown), after in zip(rows, rows[1:], rows[2:], strict=False):
+        if shown is not None and shown >= heading - TOLERANCE:
+            return at, max(at - before[0], after[0] - at)
+    return None

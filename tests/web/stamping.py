@@ -32,6 +32,8 @@ TOLERANCE = math.radians(0.3)
 """Of a reading."""
 ALIKE = 0.7
 """Correlation of a row of pixels with that of the best heading; less is not a reading."""
+LEAST_SHOWN = 0.4
+"""Share of a row that has to be shown for a reading: some nine cells."""
 
 Floats = NDArray[np.float64]
 
@@ -43,7 +45,8 @@ def heading(pose: Pose) -> float:
 
 def read_headings(rows: Floats) -> list[float | None]:
     """The headings of rows of brightness [N, samples] across a screen, of cameras that turn by at most half a circle
-    from straight ahead to the right; None where it is unreadable. The lens is that which fits most of them best.
+    from straight ahead to the right; NaN where nothing is shown. None where the heading is unreadable. The lens is that
+    which fits most of them best.
     """
     some = rows[:: max(1, len(rows) // 10)]
     half = max(np.arange(0.5, 1.6, 0.0125), key=lambda half: np.median(_likeness(some, half, 5 * STEP).max(1)))
@@ -53,14 +56,20 @@ def read_headings(rows: Floats) -> list[float | None]:
 
 
 def _likeness(rows: Floats, half: float, step: float) -> Floats:
-    """Correlations [N, headings] with what cameras show whose lens reaches as far to each side as forward, times
-    `half`.
+    """Correlations [N, headings] of the shown parts with what cameras show whose lens reaches as far to each side as
+    forward, times `half`; 0 where too little is shown.
     """
     headings = np.arange(FIRST, math.pi - FIRST, step)
     edges = np.linspace(-half, half, 2 * rows.shape[1] + 1)
     fine = _cells(headings[:, None] + np.arctan(0.5 * (edges[1:] + edges[:-1])))
-    likeness: Floats = _normalised(rows) @ _normalised(fine.reshape(len(headings), -1, 2).mean(2)).T
-    return likeness
+    expected = fine.reshape(len(headings), -1, 2).mean(2).T
+    shown = (~np.isnan(rows)).astype(np.float64)
+    count = shown.sum(1, keepdims=True)
+    centred = np.nan_to_num(rows - np.nansum(rows, 1, keepdims=True) / np.maximum(count, 1))
+    variance = (centred**2).sum(1, keepdims=True)
+    expected_variance = shown @ expected**2 - (shown @ expected) ** 2 / np.maximum(count, 1)
+    likeness: Floats = centred @ expected / np.sqrt(np.maximum(variance * expected_variance, 1e-9))
+    return np.where(count < LEAST_SHOWN * rows.shape[1], 0, likeness)
 
 
 class StampingRasterizer(CpuRasterizer):
@@ -86,12 +95,6 @@ def _cells(directions: Floats) -> Floats:
     """0 or 1 for each direction."""
     cells: Floats = _sequence()[np.floor(directions / math.tau * 127).astype(int) % 127]
     return cells
-
-
-def _normalised(rows: Floats) -> Floats:
-    centred = rows - rows.mean(1, keepdims=True)
-    normalised: Floats = centred / np.maximum(np.linalg.norm(centred, axis=1, keepdims=True), 1e-9)
-    return normalised
 
 
 def _create(device: str, cache: Path) -> Rasterizer:
