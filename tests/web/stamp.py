@@ -52,9 +52,9 @@ def seen(page: Page, since: float) -> Seen:
 
 def first_shown(rows: Seen, heading: float) -> tuple[float, float] | None:
     """When the screen of a camera that turns to the right first showed this heading or a later one, and how long the
-    longer of the two frames around it took; None: never.
+    longer of the two frames around it took, at least that of a screen at 60 Hz; None: never.
     """
     for before, (at, shown), after in zip(rows, rows[1:], rows[2:], strict=False):
         if shown is not None and shown >= heading - TOLERANCE:
-            return at, max(at - before[0], after[0] - at)
+            return at, max(1000 / 60, at - before[0], after[0] - at)
     return None
