@@ -15,7 +15,7 @@ from tigas_cluster.settings import ClusterSettings
 from tigas_common.command import load, parse
 from tigas_common.errors import UsageError
 from tigas_common.limits import HttpLimits
-from tigas_common.settings import ListenOrOff, Origins, ServiceSettings
+from tigas_common.settings import TABLES, ListenOrOff, Origins, ServiceSettings
 from tigas_dash.settings import DashSettings
 from tigas_experiments.store.settings import StoreSettings
 from tigas_render.settings import RenderSettings
@@ -34,7 +34,7 @@ class Example(ServiceSettings):
 
 
 def test_flag_beats_environment_beats_file_beats_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "tigas.toml").write_text("[example]\nb = 2\nc = 2\nd = 2\n[other]\nz = 1\n")
+    (tmp_path / "tigas.toml").write_text("[example]\nb = 2\nc = 2\nd = 2\n[dash]\nz = 1\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TIGAS_EXAMPLE_C", "3")
     monkeypatch.setenv("TIGAS_EXAMPLE_D", "3")
@@ -62,6 +62,10 @@ def test_a_named_file_is_read_instead(tmp_path: Path, monkeypatch: pytest.Monkey
         (b"[example\n", r"mine.toml is not TOML: Expected .*\.$"),
         (b"\xda", r"mine.toml is not TOML: 'utf-8' codec .*\.$"),
         (None, r"^TIGAS_CONFIG: \S+mine.toml is no file\.$"),
+        (
+            b"[rendr]\nhttp = 1\n",
+            r"mine.toml: there is no table \[rendr\]; the tables are render, dash, shaper, store, cluster\.$",
+        ),
         (b"example = 3\n", r"mine.toml: example is not a table, which begins with \[example\]\.$"),
     ],
 )
@@ -91,15 +95,37 @@ def test_a_wrong_variable_is_named(variable: str, value: str, says: str, monkeyp
         load(Example, {})
 
 
+@pytest.mark.parametrize(
+    ("variable", "says"),
+    [
+        ("TIGAS_EXAMPLE_ALLOW_HOST", "; did you mean TIGAS_EXAMPLE_ALLOW_HOSTS?"),
+        ("TIGAS_EXAMPLE_WHEELS", "."),
+        ("TIGAS_EXAMPLE_B", None),
+        ("TIGAS_OTHER_WHEELS", None),
+    ],
+)
+def test_a_variable_that_is_no_setting_is_reported(
+    variable: str, says: str | None, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setenv(variable, "2")
+    load(Example, {})
+    reports = [f"The environment variable {variable} is not a setting of this service{says}"] if says else []
+    assert caplog.messages == reports
+
+
 def test_a_file_for_other_services_sets_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "tigas.toml").write_text("[other]\na = 2\n")
+    (tmp_path / "tigas.toml").write_text("[dash]\na = 2\n")
     monkeypatch.chdir(tmp_path)
     assert load(Example, {}).a == 1
 
 
 # -- every service's settings ------------------------------------------------------------------------------------------
 
-SERVICES = (ClusterSettings, RenderSettings, DashSettings, ShaperSettings, StoreSettings)
+SERVICES = (RenderSettings, DashSettings, ShaperSettings, StoreSettings, ClusterSettings)
+
+
+def test_a_settings_file_has_every_services_table() -> None:
+    assert tuple(settings.table for settings in SERVICES) == TABLES
 
 
 def numbers(model: type[BaseModel]) -> Iterator[tuple[type[BaseModel], str]]:

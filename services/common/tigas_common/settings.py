@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import difflib
+import logging
 import os
 import re
+import tomllib
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, BeforeValidator
 from pydantic_settings import (
     BaseSettings,
+    InitSettingsSource,
     NoDecode,
     PydanticBaseSettingsSource,
     SettingsConfigDict,
-    TomlConfigSettingsSource,
 )
 
 from tigas_common.address import Address, host_of, host_of_origin
@@ -21,8 +24,12 @@ from tigas_common.command import NO_FLAG, Metavar
 from tigas_common.errors import UsageError
 from tigas_common.limits import ServiceHttpLimits
 
+logger = logging.getLogger(__name__)
+
 FILE_VARIABLE = "TIGAS_CONFIG"
 """Names the settings file; without it, `tigas.toml` in the working directory is read if it is there."""
+TABLES = ("render", "dash", "shaper", "store", "cluster")
+"""The services' tables in the settings file."""
 WEBVIEW = re.compile("vscode-webview://[0-9a-z-]+")
 """Origin of notebooks in Visual Studio Code."""
 MODELS = Path("models")
@@ -91,22 +98,38 @@ class ServiceSettings(BaseSettings):
         dotenv_settings: PydanticBaseSettingsSource,
         file_secret_settings: PydanticBaseSettingsSource,
     ) -> tuple[PydanticBaseSettingsSource, ...]:
-        return (init_settings, env_settings, *_from_file(settings_cls, cls.table))
+        _report_unknown_variables(settings_cls)
+        return (init_settings, env_settings, InitSettingsSource(settings_cls, _from_file(cls.table)))
 
 
-def _from_file(model: type[BaseSettings], table: str) -> tuple[TomlConfigSettingsSource, ...]:
+def _report_unknown_variables(model: type[BaseSettings]) -> None:
+    """Log variables that are named like settings but are none. They may be for another version, or for compose.yaml."""
+    prefix = str(model.model_config["env_prefix"])
+    known = {f"{prefix}{name}".upper() for name in model.model_fields}
+    for variable in sorted(os.environ):
+        if variable.startswith(prefix) and variable not in known:
+            guess = difflib.get_close_matches(variable, known, n=1, cutoff=0.85)
+            hint = f"; did you mean {guess[0]}?" if guess else "."
+            logger.warning("The environment variable %s is not a setting of this service%s", variable, hint)
+
+
+def _from_file(table: str) -> dict[str, Any]:
     """A table of the settings file; empty without the file or the table. Raises UsageError."""
     named = os.environ.get(FILE_VARIABLE)
     path = Path(named or "tigas.toml")
-    if named and not path.is_file():  # the library would take it for an empty one
-        raise UsageError(f"{FILE_VARIABLE}: {path} is no file.")
+    if not path.is_file():
+        if named:
+            raise UsageError(f"{FILE_VARIABLE}: {path} is no file.")
+        return {}
     try:
-        return (TomlConfigSettingsSource(model, path, toml_table_header=(table,)),)
-    except KeyError:  # the file configures other services
-        return ()
-    except AttributeError:
-        raise UsageError(f"{path}: {table} is not a table, which begins with [{table}].") from None
+        tables = tomllib.loads(path.read_text("utf-8"))
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}.") from None
     except ValueError as error:
         raise UsageError(f"{path} is not TOML: {error}.") from None
+    for name, settings in tables.items():
+        if not isinstance(settings, dict):
+            raise UsageError(f"{path}: {name} is not a table, which begins with [{name}].")
+        if name not in {*TABLES, table}:
+            raise UsageError(f"{path}: there is no table [{name}]; the tables are {', '.join(TABLES)}.")
+    return dict(tables.get(table, {}))
