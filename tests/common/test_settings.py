@@ -47,6 +47,16 @@ def test_settings_are_the_same_in_another_process() -> None:
     assert Example.model_validate_json(settings.model_dump_json()) == settings
 
 
+def test_a_worker_reads_neither_file_nor_environment_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given = parse(Example, "example", ["--a", "5"]).model_dump_json()
+    monkeypatch.setattr(ServiceSettings, "are_given", True)
+    monkeypatch.setenv("TIGAS_EXAMPLE_B", "many")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tigas.toml").write_text("[example\n")
+    settings = Example.model_validate_json(given)
+    assert (settings.a, settings.b) == (5, 1)
+
+
 def test_a_named_file_is_read_instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mine.toml").write_text("[example]\na = 7\n")
     monkeypatch.setenv("TIGAS_CONFIG", str(tmp_path / "mine.toml"))

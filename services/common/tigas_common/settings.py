@@ -81,6 +81,8 @@ class ServiceSettings(BaseSettings):
 
     model_config = SettingsConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
     table: ClassVar[str] = ""
+    are_given: ClassVar[bool] = False
+    """Whether this process was given its settings, as workers are, and reads neither file nor environment."""
 
     http_limits: ServiceHttpLimits = ServiceHttpLimits()
     """Limits on HTTP/1.1 connections; a nested table in the settings file, JSON in the environment."""
@@ -98,6 +100,8 @@ class ServiceSettings(BaseSettings):
         dotenv_settings: PydanticBaseSettingsSource,
         file_secret_settings: PydanticBaseSettingsSource,
     ) -> tuple[PydanticBaseSettingsSource, ...]:
+        if ServiceSettings.are_given:
+            return (init_settings,)
         _report_unknown_variables(settings_cls)
         return (init_settings, env_settings, InitSettingsSource(settings_cls, _from_file(cls.table)))
 

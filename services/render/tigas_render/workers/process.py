@@ -15,6 +15,7 @@ from tigas_common.cli import log_to_stdout
 from tigas_common.errors import StartError
 from tigas_common.proxy import unless
 from tigas_common.runner import until_stopped
+from tigas_common.settings import ServiceSettings
 from tigas_render.workers.control import Channel, EdgeStart, EngineStart, Failed, Loaded, Message, Start
 
 Program = Callable[[Channel, Start, AsyncIterator[Message]], Awaitable[None]]
@@ -28,6 +29,7 @@ def call_it(name: str) -> None:
 
 def run(program: Program) -> None:
     """Run a worker's program to its end, and report a StartError to the supervisor."""
+    ServiceSettings.are_given = True
     log_to_stdout()
     logging.getLogger("quic").setLevel(logging.WARNING)  # aioquic logs every connection
     sys.exit(uvloop.run(_run(program)))
