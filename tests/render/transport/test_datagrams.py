@@ -14,6 +14,7 @@ from tests.render.transport.client import FakeFrames, request_body
 from tests.render.transport.serving import assemble, in_datagrams, in_session
 from tigas.http3 import split_frame
 from tigas_common.errors import InvalidRequest
+from tigas_render.admission.connections import Usage
 from tigas_render.admission.limits import Limits
 from tigas_render.transport import outlet
 from tigas_render.transport.outlet import FRAGMENT_HEADER, Datagrams, Writer, fragments
@@ -131,7 +132,7 @@ class Session:
 
     def __init__(self) -> None:
         self.network = Network()
-        self.writer = Writer(cast(Any, self.network), cast(Any, None), Limits(), lambda: None)
+        self.writer = Writer(cast(Any, self.network), cast(Any, None), Limits(), Usage("address"), lambda: None)
         self.datagrams = Datagrams(self.writer, 0)
 
     def sends(self, room: int) -> list[tuple[int, ...]]:

@@ -295,6 +295,24 @@ async def test_small_answers_that_nobody_reads_take_no_memory(monkeypatch: pytes
         assert (await client.fetch("GET", "/")).status == 200
 
 
+async def test_large_answers_that_nobody_reads_take_no_more_memory_than_an_address_may(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        await answer(send, bytes(1_500_000))
+
+    limits = Limits(waiting_per_address=4_000_000)
+    async with served(app, limits) as (server, client), connect(server.port, max_stream_data=1000) as deaf:
+        monkeypatch.setattr(deaf._quic, "_write_stream_limits", lambda **_: None)
+        streams = [deaf.request("GET", "/") for _ in range(8)]
+        await deaf.until(lambda: sum(deaf.responses[stream].reset is not None for stream in streams) >= 5)
+        (usage,) = server._connections.usage.values()
+        assert 1_000_000 < usage.waiting <= 4_000_000
+        assert len((await client.fetch("GET", "/")).body) == 1_500_000
+        deaf.close()
+        await eventually(lambda: usage.waiting == 0)
+
+
 async def test_connect_without_webtransport_and_odd_methods() -> None:
     methods: list[str] = []
 

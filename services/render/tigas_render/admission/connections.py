@@ -16,7 +16,7 @@ packets of further ones are dropped, and QUIC clients send them again."""
 
 @dataclass(slots=True, eq=False)
 class Usage:
-    """The open connections, sessions and requests of one address."""
+    """The open connections, sessions and requests of one address, and its waiting answers."""
 
     address: str
     connections: int = 0
@@ -24,6 +24,8 @@ class Usage:
     """WebTransport sessions."""
     requests: int = 0
     """Running requests, and incomplete ones."""
+    waiting: int = 0
+    """Bytes of answers that wait in writers because the client or the network does not take them."""
 
     def request_refusal(self, limits: Limits, running: int) -> str | None:
         """Return the reason to refuse another request of a connection with so many running ones, if any."""

@@ -60,6 +60,8 @@ class Limits(QuicLimits):
     """Bytes of a connection's answers that wait in QUIC for the network; more waits in the writer."""
     unread_answers: int = 2 * 1024 * 1024
     """Bytes of a connection's answers that wait for the network and for a client that does not read."""
+    waiting_per_address: int = 256 * 1024 * 1024
+    """Bytes of an address's answers that wait in writers; a stream whose answer would exceed it is cut."""
     handshake_timeout: float = 5.0
     """For a client to complete the handshake."""
     request_timeout: float = 10.0
@@ -80,7 +82,7 @@ class Limits(QuicLimits):
         """The limits of each of several edges, which count by themselves."""
         counts = (
             "connections", "connections_per_address", "unvalidated", "unvalidated_per_address", "requests_per_address",
-            "sessions_per_address",
+            "sessions_per_address", "waiting_per_address",
         )  # fmt: skip
         parts: dict[str, float] = {name: quota(getattr(self, name), edges) for name in counts}
         rates = {name: getattr(self, name) / edges for name in ("handshakes_per_s", "resets_per_s")}

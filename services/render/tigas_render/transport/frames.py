@@ -220,7 +220,8 @@ class WebTransportStream:
             self.outlet.finish((self.session.header(result), result.body), self._end)
         else:
             send = partial(self.outlet.finish, (self.session.header(result), bytes(result.body)), self._end)
-            self.session.frames.wait(WaitingFrame(parse(RenderRequest, self._body), send, self._supersede))
+            request = parse(RenderRequest, self._body)
+            self.session.frames.wait(WaitingFrame(request, len(result.body), send, self._supersede))
         result.release()
 
     def _supersede(self) -> None:

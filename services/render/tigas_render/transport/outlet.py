@@ -15,6 +15,7 @@ from aioquic.h3.events import Headers
 
 from tigas_common.errors import InvalidRequest
 from tigas_common.wire.render import RenderRequest
+from tigas_render.admission.connections import Usage
 from tigas_render.admission.limits import Limits
 from tigas_render.frame import obsoletes
 from tigas_render.transport.aioquic_ext.h3 import ServerH3Connection
@@ -41,11 +42,18 @@ class Writer:
     """State shared by all outlets of one connection."""
 
     def __init__(
-        self, quic: ServerQuicConnection, h3: ServerH3Connection, limits: Limits, transmit_soon: Callable[[], None]
+        self,
+        quic: ServerQuicConnection,
+        h3: ServerH3Connection,
+        limits: Limits,
+        usage: Usage,
+        transmit_soon: Callable[[], None],
     ) -> None:
+        """usage: resource usage of the client's address, in which waiting answers are counted."""
         self.quic = quic
         self.h3 = h3
         self.limits = limits
+        self._usage = usage
         self.transmit_soon = transmit_soon
         self.waiting: dict[int, Callable[[], None]] = {}
         """Callbacks of writers that wait for room, by stream."""
@@ -59,6 +67,20 @@ class Writer:
         used = max(self.quic.unsent(stream_id), network)
         room = min(self.limits.unsent - used, self.limits.unread_answers - total)
         return max(room, CHUNK) if room > 0 else 0
+
+    def hold(self, size: int) -> bool:
+        """Count bytes of an answer that waits, until `let_go`; False, and nothing counted, if the address has too many.
+
+        An answer may wait alone, however long it is.
+        """
+        waiting = self._usage.waiting
+        if waiting and waiting + size > self.limits.waiting_per_address:
+            return False
+        self._usage.waiting += size
+        return True
+
+    def let_go(self, size: int) -> None:
+        self._usage.waiting -= size
 
     def wake(self) -> None:
         """Resume writers with room, oldest stream first."""
@@ -106,7 +128,7 @@ class Outlet:
         """Send a part of an HTTP body; waits while the network or the client cannot keep up.
 
         data: must not change until then. Raises StreamClosed if the client has cancelled, disconnected, or not read for
-        too long.
+        too long, or its address has too many answers waiting.
         """
         if not data:
             return
@@ -117,7 +139,7 @@ class Outlet:
         try:
             await sent.wait()
         finally:
-            sending.stop_waiting()
+            sending.stop()
         if sending.parts:
             raise StreamClosed
 
@@ -161,6 +183,8 @@ class _Sending:
     ends_stream: bool = False
     """Whether nothing follows; then the caller does not keep the parts."""
     stalled: asyncio.TimerHandle | None = None
+    held: int = 0
+    """Bytes counted as waiting."""
 
     def go_on(self) -> None:
         """Hand over as much as fits, and wait for room for the rest."""
@@ -169,6 +193,11 @@ class _Sending:
         while self.parts and not writer.closed and self.outlet.is_open:
             room = writer.room(stream_id)
             if not room:
+                if not self.held:
+                    size = sum(map(len, self.parts))
+                    if not writer.hold(size):
+                        break
+                    self.held = size
                 if self.ends_stream:
                     self.parts = [bytes(part) for part in self.parts]
                 writer.waiting[stream_id] = self.go_on
@@ -182,20 +211,26 @@ class _Sending:
                 writer.quic.send_stream_data(stream_id, part)  # type: ignore[arg-type]  # any buffer
                 room -= len(part)
             writer.transmit_soon()
+        self.stop()
         if self.ends_stream and not self.parts and not writer.closed:
             self.outlet.end()
         self.ended()
 
     def stop_waiting(self) -> None:
-        """Do not go on by itself any more."""
         if self.stalled is not None:
             self.stalled.cancel()
             self.stalled = None
             del self.outlet.writer.waiting[self.outlet.stream_id]
 
+    def stop(self) -> None:
+        """Do not go on by itself any more."""
+        self.stop_waiting()
+        self.outlet.writer.let_go(self.held)
+        self.held = 0
+
     def give_up(self) -> None:
         """The client does not read."""
-        self.stop_waiting()
+        self.stop()
         self.ended()
 
 
@@ -203,6 +238,8 @@ class WaitingFrame(NamedTuple):
     """An answer on a stream that is not handed to QUIC yet."""
 
     request: RenderRequest
+    size: int
+    """In bytes."""
     send: Callable[[], None]
     refuse: Callable[[], None]
 
@@ -226,11 +263,15 @@ class NewestFrames:
 
     def wait(self, frame: WaitingFrame) -> None:
         """Send a frame as soon as there is room, unless a newer one of its view is there by then."""
+        if not self._writer.hold(frame.size):
+            frame.refuse()
+            return
         frames = [*self._waiting, frame]
         self._waiting.clear()
         for each in frames:
             if any(obsoletes(other.request, each.request) for other in frames):
                 self._refused.append(each.refuse)
+                self._writer.let_go(each.size)
             else:
                 self._waiting.append(each)
         self._writer.hand_over_soon(self.hand_over)
@@ -238,13 +279,16 @@ class NewestFrames:
     def hand_over(self) -> bool:
         """As `Writer.hand_over`."""
         while self._waiting and self._writer.quic.has_room:
-            self._waiting.popleft().send()
+            frame = self._waiting.popleft()
+            self._writer.let_go(frame.size)
+            frame.send()
             refused, self._refused = self._refused, []
             for refuse in refused:
                 refuse()
         return bool(self._waiting)
 
     def close(self) -> None:
+        self._writer.let_go(sum(frame.size for frame in self._waiting))
         self._waiting.clear()
         self._refused.clear()
 

@@ -81,7 +81,7 @@ class Router:
         self._counted = 0
         """How many requests are counted in `usage`."""
         self._h3 = ServerH3Connection(quic, enable_webtransport=True)
-        self.writer = Writer(quic, self._h3, service.limits, transmit_soon)
+        self.writer = Writer(quic, self._h3, service.limits, usage, transmit_soon)
         self._streams: dict[int, Stream] = {}
         self._sessions: dict[int, RenderSession] = {}
         self._unfinished: dict[int, float] = {}
