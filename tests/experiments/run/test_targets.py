@@ -31,6 +31,7 @@ class Services:
 
     def __init__(self) -> None:
         self.certificate = "one"
+        self.retry_after_s: float | None = None
         self.shaper_status = 200
         self.stopped = False
         self.asked: list[str] = []
@@ -44,7 +45,13 @@ class Services:
         if request.url.path.startswith("/shaper"):
             return httpx.Response(self.shaper_status)
         services = {"shaper": f"{self.url}/shaper"}
-        config = SERVER.model_copy(update={"certificate_sha256": self.certificate, "services": services})
+        config = SERVER.model_copy(
+            update={
+                "certificate_sha256": self.certificate,
+                "services": services,
+                "retry_after_s": self.retry_after_s,
+            }
+        )
         return httpx.Response(200, content=config.model_dump_json())
 
 
@@ -58,6 +65,8 @@ def services(monkeypatch: pytest.MonkeyPatch) -> Services:
 def test_services_that_are_what_they_were_live(services: Services) -> None:
     target = Target(services.url, asyncio.run(read_config(services.url)))
     assert asyncio.run(alive(target))
+    services.retry_after_s = 5.0
+    assert asyncio.run(alive(target)), "it is only full"
     services.shaper_status = 503
     assert not asyncio.run(alive(target)), "its link is closed"
     services.shaper_status = 200

@@ -206,6 +206,13 @@ async def test_a_shaped_link_is_of_one_page_at_a_time(timed: Running) -> None:
     assert job_of(await timed.next(second, "b")) == slug()
 
 
+async def test_an_experiment_that_is_removed_gives_the_link_back(timed: Running) -> None:
+    first, second = await timed.create(), await timed.create()
+    assert job_of(await timed.next(first, "a")) == slug()
+    assert (await timed.http.delete(f"/experiments/{first}")).status_code == 204
+    assert job_of(await timed.next(second, "b")) == slug()
+
+
 async def fail(store: Running, experiment: str, run: str) -> None:
     answer = await store.http.put(f"/experiments/{experiment}/runs/{run}", json={"problem": "The connection was lost."})
     assert (answer.json()["status"], answer.json()["problem"]) == ("failed", "The connection was lost.")
@@ -237,6 +244,18 @@ async def test_many_failures_in_a_row_end_it(store: Running) -> None:
     assert told["problem"].startswith("5 runs in a row failed, so the others are not tried.")
     assert told["problem"].endswith("The connection was lost.")
     assert job_of(await store.next(experiment, begin=True)) is not None
+
+
+async def test_one_that_was_ended_by_failures_begins_anew_after_a_page_has_died(timed: Running, clock: Clock) -> None:
+    experiment = await timed.create(repeats=4, networks=["unshaped"])
+    await timed.next(experiment, "dead", begin=True)
+    for _ in range(GIVE_UP_AFTER):
+        run = job_of(await timed.next(experiment, "a"))
+        assert run is not None
+        await fail(timed, experiment, run)
+    assert job_of(await timed.next(experiment, "a", begin=True)) is None, "the other page may still be measuring"
+    clock.now = LEASE_S + 10
+    assert job_of(await timed.next(experiment, "a", begin=True)) is not None
 
 
 async def test_an_experiment_outlives_its_store(tmp_path: Path) -> None:

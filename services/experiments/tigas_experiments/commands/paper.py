@@ -204,7 +204,11 @@ class _Making:
             for name, value in (("out", self.out), ("data", self.data), ("path", path), ("tmp", scratch)):
                 filled = filled.replace(f"{{{name}}}", shlex.quote(str(value)))
             print(f"== {filled.strip()}", flush=True)
-            if subprocess.run(["bash", "-euc", filled], env=tools, stdin=subprocess.DEVNULL).returncode:
-                if path is not None:
+            made = False
+            try:
+                made = subprocess.run(["bash", "-euc", filled], env=tools, stdin=subprocess.DEVNULL).returncode == 0
+            finally:
+                if path is not None and not made:
                     path.unlink(missing_ok=True)
+            if not made:
                 raise StartError(f"{self.out.name} stopped because this failed: {filled.strip()}")

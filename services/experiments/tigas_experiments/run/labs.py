@@ -18,6 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
 from typing import IO
 
+from tigas_common.cli import settings_of
 from tigas_common.errors import StartError
 from tigas_common.processes import end_as_ctrl_c, wait_or_kill, with_parent
 from tigas_common.wire.model import WireModel
@@ -124,6 +125,7 @@ async def make_in_labs(
                 worker.tell(json.dumps([run.slug for run in block]))
                 for run in block:
                     callbacks.on_begin(run)
+                    callbacks.on_stage("measures")
                     record = (await worker.answer()).record
                     assert record is not None
                     callbacks.on_finish(record)
@@ -153,6 +155,9 @@ def blocks_of(runs: Sequence[Configuration]) -> list[list[Configuration]]:
 @asynccontextmanager
 async def started_worker() -> AsyncIterator[Worker]:
     """A worker process, during the context. The experiment store of its lab has an empty folder."""
+    scenes = str(
+        settings_of("render").scenes.absolute()
+    )  # named, it keeps its owner: a lab would give it back at its end
     with TemporaryDirectory(prefix="tigas-lab-") as results, TemporaryFile() as errors:
         process = await asyncio.create_subprocess_exec(
             *with_parent([*NAMESPACES, SCRIPT, "sh", sys.executable, "-m", __name__]),
@@ -161,7 +166,7 @@ async def started_worker() -> AsyncIterator[Worker]:
             stderr=errors,
             start_new_session=True,
             limit=LINE_BYTES,
-            env={**os.environ, "TIGAS_STORE_RESULTS": results},
+            env={**os.environ, "TIGAS_STORE_RESULTS": results, "TIGAS_RENDER_SCENES": scenes},
         )
         assert process.stdin is not None
         assert process.stdout is not None

@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from time import time
+from time import monotonic, time
 from typing import Any
 
 import httpx
@@ -104,9 +104,11 @@ async def watching_link(link: RunLink | None) -> AsyncIterator[list[tuple[float,
         yield seen
         return
 
+    ahead_s = time() - monotonic()  # fixed, so that a clock that is set meanwhile takes no time back
+
     async def watch() -> None:
         async for status in link.shaper.watch():
-            seen.append((time() * 1000, status))
+            seen.append(((ahead_s + monotonic()) * 1000, status))
 
     task = asyncio.create_task(watch())
     try:

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from tigas_common.errors import StartError
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.files import BrokenRecording
@@ -55,6 +57,8 @@ async def run(
         return await _measure(await environment.setup(configuration), configuration, writer, stage)
     except (StartError, RunFailed, BrokenRecording) as error:
         return failed(str(error))
+    except ValidationError as error:
+        return failed(f"The recording is not valid: {error.errors()[0]['msg']}.")
     except OSError as error:
         return failed(f"The run could not be written: {error}")
     except BaseException:

@@ -55,7 +55,7 @@ async def make_missing_runs(
     Raises OSError, and StartError if nothing can start, if versions or inputs have changed since the kept runs, or
     after GIVE_UP_AFTER consecutive failures.
     """
-    ladder, webgpu = experiment.plan.ladder, any(run.enhanced for run in missing)
+    ladder, webgpu = experiment.plan.ladder, any(run.enhanced for run in experiment.runs)
     opened = open_environment(url, experiment.inputs, ladder=ladder, webgpu=webgpu)
     async with opened as environment:
         callbacks.on_stage("starting the services")

@@ -107,7 +107,8 @@ async def alive(target: Target) -> bool:
     except (StartError, psutil.Error):
         return False
     services = (target.url, target.shaper, target.dash)
-    return config == target.config and all([await _serves(url, ANSWER_S) for url in services if url is not None])
+    known = target.config.model_copy(update={"retry_after_s": config.retry_after_s})  # which tells how busy it is
+    return config == known and all([await _serves(url, ANSWER_S) for url in services if url is not None])
 
 
 async def load_scene(url: str, scene: str, *, download: bool = False) -> SceneInfo:

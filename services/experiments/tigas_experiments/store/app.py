@@ -172,7 +172,9 @@ async def experiment(request: Request) -> ModelResponse[Experiment]:
 
 async def remove(request: Request) -> Response:
     """Remove an experiment and everything in its folder."""
-    await asyncio.to_thread(_store(request).experiments.remove, request.path_params["id"])
+    store, experiment = _store(request), request.path_params["id"]
+    await asyncio.to_thread(store.experiments.remove, experiment)
+    store.planner.forget(experiment)
     return Response(status_code=204)
 
 
@@ -180,6 +182,7 @@ async def remove(request: Request) -> Response:
 async def add_run(request: Request) -> ModelResponse[RunRow]:
     """Keep a performed run; it is incomplete until its captures are there."""
     store, parameters = _store(request), request.path_params
+    await asyncio.to_thread(store.experiments.find_page, parameters["id"])  # before hundreds of megabytes are received
     with storage_explained(), store.workspace.folder() as folder:
         body = folder / "body.json"
         size = await _receive(request, body, MAX_BYTES)

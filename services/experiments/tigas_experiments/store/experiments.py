@@ -81,11 +81,11 @@ class Experiments:
 
     def run(self, experiment: str, name: str) -> Path:
         """The folder of a run. Raises UnknownExperiment and UnknownRun."""
-        folder, _ = self.find(experiment)
-        found = next((run for run in made_runs(folder) if run.name == name), None)
-        if found is None:
+        runs = self.find(experiment)[0] / "runs"
+        folder = runs / name
+        if folder.name != name or not (_is_folder(runs) and _is_folder(folder)):
             raise UnknownRun(f"The experiment {experiment} has no run {name[:100]!r}.")
-        return found
+        return folder
 
     def page_run(self, experiment: str, name: str) -> Path:
         """The folder of a run in an experiment that a page may change. Also raises ExperimentInUse."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -77,6 +77,8 @@ class _Session:
     failures: int = 0
     """Consecutive ones."""
     last_problem: str | None = None
+    opening: asyncio.Lock = field(default_factory=asyncio.Lock)
+    """Pages that begin it do so in turn."""
 
     @property
     def why_given_up(self) -> str | None:
@@ -129,7 +131,6 @@ class Planner:
         """This machine's load over the longest possible run; grows continuously."""
         self._clock = clock
         self._sessions: dict[str, _Session] = {}
-        self._opening = asyncio.Lock()
         self._expanding = asyncio.Lock()
         """Files are expanded in turn: the largest take a gigabyte."""
         self.checks = MonitoredLock()
@@ -162,9 +163,10 @@ class Planner:
 
         Raises UnknownExperiment, ExperimentInUse, InvalidRequest, CannotStart and VersionsChanged.
         """
-        async with self._opening:
-            session = await self._session(experiment)
+        session = await self._session(experiment)
+        async with session.opening:
             self._release(session, asked.page)
+            self._drop_expired()
             if asked.begin and not session.leases:
                 session.missing = await _missing_runs(session.experiment)
                 session.failed, session.failures = set(), 0
@@ -187,6 +189,10 @@ class Planner:
             wait=job is None and session.why_given_up is None and bool(untried),
             problem=session.why_given_up,
         )
+
+    def forget(self, experiment: str) -> None:
+        """The experiment was removed."""
+        self._sessions.pop(experiment, None)
 
     async def release(self, experiment: str, page: str) -> None:
         """Give up a page's runs. Raises UnknownExperiment."""
@@ -263,7 +269,9 @@ class Planner:
         """A run that no other page performs; of all runs with a shaped link, only one at a time."""
         if session.why_given_up is not None:
             return None
-        shaped = any(lease.configuration.network.shaped for lease in self._leases())
+        self._drop_expired()
+        leases = (lease for other in self._sessions.values() for lease in other.leases.values())
+        shaped = any(lease.configuration.network.shaped for lease in leases)
         for run, configuration in session.missing.items():
             if run in session.leases or run in session.failed or (shaped and configuration.network.shaped):
                 continue
@@ -272,12 +280,11 @@ class Planner:
             return session.leases[run]
         return None
 
-    def _leases(self) -> Iterator[_Lease]:
-        """Of all experiments, after removing expired ones."""
+    def _drop_expired(self) -> None:
+        """Drop the expired leases of all experiments."""
         now = self._clock()
         for session in self._sessions.values():
             session.leases = {run: lease for run, lease in session.leases.items() if lease.until > now}
-            yield from session.leases.values()
 
     def _release(self, session: _Session, page: str) -> None:
         session.leases = {run: lease for run, lease in session.leases.items() if lease.page != page}

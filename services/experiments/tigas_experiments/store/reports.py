@@ -50,7 +50,7 @@ class Reports:
             runs = await asyncio.to_thread(made_runs, folder)
             if not runs:
                 raise NothingToReport("The experiment has no runs yet.")
-            versions = tuple((run.name, version(run)) for run in runs)
+            versions = await asyncio.to_thread(lambda: tuple((run.name, version(run)) for run in runs))
             with storage_explained(), _still_there(experiment):
                 if self._made.get(experiment) != versions or not (folder / REPORT).is_file():
                     with self._workspace.folder() as made:

@@ -5,6 +5,7 @@ A page that was interrupted only uploads missing pictures. Without an index, a r
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -171,11 +172,12 @@ def _files(run: Path) -> dict[str, int]:
         raise StorageFailed(f"The run {run.name} has a link in place of its samples.")
     if not folder.is_dir():
         return {}
-    return {
-        path.name: path.lstat().st_size
-        for path in folder.iterdir()
-        if UPLOADED.fullmatch(path.name) and path.is_file() and not path.is_symlink()
-    }
+    with os.scandir(folder) as entries:
+        return {
+            entry.name: entry.stat(follow_symlinks=False).st_size
+            for entry in entries
+            if UPLOADED.fullmatch(entry.name) and entry.is_file(follow_symlinks=False)
+        }
 
 
 def _is_whole(path: Path) -> bool:
