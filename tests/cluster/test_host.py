@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import importlib.util
 import signal
 import socket
@@ -18,7 +19,7 @@ import pytest
 from tests.command import tigas
 from tests.testbed.inside import wait_until
 from tigas_cluster import host as module
-from tigas_cluster.connection import OwnRay, named_cluster
+from tigas_cluster.connection import AnotherUp, OwnRay, named_cluster
 from tigas_cluster.host import Host
 from tigas_common.errors import StartError
 from tigas_common.installation import install_command
@@ -56,7 +57,7 @@ def url_of(host: Host) -> str:
 @pytest.mark.slow
 def test_says_where_it_is_and_starts_its_service_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # where there are no models
-    monkeypatch.setenv("TIGAS_CLUSTER_VIEWER_ADDRESS", "host.example.org")
+    monkeypatch.setenv("TIGAS_VIEWER_ADDRESS", "host.example.org")
     with running("--device", "instant") as host:
         url = url_of(host)
         assert httpx.get(f"{url}/api/load", headers={"Host": "host.example.org"}).status_code == 200
@@ -137,3 +138,12 @@ def test_what_a_ray_of_our_own_has_left_is_not_taken_for_one_that_runs(tmp_path:
     (tmp_path / "process").write_text("1")
     (tmp_path / "ray_current_cluster").write_text("127.0.0.1:1")
     assert own.running() is None
+
+
+def test_two_that_start_a_ray_of_their_own_at_once_do_not_harm_each_other(tmp_path: Path) -> None:
+    (tmp_path / "session").mkdir()
+    with (tmp_path / "process").open("w") as process:
+        fcntl.flock(process, fcntl.LOCK_EX)  # the other one has not written its id yet
+        with pytest.raises(AnotherUp):
+            OwnRay(tmp_path)._launch()
+    assert (tmp_path / "session").is_dir()

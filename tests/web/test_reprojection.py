@@ -210,7 +210,7 @@ def test_without_graphics_acceleration_nothing_is_turned_unless_the_link_says_so
     page = open_page(SCENE, turn=False, **with_settings(server.url, **(SETTINGS | {"sidebar": True})))
     wait_for_frames(page)
     expect(page.locator("[data-stat=reprojection-note]")).to_have_text(
-        "No graphics acceleration here: smooth turning is off."
+        "This browser draws without the graphics processor: smooth turning is off."
     )
     shown = frames(page)
     page.keyboard.press("ArrowRight", delay=300)

@@ -13,6 +13,7 @@ import secrets
 import shutil
 import signal
 import socket
+import stat
 import subprocess
 import sys
 import tempfile
@@ -97,11 +98,13 @@ class OwnRay:
 
     def _launch(self) -> None:
         self._make_folder()
-        with self._process.open("w") as process:
+        with self._process.open("a") as process:
             try:
                 fcntl.flock(process, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
                 raise AnotherUp from None
+            process.truncate(0)
+            self._renew_folder()
             with (self._folder / "log").open("wb") as log:
                 started = subprocess.Popen(
                     self._command(),
@@ -116,11 +119,21 @@ class OwnRay:
 
     def _make_folder(self) -> None:
         try:
-            shutil.rmtree(self._folder, ignore_errors=True)  # left by a killed one
-            self._folder.mkdir(mode=0o700)
-            self._token.write_text(secrets.token_hex(32))
+            self._folder.mkdir(mode=0o700, exist_ok=True)
+            status = self._folder.lstat()
         except OSError as error:
             raise StartError(f"Ray's folder {self._folder} cannot be created ({error.strerror}).") from None
+        if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid():
+            raise StartError(f"Ray's folder {self._folder} belongs to somebody else.")
+
+    def _renew_folder(self) -> None:
+        """Replace what a killed one has left; the file of the process stays, as it is locked."""
+        for path in self._folder.iterdir():
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path)
+            elif path != self._process:
+                path.unlink()
+        self._token.write_text(secrets.token_hex(32))
 
     def _pid(self) -> int | None:
         """Its process, while it lives."""

@@ -15,7 +15,7 @@ from tigas_common.address import Address, is_address, is_loopback
 from tigas_common.errors import StartError
 from tigas_common.processes import Service, keep_running, tigas, with_parent
 
-VIEWER_ADDRESS = "TIGAS_CLUSTER_VIEWER_ADDRESS"
+VIEWER_ADDRESS = "TIGAS_VIEWER_ADDRESS"
 """The environment variable of a machine that viewers reach under another name or address than the cluster does."""
 RETRY_S = 60.0
 """Seconds until a failing service is tried again: its machine may have recovered."""

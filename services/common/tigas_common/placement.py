@@ -16,6 +16,8 @@ NARROW_S = 30.0
 """Seconds of ease on all places of a scene before it loses one."""
 MOST_NARROW_S = 480.0
 """The same after a premature reduction: it doubles each time."""
+MAX_NAME = 256
+"""Characters of a scene's id that count, as clients choose it; a real one has at most 128."""
 MOST_SCENES = 1024
 """Maximum number of scenes remembered; the least recently requested one is dropped."""
 
@@ -34,12 +36,16 @@ class Candidate:
     """It reports capacity for at least as much again."""
 
 
-@lru_cache(maxsize=8192)
-def ranked(key: str, names: tuple[str, ...]) -> tuple[str, ...]:
-    """The names in this key's order: highest random weight first (Thaler and Ravishankar, 1998).
+def ranked(scene: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    """The names in this scene's order: highest random weight first (Thaler and Ravishankar, 1998).
 
     The order is deterministic, and adding or removing a name does not change that of the others.
     """
+    return _ranked(scene[:MAX_NAME], names)
+
+
+@lru_cache(maxsize=8192)
+def _ranked(key: str, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(sorted(names, key=lambda name: (_weight(key, name), name), reverse=True))
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import re
 import subprocess
+import threading
 import time
+from collections import deque
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass, replace
@@ -220,4 +222,5 @@ def render_service(device: str = "auto", *, ladder: LadderName = "scene") -> Ite
                 break
         else:
             raise StartError(f"The render service did not start: {last}")
-        yield found[1]  # and hardly any output after it, as a service without visitors has little to report
+        threading.Thread(target=deque(maxlen=0).extend, args=(process.stdout,), daemon=True).start()
+        yield found[1]

@@ -55,6 +55,8 @@ STREAM_ENDED = 4001
 """The pose socket's close code when the stream has ended."""
 UNKNOWN_SESSION = 4004
 """The pose socket's close code when there is no such session."""
+POSE_PAUSE_S = 0.001
+"""Pause after each pose, in which others have their turn: no viewer needs a thousand a second."""
 
 
 def create_app(sessions: Sessions, policy: OriginPolicy, webrtc: WebRtc) -> ASGIApp:
@@ -197,6 +199,7 @@ async def _listen(socket: WebSocket, session: Session) -> None:
                 session.move(parse(PoseUpdate, text.encode()))
             except TigasError as error:
                 await socket.send_text(problem(error).model_dump_json())
+            await asyncio.sleep(POSE_PAUSE_S)
     except (WebSocketDisconnect, KeyError):  # KeyError: a binary message
         return
 

@@ -105,9 +105,10 @@ async def upload(request: Request) -> ModelResponse[TraceSummary]:
         name = request.query_params.get("name", "uploaded")[:255]
         async with state.reading:  # each takes a processor for a second
             added = await asyncio.to_thread(_shaper(request).library.add, name, data)
+            answer = await asyncio.to_thread(summary, added, uploaded=True)
     finally:
         state.uploading -= 1
-    return json_response(summary(added, uploaded=True))
+    return json_response(answer)
 
 
 async def trace(request: Request) -> ModelResponse[TracePoints]:

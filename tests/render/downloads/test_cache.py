@@ -6,6 +6,7 @@ import asyncio
 import hashlib
 import os
 import threading
+import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -95,6 +96,14 @@ async def test_the_longest_unused_file_makes_room_for_a_new_one(tmp_path: Path) 
     known = {source.id: cache.offered(source)[0].bytes for source in (a, b, c)}
     assert known == {"a": None, "b": SIZE, "c": SIZE}
     assert len(files(tmp_path)) == 4
+
+
+async def test_another_process_goes_on_making_its_file(tmp_path: Path) -> None:
+    being_made = tmp_path / "other.compressed.1.tmp"
+    being_made.write_bytes(bytes(SIZE))
+    os.utime(being_made, (1, time.time()))
+    await DownloadCache(tmp_path, SIZE, Maker()).get(SOURCE)
+    assert being_made.exists()
 
 
 async def test_a_file_over_the_limit_is_refused_and_leaves_the_others(tmp_path: Path) -> None:

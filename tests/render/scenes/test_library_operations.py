@@ -8,18 +8,31 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from fcntl import LOCK_EX, LOCK_NB
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tests.render.scenes import made_up, plys
 from tigas_common.errors import BrokenScene
 from tigas_common.processes import tigas
+from tigas_common.wire.render import SceneEdit
+from tigas_render.local_files import locked
+from tigas_render.scenes import directory as directory_module
 from tigas_render.scenes import library_operations
 from tigas_render.scenes.directory import scan_directory
-from tigas_render.scenes.library_operations import PART, NotAdded, add_scene, shown
+from tigas_render.scenes.library_operations import (
+    PART,
+    NotAdded,
+    add_scene,
+    edit_scene,
+    remove_scene,
+    rename_scene,
+    shown,
+)
 
 LIMIT = 1_000_000
 
@@ -173,3 +186,31 @@ def wait_for(condition: Callable[[], object]) -> None:
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.01)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda folder: rename_scene(folder, "attic", "cellar"),
+        lambda folder: edit_scene(folder, "attic", SceneEdit(up=(0, 1, 0))),
+        lambda folder: remove_scene(folder, "attic"),
+    ],
+)
+def test_changes_of_scenes_wait_for_each_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: Callable[[Path], None]
+) -> None:
+    (tmp_path / "attic.ply").write_bytes(b"")
+    locked_out: list[bool] = []
+
+    def looked_up(directory: Path) -> Any:
+        try:
+            with locked(directory, LOCK_EX | LOCK_NB):
+                locked_out.append(False)
+        except OSError:
+            locked_out.append(True)
+        return directory_module.scene_paths(directory)
+
+    monkeypatch.setattr(library_operations, "scene_paths", looked_up)
+    change(tmp_path)
+    assert locked_out
+    assert all(locked_out)

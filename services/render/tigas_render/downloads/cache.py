@@ -44,6 +44,8 @@ CARD = ".json"
 """Suffix of a metadata file."""
 AT_ONCE, OF_AN_ADDRESS = 128, 32
 """Answers at a time, each of which holds a connection and an open file until its client has read it."""
+ABANDONED_S = 600.0
+"""Age of an unfinished file from which on nobody is making it any more."""
 RETRY_S = 5.0
 Make = Callable[[SceneSource, Path], SceneDownload]
 """Writes a scene's file. Raises BrokenScene and OSError."""
@@ -162,8 +164,14 @@ class DownloadCache:
 
     def _make_room(self, needed: int, spared: Path) -> None:
         """Remove the least recently used files; open readers are not affected. Raises OSError."""
-        others = [path for path in self._directory.iterdir() if path != spared and path.suffix != CARD]
-        used = sorted((path.stat().st_atime_ns, path.stat().st_size, path) for path in others)
+        used = []
+        for path in self._directory.iterdir():
+            with contextlib.suppress(FileNotFoundError):  # another process has finished or removed it
+                stat = path.stat()
+                being_made = path.suffix == ".tmp" and time.time() - stat.st_mtime < ABANDONED_S
+                if path != spared and path.suffix != CARD and not being_made:
+                    used.append((stat.st_atime_ns, stat.st_size, path))
+        used.sort()
         excess = sum(size for _, size, _ in used) + needed - self._limit
         for _, size, path in used:
             if excess <= 0:

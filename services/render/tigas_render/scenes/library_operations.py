@@ -12,6 +12,7 @@ import shutil
 import tempfile
 import time
 import zipfile
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
@@ -170,18 +171,24 @@ def _fetch(url: str, part: Path, listener: Listener, limit: int) -> None:
         raise NotAdded(f"{shown(url)} cannot be fetched: {reason}.") from None
 
 
+def _changing(directory: Path) -> AbstractContextManager[object]:
+    """Makes changes of a directory's scenes wait for each other, so that none is lost."""
+    return locked(directory.resolve())
+
+
 def remove_scene(directory: Path, id: str) -> None:
     """Remove a scene's file, or its folder with all that is in it; of a link, the link alone.
 
     Raises UnknownScene and OSError.
     """
-    path = _path(directory, id)
-    if path.is_symlink() or not path.is_dir():
-        path.unlink()
-        metadata_path(path).unlink(missing_ok=True)
-        return
-    last = Path(tempfile.mkdtemp(prefix=".removed-", dir=directory))
-    path.rename(last / id)  # removed in one step, however long deleting the files takes
+    with _changing(directory):
+        path = _path(directory, id)
+        if path.is_symlink() or not path.is_dir():
+            path.unlink()
+            metadata_path(path).unlink(missing_ok=True)
+            return
+        last = Path(tempfile.mkdtemp(prefix=".removed-", dir=directory))
+        path.rename(last / id)  # removed in one step, however long deleting the files takes
     shutil.rmtree(last)
 
 
@@ -190,8 +197,13 @@ def rename_scene(directory: Path, id: str, name: str) -> None:
 
     Raises UnknownScene, NotAdded if the id is not possible, and OSError.
     """
-    path = _path(directory, id)
-    check_free(directory, name)
+    with _changing(directory):
+        path = _path(directory, id)
+        check_free(directory, name)
+        _rename(directory, path, name)
+
+
+def _rename(directory: Path, path: Path, name: str) -> None:
     before = _metadata(path)
     after = {**before, "name": name} if "name" in before else before
     if path.is_dir():
@@ -220,8 +232,8 @@ def edit_scene(directory: Path, id: str, edit: SceneEdit) -> None:
     Raises UnknownScene, InvalidRequest if the result is not valid, BrokenScene if the metadata was not before, and
     OSError; then nothing is changed.
     """
-    path = _path(directory, id)
-    with locked(directory.resolve()):  # an edit at the same time must not be lost
+    with _changing(directory):
+        path = _path(directory, id)
         metadata = read_metadata(path).model_dump(mode="json", exclude_unset=True)
         merged = _merged(metadata, edit.model_dump(mode="json", exclude_unset=True))
         parse(SceneMetadata, json.dumps(merged).encode(), MAX_METADATA)

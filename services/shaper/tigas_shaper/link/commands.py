@@ -114,17 +114,17 @@ class Channel:
         return line.decode(errors="replace").rstrip("\n") if line else None
 
 
-async def run(*argv: str, text: str = "") -> None:
-    """Run a command to its end, with `text` as its input. Raises CommandError with its complaint."""
-    process = await asyncio.create_subprocess_exec(*argv, stdin=PIPE, stdout=DEVNULL, stderr=PIPE)
-    _, complaint = await process.communicate(text.encode())
+async def run(*argv: str) -> None:
+    """Run a command to its end. Raises CommandError with its complaint."""
+    process = await asyncio.create_subprocess_exec(*argv, stdin=DEVNULL, stdout=DEVNULL, stderr=PIPE)
+    _, complaint = await process.communicate()
     if process.returncode:
         raise CommandError(" ".join(complaint.decode(errors="replace").split()) or f"{argv[0]} failed.")
 
 
-async def attempt(*argv: str, text: str = "") -> bool:
+async def attempt(*argv: str) -> bool:
     """Run a command that may fail; whether it succeeded."""
     with suppress(CommandError):
-        await run(*argv, text=text)
+        await run(*argv)
         return True
     return False

@@ -29,11 +29,12 @@ class TraceLibrary:
     def __init__(self, directory: Path | None) -> None:
         self._directory = directory
         self._uploads: dict[str, NetworkTrace] = {}
-        self._files: dict[tuple[Path, int, int], NetworkTrace | TraceError] = {}
+        self._files: dict[Path, tuple[tuple[int, int], NetworkTrace | TraceError]] = {}
+        """By path, each with the time and size that it was read at."""
 
     def summaries(self) -> list[TraceSummary]:
         """All traces, by name; files are looked for anew."""
-        found = {name: summary(trace, uploaded=True) for name, trace in self._uploads.items()}
+        found = {name: summary(trace, uploaded=True) for name, trace in list(self._uploads.items())}
         for path in self._paths():
             name = trace_name(path.name)
             if name not in found:
@@ -75,15 +76,18 @@ class TraceLibrary:
 
     def _load(self, path: Path) -> NetworkTrace | TraceError:
         stat = path.stat()
-        key = (path, stat.st_mtime_ns, stat.st_size)
-        if key not in self._files:
-            try:
-                self._files[key] = load_trace(path)
-            except TraceError as error:
-                self._files[key] = error
-            except OSError as error:
-                return TraceError(f"{path.name} cannot be read: {error.strerror or error}.")
-        return self._files[key]
+        version = (stat.st_mtime_ns, stat.st_size)
+        known, trace = self._files.get(path, (None, None))
+        if trace is not None and known == version:
+            return trace
+        try:
+            trace = load_trace(path)
+        except TraceError as error:
+            trace = error
+        except OSError as error:
+            return TraceError(f"{path.name} cannot be read: {error.strerror or error}.")
+        self._files[path] = (version, trace)
+        return trace
 
 
 def summary(trace: NetworkTrace, *, uploaded: bool) -> TraceSummary:
