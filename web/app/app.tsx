@@ -1,6 +1,6 @@
 /** The page: the list of scenes, the list of experiments, or the viewer, as the URL says. */
 import { unsaved } from "#viewer/movement/movement-deck";
-import { outdated, route } from "./state/app";
+import { exporting, outdated, route } from "./state/app";
 import type { Route } from "./state/route";
 import { Dashboard } from "./ui/dashboard/dashboard";
 import { useLeavingWarning } from "./ui/hooks";
@@ -14,7 +14,7 @@ const SamplesPage = lazy(async () => (await import("./ui/experiment/samples-page
 
 export function App() {
   const current = route.value;
-  useLeavingWarning(unsaved.value.size > 0 || isUploading.value);
+  useLeavingWarning(unsaved.value.size > 0 || isUploading.value || exporting.value);
   return (
     <>
       {outdated.value && (

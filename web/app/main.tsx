@@ -7,7 +7,6 @@ import "./styles/viewer.css";
 import "./styles/figures.css";
 import "./styles/lab.css";
 import "./styles/experiment.css";
-import "#client/async/abort-any";
 import { render } from "preact";
 import { App } from "./app";
 import { start } from "./state/app";

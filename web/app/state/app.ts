@@ -17,6 +17,9 @@ export const scenes = signal<readonly SceneInfo[] | null>(null);
 /** Why the list of scenes is missing or old, or null. */
 export const scenesError = signal<string | null>(null);
 
+/** A video is being made, which would be lost with the page. */
+export const exporting = signal(false);
+
 /** A part of this page no longer exists on the server, which has been updated. */
 export const outdated = signal(false);
 
@@ -39,15 +42,19 @@ export function start(): void {
   });
 }
 
+let refreshes = 0;
+
 /** Asks the server for its configuration and scenes; `scan` has it look at its directory again. */
 export async function refreshScenes({ scan = false } = {}): Promise<void> {
+  const number = ++refreshes;
   try {
     const [newConfig, newScenes] = await Promise.all([fetchConfig(), fetchScenes({ scan })]);
+    if (number !== refreshes) return; // a newer answer comes
     config.value = newConfig;
     scenes.value = newScenes;
     scenesError.value = null;
   } catch (error) {
-    scenesError.value = sentence(error);
+    if (number === refreshes) scenesError.value = sentence(error);
   }
 }
 

@@ -22,8 +22,8 @@ export function InsecureHint() {
     <p class="hint row">
       <Icon of={LockOpen} />
       <span>
-        Over plain HTTP, frames come by fetch. For WebTransport open <a href={url}>the secure page</a> and accept its
-        certificate once.
+        This page is not encrypted, so pictures come a slower way. Open <a href={url}>the secure page</a>; your browser
+        asks once whether to trust it.
       </span>
     </p>
   );

@@ -71,6 +71,7 @@ export class SceneUpload {
   async #send(): Promise<string | null> {
     const { Upload } = await import("tus-js-client");
     const { signal } = this.#cancelled;
+    if (signal.aborted) return null;
     return await new Promise((resolve, reject) => {
       const upload = new Upload(this.file, {
         endpoint: new URL("uploads", document.baseURI).href,

@@ -91,6 +91,12 @@ test("what the server refuses is said, and nothing is tried again that would be 
   expect(isUploading.value).toBe(false);
 });
 
+test("one that is cancelled before it begins keeps no other waiting", async () => {
+  addFiles([file("garden.ply"), file("attic.ply")], 100);
+  dismiss(uploads.value[0] as (typeof uploads.value)[number]);
+  expect((await begins(1)).name).toBe("attic.ply");
+});
+
 test("a file that is too large is not sent", () => {
   addFiles([file("vast.ply", 101)], 100);
   expect(uploads.value[0]?.state.value).toMatchObject({ kind: "failed" });

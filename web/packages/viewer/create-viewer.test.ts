@@ -32,6 +32,9 @@ afterEach(() => {
   vi.restoreAllMocks();
 });
 
+const press = (stage: HTMLElement, code: string) =>
+  void stage.dispatchEvent(new KeyboardEvent("keydown", { code, key: code }));
+
 function open(scene: string, options: Partial<Parameters<typeof createViewer>[1]> = {}): [Viewer, HTMLElement] {
   const container = document.createElement("div");
   const viewer = createViewer(container, { scene, ...options });
@@ -89,7 +92,7 @@ test("tells that the scene is there, of each frame, of figures and of errors by 
   expect(told.indexOf("loaded")).toBeLessThan(told.indexOf("frame"));
   expect(told).toContain("stats");
   viewer.set({ mode: "dash" });
-  expect(told.at(-1)).toBe("unavailable: This server has no packager for DASH streams.");
+  expect(told.at(-1)).toBe("unavailable: This server offers no DASH streams.");
   stop();
   expect(() => viewer.set({ mode: "magic" as never })).toThrow("mode");
   vi.mocked(loadScene).mockRejectedValue(new ApiError("There is no scene attic.", false));
@@ -114,10 +117,26 @@ test("an animation resolves when the camera is there, and the user continues fro
   expect(viewer.camera.position).toEqual(AWAY.position);
 });
 
+test("an unknown easing is refused, and the viewer goes on", async () => {
+  const [viewer] = open("garden", { camera: POSE });
+  await settle();
+  expect(() => viewer.animate(AWAY, { easing: "smooth" as never })).toThrow("There is no easing “smooth”: use linear,");
+  await host.frames(2);
+  expect(viewer.camera).toEqual(POSE);
+});
+
+test("a server's relative URL counts from the page's", async () => {
+  open("garden", { server: "/tigas/" });
+  await settle();
+  expect(vi.mocked(loadScene).mock.lastCall?.[2]?.server).toBe(new URL("/tigas", document.baseURI).href);
+});
+
 test.each<[string, (viewer: Viewer, stage: HTMLElement) => void]>([
   ["another animation", (viewer) => void viewer.animate(POSE)],
   ["a new camera", (viewer) => Object.assign(viewer, { camera: POSE })],
-  ["the user", (_, stage) => void stage.dispatchEvent(new Event("pointerdown"))],
+  ["a press on the picture", (_, stage) => void stage.dispatchEvent(new Event("pointerdown"))],
+  ["a key that moves", (_, stage) => press(stage, "KeyW")],
+  ["Escape", (_, stage) => press(stage, "Escape")],
   ["the viewer's end", (viewer) => viewer.destroy()],
 ])("%s ends a looped path, where the camera is", async (_, end) => {
   const [viewer, container] = open("garden", { camera: POSE });
@@ -130,7 +149,9 @@ test.each<[string, (viewer: Viewer, stage: HTMLElement) => void]>([
   ];
   const ended = viewer.path(keyframes, { loop: true });
   await host.frames(31);
+  if (stage) press(stage, "KeyT"); // moves nothing
   expect(viewer.camera.position[0]).toBeCloseTo(3); // half way for the second time
   if (stage) end(viewer, stage);
+  await host.frames(1);
   await expect(ended).resolves.toBe(false);
 });

@@ -30,7 +30,7 @@ export class Viewer extends ViewerControl {
   readonly #close: () => void;
 
   constructor(container: HTMLElement, { scene, server = "", settings = {}, camera, label = scene }: ViewerOptions) {
-    const state = new ViewerState({}, server.replace(/\/+$/, ""));
+    const state = new ViewerState({}, absolute(server));
     state.settings.value = validSettings({ ...state.settings.peek(), ...settings });
     const stage = openStage(container, label);
     const session = new ViewerSession(scene, stage, state);
@@ -51,6 +51,11 @@ export class Viewer extends ViewerControl {
     super.destroy();
     this.#close();
   }
+}
+
+/** The URL without a slash at its end; empty for the page's own server. */
+function absolute(server: string): string {
+  return server && new URL(server, document.baseURI).href.replace(/\/+$/, "");
 }
 
 /** Shows a scene in an element, which it fills, until it is destroyed. */

@@ -92,6 +92,12 @@ test("follows its attributes, and says which one makes no sense", async () => {
   expect(element.viewer?.camera.position).toEqual([1, -2, 3]);
   expect(host.requests().at(-1)).toMatchObject({ position: [1, -2, 3], profile: 2 });
 
+  element.viewer?.set({ mode: "video", profile: 1 });
+  element.setAttribute("at", "0,0,0,0,0,0,1");
+  expect(element.viewer?.settings).toMatchObject({ mode: "video", profile: 1 });
+  element.setAttribute("mode", "stateless");
+  expect(element.viewer?.settings).toMatchObject({ mode: "stateless", profile: 1 });
+
   const invalid = vi.fn();
   listen(element, "error", invalid);
   element.setAttribute("mode", "magic");

@@ -47,7 +47,7 @@ export class TigasViewer extends Base {
     if (name === "src" || name === "scene") this.#reopen(parts);
     else if (name === "controls") parts.toolbar.hidden = now === null;
     else if (name === "poster") parts.poster.src = posterUrl(this.#attribute);
-    else this.#apply({ place: name === "at" });
+    else this.#apply(name);
   }
 
   readonly #attribute = (name: string) => this.getAttribute(name);
@@ -83,7 +83,7 @@ export class TigasViewer extends Base {
       this.#say({ problem: error.message });
       this.#tell("error", error);
     });
-    this.#apply({ place: true });
+    this.#apply();
   }
 
   #close(): void {
@@ -102,12 +102,14 @@ export class TigasViewer extends Base {
     });
   }
 
-  /** Applies mode, quality and, if `place`, the pose. */
-  #apply({ place }: { readonly place: boolean }): void {
+  /** Applies the attributes `mode`, `quality` and `at`, or the one that has changed. */
+  #apply(changed?: string): void {
+    const applies = (name: string) => changed === undefined || changed === name;
     try {
       const pose = attributePose(this.#attribute);
-      this.#viewer?.set(attributeSettings(this.#attribute));
-      if (place && pose && this.#viewer) this.#viewer.camera = pose;
+      const { mode, ...quality } = attributeSettings(this.#attribute);
+      this.#viewer?.set({ ...(applies("mode") && { mode }), ...(applies("quality") && quality) });
+      if (applies("at") && pose && this.#viewer) this.#viewer.camera = pose;
       this.#say({ invalid: "" });
     } catch (error) {
       const message = error instanceof Error ? error.message : String(error);
@@ -136,7 +138,7 @@ function part<Tag extends keyof HTMLElementTagNameMap>(tag: Tag, className: stri
 function toolbar(reset: () => void, fullscreen: () => void): HTMLElement {
   const bar = document.createElement("div");
   bar.className = "toolbar";
-  bar.setAttribute("role", "toolbar");
+  bar.setAttribute("role", "group");
   bar.setAttribute("aria-label", "View");
   bar.append(button("Back to the start", RotateCcw, reset));
   if (document.fullscreenEnabled) bar.append(button("Fullscreen", Maximize, fullscreen));
@@ -154,7 +156,8 @@ function button(label: string, icon: IconNode, press: () => void): HTMLButtonEle
 }
 
 async function toggleFullscreen(element: HTMLElement): Promise<void> {
-  await (document.fullscreenElement === element ? document.exitFullscreen() : element.requestFullscreen());
+  const { fullscreenElement } = element.getRootNode() as Document | ShadowRoot;
+  await (fullscreenElement === element ? document.exitFullscreen() : element.requestFullscreen());
 }
 
 declare global {

@@ -40,7 +40,7 @@ export function Dashboard() {
   useEffect(() => {
     const timer = setInterval(() => {
       const waiting = scenesError.value !== null || scenes.value?.some(({ state }) => state === "loading");
-      if (waiting || stale.current) void refreshScenes();
+      if (!document.hidden && (waiting || stale.current)) void refreshScenes();
       stale.current = false;
     }, REFRESH_EVERY);
     return () => clearInterval(timer);

@@ -29,7 +29,7 @@ export function SceneCard({ scene, added, onRendered, onRename, onDelete }: Prop
   const broken = scene.state === "broken";
   return (
     <li class="card" data-scene={scene.id} data-state={scene.state} data-added={added}>
-      <Thumbnail scene={scene} onRendered={onRendered} />
+      <Thumbnail key={String(broken)} scene={scene} onRendered={onRendered} />
       <div class="card-body">
         <div class="card-head">
           <h2>{broken ? scene.name : <a href={sceneHash(scene.id)}>{scene.name}</a>}</h2>

@@ -126,8 +126,18 @@ async function performOn(place: HTMLElement | null, { job, shaper, experiment, s
 
 /** Keeps the screen on meanwhile, where the browser can: a dark phone gets no animation frames. */
 async function awake(work: Promise<void>): Promise<void> {
-  const lock = await navigator.wakeLock?.request("screen").catch(() => undefined);
-  await work.finally(() => lock?.release());
+  const over = new AbortController();
+  let lock: WakeLockSentinel | undefined;
+  const keep = async () => {
+    lock = await navigator.wakeLock?.request("screen").catch(() => undefined);
+    if (over.signal.aborted) await lock?.release();
+  };
+  document.addEventListener("visibilitychange", () => void keep(), { signal: over.signal }); // hidden, it loses the lock
+  await keep();
+  await work.finally(() => {
+    over.abort();
+    void lock?.release();
+  });
 }
 
 function ProgressPanel({ conductor }: { conductor: Conductor }) {

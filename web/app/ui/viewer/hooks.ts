@@ -2,6 +2,7 @@
 import { useSignal } from "@preact/signals";
 import type { RefObject } from "preact";
 import { useEffect, useState } from "preact/hooks";
+import { TYPING } from "#viewer/input/stage-input";
 import type { ViewerSession } from "#viewer/session/session";
 import { settings } from "../../state/app";
 import { reason, useWindowEvent } from "../hooks";
@@ -34,8 +35,6 @@ const KEYS: Readonly<Record<string, keyof ViewerActions>> = {
   KeyT: "screenshot",
   KeyL: "lock",
 };
-
-const TYPING = "input:not([type=radio], [type=checkbox]), select, textarea, dialog";
 
 /** The action of a key. The question mark is matched by character, since its key depends on the layout. */
 export function actionOf({ key, code }: Pick<KeyboardEvent, "key" | "code">): keyof ViewerActions | undefined {

@@ -1,11 +1,19 @@
 /** On-screen controls for touch devices: a pad to walk, and two buttons to rise and sink. */
 import { useSignal } from "@preact/signals";
 import { ChevronDown, ChevronUp } from "lucide";
+import { useEffect } from "preact/hooks";
 import type { StageInput } from "#viewer/input/stage-input";
 import { Icon } from "../button";
 
 export function MovePad({ input }: { input: StageInput }) {
   const knob = useSignal({ x: 0, y: 0 });
+
+  useEffect(
+    () => () => {
+      input.pad = { forward: 0, right: 0, up: 0 }; // held while it disappears, it would walk on
+    },
+    [input],
+  );
 
   const follow = (event: PointerEvent & { currentTarget: HTMLElement }) => {
     const { left, top, width } = event.currentTarget.getBoundingClientRect();

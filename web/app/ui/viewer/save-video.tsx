@@ -4,6 +4,7 @@ import { Film, X } from "lucide";
 import { exportVideo } from "#viewer/control/video-export";
 import type { CameraPath } from "#viewer/movement/camera-path";
 import type { ViewerSession } from "#viewer/session/session";
+import { exporting } from "../../state/app";
 import { QuietButton } from "../button";
 import { reason } from "../hooks";
 import { Notice } from "../notice";
@@ -57,6 +58,7 @@ async function make({ session, of, name, path }: Props): Promise<void> {
     job.value = { of, progress, cancel: () => stop.abort() };
   };
   onProgress(0);
+  exporting.value = true;
   problem.value = null;
   try {
     const video = await exportVideo(session, way, { signal: stop.signal, onProgress });
@@ -65,4 +67,5 @@ async function make({ session, of, name, path }: Props): Promise<void> {
     if (!stop.signal.aborted) problem.value = { of, why: reason(error) };
   }
   job.value = null;
+  exporting.value = false;
 }

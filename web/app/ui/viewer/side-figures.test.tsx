@@ -43,7 +43,7 @@ test("a whole scene has no progress any more", () => {
 
 test.each([
   [{ kind: "playing" } as const, ""],
-  [null, "This server does not offer the scene for download; see Lab, Mode."],
+  [null, "This server does not offer the scene for download. Choose another mode in the lab, or Stream under View."],
 ])("the stage says how a download stands: %j", (phase, said) => {
   changeSettings({ mode: "local" });
   const session = fakeSession();

@@ -91,7 +91,7 @@ test("an overscan that an experiment set is offered, too", async () => {
 test("a browser that cannot turn frames says so in the panel", async () => {
   session.pictures.reprojection.value = "slow";
   await show();
-  expect(section("Reprojection").getByRole("status").textContent).toContain("No graphics acceleration");
+  expect(section("Reprojection").getByRole("status").textContent).toContain("without the graphics processor");
 });
 
 test("a browser that cannot turn the stream's frames says so, beside frames that are turned, too", async () => {
@@ -149,10 +149,10 @@ test("speeds are set, and the camera is reset and the settings closed by their b
 
 test.each(["DASH", "WebRTC"])("without a packager the mode %s says how to get one", async (name) => {
   await show();
-  session.left.missing.value = `This server has no packager for ${name} streams`;
+  session.left.missing.value = `This server offers no ${name} streams`;
   await userEvent.click(screen.getByRole("radio", { name }));
   expect(settings.value.mode).toBe(name.toLowerCase());
-  expect(screen.getByRole("alert").textContent).toContain(`no packager for ${name} streams. Start one with tigas dash`);
+  expect(screen.getByRole("alert").textContent).toContain(`no ${name} streams. Start one with tigas dash`);
   expect(screen.queryByRole("group", { name: "DASH stream" })).toBeNull();
 });
 

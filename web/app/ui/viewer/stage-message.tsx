@@ -60,7 +60,7 @@ export function StageMessage({ session }: { session: ViewerSession }) {
 /** Reason for a missing or degraded picture. */
 function SideMessage({ side }: { side: Side }) {
   const missing = side.missing.value;
-  if (missing !== null) return <Failed>{missing}; see Lab, Mode.</Failed>;
+  if (missing !== null) return <Failed>{missing}. Choose another mode in the lab, or Stream under View.</Failed>;
   const phase = side.source.value?.phase.value ?? { kind: "connecting", message: "Starting…" };
   switch (phase.kind) {
     case "connecting":

@@ -1,7 +1,7 @@
 /** Each picture on the stage in one line, such as "Live · 24 views/s · 48 ms"; the lab shows the measurements in full. */
 
 import { useEffect } from "preact/hooks";
-import type { ViewerSession } from "#viewer/session/session";
+import type { Phase, ViewerSession } from "#viewer/session/session";
 import type { Side } from "#viewer/session/side";
 import { sideTitles } from "#viewer/sources/sides";
 import type { Rig } from "#viewer/view/rig";
@@ -51,6 +51,7 @@ export function StatusLines({ session, linkNote }: Props) {
           <StatusLine
             side={side}
             name={sides.length > 1 ? (names[i] ?? null) : null}
+            phase={session.phase.value}
             silent={i === 0 && session.silent.value}
             linkNote={i === 0 ? linkNote : null}
           />
@@ -64,11 +65,12 @@ interface LineProps {
   readonly side: Side;
   /** In a comparison. */
   readonly name: string | null;
+  readonly phase: Phase;
   readonly silent: boolean;
   readonly linkNote: string | null;
 }
 
-function StatusLine({ side, name, silent, linkNote }: LineProps) {
+function StatusLine({ side, name, phase, silent, linkNote }: LineProps) {
   const { figures } = side;
   const enhancement = side.source.value?.enhancement?.status.value;
   const views = Math.round(figures?.newViewsPerSecond ?? 0);
@@ -76,7 +78,7 @@ function StatusLine({ side, name, silent, linkNote }: LineProps) {
   return (
     <section class="floating status-line small" aria-label={name ? `Status: ${name}` : "Status"} data-live={!silent}>
       <p>
-        <span data-stat="status">{silent ? "No answer, retrying…" : (name ?? state(side))}</span>
+        <span data-stat="status">{silent ? "No answer, retrying…" : (name ?? state(side, phase))}</span>
         {views > 0 && (
           <span title="New pictures per second">
             <span data-stat="new-views">{views}</span> views/s
@@ -102,7 +104,9 @@ function StatusLine({ side, name, silent, linkNote }: LineProps) {
   );
 }
 
-function state(side: Side): string {
+function state(side: Side, phase: Phase): string {
+  const connected = phase.kind === "playing" || phase.kind === "loading";
+  if (side.kind.value.requests && !connected) return "Not connected";
   if (side.source.value?.phase.value.kind !== "playing") return "Starting…";
   return side.kind.value.drawsHere ? "On this device" : "Live";
 }

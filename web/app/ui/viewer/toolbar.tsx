@@ -33,7 +33,7 @@ export function Toolbar({ name, session, actions, lab, saving }: Props) {
         <h1>{name}</h1>
       </div>
       {session && (
-        <div class="floating row" role="toolbar" aria-label="Tools">
+        <fieldset class="floating row" aria-label="Tools">
           <IconButton
             icon={SlidersHorizontal}
             label="View"
@@ -50,7 +50,7 @@ export function Toolbar({ name, session, actions, lab, saving }: Props) {
             <IconButton icon={Maximize} label="Fullscreen" shortcut="F" onClick={actions.fullscreen} />
           )}
           <IconButton icon={FlaskConical} label="Lab" shortcut="P" worded pressed={lab} onClick={actions.sidebar} />
-        </div>
+        </fieldset>
       )}
       {session && menu && <ViewMenu session={session} onReset={actions.reset} onClose={() => setMenu(false)} />}
     </header>

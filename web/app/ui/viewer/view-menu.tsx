@@ -23,7 +23,12 @@ export function ViewMenu({ session, onReset, onClose }: Props) {
     const inside = target instanceof Element && target.closest("#view-menu, [aria-controls=view-menu]");
     if (!inside) onClose();
   });
-  useWindowEvent("keydown", ({ key }) => key === "Escape" && onClose());
+  useWindowEvent("keydown", ({ key }) => {
+    if (key !== "Escape") return;
+    const inside = document.activeElement?.closest("#view-menu");
+    if (inside) document.querySelector<HTMLElement>("[aria-controls=view-menu]")?.focus();
+    onClose();
+  });
   return (
     <fieldset class="floating view-menu stack" id="view-menu" aria-label="View">
       <Saved session={session} onClose={onClose} />

@@ -119,7 +119,7 @@ test("without controls there is only the view", async () => {
   render(<Viewer sceneId="courtyard" asked={{}} bare />);
   await userEvent.keyboard("h");
   expect(stage()).toBeTruthy();
-  for (const role of ["toolbar", "dialog", "complementary", "region", "link"]) {
+  for (const role of ["banner", "dialog", "complementary", "region", "link"]) {
     expect(screen.queryByRole(role)).toBeNull();
   }
 });
@@ -334,7 +334,7 @@ test("a scene that there is not has nothing to set, to measure or to walk in", a
   settings.value = { ...DEFAULT_SETTINGS, sidebar: true };
   session.phase.value = { kind: "failed", message: "There is no scene courtyard." };
   const { container } = show();
-  expect(screen.queryByRole("toolbar")).toBeNull();
+  expect(screen.queryByRole("group", { name: "Tools" })).toBeNull();
   expect(screen.queryByRole("complementary", { name: "Lab" })).toBeNull();
   expect(container.querySelector(".move-pad")).toBeNull();
   expect(screen.getByRole("link", { name: "Back to all scenes" })).toBeTruthy();
@@ -343,7 +343,7 @@ test("a scene that there is not has nothing to set, to measure or to walk in", a
   await act(() => {
     session.phase.value = { kind: "playing" };
   });
-  expect(screen.getByRole("toolbar")).toBeTruthy();
+  expect(screen.getByRole("group", { name: "Tools" })).toBeTruthy();
 });
 
 test("fullscreen is offered only where the browser has it", () => {

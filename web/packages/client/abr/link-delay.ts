@@ -32,7 +32,7 @@ const JITTER_ALPHA = 1 / 16;
 const ENOUGH = 5;
 
 export class LinkDelay {
-  #least = new RecentMinimum(SPAN);
+  readonly #least = new RecentMinimum(SPAN);
   /** Of the last ones. */
   average = 0;
   #last: number | undefined;
@@ -57,11 +57,5 @@ export class LinkDelay {
   restart(): void {
     this.frames = 0;
     this.#queue = 0;
-  }
-
-  /** Takes the present delay as the new minimum. */
-  forget(): void {
-    this.#least = new RecentMinimum(SPAN);
-    this.restart();
   }
 }

@@ -1,4 +1,5 @@
 /** Network and decoding, off the page's main thread. */
+import "../async/abort-any";
 import { decodeDepth } from "./decode-depth";
 import { FrameHost } from "./frame-host";
 import type { FromWorker, ToWorker } from "./messages";

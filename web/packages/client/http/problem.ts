@@ -1,4 +1,5 @@
 /** Requests to services, and how one says that it failed: problem details (RFC 9457), and one sentence to show. */
+import "../async/abort-any";
 import type { Problem } from "../wire/render";
 
 /** Reasons why a page cannot reach a service named by `/config.json`, as far as its URL shows. */

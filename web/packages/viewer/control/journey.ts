@@ -5,8 +5,6 @@ import { type CameraPath, cameraPath, type Easing } from "../movement/camera-pat
 import type { ViewerSession } from "../session/session";
 import type { ScenePose } from "../view/camera";
 
-/** Input by which the user takes the camera over. */
-const INPUT = ["pointerdown", "wheel", "keydown"] as const;
 /** Duration of the way to a pose, in milliseconds. */
 const USUAL_DURATION = 1000;
 
@@ -25,11 +23,14 @@ export function travel({ rig, stage }: Traveller, path: CameraPath, loop = false
     resolve(true);
     return null;
   };
-  rig.drive(source);
+  rig.drive(source, { yields: true });
   const listening = new AbortController();
-  for (const name of INPUT) {
-    stage.element.addEventListener(name, () => rig.takeOver(), { signal: listening.signal, passive: true });
-  }
+  const { signal } = listening;
+  stage.element.addEventListener("pointerdown", () => rig.takeOver(), { signal });
+  const keyboard: EventTarget = stage.sharesPage ? stage.element : window;
+  keyboard.addEventListener("keydown", (event) => (event as KeyboardEvent).key === "Escape" && rig.takeOver(), {
+    signal,
+  });
   const stop = effect(() => {
     if (rig.source.value === source) return;
     untracked(() => {

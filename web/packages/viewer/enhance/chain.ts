@@ -1,12 +1,20 @@
 /** The chosen models, ready on a device: the picture passes one after the other. */
 import { readProblem } from "#client/http/problem";
-import type { Rung, SceneInfo } from "#client/wire/render";
+import type { Rung } from "#client/wire/render";
 import type { Size } from "./geometry";
-import { EnhancementError, type Enhancer, type Filter, type Kind, type Loaded, OFF } from "./model/enhancer";
+import {
+  type EnhancedScene,
+  EnhancementError,
+  type Enhancer,
+  type Filter,
+  type Kind,
+  type Loaded,
+  OFF,
+} from "./model/enhancer";
 
 /** Where frames come from. */
 export interface Place {
-  readonly scene: SceneInfo;
+  readonly scene: EnhancedScene;
   readonly ladder: readonly Rung[];
 }
 

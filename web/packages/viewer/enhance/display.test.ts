@@ -118,15 +118,6 @@ test("without a model a frame goes to the canvas, and is on the screen in the ne
   expect(overlay.shows).toBe(false);
 });
 
-test("a cleared display is blank, and tells of no frame that it had", () => {
-  display.show(frame());
-  display.clear();
-  expect(canvas.drawn.at(-1)).toBeNull();
-  expect(animationFrame()).toBeUndefined();
-  display.show(frame());
-  expect(animationFrame()).toBe(2);
-});
-
 test("a picture's margins lie beyond the pane, and those of a picture that is to replace it do not matter yet", async () => {
   const wide = (margin_x: number, margin_y: number) => ({ ...frame(), header: { profile: 3, margin_x, margin_y } });
   display.show(wide(40, 20));

@@ -160,17 +160,6 @@ export class Display<Frame extends Decoded> {
     for (const pending of this.#pending) pending.frame = null;
   }
 
-  clear(): void {
-    this.forget();
-    this.#context.transferFromImageBitmap(null);
-    this.#release([...this.#pending, this.#onScreen]);
-    this.#pending = [];
-    this.#onScreen = this.#arrived = this.#latest = null;
-    this.#stale = false;
-    this.#keep(null);
-    this.#options.overlay.hide();
-  }
-
   /** A lossless copy of the screen. */
   async picture(): Promise<ImageBitmap> {
     const shown = this.#onScreen;

@@ -42,8 +42,8 @@ export class Enhancement {
   #choice: { readonly models: readonly Enhancer[]; readonly place: Place } | undefined;
   #starting = new AbortController();
   #opened: Promise<Opened> | undefined;
-  /** The active device: losses and errors of others are ignored. */
-  #device: GPUDevice | undefined;
+  /** Of the active device: losses and errors of others are ignored. */
+  #turn = {};
   #active: Active | null = null;
   #picture: Picture | undefined;
   #retried = false;
@@ -127,9 +127,10 @@ export class Enhancement {
   }
 
   async #open(): Promise<Opened> {
+    const turn = {};
+    this.#turn = turn;
+    const mine = () => this.#turn === turn;
     const device = await this.#options.open();
-    const mine = () => this.#device === device;
-    if (this.#opened !== undefined) this.#device = device; // it is still the current choice
     void device.lost.then(() => mine() && this.#lost());
     device.addEventListener("uncapturederror", (event) => {
       event.preventDefault(); // reported here
@@ -147,7 +148,7 @@ export class Enhancement {
 
   #lost(): void {
     this.#opened = undefined;
-    this.#device = undefined;
+    this.#turn = {};
     this.#release();
     if (this.#retried) {
       this.giveUp(`${LOST} again.`);
@@ -162,7 +163,7 @@ export class Enhancement {
     this.#starting.abort();
     const opened = this.#opened;
     this.#opened = undefined;
-    this.#device = undefined;
+    this.#turn = {};
     this.#release();
     void opened?.then(
       ({ device }) => device.destroy(),

@@ -47,10 +47,4 @@ export class Stopwatch {
     const time = Number(ended - begun) / 1e6;
     return time > 0 && time <= atMost ? time : null;
   }
-
-  destroy(): void {
-    this.#queries.destroy();
-    this.#resolved.destroy();
-    this.#read.destroy();
-  }
 }

@@ -11,7 +11,7 @@ interface Point {
 }
 
 /** Where keys write text or open something. */
-const TYPING = "input:not([type=radio], [type=checkbox]), select, textarea, dialog, [contenteditable]";
+export const TYPING = "input:not([type=radio], [type=checkbox]), select, textarea, dialog, [contenteditable]";
 /** Where Space presses something and Shift goes back with Tab, and where arrows choose something. */
 const PRESSING = "button, a, summary, input";
 const CHOOSING = "input[type=radio]";

@@ -68,6 +68,28 @@ test("a file comes in parts, and is whole in the end", async () => {
   expect(asked[0]?.get("range")).toBeNull();
 });
 
+test("a file that is none is not asked for again", async () => {
+  const broken = () => {
+    throw new ApiError("The downloaded scene is not a PLY file.", false);
+  };
+  const { file, asked } = fetched([() => part()], { onBytes: broken });
+  await expect(file).rejects.toThrow("not a PLY file");
+  expect(asked).toHaveLength(1);
+});
+
+test("a request without any answer is made again", async () => {
+  const { request } = server(() => part());
+  let first = true;
+  const hangs = ((url: string, options: RequestInit) => {
+    if (!first) return request(url, options);
+    first = false;
+    return new Promise((_, reject) => options.signal?.addEventListener("abort", () => reject(options.signal?.reason)));
+  }) as typeof fetch;
+  const { file, onCut } = fetched([], { fetch: hangs, patience: 20 });
+  expect(await file).toEqual(FILE);
+  expect(onCut).toHaveBeenCalledWith("The server does not answer.");
+});
+
 test("what was cut off goes on where it ended, as long as it is the same file", async () => {
   const { file, asked, onCut } = fetched([
     () => part({ until: 300 }),

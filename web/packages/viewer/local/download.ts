@@ -62,20 +62,18 @@ class PartialFile {
     const { signal, patience = PATIENCE } = this.#options;
     const attempt = new AbortController();
     const either = AbortSignal.any([signal, attempt.signal]);
-    const response = await this.#ask(either);
-    this.#begin(response);
-    const reader = response.body?.getReader();
-    let timer: ReturnType<typeof setTimeout> | undefined;
+    let timer = setTimeout(() => attempt.abort(), patience);
     try {
+      const response = await this.#ask(either);
+      this.#begin(response);
+      const reader = response.body?.getReader();
       while (reader && this.#received < this.bytes.length) {
         clearTimeout(timer);
         timer = setTimeout(() => attempt.abort(), patience);
-        const { value, done } = await reader.read();
-        if (done) break;
+        const { value } = await reader.read().catch(() => ({ value: undefined }));
+        if (value === undefined) break;
         this.#take(value);
       }
-    } catch (error) {
-      if (signal.aborted || error instanceof ApiError) throw error;
     } finally {
       clearTimeout(timer);
       attempt.abort(); // the remaining bytes are useless

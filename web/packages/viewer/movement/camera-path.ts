@@ -35,7 +35,7 @@ const NOTHING = 1e-9;
 
 /**
  * A path through keyframes, whose times grow: Catmull-Rom splines for positions and rotations. A `closed` path returns to its
- * first keyframe and passes it at speed. Throws with fewer than two keyframes.
+ * first keyframe and passes it at speed. Throws with fewer than two keyframes, and for an unknown easing.
  */
 export function cameraPath(
   keyframes: readonly TimedPose[],
@@ -51,6 +51,9 @@ export function cameraPath(
     throw new Error("A camera path needs two or more keyframes, each with a greater t_ms than the one before.");
   }
   const ease = typeof easing === "function" ? easing : EASINGS[easing];
+  if (ease === undefined) {
+    throw new Error(`There is no easing “${easing}”: use ${Object.keys(EASINGS).join(", ")}.`);
+  }
   const positions = spline(
     times,
     keyframes.map(({ position }) => position),

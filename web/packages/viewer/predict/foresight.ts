@@ -1,5 +1,6 @@
 /** The predicted camera at the time when a frame requested now is on screen. */
 import { FrameClock } from "#client/abr/frame-clock";
+import { median } from "../enhance/median";
 import { isCut, type ScenePose, viewDistance } from "../view/camera";
 import { type NumberedPose, type Rig, samePose } from "../view/rig";
 import { NOWHERE, type Predictor } from "./predictor";
@@ -40,7 +41,7 @@ export class LeadTime {
 
   /** In milliseconds; 0 until a frame was shown. */
   get ahead(): number {
-    return Math.min(LONGEST, Math.max(0, median(this.#delays) + median(this.#stays) / 2));
+    return Math.min(LONGEST, Math.max(0, (median(this.#delays) || 0) + (median(this.#stays) || 0) / 2));
   }
 
   /** New connection: resets the estimate. */
@@ -50,11 +51,6 @@ export class LeadTime {
     this.#shownAt = undefined;
     this.#askedAt = Number.NEGATIVE_INFINITY;
   }
-}
-
-function median(values: readonly number[]): number {
-  const sorted = values.toSorted((a, b) => a - b);
-  return sorted[values.length >> 1] ?? 0;
 }
 
 /*

@@ -174,7 +174,7 @@ test("a browser without graphics acceleration says so and shows pictures as they
     create: (canvas, options) => Object.assign(new FakeWarp(canvas, options), { working: false }),
   });
   expect([plain.status.value, plain.working]).toEqual(["slow", false]);
-  expect(reprojectionNote("slow")).toBe("No graphics acceleration here: smooth turning is off.");
+  expect(reprojectionNote("slow")).toBe("This browser draws without the graphics processor: smooth turning is off.");
 });
 
 test("a browser that gives a video's pictures away to nobody says so and shows them as they come", () => {

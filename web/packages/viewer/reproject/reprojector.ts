@@ -25,7 +25,7 @@ const NOTES: Readonly<Record<ReprojectionStatus, string | null>> = {
   on: null,
   unreadable: "This browser has no WebCodecs: smooth turning of the stream is off.",
   lost: "The graphics processor was lost: smooth turning is off.",
-  slow: "No graphics acceleration here: smooth turning is off.",
+  slow: "This browser draws without the graphics processor: smooth turning is off.",
 };
 
 /** Why the pictures of one of the sides are not turned as chosen; null if they are. */

@@ -122,6 +122,15 @@ test("says how much of the scene is loaded, until it is", async () => {
   expect(fetchScene).toHaveBeenCalledTimes(2);
 });
 
+test("a request for the scene that is cut off is made again, while the connection lasts", async () => {
+  vi.mocked(loadScene).mockRejectedValue(new ApiError("The server does not answer.", true));
+  await visit();
+  expect(phase()).toEqual({ kind: "loading" });
+  vi.mocked(loadScene).mockResolvedValue(COURTYARD);
+  await vi.advanceTimersByTimeAsync(10_000);
+  expect(phase()).toEqual({ kind: "playing" });
+});
+
 describe("a scene that can be shown coarsely while it loads", () => {
   const early = { ...COURTYARD, state: "loading" as const };
   const load = () => {

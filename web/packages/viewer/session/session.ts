@@ -4,7 +4,7 @@
 
 import { computed, effect, type ReadonlySignal, signal, untracked } from "@preact/signals";
 import { Listeners } from "#client/async/listeners";
-import { sleep } from "#client/async/retry";
+import { retry, sleep } from "#client/async/retry";
 import { FrameWorker } from "#client/frames/frame-worker";
 import { ApiError } from "#client/http/problem";
 import { type Connected, connect, type TransportChoice } from "#client/transport/connect";
@@ -41,6 +41,9 @@ export type Phase =
 
 /** Interval of requests for the loading progress of a scene, in milliseconds. */
 const PROGRESS_EVERY = 500;
+
+/** Longest pause before a scene is requested again whose request was cut off, in milliseconds. */
+const LOAD_AGAIN_WITHIN = 4000;
 
 /** The elements of a visit: the input target, with a pane for each picture. */
 export interface Stage {
@@ -124,6 +127,7 @@ export class ViewerSession {
     });
     this.movement = new MovementDeck(this.rig, state.movement);
     this.left = this.#side("left");
+    if (stage.sharesPage) this.presence.watch(stage.element);
     this.#follow(stage);
     this.#connect();
     this.#compare();
@@ -205,6 +209,7 @@ export class ViewerSession {
   /** The loop: one sample of the input per animation frame, shared by all modes. */
   readonly #tick = (): void => {
     this.#animation = requestAnimationFrame(this.#tick);
+    if (!this.presence.visible.peek()) return;
     const time = now();
     const gap = this.presence.gap(time);
     if (gap > 0) {
@@ -446,8 +451,12 @@ export class ViewerSession {
     }
   }
 
-  #loadsOver({ transport }: Connected): boolean {
-    return this.phase.peek().kind === "loading" && this.connected.peek()?.transport === transport;
+  #loadsOver(connected: Connected): boolean {
+    return this.phase.peek().kind === "loading" && this.#isConnectedOver(connected);
+  }
+
+  #isConnectedOver({ transport }: Connected): boolean {
+    return this.connected.peek()?.transport === transport;
   }
 
   async #play(connected: Connected, signal: AbortSignal): Promise<void> {
@@ -459,10 +468,14 @@ export class ViewerSession {
     }
     let loaded: SceneInfo;
     try {
-      loaded = await this.#load(signal);
+      loaded = await retry(() => this.#load(signal), {
+        signal,
+        maxTimeout: LOAD_AGAIN_WITHIN,
+        shouldRetry: (error) => error instanceof ApiError && error.unreachable && this.#isConnectedOver(connected),
+      });
     } catch (error) {
-      if (signal.aborted || this.connected.value?.transport !== connected.transport) return; // there is another attempt
-      if (!(error instanceof ApiError) || error.unreachable) return; // the connection will say
+      if (signal.aborted || !this.#isConnectedOver(connected)) return; // there is another attempt
+      if (!(error instanceof ApiError)) return;
       for (const side of this.#sides) side.attach(null);
       this.phase.value = { kind: "failed", message: error.message };
       return;
@@ -475,7 +488,7 @@ export class ViewerSession {
     else this.rig.update(scene);
     this.scene.value = scene;
     this.state.sceneLadder.value = scene.ladder ?? null;
-    if (this.connected.value?.transport !== connected.transport) return; // it was lost meanwhile
+    if (!this.#isConnectedOver(connected)) return; // it was lost meanwhile
     this.left.attach(connected);
     if (scene.state !== "loading") this.phase.value = { kind: "playing" };
   }

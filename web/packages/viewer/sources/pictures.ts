@@ -129,8 +129,9 @@ export class Pictures implements Source {
       const { restore, upscale } = settings.value;
       const none = chosenEnhancers({ restore, upscale }).length === 0;
       if (none || scene.value === null || ladder.value.length === 0) return null;
+      const { id, enhance } = scene.value;
       // As text, so that only a change of its content is one; the configuration is read again and again.
-      return JSON.stringify({ names: { restore, upscale }, place: { scene: scene.value, ladder: ladder.value } });
+      return JSON.stringify({ names: { restore, upscale }, place: { scene: { id, enhance }, ladder: ladder.value } });
     });
     return effect(() => {
       if (wanted.value === null) {

@@ -25,7 +25,7 @@ export function streamed({ kind, variants, settings, load }: StreamMode): Source
     drawsHere: false,
     keepsHidden: false,
     charts: true,
-    missing: (server) => (packagerOf(server) === undefined ? `This server has no packager for ${title} streams` : null),
+    missing: (server) => (packagerOf(server) === undefined ? `This server offers no ${title} streams` : null),
     load,
   };
 }

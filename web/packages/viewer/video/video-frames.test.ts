@@ -158,7 +158,7 @@ describe("decoding", () => {
 
 test.each(["fetch", "webtransport-datagrams"] as const)("over %s one sentence says that it needs streams", (kind) => {
   frames.over(new FakeTransport(() => now, { kind }));
-  expect(frames.problem.value).toContain("needs WebTransport streams");
+  expect(frames.problem.value).toContain("needs WebTransport,");
   frames.over(transport);
   expect(frames.problem.value).toBeNull();
 });

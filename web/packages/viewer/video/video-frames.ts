@@ -38,7 +38,7 @@ export interface DecodedPicture {
 /** A decoder is abandoned after this many failures within this many milliseconds. */
 const FAILURES = 4;
 const SPAN = 10_000;
-const UNCARRIED = "The mode Video needs WebTransport streams, and this connection has none. Choose another mode.";
+const UNCARRIED = "The mode Video needs WebTransport, which this connection does not have. Choose another mode.";
 
 export class VideoFrames {
   /** Why there can be no video, in a sentence for a person; null where there can. */

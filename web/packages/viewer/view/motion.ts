@@ -45,6 +45,11 @@ export const NO_INPUT: InputSample = {
   nudge: NO_NUDGE,
 };
 
+/** Whether input moves or turns the camera. */
+export function isMoving({ axes: { haste: _, ...axes }, nudge }: InputSample): boolean {
+  return [...Object.values(axes), ...Object.values(nudge)].some((amount) => amount !== 0);
+}
+
 /** After a pause (a hidden page, a slow machine) the camera continues without a jump (ms). */
 const LONGEST_STEP = 100;
 

@@ -1,6 +1,6 @@
 /**
- * Whether anybody sees the page. Browsers run no animation frames while it is hidden, so nothing is measured then, and
- * a page that stays hidden gives back its connection, its streams and its decoders.
+ * Whether anybody sees the viewer. Nothing is drawn or measured while the page is hidden, or the viewer scrolled out of
+ * it; a viewer that stays hidden gives back its connection, its streams and its decoders.
  */
 import { type ReadonlySignal, signal } from "@preact/signals";
 import { deferred } from "#client/async/deferred";
@@ -19,6 +19,8 @@ export class Presence {
   readonly #offline = signal(false);
   readonly #page: Document;
   readonly #listening = new AbortController();
+  /** The watched element is outside the window. */
+  #away = false;
   #leaving: ReturnType<typeof setTimeout> | undefined;
   /** It was hidden at some time since the last animation frame. */
   #hidden: boolean;
@@ -56,6 +58,16 @@ export class Presence {
     return this.#offline;
   }
 
+  /** Counts the viewer as hidden while this element is outside the window, or not displayed. */
+  watch(element: Element): void {
+    const observer = new IntersectionObserver(([entry]) => {
+      this.#away = entry?.isIntersecting === false;
+      this.#look();
+    });
+    observer.observe(element);
+    this.#listening.signal.addEventListener("abort", () => observer.disconnect());
+  }
+
   dispose(): void {
     clearTimeout(this.#leaving);
     this.#listening.abort();
@@ -66,7 +78,7 @@ export class Presence {
     const since = now - (this.#frameAt ?? now);
     this.#frameAt = now;
     if (!this.#hidden && since <= ASLEEP_AFTER) return 0;
-    this.#hidden = this.#page.hidden;
+    this.#hidden = this.#isHidden;
     return since;
   }
 
@@ -92,8 +104,12 @@ export class Presence {
     });
   };
 
+  get #isHidden(): boolean {
+    return this.#page.hidden || this.#away;
+  }
+
   #look(): void {
-    const { hidden } = this.#page;
+    const hidden = this.#isHidden;
     this.#visible.value = !hidden;
     this.#hidden ||= hidden;
     clearTimeout(this.#leaving);

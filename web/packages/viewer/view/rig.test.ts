@@ -64,6 +64,25 @@ test("taking over continues from where a source has brought the camera", () => {
   expect([y, z]).toEqual([0, expect.closeTo(0, 5)]);
 });
 
+test("a source that yields ends with input that moves the camera, which goes on from there", () => {
+  rig.drive(() => ({ position: [1, 0, 0], quaternion: [0, 0, 0, 1] }), { yields: true });
+  rig.sample(16);
+  rig.sample(32);
+  expect(rig.source.value).not.toBeNull();
+  axes = { ...STILL, forward: 1 };
+  rig.sample(48);
+  expect(rig.source.value).toBeNull();
+  expect(rig.pose.position[0]).toBeCloseTo(1);
+  expect(rig.pose.position[2]).toBeGreaterThan(0);
+});
+
+test("a stage that keeps its size keeps its viewport", () => {
+  rig.resize(640, 360);
+  const before = rig.viewport.value;
+  rig.resize(640.2, 360);
+  expect(rig.viewport.value).toBe(before);
+});
+
 test("the start view waits while a source has the camera", () => {
   axes = { ...STILL, forward: 1 };
   rig.sample(16);

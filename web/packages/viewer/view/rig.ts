@@ -20,7 +20,7 @@ import {
   viewDistance,
 } from "./camera";
 import { defaultIntrinsics, type Intrinsics, type Viewport, viewportFor } from "./intrinsics";
-import { type InputSample, type Speeds, step, suggestedSpeed } from "./motion";
+import { type InputSample, isMoving, type Speeds, step, suggestedSpeed } from "./motion";
 import { angleBetween, conjugate, rotate, type Vector3 } from "./vector";
 
 export interface NumberedPose extends ScenePose {
@@ -59,6 +59,8 @@ export class Rig {
   #scene: SceneInfo | undefined;
   #camera: Camera = { position: [0, 0, 0], azimuth: 0, elevation: 0 };
   readonly #source = signal<PoseSource | null>(null);
+  /** Input that would move the camera ends the source. */
+  #yields = false;
   /** Pivot of the orbit in the levelled frame; null: a point straight ahead. */
   #focus: Vector3 | null = null;
   /** A flight to a focus. */
@@ -146,13 +148,20 @@ export class Rig {
 
   /** The stage has this many CSS pixels. */
   resize(width: number, height: number): void {
-    if (width >= 1 && height >= 1) this.viewport.value = viewportFor(width, height);
+    if (width < 1 || height < 1) return;
+    const next = viewportFor(width, height);
+    const before = this.viewport.peek();
+    if (next.width !== before.width || next.height !== before.height) this.viewport.value = next;
   }
 
-  /** Follow a source instead of a person, until it ends; null gives the person's camera back, which is where it was. */
-  drive(source: PoseSource | null): void {
+  /**
+   * Follow a source instead of a person, until it ends or, if it `yields`, the person moves the camera; null gives the
+   * person's camera back, which is where it was.
+   */
+  drive(source: PoseSource | null, { yields = false } = {}): void {
     this.#placements++;
     this.#flight = null;
+    this.#yields = source !== null && yields;
     this.#source.value = source;
   }
 
@@ -173,6 +182,7 @@ export class Rig {
     const elapsed = now - this.#sampledAt;
     const input = this.#options.sampleInput(elapsed);
     this.#sampledAt = now;
+    if (this.#yields && isMoving(input)) this.takeOver();
     const pose = this.#driven(now) ?? this.#walked(input, elapsed, now);
     this.#turning = 0;
     if (pose === null || samePose(pose, this.#pose)) return false;

@@ -8,8 +8,8 @@ export function nearestRank(values: readonly number[], rank: number): number | n
 
 export class TimeWindow {
   readonly #span: number;
-  #times: number[] = [];
-  #values: number[] = [];
+  readonly #times: number[] = [];
+  readonly #values: number[] = [];
 
   /** `span` in milliseconds. */
   constructor(span: number) {
@@ -20,11 +20,6 @@ export class TimeWindow {
     this.#times.push(now);
     this.#values.push(value);
     this.#forget(now);
-  }
-
-  clear(): void {
-    this.#times = [];
-    this.#values = [];
   }
 
   values(now: number): readonly number[] {

@@ -168,7 +168,7 @@ test.each(["127.0.0.1", "::1"])(
     vi.mocked(openWebRtc).mockResolvedValueOnce({ ...SESSION, sdp });
     await open();
     FakeConnection.last.become("failed");
-    expect(failures).toEqual([expect.stringMatching(/^The packager cannot be reached.* network address\.$/)]);
+    expect(failures).toEqual([expect.stringMatching(/^The server cannot be reached.* network address\.$/)]);
   },
 );
 
@@ -191,7 +191,7 @@ test("a packager that does not answer keeps no connection open", async () => {
 test("a packager that is not reached, or no longer, is lost; a short silence is not", async () => {
   await open();
   await vi.advanceTimersByTimeAsync(10_000);
-  expect(failures).toEqual(["The packager cannot be reached over WebRTC: is its UDP port open?"]);
+  expect(failures).toEqual(["The server cannot be reached over WebRTC: a firewall may block its UDP port."]);
   await open();
   const connection = FakeConnection.last;
   connection.become("connected");

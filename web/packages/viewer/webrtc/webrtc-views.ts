@@ -210,9 +210,9 @@ class WebRtcViews implements ViewStream {
   #unreachable(): void {
     const here = LOOPBACK.test(this.#opened.session.sdp);
     const why = here
-      ? "some browsers, such as Firefox, do not connect to their own machine; open the page by its network address."
-      : "is its UDP port open?";
-    this.#opened.events.failed(`The packager cannot be reached over WebRTC: ${why}`);
+      ? "some browsers, such as Firefox, do not connect to their own machine. Open the page by its network address."
+      : "a firewall may block its UDP port.";
+    this.#opened.events.failed(`The server cannot be reached over WebRTC: ${why}`);
   }
 
   async #read(): Promise<void> {

@@ -15,18 +15,19 @@ export const OFF = "off";
 /** How a picture is brought to the size at which it is displayed. */
 export type Filter = "bicubic" | "lanczos";
 
+/** The properties of a scene that models depend on. */
+export type EnhancedScene = Pick<SceneInfo, "id" | "enhance">;
+
 export interface Enhancer {
   /** In URLs, settings and experiments. */
   readonly name: string;
   /** For people. */
   readonly label: string;
   readonly kind: Kind;
-  /** Scale factor per side; a model may leave pictures of some sizes unchanged. */
-  readonly scale: number;
   /** Bicubic if it does not say. */
   readonly filter?: Filter;
   /** URL of its weights, relative to the page; null if the scene has none. Absent: it has no weights. */
-  readonly weights?: (scene: SceneInfo) => string | null;
+  readonly weights?: (scene: EnhancedScene) => string | null;
   /**
    * Prepares everything independent of a picture's size. `weights` is the content of the URL, or null. Rejects with an
    * `EnhancementError`, with a message for the user, if the weights are invalid, for example for another ladder.

@@ -12,7 +12,6 @@ const model = (kind: Kind, size: string, network: Network): Enhancer => ({
   name: `anime4k-${kind}-${size.toLowerCase()}`,
   label: `Anime4K ${kind} ${size}`,
   kind,
-  scale: kind === "upscale" ? 2 : 1,
   load: async (device) => new Anime4KModel(device, (await import("anime4k-webgpu"))[network]),
 });
 

@@ -10,7 +10,6 @@ const model = (filter: Filter, label: string): Enhancer => ({
   name: filter,
   label,
   kind: "upscale",
-  scale: 1,
   filter,
   load: async () => AS_IT_IS,
 });

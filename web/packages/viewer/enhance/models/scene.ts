@@ -9,7 +9,6 @@ export const SCENE: Enhancer = {
   name: "scene",
   label: "Scene-tuned network",
   kind: "upscale",
-  scale: 2,
   weights: ({ id, enhance }) => {
     if (enhance === "scene") return `scenes/${encodeURIComponent(id)}/enhance.safetensors`;
     return enhance === "general" ? "enhance/general.safetensors" : null;
