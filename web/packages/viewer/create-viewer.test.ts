@@ -117,6 +117,29 @@ test("an animation resolves when the camera is there, and the user continues fro
   expect(viewer.camera.position).toEqual(AWAY.position);
 });
 
+test("a viewer outside the window asks for nothing", async () => {
+  let see = (_: readonly { readonly isIntersecting: boolean }[]) => {};
+  const observed = class {
+    constructor(tell: typeof see) {
+      see = tell;
+    }
+    observe(): void {}
+    disconnect(): void {}
+  };
+  vi.stubGlobal("IntersectionObserver", observed);
+  const [viewer] = open("garden", { camera: POSE });
+  await settle();
+  await host.frames(5);
+  const before = host.requests().length;
+  see([{ isIntersecting: false }]);
+  viewer.camera = AWAY;
+  await host.frames(20);
+  expect(host.requests()).toHaveLength(before);
+  see([{ isIntersecting: true }]);
+  await host.frames(5);
+  expect(host.requests().at(-1)).toMatchObject({ position: [5, -2, 3] });
+});
+
 test("an unknown easing is refused, and the viewer goes on", async () => {
   const [viewer] = open("garden", { camera: POSE });
   await settle();

@@ -36,11 +36,16 @@ export class Viewer extends ViewerControl {
     const session = new ViewerSession(scene, stage, state);
     super(session);
     if (camera) this.camera = camera;
+    const observer = new IntersectionObserver(([entry]) => {
+      session.presence.away = entry?.isIntersecting === false;
+    });
+    observer.observe(stage.element);
     const stopMarking = effect(() => {
       stage.element.dataset.phase = session.phase.value.kind;
     });
     this.#close = () => {
       stopMarking();
+      observer.disconnect();
       session.dispose();
       stage.close();
     };

@@ -1,5 +1,6 @@
 import { expect, test, vi } from "vitest";
-import { ApiError, ask, shaperObstacle, storeUnreachable } from "./problem";
+import { shaperObstacle, storeUnreachable } from "./obstacles";
+import { ApiError, ask } from "./problem";
 
 const asked = (make: (init: RequestInit) => Response | Promise<Response>, signal?: AbortSignal, timeout = 1000) => {
   vi.stubGlobal("fetch", async (_: string, init: RequestInit) => make(init));

@@ -1,6 +1,7 @@
 /** The store of experiments (`docs/experiments.md`). Every failure is an ApiError with one sentence to show. */
 
-import { type AskOptions, ask, storeUnreachable } from "#client/http/problem";
+import { storeUnreachable } from "#client/http/obstacles";
+import { type AskOptions, ask } from "#client/http/problem";
 import type {
   ExperimentCreated,
   ExperimentList,

@@ -1,6 +1,7 @@
 /** Client of one shaper: its traces, its live link and the user's actions, until disposed of. */
 import { signal } from "@preact/signals";
-import { ApiError, shaperObstacle } from "#client/http/problem";
+import { shaperObstacle } from "#client/http/obstacles";
+import { ApiError } from "#client/http/problem";
 import type { ShaperStatus, TracePoints, TraceSummary } from "#client/wire/shaper";
 import { append, type Column, noColumns } from "#viewer/charts/history";
 import type { Stats } from "#viewer/stateless/stats";

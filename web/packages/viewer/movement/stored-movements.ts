@@ -1,7 +1,8 @@
 /** The movement traces that the store keeps: their list, and each of them. A failure is an ApiError, or a MovementError for what is no movement. */
 
 import * as v from "valibot";
-import { ask, storeUnreachable } from "#client/http/problem";
+import { storeUnreachable } from "#client/http/obstacles";
+import { ask } from "#client/http/problem";
 import { ANCHORS } from "#client/wire/movement";
 import type { Movement as ListedMovement } from "#client/wire/store";
 import type { NamedMovement } from "./movement-deck";

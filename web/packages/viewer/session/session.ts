@@ -127,7 +127,6 @@ export class ViewerSession {
     });
     this.movement = new MovementDeck(this.rig, state.movement);
     this.left = this.#side("left");
-    if (stage.sharesPage) this.presence.watch(stage.element);
     this.#follow(stage);
     this.#connect();
     this.#compare();

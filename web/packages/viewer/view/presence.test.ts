@@ -51,25 +51,12 @@ test("a page is left once it was hidden for some time, and back as soon as it is
 });
 
 test("so is a viewer that was scrolled out of the window", () => {
-  let see = (_: readonly { readonly isIntersecting: boolean }[]) => {};
-  vi.stubGlobal(
-    "IntersectionObserver",
-    class {
-      constructor(tell: typeof see) {
-        see = tell;
-      }
-      observe(): void {}
-      disconnect(): void {}
-    },
-  );
-  presence.watch({} as Element);
-  see([{ isIntersecting: false }]);
+  presence.away = true;
   expect(presence.visible.value).toBe(false);
   vi.advanceTimersByTime(LEFT_AFTER);
   expect(presence.left.value).toBe(true);
-  see([{ isIntersecting: true }]);
+  presence.away = false;
   expect([presence.visible.value, presence.left.value]).toEqual([true, false]);
-  vi.unstubAllGlobals();
 });
 
 test.each([

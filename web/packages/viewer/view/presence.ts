@@ -19,7 +19,6 @@ export class Presence {
   readonly #offline = signal(false);
   readonly #page: Document;
   readonly #listening = new AbortController();
-  /** The watched element is outside the window. */
   #away = false;
   #leaving: ReturnType<typeof setTimeout> | undefined;
   /** It was hidden at some time since the last animation frame. */
@@ -58,14 +57,10 @@ export class Presence {
     return this.#offline;
   }
 
-  /** Counts the viewer as hidden while this element is outside the window, or not displayed. */
-  watch(element: Element): void {
-    const observer = new IntersectionObserver(([entry]) => {
-      this.#away = entry?.isIntersecting === false;
-      this.#look();
-    });
-    observer.observe(element);
-    this.#listening.signal.addEventListener("abort", () => observer.disconnect());
+  /** Whether the viewer is scrolled out of the window, or not displayed: it then counts as hidden. */
+  set away(away: boolean) {
+    this.#away = away;
+    this.#look();
   }
 
   dispose(): void {
