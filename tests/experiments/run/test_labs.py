@@ -126,6 +126,17 @@ def test_a_lab_that_ends_ends_the_command_with_its_sentence(
     assert "Traceback" not in result.output
 
 
+def test_a_lab_that_is_killed_is_replaced_and_its_block_goes_on(file: Path, behave: Callable[[str], None]) -> None:
+    die_once = 'if not Path(job.out, "killed").exists(): Path(job.out, "killed").touch(); os.kill(os.getpid(), 9)'
+    behave(f"if '5mbit' in slug and '-l2a_' in slug:\n            {die_once}\n        {COMPLETE}")
+    result = tigas("experiment", "run", file, "--out", file.parent / "out", "--labs", "2")
+    assert result.exit_code == 0, result.output
+    assert "All 6 runs are complete" in result.output
+    slugs = [slug for slugs in made(file).values() for slug in slugs]
+    assert len(set(slugs)) == 6
+    assert len(slugs) == 7, "only the run that was lost is made again"
+
+
 def test_a_lab_in_which_every_run_fails_gives_up(file: Path, behave: Callable[[str], None]) -> None:
     file.write_text(toml(networks=["20mbit", "5mbit", "1mbit"], controllers=["seen", "l2a", 0, 1]))
     behave('status, problem = "failed", "The screen is dark."')

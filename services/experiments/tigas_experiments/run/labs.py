@@ -18,7 +18,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
 from typing import IO
 
-from tigas_common.cli import settings_of
 from tigas_common.errors import StartError
 from tigas_common.processes import end_as_ctrl_c, wait_or_kill, with_parent
 from tigas_common.wire.model import WireModel
@@ -37,8 +36,14 @@ START_EVERY_S = 3.0
 """Browsers that start at the same time wait for each other in the graphics driver, and runs near them stutter."""
 STOP_S = 30
 """Longer than the lab itself takes to stop."""
+MOST_ENDED = 3
+"""Labs that may end by themselves, as when the system runs out of memory, before the experiment does."""
 LINE_BYTES = 1 << 24
 """Maximum length of a line of JSON: a block of runs, or the record of one."""
+
+
+class LabEnded(StartError):
+    """A worker has ended without an answer."""
 
 
 class Job(WireModel):
@@ -74,12 +79,12 @@ class Worker:
         self._commands.write(f"{line}\n".encode())
 
     async def answer(self) -> Answer:
-        """The next line. Raises StartError if the worker has ended or cannot go on."""
+        """The next line. Raises LabEnded, and StartError if the worker cannot go on."""
         line = await self._answers.readline()
         if not line:
             self._errors.seek(0)
             last = self._errors.read().decode(errors="replace").strip().splitlines()
-            raise StartError(f"A lab ended: {last[-1] if last else 'it gave no reason'}")
+            raise LabEnded(f"A lab ended: {last[-1] if last else 'it gave no reason'}")
         answer = Answer.model_validate_json(line)
         if answer.problem is not None:
             raise StartError(answer.problem)
@@ -108,30 +113,44 @@ async def make_in_labs(
     )
     first = job.model_copy(update={"checks": tuple(run.slug for run in missing)})
     checked = asyncio.Event()
+    ended = 0
 
     async def lab(place: int) -> None:
+        nonlocal ended
         if place:
             await checked.wait()
             await asyncio.sleep((place - 1) * START_EVERY_S)
-        if not blocks:
-            return
-        async with started_worker() as worker:
-            worker.tell((job if place else first).model_dump_json())
-            await worker.answer()
-            checked.set()
-            failures = 0
-            while blocks:
-                block = blocks.popleft()
-                worker.tell(json.dumps([run.slug for run in block]))
-                for run in block:
-                    callbacks.on_begin(run)
-                    callbacks.on_stage("measures")
+        while blocks:
+            try:
+                async with started_worker() as worker:
+                    worker.tell((job if place else first).model_dump_json())
+                    await worker.answer()
+                    checked.set()
+                    await make_blocks(worker)
+            except LabEnded:
+                ended += 1
+                if ended == MOST_ENDED:
+                    raise
+
+    async def make_blocks(worker: Worker) -> None:
+        failures = 0
+        while blocks:
+            block = deque(blocks.popleft())
+            worker.tell(json.dumps([run.slug for run in block]))
+            while block:
+                callbacks.on_begin(block[0])
+                callbacks.on_stage("measures")
+                try:
                     record = (await worker.answer()).record
-                    assert record is not None
-                    callbacks.on_finish(record)
-                    failures = 0 if record.status == "complete" else failures + 1
-                    if failures == GIVE_UP_AFTER:
-                        raise StartError(f"{failures} runs in a row failed in one lab, the last one: {record.problem}")
+                except LabEnded:
+                    blocks.appendleft([*block])
+                    raise
+                assert record is not None
+                block.popleft()
+                callbacks.on_finish(record)
+                failures = 0 if record.status == "complete" else failures + 1
+                if failures == GIVE_UP_AFTER:
+                    raise StartError(f"{failures} runs in a row failed in one lab, the last one: {record.problem}")
 
     await asyncio.to_thread(check_lab)
     callbacks.on_stage("starting the first lab")
@@ -155,9 +174,6 @@ def blocks_of(runs: Sequence[Configuration]) -> list[list[Configuration]]:
 @asynccontextmanager
 async def started_worker() -> AsyncIterator[Worker]:
     """A worker process, during the context. The experiment store of its lab has an empty folder."""
-    scenes = str(
-        settings_of("render").scenes.absolute()
-    )  # named, it keeps its owner: a lab would give it back at its end
     with TemporaryDirectory(prefix="tigas-lab-") as results, TemporaryFile() as errors:
         process = await asyncio.create_subprocess_exec(
             *with_parent([*NAMESPACES, SCRIPT, "sh", sys.executable, "-m", __name__]),
@@ -166,7 +182,7 @@ async def started_worker() -> AsyncIterator[Worker]:
             stderr=errors,
             start_new_session=True,
             limit=LINE_BYTES,
-            env={**os.environ, "TIGAS_STORE_RESULTS": results, "TIGAS_RENDER_SCENES": scenes},
+            env={**os.environ, "TIGAS_STORE_RESULTS": results},
         )
         assert process.stdin is not None
         assert process.stdout is not None
