@@ -128,12 +128,15 @@ class OwnRay:
 
     def _renew_folder(self) -> None:
         """Replace what a killed one has left; the file of the process stays, as it is locked."""
-        for path in self._folder.iterdir():
-            if path.is_dir() and not path.is_symlink():
-                shutil.rmtree(path)
-            elif path != self._process:
-                path.unlink()
-        self._token.write_text(secrets.token_hex(32))
+        try:
+            for path in self._folder.iterdir():
+                if path.is_dir() and not path.is_symlink():
+                    shutil.rmtree(path)
+                elif path != self._process:
+                    path.unlink()
+            self._token.write_text(secrets.token_hex(32))
+        except OSError as error:
+            raise StartError(f"Ray's folder {self._folder} cannot be replaced ({error.strerror}).") from None
 
     def _pid(self) -> int | None:
         """Its process, while it lives."""

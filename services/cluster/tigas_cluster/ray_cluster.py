@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -103,16 +103,16 @@ class Holder:
 
 
 @contextmanager
-def leased(clock: Callable[[], float] = time.monotonic) -> Iterator[None]:
+def leased() -> Iterator[None]:
     """Keep hosts alone, as a context manager: two would start and end each other's. Raises AnotherUp."""
-    deadline = clock() + FREED_S
+    deadline = time.monotonic() + FREED_S
     here = ray.get_runtime_context().get_node_id()
     while True:
         try:
             holder = _actor(Holder, LEASE, here)  # possibly before its process has started
             break
         except ValueError:  # the name is taken
-            if clock() > deadline:
+            if time.monotonic() > deadline:
                 raise AnotherUp from None
             time.sleep(AGAIN_S)
     try:
