@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from fractions import Fraction
-from typing import Final, Literal, NamedTuple
+from typing import Final, NamedTuple
 
 import av
 import numpy as np
@@ -19,8 +19,7 @@ from av.video.frame import PictureType
 
 from tigas_common.errors import TigasError
 
-Preset = Literal["ultrafast", "superfast", "veryfast"]
-PRESET: Final[Preset] = "superfast"
+PRESET: Final = "superfast"
 """Smaller than `ultrafast` at equal quality for about the same time; slower ones gain nothing (docs/streams.md)."""
 PROFILE: Final = "main"
 """Its entropy coding is better than that of `baseline`, and every decoder knows it."""
@@ -63,7 +62,7 @@ class Encoded(NamedTuple):
 class H264Encoder:
     """Encodes pictures of one size. Not for several threads at a time."""
 
-    def __init__(self, width: int, height: int, bits: float, preset: Preset = PRESET) -> None:
+    def __init__(self, width: int, height: int, bits: float) -> None:
         """width, height: even; bits: in a frame, at first. Raises EncodingFailed."""
         self.width, self.height = width, height
         self._most = HEADROOM * _counted(bits)
@@ -81,7 +80,7 @@ class H264Encoder:
         codec.color_primaries = codec.color_trc = codec.colorspace = _BT709
         codec.color_range = _LIMITED
         codec.options = {
-            "preset": preset,
+            "preset": PRESET,
             "tune": "zerolatency",
             "profile": PROFILE,
             "forced-idr": "1",

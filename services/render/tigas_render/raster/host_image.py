@@ -14,14 +14,16 @@ from tigas_render.encode.images import encode_jpeg, encode_png, encode_yuv420p
 from tigas_render.raster.base import Depth, Image
 
 Pixels = NDArray[np.uint8]
+KEPT = 4
+"""Free framebuffers that are kept."""
 
 
 class HostImage(Image):
     """RGB pixels as a NumPy array; `on_close` is called once, when they are no longer needed."""
 
-    def __init__(self, pixels: Pixels, on_close: Callable[[], None] | None = None, depth: Depth | None = None) -> None:
+    def __init__(self, pixels: Pixels, on_close: Callable[[], None] | None = None) -> None:
         self.height, self.width = pixels.shape[:2]
-        self.depth = depth
+        self.depth: Depth | None = None
         self._pixels: Pixels | None = pixels
         self._on_close = on_close
 
@@ -51,11 +53,10 @@ class HostImage(Image):
 class FramebufferPool:
     """Framebuffers that are used again, so that one frame can be encoded while the next is rendered.
 
-    Images are closed from any thread. The pool keeps as many buffers as were ever open at once, at most `keep`.
+    Images are closed from any thread. The pool keeps as many buffers as were ever open at once, at most KEPT.
     """
 
-    def __init__(self, keep: int = 4) -> None:
-        self._keep = keep
+    def __init__(self) -> None:
         self._free: list[Pixels] = []
         self._lock = threading.Lock()
 
@@ -70,5 +71,5 @@ class FramebufferPool:
 
     def _give_back(self, buffer: Pixels) -> None:
         with self._lock:
-            if len(self._free) < self._keep:
+            if len(self._free) < KEPT:
                 self._free.append(buffer)
