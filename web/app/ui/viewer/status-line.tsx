@@ -105,8 +105,7 @@ function StatusLine({ side, name, phase, silent, linkNote }: LineProps) {
 }
 
 function state(side: Side, phase: Phase): string {
-  const connected = phase.kind === "playing" || phase.kind === "loading";
-  if (side.kind.value.requests && !connected) return "Not connected";
+  if (side.kind.value.requests && ["lost", "full", "failed"].includes(phase.kind)) return "Not connected";
   if (side.source.value?.phase.value.kind !== "playing") return "Starting…";
   return side.kind.value.drawsHere ? "On this device" : "Live";
 }

@@ -384,6 +384,16 @@ test("beside the lab, all measurements are shown only where there is room, and n
   expect(await showOn((query) => query === "(pointer: coarse)"), "a phone").toBe(false);
 });
 
+test("the line says when there is no connection", async () => {
+  show();
+  const status = () => screen.getByRole("region", { name: "Status" }).textContent;
+  expect(status()).toContain("Live");
+  await act(() => {
+    session.phase.value = { kind: "lost", message: "The server does not answer." };
+  });
+  expect(status()).toContain("Not connected");
+});
+
 test("a newcomer sees one line and how to move, until the first movement; the lab is closed", async () => {
   settings.value = DEFAULT_SETTINGS;
   session.pictures.stats.value = { ...NO_STATS, newViewsPerSecond: 23.6, motionToPhoton: { p50: 48.2, p95: 90 } };
