@@ -14,7 +14,7 @@ _WATCH = """
   const WIDTH = 256, HEIGHT = 4;
   const small = new OffscreenCanvas(WIDTH, HEIGHT).getContext("2d", { willReadFrequently: true });
   small.globalCompositeOperation = "copy"; // where a picture is transparent, nothing of the one before is left
-  // As long as it is drawn, a canvas keeps its picture until the next animation frame: what is read is what was shown.
+  // As long as it is drawn, a canvas keeps its picture until the next animation frame, so the reading is of the screen.
   const getContext = HTMLCanvasElement.prototype.getContext;
   HTMLCanvasElement.prototype.getContext = function (kind, options) {
     return getContext.call(this, kind, { ...options, preserveDrawingBuffer: true });

@@ -56,8 +56,8 @@ def read_headings(rows: Floats) -> list[float | None]:
 
 
 def _likeness(rows: Floats, half: float, step: float) -> Floats:
-    """Correlations [N, headings] of the shown parts with what cameras show whose lens reaches as far to each side as
-    forward, times `half`; 0 where too little is shown.
+    """Correlations [N, headings] of the shown parts with the views of cameras that see, at unit distance, `half` to
+    each side; 0 where too little is shown.
     """
     headings = np.arange(FIRST, math.pi - FIRST, step)
     edges = np.linspace(-half, half, 2 * rows.shape[1] + 1)

@@ -57,7 +57,7 @@ def test_the_reported_latency_is_what_the_screen_shows(
     reported, on_screen = walk(page)
     assert len(on_screen) > 0.9 * len(reported) > 0, "the stamps cannot be read"
 
-    # One frame: of the screen or of the video, the longer of the two; and what a reading leaves open.
+    # One frame: of the screen or of the video, the longer of the two; and the uncertainty of a reading.
     video = 0 if reprojection or mode == "stateless" else VIDEO_FRAME_MS
     beyond = sorted(
         abs(reported[pose] - latency) - max(screen, video) - READING_MS for pose, (latency, screen) in on_screen.items()

@@ -55,7 +55,7 @@ class AnotherUp(StartError):
 
 
 class OwnRay:
-    """A private Ray, at most one for each user, whose token only the user can read. It outlives its starter."""
+    """A private Ray, at most one for each user, with a token that only the user can read. It outlives its starter."""
 
     def __init__(self, folder: Path | None = None) -> None:
         """folder: its files; short, since the paths of Unix sockets below it are."""
@@ -127,7 +127,7 @@ class OwnRay:
             raise StartError(f"Ray's folder {self._folder} belongs to somebody else.")
 
     def _renew_folder(self) -> None:
-        """Replace what a killed one has left; the file of the process stays, as it is locked."""
+        """Replace the files of a killed Ray, except the locked one of its process."""
         try:
             for path in self._folder.iterdir():
                 if path.is_dir() and not path.is_symlink():

@@ -208,7 +208,7 @@ class Service(Supervised):
 def keep_running(services: Sequence[Service], stop: threading.Event) -> None:
     """Run services until `stop` is set, then end them, the last one first.
 
-    Raises StartError for one that does not start or ends too often, after ending the others.
+    Raises StartError if a service does not start or ends too often, after ending the others.
     """
     asyncio.run(_keep_running(services, stop))
 

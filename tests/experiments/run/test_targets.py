@@ -186,7 +186,7 @@ def test_a_service_on_this_machine_is_watched_with_all_of_its_processes(service:
     watch = watched(target(url))
     [edge] = process.children()
     assert watch.services == "threads"
-    assert watch.processes == {process: "tigas render", edge: "tigas edge"}, "also what does not listen itself"
+    assert watch.processes == {process: "tigas render", edge: "tigas edge"}, "also processes that do not listen"
 
 
 def test_the_browser_is_watched_as_a_child_of_the_experiment(service: tuple[psutil.Process, str]) -> None:

@@ -358,5 +358,5 @@ async def test_a_recording_that_is_no_measurement_fails_its_run(
     experiment = await store.create()
     row = await store.add(experiment, **changes)
     assert (row["status"], row["problem"]) == ("failed", told)
-    assert StoredRun(store.results / experiment / "runs" / slug()).read(Input), "what was recorded is kept"
+    assert StoredRun(store.results / experiment / "runs" / slug()).read(Input), "the recording is kept"
     assert job_of(await store.next(experiment)) == slug("dash-tuned")

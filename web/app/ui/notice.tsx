@@ -4,7 +4,7 @@ import type { ComponentChildren } from "preact";
 import { config } from "../state/app";
 import { Icon } from "./button";
 
-/** What went wrong; nothing without a sentence. */
+/** A problem, in a sentence; nothing without one. */
 export function Notice({ children }: { readonly children: ComponentChildren }) {
   if (children === null || children === undefined) return null;
   return (

@@ -57,7 +57,7 @@ afterEach(() => {
   vi.clearAllMocks();
 });
 
-test("files are sent one after the other, going on with what broke off, and leave the list as scenes", async () => {
+test("files are sent one after the other, resume after interruptions, and leave the list as scenes", async () => {
   addFiles([file("garden.ply"), file("attic.ply")], 100);
   expect(isUploading.value).toBe(true);
   const first = await begins(1);
@@ -75,7 +75,7 @@ test("files are sent one after the other, going on with what broke off, and leav
   expect([...added.value]).toEqual(["garden"]);
 });
 
-test("what the server refuses is said, and nothing is tried again that would be refused again", async () => {
+test("a refusal is shown, and final ones are not retried", async () => {
   addFiles([file("garden.ply")], 100);
   const { options } = await begins(1);
   const refused = answer(422, { type: "tigas:scene-not-added", detail: "There is a scene garden already." });
@@ -91,7 +91,7 @@ test("what the server refuses is said, and nothing is tried again that would be 
   expect(isUploading.value).toBe(false);
 });
 
-test("one that is cancelled before it begins keeps no other waiting", async () => {
+test("an upload cancelled before it begins blocks no other", async () => {
   addFiles([file("garden.ply"), file("attic.ply")], 100);
   dismiss(uploads.value[0] as (typeof uploads.value)[number]);
   expect((await begins(1)).name).toBe("attic.ply");
@@ -103,7 +103,7 @@ test("a file that is too large is not sent", () => {
   expect(begun).toEqual([]);
 });
 
-test("one that is cancelled is given up on the server, and the next goes on", async () => {
+test("a cancelled upload is removed from the server, and the next begins", async () => {
   addFiles([file("garden.ply"), file("attic.ply")], 100);
   const first = await begins(1);
   dismiss(uploads.value[0] as (typeof uploads.value)[number]);

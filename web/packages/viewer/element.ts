@@ -102,7 +102,7 @@ export class TigasViewer extends Base {
     });
   }
 
-  /** Applies the attributes `mode`, `quality` and `at`, or the one that has changed. */
+  /** Applies the attributes `mode`, `quality` and `at`, or only the changed attribute. */
   #apply(changed?: string): void {
     const applies = (name: string) => changed === undefined || changed === name;
     try {

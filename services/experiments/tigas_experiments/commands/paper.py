@@ -41,7 +41,7 @@ class Part(WireModel):
     on: str = "2 cores"
     """The least machine."""
     like: str | None = None
-    """The part whose keys of the experiment it inherits."""
+    """The part from which it inherits keys of the experiment."""
     experiment: dict[str, Any] | None = None
     """Keys of an experiment's file."""
     then: tuple[str, ...] = ()

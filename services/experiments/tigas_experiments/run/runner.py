@@ -134,8 +134,8 @@ def progress(
         name = numbered(configuration)
         current.reset(line)
 
-    def on_stage(what: str) -> None:
-        current.update(line, description=f"{name}: {what}" if name else what)
+    def on_stage(stage: str) -> None:
+        current.update(line, description=f"{name}: {stage}" if name else stage)
 
     def on_finish(record: RunRecord) -> None:
         nonlocal done

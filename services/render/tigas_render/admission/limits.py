@@ -61,7 +61,7 @@ class Limits(QuicLimits):
     unread_answers: int = 2 * 1024 * 1024
     """Bytes of a connection's answers that wait for the network and for a client that does not read."""
     waiting_per_address: int = 256 * 1024 * 1024
-    """Bytes of an address's answers that wait in writers; a stream whose answer would exceed it is cut."""
+    """Bytes of an address's answers that wait in writers; streams of further answers are cut."""
     handshake_timeout: float = 5.0
     """For a client to complete the handshake."""
     request_timeout: float = 10.0

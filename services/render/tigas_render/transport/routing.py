@@ -36,7 +36,7 @@ from tigas_render.transport.outlet import Outlet, Writer
 BUFFERED_STREAM_REJECTED = 0x3994BD84
 """WebTransport's error for a stream of a session that does not exist."""
 EARLY_POST = (b"POST", "/render")
-"""The one that is idempotent, and therefore allowed as early data."""
+"""Idempotent, and therefore allowed as early data."""
 TOO_EARLY = "This request may not be sent before the connection is established; send it again."
 
 

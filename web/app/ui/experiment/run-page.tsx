@@ -42,7 +42,7 @@ interface PerformingProps {
 function Performing({ id, store: base, shaper: shaperBase }: PerformingProps) {
   const stage = useRef<HTMLDivElement>(null);
   const conductor = useSignal<Conductor | null>(null);
-  /** Counts attempts; one that is not the first takes changed versions. */
+  /** Counts attempts; the second and later ones accept changed versions. */
   const attempt = useSignal(0);
   useEffect(() => {
     const shaper = shaperBase === undefined ? null : new Shaper(shaperBase, location.href, () => performance.now());
@@ -89,7 +89,7 @@ interface Job {
   readonly job: RunJob;
   readonly shaper: Shaper | null;
   readonly experiment: string;
-  readonly say: (what: string) => void;
+  readonly say: (step: string) => void;
   readonly signal: AbortSignal;
 }
 

@@ -41,7 +41,7 @@ export function actionOf({ key, code }: Pick<KeyboardEvent, "key" | "code">): ke
   return ["?", "؟", "？"].includes(key) ? "help" : KEYS[code];
 }
 
-/** While `locked`, shortcuts are disabled, as they are for users who switched single keys off. */
+/** While `locked`, shortcuts are disabled, as with the setting against single keys. */
 export function useShortcuts(actions: ViewerActions, locked: boolean): void {
   useWindowEvent("keydown", (event) => {
     const typing = event.target instanceof Element && event.target.closest(TYPING);

@@ -21,7 +21,7 @@ const shown = (stats: Partial<LocalStats>) => {
   return (name: string) => container.querySelector(`[data-stat="${name}"]`)?.textContent;
 };
 
-test("the HUD tells how far the download is, and what is drawn of it", () => {
+test("the HUD shows progress of the download, and the part that is drawn", () => {
   const half = { received: 3_000_000, total: 7_600_000, drawn: 20_000, gaussians: 298_886, firstPictureMs: 812 };
   const stat = shown({ ...half, backend: "WebGL 2" });
   expect(["downloaded", "gaussians", "first-picture", "complete", "renderer"].map(stat)).toEqual([
@@ -65,7 +65,7 @@ test("levels of detail are offered for a scene that has them", () => {
   expect(screen.getByRole("radio", { name: "Levels of detail" })).toBeTruthy();
 });
 
-test("the panel says what is downloaded, or that nothing is offered", () => {
+test("the panel describes the download, or says that there is none", () => {
   changeSettings({ mode: "local" });
   const session = fakeSession();
   render(<ModePanel session={asSession(session)} />);

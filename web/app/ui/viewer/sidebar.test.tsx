@@ -64,7 +64,7 @@ test("a rung of a scene's own ladder is named once, with the size of its frames"
   expect(section("Quality").getAllByRole("radio")).toHaveLength(1);
 });
 
-test("how movement is met is chosen by keyboard, and what needs reprojection waits for it", async () => {
+test("how movement is met is chosen by keyboard, and settings that need reprojection wait for it", async () => {
   const user = userEvent.setup();
   await show();
   const panel = section("Reprojection");
@@ -179,7 +179,7 @@ test("with a packager its stream is set up by preset, or number by number", asyn
   expect(settings.value.dashCustom.target_latency_ms).toBe(200);
 });
 
-test("any two modes are compared, and what their streams have in common is set once", async () => {
+test("any two modes are compared, and shared settings of streams appear once", async () => {
   const user = userEvent.setup();
   config.value = serverConfig({ dash: "http://dash.test" });
   settings.value = { ...DEFAULT_SETTINGS, mode: "side-by-side" };

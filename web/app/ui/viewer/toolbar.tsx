@@ -1,4 +1,4 @@
-/** The toolbar over the stage: back, the scene's name, and what a visitor needs. */
+/** The toolbar over the stage: back, the scene's name, and a visitor's tools. */
 
 import { ArrowLeft, Camera, Check, CircleHelp, FlaskConical, Link2, Maximize, SlidersHorizontal } from "lucide";
 import { useState } from "preact/hooks";

@@ -154,7 +154,7 @@ test.each([
   expect(screen.getByRole<HTMLSelectElement>("combobox", { name: "Prediction" }).value).toBe("linear");
 });
 
-test("a dialog gives the focus back to what opened it, and the settings give it to the stage", async () => {
+test("a dialog gives the focus back to its button, and the settings give it to the stage", async () => {
   const user = userEvent.setup();
   show();
   const help = screen.getByRole("button", { name: "Help" });
@@ -205,7 +205,7 @@ test("a picture that stands still for a second is called frozen, also where ther
   await act(() => {
     session.phase.value = { kind: "lost", message: "QUIC did not answer in time." };
   });
-  expect(document.querySelector("[data-stat=frozen]"), "what is lost says so").toBeNull();
+  expect(document.querySelector("[data-stat=frozen]"), "the message of a lost stream is enough").toBeNull();
 });
 
 test("r brings back the start view, to the last bit", async () => {
@@ -219,7 +219,7 @@ test("r brings back the start view, to the last bit", async () => {
   expect(session.rig.pose).toMatchObject({ position, quaternion });
 });
 
-test("what is typed into a field, or with a modifier, is no shortcut", async () => {
+test("typing into a field, or with a modifier, is no shortcut", async () => {
   const user = userEvent.setup();
   settings.value = { ...DEFAULT_SETTINGS, sidebar: true };
   show();
@@ -292,7 +292,7 @@ test("while the settings are closed, the last walk is summed up over the stage, 
   expect(said.isConnected).toBe(false);
 });
 
-test("a stream whose frames show nothing new says that the server is the limit, and a slow machine that it is", async () => {
+test("a stream of repeated frames blames the server, and a slow machine itself", async () => {
   vi.useFakeTimers({ toFake: ["setInterval", "clearInterval", "performance"] });
   settings.value = { ...settings.value, mode: "dash", hudDetails: true };
   let ticks = 0;
@@ -339,7 +339,7 @@ test("a scene that there is not has nothing to set, to measure or to walk in", a
   expect(container.querySelector(".move-pad")).toBeNull();
   expect(screen.getByRole("link", { name: "Back to all scenes" })).toBeTruthy();
   await userEvent.keyboard("ip");
-  expect(settings.value, "no shortcut changes what cannot be seen").toMatchObject({ hud: true, sidebar: true });
+  expect(settings.value, "no shortcut changes hidden things").toMatchObject({ hud: true, sidebar: true });
   await act(() => {
     session.phase.value = { kind: "playing" };
   });
@@ -445,7 +445,7 @@ test("a visitor chooses the picture, its quality and dragging in plain words", a
   expect(screen.queryByRole("radio")).toBeNull();
 });
 
-test("what this server does not offer is not offered to a visitor", async () => {
+test("visitors see no modes that the server lacks", async () => {
   show();
   await userEvent.click(screen.getByRole("button", { name: "View" }));
   expect(await screen.findByRole("radio", { name: "Stream" })).toBeTruthy();
@@ -483,7 +483,7 @@ test("scripts can drive the viewer for as long as it is open", async () => {
   expect(window.tigas).toBeUndefined();
 });
 
-test("what a person should know of enhancement is said", async () => {
+test("the status of enhancement is shown", async () => {
   show();
   await act(() => {
     session.pictures.enhancement.status.value = { kind: "starting", message: null };

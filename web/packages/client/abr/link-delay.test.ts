@@ -7,7 +7,7 @@ function heard(subject: LinkDelay, delays: readonly number[], from = 0): LinkDel
   return subject;
 }
 
-test("the queue is what frames wait beyond the least average lately", () => {
+test("the queue is the delay above the recent minimum", () => {
   const subject = heard(new LinkDelay(), Array(20).fill(40));
   expect(subject.queue).toBe(0);
   heard(subject, Array(30).fill(90), 320);

@@ -91,7 +91,7 @@ export class StoreApi {
     return this.#ask(`${this.#run(id, run)}/samples/${encodeURIComponent(name)}`, {});
   }
 
-  /** How far rendering the samples again is; with POST it begins or goes on, with DELETE it stops and keeps what there is. */
+  /** How far rendering the samples again is; with POST it begins or goes on, with DELETE it stops and keeps the results so far. */
   materialisation(id: string, method: "GET" | "POST" | "DELETE" = "GET"): Promise<Materialisation> {
     return this.#json(`${this.#path(id)}/materialise`, { method });
   }

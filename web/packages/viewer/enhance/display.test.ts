@@ -218,7 +218,7 @@ describe("with a model", () => {
     expect([canvas.drawn, animationFrame(), display.settled]).toEqual([[only.bitmap], 1, true]);
   });
 
-  test("what takes too long is switched off, in the animation frame after the one that shows it", async () => {
+  test("a model that takes too long is switched off, in the animation frame after the one that shows it", async () => {
     for (let i = 0; i < 5; i++) {
       display.show(frame());
       await done(-1, 300);

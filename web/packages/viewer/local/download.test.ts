@@ -90,7 +90,7 @@ test("a request without any answer is made again", async () => {
   expect(onCut).toHaveBeenCalledWith("The server does not answer.");
 });
 
-test("what was cut off goes on where it ended, as long as it is the same file", async () => {
+test("an interrupted download resumes where it ended, if the file is the same", async () => {
   const { file, asked, onCut } = fetched([
     () => part({ until: 300 }),
     () => new TypeError("Failed to fetch"),
@@ -114,7 +114,7 @@ test("a file that has changed meanwhile begins anew", async () => {
   expect(received.slice(-2)).toEqual([100, 1000]);
 });
 
-test("a server that is full for the moment is asked again; one that refuses is not", async () => {
+test("a full server is asked again; after a refusal it is not", async () => {
   const problem = (status: number, detail: string) => () =>
     Response.json({ type: "about:blank", title: "", status, detail }, { status });
   const { file, onCut } = fetched([problem(503, "Too many scenes are being downloaded."), () => part()]);

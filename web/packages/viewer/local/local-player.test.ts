@@ -167,7 +167,7 @@ test("frames say which pose they show, and latency counts from the first picture
   expect(presented[0]?.latencies).toEqual([]);
 });
 
-test("a download that is cut off is said to be, and what is there goes on being drawn", async () => {
+test("an interruption is shown, and the received part is still drawn", async () => {
   const rig = await downloading();
   await come(0, 16 * 30);
   frame(rig);
@@ -267,7 +267,7 @@ test("a lost graphics processor ends it, and all is given back", async () => {
   expect(player.picture()).toBeNull();
 });
 
-test("leaving aborts the download and frees what drew, also while the renderer is still being made", async () => {
+test("leaving aborts the download and frees the renderer, also while the renderer is still being made", async () => {
   const rig = await downloading();
   await come(0, 16 * 30);
   frame(rig);

@@ -34,7 +34,7 @@ export interface CameraPath {
 const NOTHING = 1e-9;
 
 /**
- * A path through keyframes, whose times grow: Catmull-Rom splines for positions and rotations. A `closed` path returns to its
+ * A path through keyframes with growing times: Catmull-Rom splines for positions and rotations. A `closed` path returns to its
  * first keyframe and passes it at speed. Throws with fewer than two keyframes, and for an unknown easing.
  */
 export function cameraPath(

@@ -100,7 +100,7 @@ test("a picture of the very view is shown pixel by pixel, whatever its margins; 
   expect(warp.drawn.at(-1)).toMatchObject({ fx: 500, cx: 500, width: 1000 });
 });
 
-test("what the newest frame does not cover is told, less of it with margins", () => {
+test("the uncovered share is reported, and smaller with margins", () => {
   const filled = (margin: number) => {
     reprojector.take(PICTURE, frame("a", pose(1), margin));
     reprojector.turn(pose(2, 10), LENS);
@@ -126,7 +126,7 @@ test("across a cut the picture of before stays as it was, and none of before it 
   expect(reprojector.presented()).toMatchObject({ frame: "after", pose: 2, view: 4 });
 });
 
-test("a small step is no cut, and the scene's size says what a small one is", () => {
+test("a small step is no cut, measured by the scene's size", () => {
   const stepped = (seq: number, x: number): NumberedPose => ({ ...pose(seq), position: [x, 0, 0] });
   show("a");
   reprojector.turn(stepped(2, 2), LENS);
@@ -143,7 +143,7 @@ test("a picture that changes only in its quality is drawn, and is no new frame",
   expect(reprojector.presented()).toMatchObject({ frame: "a, enhanced", fresh: false });
 });
 
-test("when the graphics processor is lost, what lies below is seen, and a word says why", () => {
+test("when the graphics processor is lost, the element below is visible, with the reason", () => {
   show("a");
   warp.lose();
   expect([canvas(), reprojector.working, reprojector.picture()]).toEqual([null, false, null]);

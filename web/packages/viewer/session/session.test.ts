@@ -336,7 +336,7 @@ test("two modes that ask for each view are two clients of the server, and leave 
   expect(session.comparison.value).toBeNull();
 });
 
-test("a stream is opened where the mode has one, and anew when what decides it changes", async () => {
+test("a stream is opened where the mode has one, and again when its settings change", async () => {
   await visit();
   await vi.advanceTimersByTimeAsync(1000); // the viewport has kept its size
   expect(streams).toHaveLength(0);
@@ -449,7 +449,7 @@ test("a visit that ends leaves nothing running", async () => {
   expect(streams.map(({ disposed }) => disposed)).toEqual([true]);
 });
 
-test("another host of a cluster takes over once it has the scene, and what is shown goes on until then", async () => {
+test("another host of a cluster takes over once it has the scene, and the old picture stays until then", async () => {
   vi.mocked(connect).mockImplementation(async ({ host: name = null }) => host.connected(name));
   vi.mocked(fetchConfig).mockImplementation(async () => atHost("east"));
   await visit();

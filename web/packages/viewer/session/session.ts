@@ -42,7 +42,7 @@ export type Phase =
 /** Interval of requests for the loading progress of a scene, in milliseconds. */
 const PROGRESS_EVERY = 500;
 
-/** Longest pause before a scene is requested again whose request was cut off, in milliseconds. */
+/** Longest pause before an interrupted request for the scene is repeated, in milliseconds. */
 const LOAD_AGAIN_WITHIN = 4000;
 
 /** The elements of a visit: the input target, with a pane for each picture. */
@@ -73,7 +73,7 @@ export class ViewerSession {
   readonly rightConnection = signal<ConnectionState | null>(null);
   /** Set for a stream and for a comparison of two modes; else null. */
   readonly comparison = signal<Comparison | null>(null);
-  /** What is on the stage, from left to right. */
+  /** The sources on the stage, from left to right. */
   readonly sources: ReadonlySignal<readonly Source[]> = computed(() =>
     [this.left, this.right.value].flatMap((side) => side?.source.value ?? []),
   );

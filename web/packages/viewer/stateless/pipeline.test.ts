@@ -176,7 +176,7 @@ test("that the page asked too often is not said to the person, and it pauses", a
   expect(transport.requests.length).toBeGreaterThan(1);
 });
 
-test("what becomes of each request is told", async () => {
+test("the outcome of each request is reported", async () => {
   const subject = pipeline();
   subject.want(view(0), 7);
   transport.requests[0]?.reply({ timing: { queue: 0, render: 60, encode: 0 } });
@@ -221,7 +221,7 @@ describe("showing frames", () => {
     expect(bitmaps.map(({ closed }) => closed)).toEqual([false, false, true]);
   });
 
-  test("what is still decoded when the viewer closes is closed", async () => {
+  test("a picture decoded after the viewer has closed is closed", async () => {
     const subject = asking();
     transport.requests[0]?.reply();
     await settle();

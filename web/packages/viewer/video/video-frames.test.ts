@@ -163,7 +163,7 @@ test.each(["fetch", "webtransport-datagrams"] as const)("over %s one sentence sa
   expect(frames.problem.value).toBeNull();
 });
 
-test("what is left when the viewer is closed is closed, too", async () => {
+test("pictures that arrive after the viewer has closed are closed", async () => {
   await fate(frame(0));
   const waiting = fate(frame(2, 1));
   frames.dispose();

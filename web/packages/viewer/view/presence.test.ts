@@ -73,7 +73,7 @@ test.each([
   expect(presence.left.value).toBe(false);
 });
 
-test("what the browser says of the network is known", () => {
+test("the browser's report about the network is followed", () => {
   for (const onLine of [false, true]) {
     vi.stubGlobal("navigator", { onLine });
     window.dispatchEvent(new Event(onLine ? "online" : "offline"));

@@ -120,7 +120,7 @@ test("it says how fast the camera turns", () => {
   expect(rig.turning).toBe(0);
 });
 
-test("a focused point is flown to, unless the person moves; then it is what is orbited", () => {
+test("a focused point is flown to, unless the person moves; drags then orbit it", () => {
   rig.focus([2, -2, 0], true);
   rig.sample(16);
   expect(rig.pose.position).toEqual([0, -2, -8]);
