@@ -29,6 +29,7 @@ def dashboard_with_more(open_page: OpenPage, models: Path) -> Iterator[Page]:
     shutil.copytree(models / "pebbles", models / "more-pebbles")
     try:
         page.get_by_role("button", name="Rescan folder").click()
+        expect(page.get_by_role("status")).to_contain_text("New: Pebbles.")
         expect(page.locator("[data-scene=more-pebbles] .thumbnail")).to_have_attribute("data-state", "there")
         yield page
     finally:
@@ -41,7 +42,6 @@ def test_new_scenes_are_found_when_asked_for_loaded_and_unloaded(
     dashboard_with_more: Page, server: RenderServer
 ) -> None:
     page = dashboard_with_more
-    expect(page.get_by_role("status")).to_contain_text("New: Pebbles.")
     page.request.post(f"{server.url}scenes/more-pebbles/unload")
     page.reload()
     card = page.locator("[data-scene=more-pebbles]")

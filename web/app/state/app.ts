@@ -44,17 +44,24 @@ export function start(): void {
 
 let refreshes = 0;
 
-/** Asks the server for its configuration and scenes; `scan` has it look at its directory again. */
-export async function refreshScenes({ scan = false } = {}): Promise<void> {
+/**
+ * Asks the server for its configuration and scenes; `scan` has it look at its directory again.
+ *
+ * Returns the scenes of this answer, or null if there is none. Shows them unless a newer answer is on its way.
+ */
+export async function refreshScenes({ scan = false } = {}): Promise<readonly SceneInfo[] | null> {
   const number = ++refreshes;
   try {
     const [newConfig, newScenes] = await Promise.all([fetchConfig(), fetchScenes({ scan })]);
-    if (number !== refreshes) return; // a newer answer comes
-    config.value = newConfig;
-    scenes.value = newScenes;
-    scenesError.value = null;
+    if (number === refreshes) {
+      config.value = newConfig;
+      scenes.value = newScenes;
+      scenesError.value = null;
+    }
+    return newScenes;
   } catch (error) {
     if (number === refreshes) scenesError.value = sentence(error);
+    return null;
   }
 }
 

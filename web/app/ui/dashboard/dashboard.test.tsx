@@ -83,6 +83,23 @@ test("what a rescan has found is said for a while", async () => {
   expect(screen.getByRole("status").textContent).toBe("3 scenes on this server");
 });
 
+test("the list is not read again during a rescan", async () => {
+  vi.useFakeTimers();
+  let scanned = (_: (typeof COURTYARD)[]) => {};
+  vi.mocked(fetchScenes)
+    .mockResolvedValueOnce([{ ...COURTYARD, state: "loading" }])
+    .mockReturnValueOnce(new Promise((resolve) => (scanned = resolve)))
+    .mockResolvedValue([COURTYARD]);
+  render(<Dashboard />);
+  await vi.advanceTimersByTimeAsync(10);
+  screen.getByRole("button", { name: "Rescan folder" }).click();
+  await vi.advanceTimersByTimeAsync(5000);
+  scanned([COURTYARD, { ...COURTYARD, id: "new", name: "Quarry" }]);
+  await vi.advanceTimersByTimeAsync(10);
+  expect(screen.getByText("Quarry")).toBeTruthy();
+  expect(screen.getByRole("status").textContent).toContain("New: Quarry.");
+});
+
 test("scenes are found by what is typed, and / goes there", async () => {
   const user = userEvent.setup();
   render(<Dashboard />);

@@ -38,13 +38,14 @@ export function Dashboard() {
 
   usePage("Scenes");
   useEffect(() => {
+    if (scanning) return undefined; // a list read meanwhile may be older than the scan's, and would replace it
     const timer = setInterval(() => {
       const waiting = scenesError.value !== null || scenes.value?.some(({ state }) => state === "loading");
       if (!document.hidden && (waiting || stale.current)) void refreshScenes();
       stale.current = false;
     }, REFRESH_EVERY);
     return () => clearInterval(timer);
-  }, []);
+  }, [scanning]);
   useWindowEvent("keydown", (event) => {
     if (event.key !== "/" || event.target instanceof HTMLInputElement || !settings.peek().shortcuts) return;
     event.preventDefault();
@@ -60,9 +61,9 @@ export function Dashboard() {
   const rescan = async () => {
     const before = scenes.peek();
     setScanning(true);
-    await refreshScenes({ scan: true });
+    const found = await refreshScenes({ scan: true });
     setScanning(false);
-    setNews(before && scenes.value && !scenesError.value ? whatIsNew(before, scenes.value) : "");
+    setNews(before && found ? whatIsNew(before, found) : "");
   };
 
   const limit = config.value?.max_upload_bytes ?? null;
