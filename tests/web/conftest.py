@@ -37,7 +37,7 @@ NO_ADAPTER = "No available adapters"
 """And where WebGPU was asked for and finds none."""
 
 TURN = "try { sessionStorage.setItem('tigas.turning', 'forced') } catch {}"
-"""Browsers under test render in software, where the page warps pictures only on demand."""
+"""Browsers under test draw in software, where the page warps pictures only on demand: it takes half a processor."""
 
 FAMILIAR = """(([open]) => {
   try {
@@ -119,7 +119,8 @@ def open_page(browser: Browser, server: RenderServer) -> Iterator[OpenPage]:
     """Opens pages; the test fails if one of them logs an unexpected error.
 
     A test with a private service requests it before this: fixtures end in reverse order, and a page whose service has
-    ended logs errors. On screens with room for it, the lab is open, unless the page is for a newcomer.
+    ended logs errors. On screens with room for it, the lab is open, unless the page is for a newcomer. Pictures are
+    warped with `turn` only.
     """
     contexts: list[BrowserContext] = []
     complaints: list[str] = []
@@ -129,7 +130,7 @@ def open_page(browser: Browser, server: RenderServer) -> Iterator[OpenPage]:
         *,
         url: str = server.url,
         expected_errors: str | None = None,
-        turn: bool = True,
+        turn: bool = False,
         newcomer: bool = False,
         **options: Any,
     ) -> Page:

@@ -56,9 +56,8 @@ def assert_turned(run: dict[str, Any], side: str) -> None:
 
 
 def test_the_view_follows_the_camera_and_at_rest_nothing_is_stretched(open_page: OpenPage, viewer_url: str) -> None:
-    page = open_page(
-        SCENE, url=viewer_url, viewport=SMALL, **with_settings(viewer_url, mode="dash", reprojection=True, **PLAIN)
-    )
+    chosen = with_settings(viewer_url, mode="dash", reprojection=True, **PLAIN)
+    page = open_page(SCENE, url=viewer_url, viewport=SMALL, turn=True, **chosen)
     wait_for_stream(page, at_least=30)
     run = walk(page)
     assert_turned(run, "dash")
@@ -82,6 +81,7 @@ def test_side_by_side_both_follow_it(open_page: OpenPage, viewer_url: str) -> No
         url=viewer_url,
         expected_errors="getAllRangesWithSafetyFactor",
         viewport=SMALL | {"width": 2 * SMALL["width"]},
+        turn=True,
         **with_settings(viewer_url, mode="side-by-side", reprojection=True, **PLAIN),
     )
     wait_for_stream(page, at_least=30)

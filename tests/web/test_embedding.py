@@ -25,7 +25,7 @@ def url(models: Path) -> Iterator[str]:
 @pytest.fixture
 def embedded(url: str, open_page: OpenPage) -> Iterator[Callable[[str], Page]]:
     """Opens the site's page."""
-    page = open_page(expected_errors="Mixed Content", turn=False, permissions=LOOPBACK)
+    page = open_page(expected_errors="Mixed Content", permissions=LOOPBACK)
 
     def open_(body: str) -> Page:
         page.route(f"{SITE}/", lambda route: route.fulfill(body=body, content_type="text/html"))

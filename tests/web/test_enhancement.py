@@ -83,7 +83,8 @@ def viewer(
 
     With a source, every frame is this picture.
     """
-    page = open_page(url="about:blank", viewport=viewport, **with_settings(server.url, **(LOWEST_RUNG | settings)))
+    chosen = with_settings(server.url, **(LOWEST_RUNG | settings))
+    page = open_page(url="about:blank", viewport=viewport, turn=settings.get("reprojection", False), **chosen)
     page.add_init_script(KEEP_DEVICES + script)
     if source is not None:
         answer_with(page, source)

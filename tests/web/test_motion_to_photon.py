@@ -81,9 +81,10 @@ def test_the_bare_player_shows_the_same_stream_earlier_than_dash_js(open_page: O
     assert min(seen_after["edge"]) < min(seen_after["tuned"]), seen_after
 
 
-def open_stamped(open_page: OpenPage, url: str, *, mode: str, **chosen: object) -> Page:
+def open_stamped(open_page: OpenPage, url: str, *, mode: str, reprojection: bool, **chosen: object) -> Page:
     """The viewer, and a reader of its screen."""
-    page = open_page(url=url, **with_settings(url, mode=mode, refine=False, prediction="off", **chosen))
+    settings = {"mode": mode, "reprojection": reprojection, "refine": False, "prediction": "off", **chosen}
+    page = open_page(url=url, turn=reprojection, **with_settings(url, **settings))
     watch_screen(page)
     page.goto("about:blank")
     page.goto(f"{url}{SCENE}")

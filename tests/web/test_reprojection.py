@@ -41,7 +41,7 @@ def slow(open_page: OpenPage, server: RenderServer) -> Callable[..., Page]:
 
     def open_(**settings: object) -> Page:
         chosen = with_settings(server.url, **(SETTINGS | settings))
-        page = open_page(url="about:blank", viewport=SMALL, **chosen)
+        page = open_page(url="about:blank", viewport=SMALL, turn=True, **chosen)
         page.add_init_script(LATE)
         page.goto(server.url + SCENE)
         wait_for_frames(page)
@@ -207,7 +207,7 @@ def test_without_graphics_acceleration_nothing_is_turned_unless_the_link_says_so
     open_page: OpenPage, server: RenderServer
 ) -> None:
     """Browsers under test draw in software, which would freeze a page of usual size."""
-    page = open_page(SCENE, turn=False, **with_settings(server.url, **(SETTINGS | {"sidebar": True})))
+    page = open_page(SCENE, **with_settings(server.url, **(SETTINGS | {"sidebar": True})))
     wait_for_frames(page)
     expect(page.locator("[data-stat=reprojection-note]")).to_have_text(
         "This browser draws without the graphics processor: smooth turning is off."
