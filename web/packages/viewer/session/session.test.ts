@@ -122,8 +122,11 @@ test("says how much of the scene is loaded, until it is", async () => {
   expect(fetchScene).toHaveBeenCalledTimes(2);
 });
 
-test("a request for the scene that is cut off is made again, while the connection lasts", async () => {
-  vi.mocked(loadScene).mockRejectedValue(new ApiError("The server does not answer.", true));
+test.each([
+  ["is cut off", new ApiError("The server does not answer.", true)],
+  ["no host can answer", new ApiError("No host is up.", false, "tigas:overloaded")],
+])("a request for the scene that %s is made again, while the connection lasts", async (_, error) => {
+  vi.mocked(loadScene).mockRejectedValue(error);
   await visit();
   expect(phase()).toEqual({ kind: "loading" });
   vi.mocked(loadScene).mockResolvedValue(COURTYARD);

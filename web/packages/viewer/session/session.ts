@@ -42,6 +42,9 @@ export type Phase =
 /** Interval of requests for the loading progress of a scene, in milliseconds. */
 const PROGRESS_EVERY = 500;
 
+/** The type of a refusal that will not last: the service is starting, or no host of a cluster is up. */
+const OVERLOADED = "tigas:overloaded";
+
 /** Longest pause before an interrupted request for the scene is repeated, in milliseconds. */
 const LOAD_AGAIN_WITHIN = 4000;
 
@@ -470,7 +473,10 @@ export class ViewerSession {
       loaded = await retry(() => this.#load(signal), {
         signal,
         maxTimeout: LOAD_AGAIN_WITHIN,
-        shouldRetry: (error) => error instanceof ApiError && error.unreachable && this.#isConnectedOver(connected),
+        shouldRetry: (error) =>
+          error instanceof ApiError &&
+          (error.unreachable || error.type === OVERLOADED) &&
+          this.#isConnectedOver(connected),
       });
     } catch (error) {
       if (signal.aborted || !this.#isConnectedOver(connected)) return; // there is another attempt
