@@ -163,6 +163,9 @@ def test_page_and_command_write_identical_folders(open_page: OpenPage, lab: Page
         assert getattr(theirs, name) == getattr(ours, name) is not None, name
     for name in ("browser", "load", "recording"):
         assert getattr(theirs, name) is not None, name
+    for load in (ours.load, theirs.load):
+        assert load is not None
+        assert load.render_busy_share is not None
     summaries = [summarise(folder).figures for folder in (command, uploaded)]
     assert known(summaries[0]) == known(summaries[1]), "a figure is missing on one side"
     plans = [json.loads((folder / "experiment.json").read_text()) for folder in (out, performed)]

@@ -116,6 +116,7 @@ def test_every_mode_is_measured_over_the_same_link_and_movement(services: Servic
         assert figures["quality"]["picture_psnr_db"] > figures["quality"]["seen_psnr_db"]
         assert figures["content_ages"]["p95"] > figures["content_ages"]["mean"] > 10
         assert made["record"]["load"]["processors"] == psutil.cpu_count()
+        assert made["record"]["load"]["render_busy_share"] is not None
     streams = [made["record"]["recording"]["dash"] for made in runs]
     assert streams[0] is None
     assert [one["target_latency_ms"] for one in streams[1:]] == [1000, 120, 60]

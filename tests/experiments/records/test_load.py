@@ -19,6 +19,9 @@ from tigas_common.resources import Quota
 from tigas_experiments.records import load
 from tigas_experiments.records.load import Load, LoadSample, Reading, Thread, watching_load
 
+NOBODY = "http://127.0.0.1:9"
+"""Where no service answers."""
+
 
 def load_of(*samples: LoadSample) -> Load:
     found = Load.of(samples)
@@ -26,8 +29,16 @@ def load_of(*samples: LoadSample) -> Load:
     return found
 
 
-def sample(cpu: float = 0.5, *, throttled: bool = False, threads: dict[str, float] | None = None) -> LoadSample:
-    return LoadSample(unix_ms=0, cpu=cpu, processors=2.5, throttled=throttled, threads=threads, load_average=1)
+def sample(
+    cpu: float = 0.5,
+    *,
+    throttled: bool = False,
+    threads: dict[str, float] | None = None,
+    render: float | None = None,
+) -> LoadSample:
+    return LoadSample(
+        unix_ms=0, cpu=cpu, processors=2.5, throttled=throttled, threads=threads, render=render, load_average=1
+    )
 
 
 @pytest.mark.parametrize(
@@ -59,6 +70,13 @@ def test_threads_at_their_limit_are_named_and_saturate_no_processors() -> None:
     assert list(found.often_pegged.items()) == [("chromium", 0.4), ("tigas render", 0.2)]
     assert found.worst_pegged == ("chromium", 0.4)
     assert not found.saturated
+
+
+def test_a_render_service_at_its_limit_saturates_a_run_on_an_idle_machine() -> None:
+    found = load_of(*[sample(render=0.95)] * 2, *[sample(render=0.9)] * 6, *[sample()] * 2)
+    assert (found.render_busy_share, found.saturated_share, found.worst_share) == (0.25, 0.0, 0.25)
+    assert found.saturated
+    assert load_of(sample()).render_busy_share is None
 
 
 def test_threads_that_nobody_watched_are_unknown_and_those_that_kept_up_are_not() -> None:
@@ -167,13 +185,16 @@ def test_a_watch_reads_the_threads_that_it_is_given(monkeypatch: pytest.MonkeyPa
     with subprocess.Popen([sys.executable, "-c", ""]) as short:
         ended = psutil.Process(short.pid)
 
+    processes = {psutil.Process(): "this", ended: "ended"}
+
     async def watched() -> LoadSample:
-        async with asyncio.timeout(30), watching_load(1, {psutil.Process(): "this", ended: "ended"}) as samples:
+        async with asyncio.timeout(30), watching_load(NOBODY, 1, processes) as samples:
             while not samples:  # noqa: ASYNC110 - nothing announces it
                 await asyncio.sleep(0)
             return samples[0]
 
     sample = asyncio.run(watched())
+    assert sample.render is None
     assert sample.threads is not None
     assert list(sample.threads) == ["this"]
     assert 0 <= sample.cpu <= 1

@@ -90,6 +90,8 @@ def test_warnings_of_one_kind_are_one_with_the_runs_that_it_is_of(tmp_path: Path
         "to 100% busy on average), which affects latencies and frame rates; marked with *.",
         "Each of the 3 runs: threads were not monitored.",
     ]
+    change(first, load={"saturated_share": 0.0, "render_busy_share": 0.5})
+    assert f"{RUN}: the render service was at its limit in 50% of the samples, which affects" in warned(tmp_path)[1]
     for run in (tmp_path / "runs").iterdir():
         change(run, load=None)
     assert warned(tmp_path) == ["Each of the 3 runs: the machine's load is unknown."]

@@ -1,4 +1,4 @@
-"""The load of the machine during a run: under high load, latencies reflect the machine, not the network."""
+"""The load of machine and render service during a run: under high load, latencies reflect them, not the network."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+import httpx
 import psutil
 
 from tigas_common.resources import Quota, allowed_processors, quotas
 from tigas_common.wire.model import WireModel
+from tigas_common.wire.render import HostLoad
 
 EVERY_S = 0.5
 """Interval of samples."""
@@ -46,6 +48,8 @@ class LoadSample(WireModel):
     """Share of time that each process's busiest thread ran or was ready to run, 0 to 1, by process name; None if not
     monitored.
     """
+    render: float | None = None
+    """Utilisation of the render service's busier part, such as its graphics processor, 0 to 1; None if unknown."""
     load_average: float
     """Average number of running or runnable processes over the last minute."""
 
@@ -60,12 +64,19 @@ class Load(WireModel):
     """Number available to the run; for early runs, the machine's."""
     pegged: dict[str, float] | None = None
     """Share of samples with a thread above LIMIT, by process name; None if not monitored."""
+    render_busy_share: float | None = None
+    """Share of samples with a render service above LIMIT, on any machine; None if unknown."""
     services: WatchedServices | None = None
     """None for runs made on a page, and for early ones."""
 
     @property
+    def worst_share(self) -> float:
+        """Share of the samples in which processors or the render service were saturated, whichever is greater."""
+        return max(self.saturated_share, self.render_busy_share or 0.0)
+
+    @property
     def saturated(self) -> bool:
-        return self.saturated_share > TOO_OFTEN
+        return self.worst_share > TOO_OFTEN
 
     @property
     def often_pegged(self) -> dict[str, float]:
@@ -85,6 +96,7 @@ class Load(WireModel):
             return None
         watched = [sample.threads for sample in samples if sample.threads is not None]
         pegged = [name for threads in watched for name, share in threads.items() if share > LIMIT]
+        render = [sample.render for sample in samples if sample.render is not None]
         return cls(
             cpu_mean=sum(sample.cpu for sample in samples) / len(samples),
             cpu_max=max(sample.cpu for sample in samples),
@@ -92,6 +104,7 @@ class Load(WireModel):
             load_average_max=max(sample.load_average for sample in samples),
             processors=samples[-1].processors,
             pegged={name: pegged.count(name) / len(watched) for name in sorted(set(pegged))} if watched else None,
+            render_busy_share=sum(share > LIMIT for share in render) / len(render) if render else None,
             services=services,
         )
 
@@ -141,7 +154,9 @@ class Reading:
             threads=None if processes is None else threads,
         )
 
-    def sample_since(self, before: Reading, unix_ms: float, load_average: float) -> LoadSample:
+    def sample_since(
+        self, before: Reading, unix_ms: float, load_average: float, render: float | None = None
+    ) -> LoadSample:
         elapsed_s = self.at_s - before.at_s
         busy_s = self.busy_s - before.busy_s
         shares = [_share(busy_s, busy_s + self.idle_s - before.idle_s)]
@@ -163,30 +178,45 @@ class Reading:
             processors=min((self.processors, *(quota.processors for quota in self.quotas))),
             throttled=throttled,
             threads=None if self.threads is None or before.threads is None else busiest,
+            render=render,
             load_average=load_average,
         )
 
 
 @asynccontextmanager
 async def watching_load(
-    keep: int | None = None, processes: Processes | None = None
+    render: str, keep: int | None = None, processes: Processes | None = None
 ) -> AsyncIterator[deque[LoadSample]]:
-    """Sample the load every EVERY_S during the context; keeps the newest `keep` samples."""
+    """Sample the load every EVERY_S during the context; keeps the newest `keep` samples.
+
+    render: URL of the render service.
+    """
     samples: deque[LoadSample] = deque(maxlen=keep)
 
     async def watch() -> None:
-        before = await asyncio.to_thread(Reading.now, processes)
-        while True:
-            await asyncio.sleep(EVERY_S)
-            now = await asyncio.to_thread(Reading.now, processes)
-            samples.append(now.sample_since(before, time.time() * 1000, psutil.getloadavg()[0]))
-            before = now
+        async with httpx.AsyncClient(base_url=render, timeout=EVERY_S, trust_env=False) as client:
+            before = await asyncio.to_thread(Reading.now, processes)
+            while True:
+                await asyncio.sleep(EVERY_S)
+                share = await _utilisation(client)
+                now = await asyncio.to_thread(Reading.now, processes)
+                samples.append(now.sample_since(before, time.time() * 1000, psutil.getloadavg()[0], share))
+                before = now
 
     task = asyncio.create_task(watch())
     try:
         yield samples
     finally:
         task.cancel()
+
+
+async def _utilisation(client: httpx.AsyncClient) -> float | None:
+    """The render service's; None if it does not say, as in a cluster."""
+    try:
+        answer = (await client.get("/api/load")).raise_for_status()
+        return HostLoad.model_validate_json(answer.content).utilisation
+    except (httpx.HTTPError, ValueError):
+        return None
 
 
 def _share(part: float, whole: float) -> float:

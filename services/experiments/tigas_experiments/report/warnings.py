@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
+from tigas_experiments.records.load import TOO_OFTEN
 from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.groups import Comparison, comparisons
 from tigas_experiments.report.run_listing import label
@@ -68,11 +69,15 @@ def _runs(runs: Sequence[Run]) -> list[str]:
 def _busy(runs: Sequence[Run]) -> dict[str, list[Run]]:
     found: dict[str, list[Run]] = {}
     loads = {run: run.record.load for run in runs if run.record.load is not None}
-    if saturated := {run: load for run, load in loads.items() if load.saturated}:
+    if saturated := {run: load for run, load in loads.items() if load.saturated_share > TOO_OFTEN}:
         shares = _range(load.saturated_share for load in saturated.values())
         busy = _range(load.cpu_mean for load in saturated.values())
         sentence = f"the machine's processors were saturated during {shares} of the run ({busy} busy on average), which"
         found[f"{sentence} affects latencies and frame rates; marked with *."] = [*saturated]
+    busy_renders = {run: load.render_busy_share or 0.0 for run, load in loads.items()}
+    if at_limit := {run: share for run, share in busy_renders.items() if share > TOO_OFTEN}:
+        sentence = f"the render service was at its limit in {_range(at_limit.values())} of the samples, which"
+        found[f"{sentence} affects latencies and frame rates; marked with *."] = [*at_limit]
     for process in dict.fromkeys(process for load in loads.values() for process in load.often_pegged):
         pegged = {run: load.often_pegged[process] for run, load in loads.items() if process in load.often_pegged}
         sentence = f"the busiest thread of {process} was at its limit in {_range(pegged.values())} of the samples."

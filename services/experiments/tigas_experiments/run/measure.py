@@ -81,7 +81,7 @@ async def _measure(
             await asyncio.sleep(configuration.warm_up_s)
             stage("measures")
             watch = await asyncio.to_thread(watched, setup.target)
-            async with watching_load(processes=watch.processes) as load:
+            async with watching_load(url, processes=watch.processes) as load:
                 if link is not None:
                     await link.play()
                 async with watching_link(link) as seen:

@@ -200,7 +200,7 @@ def _row_of(run: Path, _written: tuple[int, ...]) -> RunRow:
         configuration=record.configuration,
         figures=summary.figures,
         samples=count_samples(run),
-        saturated_share=record.load.saturated_share if record.load is not None and record.load.saturated else None,
+        saturated_share=record.load.worst_share if record.load is not None and record.load.saturated else None,
     )
 
 

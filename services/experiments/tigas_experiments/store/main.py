@@ -38,7 +38,7 @@ async def serve(settings: StoreSettings) -> None:
     async with AsyncExitStack() as stack:
         with explained(settings.http, "--http"):  # before anything that takes time
             listener = stack.enter_context(settings.http.listen(limits.unread_s))
-        load = await stack.enter_async_context(watching_load(keep=int(REMEMBERED_S / EVERY_S)))
+        load = await stack.enter_async_context(watching_load(settings.render, keep=int(REMEMBERED_S / EVERY_S)))
         machine = await asyncio.to_thread(this_machine)
         opened = open_store(settings.results, settings.movements, settings.render, machine=machine, load=load)
         store = await stack.enter_async_context(opened)

@@ -220,8 +220,8 @@ class RunRow(WireModel):
     samples: SampleCounts | None
     """null of a run without any."""
     saturated_share: float | None = None
-    """Share of the run's time in which the machine was out of processor time, if large enough to affect latencies; null
-    otherwise, and if unknown.
+    """Share of the run's time in which processors or the render service were saturated, if large enough to affect
+    latencies; null otherwise, and if unknown.
     """
 
 
