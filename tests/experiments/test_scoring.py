@@ -64,6 +64,20 @@ def test_what_was_scored_is_not_scored_again(tmp_path: Path) -> None:
     assert counted.seen == 4
 
 
+def test_scoring_again_keeps_other_metrics_and_what_it_does_not_reach(tmp_path: Path) -> None:
+    write_triplets(tmp_path, 2)
+    Scoring(tmp_path, Counted().meters).score()
+    Scoring(tmp_path, Meters.of(["vif"], "cpu")).score()
+    before = read_scores(tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        Scoring(tmp_path, Counted(breaks_after=2).meters, again=True).score()
+    assert read_scores(tmp_path) == before
+    for path in (tmp_path / "samples").iterdir():
+        path.unlink()
+    Scoring(tmp_path, Counted().meters, again=True).score()
+    assert read_scores(tmp_path) == before, "a run without pictures"
+
+
 def test_a_metric_that_is_asked_for_later_is_added(tmp_path: Path) -> None:
     write_triplets(tmp_path, 2)
     Scoring(tmp_path, Counted().meters).score()

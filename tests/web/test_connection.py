@@ -60,7 +60,7 @@ def test_a_page_over_plain_http_works_and_names_the_secure_one(open_page: OpenPa
 
 
 def test_a_server_that_falls_silent_is_named_and_keeps_its_viewers(open_page: OpenPage, server: RenderServer) -> None:
-    page = open_page(SCENE)
+    page = open_page(SCENE, turn=True)
     wait_for_frames(page)
     page.keyboard.down("ArrowRight")
     frozen, age = page.locator("[data-stat=frozen]"), page.locator("[data-stat=content-age]")

@@ -101,6 +101,7 @@ async function main() {
   const fixed = ladder.map((_, rung) => `fixed:${rung}`);
   const names = values.controller ?? [...CONTROLLER_NAMES, ...fixed, HINDSIGHT];
   if (names.includes(HINDSIGHT)) names.push(...fixed.filter((name) => !names.includes(name)));
+  if (!names.includes(values.of)) throw new Error(`--of is one of ${names.join(", ")}, not "${values.of}".`);
   const movements = values.movement.map((path) => readMovement(readFileSync(path, "utf8"), basename(path)));
   const traces = positionals.map((path) => ({
     name: basename(path, ".csv"),
@@ -150,7 +151,7 @@ async function main() {
       });
       process.stdout.write(`| ${controller} | ${cells.join(" | ")} |\n`);
     }
-    for (const controller of names.filter((name) => name !== values.of && names.includes(values.of))) {
+    for (const controller of names.filter((name) => name !== values.of)) {
       const cells = columns.map(([, value, digits]) => {
         const [ours, theirs] = [of(values.of), of(controller)];
         const { mean, low, high } = bootstrap(

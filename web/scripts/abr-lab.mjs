@@ -74,9 +74,12 @@ function read(folder) {
   if (configuration.mode !== "stateless" || reprojection || prediction !== "off") {
     throw new Error(`${folder} is not a run in the mode stateless without reprojection and prediction.`);
   }
+  const roundTrip = network.link ? 2 * network.link.delay_ms : network.rtt_ms;
+  if (roundTrip === null) throw new Error(`${folder} has no network, or the round trips of its trace; give --rtt.`);
   return {
-    network: network.trace ?? network.link,
-    roundTrip: network.rtt_ms,
+    network: network.trace ?? JSON.stringify(network.link),
+    roundTrip,
+    constant: network.link,
     controller: typeof profile === "number" ? `fixed:${profile}` : profile,
     pixels: recording.lens.width * recording.lens.height,
     seed,

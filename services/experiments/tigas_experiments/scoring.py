@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
 
-from tigas_experiments.quality.metrics import VIDEO, Meters
+from tigas_experiments.quality.metrics import VIDEO, Meters, Name
 from tigas_experiments.quality.picture import BrokenPicture, Picture
 from tigas_experiments.quality.vmaf import vmaf_and_vif
 from tigas_experiments.records.files import BrokenRecording
@@ -36,7 +36,7 @@ class Scoring:
     def __init__(
         self, run: Path, meters: Meters, on_progress: OnProgress = lambda steps: None, *, again: bool = False
     ) -> None:
-        """`again` ignores earlier scores. Raises BrokenRecording and OSError."""
+        """`again` replaces scores of the metrics in `meters`. Raises BrokenRecording and OSError."""
         self.triplets = triplets(run)
         self.problems: dict[str, str] = {}
         """Why something has no scores, by its name."""
@@ -44,7 +44,8 @@ class Scoring:
         self._meters = meters
         self._on_progress = on_progress
         self._models = {sample.seq: _model(sample) for sample in read_samples(run)}
-        self._scores = {} if again else {score.key: score for score in read_scores(run)}
+        self._scores = _earlier(run, even_broken=again)
+        self._again = again
         self._saved = time.monotonic()
 
     @property
@@ -52,7 +53,9 @@ class Scoring:
         return len(self.triplets) * (bool(self._meters.single) + self._meters.video)
 
     def score(self) -> list[Score]:
-        """Compute and write all scores. Raises StartError and OSError."""
+        """Compute and write all scores; those of a run without pictures stay. Raises StartError and OSError."""
+        if not self.triplets:
+            return list(self._scores.values())
         try:
             for start in range(0, len(self.triplets), FRAMES):
                 batch = self.triplets[start : start + FRAMES]
@@ -78,7 +81,7 @@ class Scoring:
             pending = [
                 (meter, kinds)
                 for meter in self._meters.single
-                if (kinds := [k for k in triplet.pictures if not self._scores[triplet.seq, k].has(meter.names)])
+                if (kinds := [kind for kind in triplet.pictures if self._lacks((triplet.seq, kind), meter.names)])
             ]
             if pending:
                 truth, pictures = contents.decoded()
@@ -96,7 +99,7 @@ class Scoring:
 
     def _score_video(self, kind: Kind, batch: Sequence[Triplet]) -> None:
         """Compute VMAF and VIFp of all samples of the batch, unless all of them have scores."""
-        if all(each.name in self.problems or self._scores[each.seq, kind].has(VIDEO) for each in batch):
+        if not any(each.name not in self.problems and self._lacks((each.seq, kind), VIDEO) for each in batch):
             return
         frames = self._decoded(kind, batch)
         for _, group in groupby(frames, key=lambda frame: frame[2].shape):
@@ -121,8 +124,21 @@ class Scoring:
         if known is None or known.digest != digest or known.model != model:
             self._scores[seq, kind] = Score(seq=seq, picture=kind, digest=digest, model=model)
 
+    def _lacks(self, key: tuple[int, Kind], metrics: Sequence[Name]) -> bool:
+        return self._again or not self._scores[key].has(metrics)
+
     def _add(self, seq: int, kind: Kind, values: Values) -> None:
         self._scores[seq, kind] = self._scores[seq, kind].model_copy(update=dict(values.items()))
+
+
+def _earlier(run: Path, *, even_broken: bool) -> dict[tuple[int, Kind], Score]:
+    """Scores by sample and picture; none if they are broken. Raises BrokenRecording unless `even_broken`."""
+    try:
+        return {score.key: score for score in read_scores(run)}
+    except BrokenRecording:
+        if even_broken:
+            return {}
+        raise
 
 
 def _model(sample: Sample) -> str | None:

@@ -17,6 +17,7 @@ from tigas_experiments.records.folder import (
     ExperimentRecord,
     RunWriter,
     StoredRun,
+    experiment_of,
     read_experiment,
     read_snapshot,
     write_experiment,
@@ -32,6 +33,13 @@ from tigas_experiments.records.samples import (
 )
 from tigas_experiments.records.summary import summarise
 from tigas_experiments.wire.recording import Input, Reply, Sample, ShownFrame, Traffic
+
+
+def test_a_run_belongs_to_the_experiment_two_folders_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run, alone = write_run(tmp_path / "it" / "runs" / "a"), write_run(tmp_path / "alone")
+    assert [experiment_of(each) for each in (run, alone, tmp_path / "it")] == [tmp_path / "it", alone, tmp_path / "it"]
+    monkeypatch.chdir(run)
+    assert experiment_of(Path()) == tmp_path / "it"
 
 
 def test_what_is_written_comes_back(tmp_path: Path) -> None:

@@ -73,9 +73,8 @@ def test_threads_at_their_limit_are_named_and_saturate_no_processors() -> None:
 
 
 def test_a_render_service_at_its_limit_saturates_a_run_on_an_idle_machine() -> None:
-    found = load_of(*[sample(render=0.95)] * 2, *[sample(render=0.9)] * 6, *[sample()] * 2)
-    assert (found.render_busy_share, found.saturated_share, found.worst_share) == (0.25, 0.0, 0.25)
-    assert found.saturated
+    found = load_of(*[sample(render=0.95)] * 2, *[sample(render=0.9)] * 6, sample(), sample(1.0))
+    assert (found.render_busy_share, found.saturated_share) == (0.25, 0.3)
     assert load_of(sample()).render_busy_share is None
 
 

@@ -39,8 +39,10 @@ def written(folder: Path) -> dict[str, bytes]:
 def test_a_report_is_made_again_byte_for_byte_without_telling_how(tmp_path: Path) -> None:
     folder, archive = experiment(tmp_path / "study"), tmp_path / "elsewhere" / "runs.tar.xz"
     archive.parent.mkdir()
+    folder.joinpath("notes.md").write_text("not the report's")
     said = run_report(folder, "--archive", str(archive), "--baseline", "seen")
     assert said.exit_code == 0, said.output
+    (folder / "notes.md").unlink()
     said = run_report(archive, "--archive", str(tmp_path / "again.tar.xz"))
     assert said.exit_code == 0, said.output
     again = written(archive.parent / "study")

@@ -147,6 +147,15 @@ def test_what_never_came_leaves_one_end_open() -> None:
     assert some.interval_text(AGE) == "[40, ∞]"
 
 
+def test_what_never_came_against_better_values_is_not_certain() -> None:
+    mixed = estimate(*[-40.0, -41.0] * (LEAST_WINDOWS // 2), math.inf, math.inf)
+    assert (mixed.mean, [*certain([mixed])]) == (math.inf, [])
+    opposite = estimate(*[math.inf, -math.inf] * LEAST_WINDOWS)
+    assert [*certain([opposite])] == []
+    worse = estimate(*[40.0, 41.0] * (LEAST_WINDOWS // 2), math.inf, math.inf)
+    assert [*certain([worse])] == [worse]
+
+
 def test_differences_are_within_blocks() -> None:
     found = paired({"a": 50.0, "b": math.inf, "c": 1.0}, {"a": 20.0, "b": math.inf})
     assert found == {"a": 30, "b": 0}, "both never came: none is the slower"

@@ -20,7 +20,7 @@ from tigas_experiments.report.tables import overall_markdown
 from tigas_experiments.report.warnings import warnings
 from tigas_experiments.wire.run import Network
 
-AGE = METRICS["frame_age_mean_ms"]
+AGE, RESPONSE = METRICS["frame_age_mean_ms"], METRICS["response_time_p50_ms"]
 
 
 def run(controller: str | int, network: str, movement: str, delay_ms: float, **more: Any) -> dict[str, Any]:
@@ -133,6 +133,14 @@ def test_only_blocks_that_both_have_are_compared(tmp_path: Path) -> None:
     assert (one.labels, estimate.mean, estimate.blocks) == (["bus", "20", "L2A", "1"], 20, 1)
 
 
+def test_over_all_networks_nothing_is_said_of_a_figure_that_one_lacks(tmp_path: Path) -> None:
+    found = groups(tmp_path, run("latency", "bus", "a", 40, reply_ms=30), run("latency", "tram", "a", 40))
+    (total,) = found.overall()
+    bus, tram = (each.estimate(RESPONSE) for each in total.networks)
+    assert (known(bus).mean, tram, total.estimate(RESPONSE)) == (30, None, None)
+    assert known(total.estimate(AGE)).mean == 40
+
+
 def test_differences_over_all_networks_come_first(tmp_path: Path) -> None:
     found = groups(
         tmp_path,
@@ -150,7 +158,8 @@ def test_differences_over_all_networks_come_first(tmp_path: Path) -> None:
 
 
 def test_the_baseline_is_the_first_of_the_file_unless_another_is_chosen(tmp_path: Path) -> None:
-    found = groups(tmp_path, *(run(each, "bus", "a", 40) for each in ("latency", 2, "l2a")))
+    runs = [run(each, "bus", "a", 40) for each in ("latency", 2, "l2a")]
+    found = groups(tmp_path, *runs, run("lol+", "bus", "a", 40, reprojection=True, upscale="scene"))
 
     def chosen(plan: dict[str, object], asked: str | None = None) -> str:
         record = ExperimentRecord.model_validate({"name": "x", "created": "", "source": "page", "plan": plan})
@@ -161,8 +170,9 @@ def test_the_baseline_is_the_first_of_the_file_unless_another_is_chosen(tmp_path
     file: dict[str, object] = {"modes": ["dash-tuned", "stateless"], "controllers": ["seen", 2, "l2a"]}
     assert chosen(file) == "profile-2", "there are no runs of those before it"
     assert chosen(file, "l2a") == "l2a"
+    assert chosen(file | {"modes": ["stateless"], "controllers": ["lol+", 2]}) == "lol++scene+reprojection"
     assert chosen({"modes": "odd"}) == "latency"
-    with pytest.raises(StartError, match="no runs of the controller 'bola', only of latency, l2a, profile-2"):
+    with pytest.raises(StartError, match="no runs of the controller 'bola', only of latency, lol\\+\\+scene"):
         chosen(file, "bola")
     assert choose_baseline(Groups.of([]), None, None) is None
 

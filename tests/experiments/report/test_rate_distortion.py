@@ -55,6 +55,13 @@ def test_two_curves_are_compared_over_the_rates_that_both_have(tmp_path: Path) -
     assert difference(one) == pytest.approx(0.2), "as both rise alike from 2 to 4 Mbit/s"
 
 
+def test_enhanced_pictures_have_a_curve_of_their_own(tmp_path: Path) -> None:
+    enhanced = [{**each, "upscale": "scene", "view_ssim": each["view_ssim"] + 0.1} for each in LADDER]
+    (one,) = compared(tmp_path, *LADDER, *enhanced)
+    assert one.labels[:2] == ["Fixed rungs", "Fixed rungs + scene"]
+    assert difference(one) == pytest.approx(0.1)
+
+
 def test_rates_that_do_not_overlap_give_no_difference_and_it_is_said(tmp_path: Path) -> None:
     (one,) = compared(tmp_path, *LADDER, stream(5000, 0.9))
     assert (one.estimate(SSIM), one.rates, one.blocks, len(one.ranges)) == (None, None, 1, 0)

@@ -86,12 +86,12 @@ def test_warnings_of_one_kind_are_one_with_the_runs_that_it_is_of(tmp_path: Path
     change(first, load={"saturated_share": 1.0, "cpu_mean": 1.0})
     change(second, load={"saturated_share": 0.3, "cpu_mean": 0.8})
     assert warned(tmp_path) == [
-        f"2 of 3 runs ({RUN}; {RUN} (2)): the machine's processors were saturated during 30% to 100% of the run (80% "
-        "to 100% busy on average), which affects latencies and frame rates; marked with *.",
+        f"2 of 3 runs ({RUN}; {RUN} (2)): processors or the render service were saturated during 30% to 100% of the "
+        "run (processors 80% to 100% busy on average), which affects latencies and frame rates; marked with *.",
         "Each of the 3 runs: threads were not monitored.",
     ]
     change(first, load={"saturated_share": 0.0, "render_busy_share": 0.5})
-    assert f"{RUN}: the render service was at its limit in 50% of the samples, which affects" in warned(tmp_path)[1]
+    assert f"{RUN}: the render service was at its limit in 50% of the samples." in warned(tmp_path)[1]
     for run in (tmp_path / "runs").iterdir():
         change(run, load=None)
     assert warned(tmp_path) == ["Each of the 3 runs: the machine's load is unknown."]
@@ -100,7 +100,9 @@ def test_warnings_of_one_kind_are_one_with_the_runs_that_it_is_of(tmp_path: Path
 def test_many_runs_are_counted_and_not_named(tmp_path: Path) -> None:
     for run in repeats(tmp_path, FEW + 2)[1:]:
         change(run, load={"saturated_share": 1.0})
-    assert warned(tmp_path)[0].startswith(f"{FEW + 1} of {FEW + 2} runs: the machine's processors were saturated")
+    assert warned(tmp_path)[0].startswith(
+        f"{FEW + 1} of {FEW + 2} runs: processors or the render service were saturated"
+    )
 
 
 def test_runs_that_failed_for_one_reason_are_one_warning(tmp_path: Path) -> None:

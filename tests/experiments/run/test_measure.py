@@ -121,7 +121,7 @@ def test_the_record_has_the_load_and_says_if_services_were_elsewhere(
     start = parse_recording(json.dumps(world.recording)).started_unix_ms
 
     @asynccontextmanager
-    async def watching_load(processes: object) -> AsyncIterator[list[LoadSample]]:
+    async def watching_load(render: str, processes: object) -> AsyncIterator[list[LoadSample]]:
         shares = {-1.0: 0.0, 0.0: 0.95, 1.0: 0.5}
         yield [
             LoadSample(unix_ms=start + at, cpu=0.5, threads={"chromium": share}, load_average=1.0)

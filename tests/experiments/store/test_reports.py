@@ -70,7 +70,9 @@ async def test_it_is_made_when_runs_come_or_go_and_not_otherwise(
     (folder / "report.html").unlink()
     assert (await store.http.get("/experiments/one/report")).text == "2 runs"
     assert (await store.http.get("/experiments/one/report")).text == "2 runs"
-    assert made == [1, 2, 1, 2]
+    (folder / "ladder.jpg").write_bytes(b"a picture of the ladder")
+    assert (await store.http.get("/experiments/one/report")).text == "2 runs"
+    assert made == [1, 2, 1, 2, 2]
 
 
 async def test_it_holds_the_folder_as_it_is(store: Running) -> None:

@@ -46,6 +46,11 @@ test("the link has the run's rates and round trip, from the run's beginning", ()
   expect(duration).toBe(4000);
 });
 
+test("a link that does not change has its own way up, jitter and losses", () => {
+  const [step] = conditions({ ...RUN, constant: { up_kbps: 500, jitter_ms: 3, loss_pct: 1 } }).trace.steps;
+  expect(step).toMatchObject({ up_kbps: 500, jitter_ms: 3, loss_pct: 1, delay_ms: 20, down_kbps: 8000 });
+});
+
 test("a run is played with rungs that fit its viewport", async () => {
   const { inTime, bandwidth, responseP50 } = await simulate({
     controller: offered(controllerFactory("fixed:0"), RUN),

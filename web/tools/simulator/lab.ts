@@ -7,7 +7,7 @@ import type { TimedPose } from "#viewer/movement/movement";
 import { ANIMATION_FRAME, type Endpoints, PaperEndpoints } from "./endpoints";
 import { Head } from "./head";
 import type { Figures } from "./tally";
-import type { NetworkTrace } from "./trace";
+import type { LinkState, NetworkTrace } from "./trace";
 
 /** A received frame of the lab. */
 export interface LabFrame {
@@ -23,6 +23,8 @@ export interface LabRun {
   readonly network: string;
   /** Milliseconds, there and back. */
   readonly roundTrip: number;
+  /** The settings of a link that does not change. */
+  readonly constant?: Pick<LinkState, "up_kbps" | "jitter_ms" | "loss_pct"> | null;
   readonly controller: string;
   /** Of the viewport. */
   readonly pixels: number;
@@ -98,8 +100,12 @@ function scaled(measured: readonly (readonly LabFrame[])[], rung: number, ladder
 }
 
 /** The run's link as a trace, and the movement of its camera. */
-export function conditions({ link, roundTrip, points, duration }: LabRun): { trace: NetworkTrace; head: Head } {
-  const state = { up_kbps: 10_000, delay_ms: roundTrip / 2, jitter_ms: 0, loss_pct: 0 };
+export function conditions({ link, roundTrip, constant, points, duration }: LabRun): {
+  trace: NetworkTrace;
+  head: Head;
+} {
+  const { up_kbps, jitter_ms, loss_pct } = constant ?? { up_kbps: 10_000, jitter_ms: 0, loss_pct: 0 };
+  const state = { up_kbps, delay_ms: roundTrip / 2, jitter_ms, loss_pct };
   const changes = link.filter(
     ({ at, target_kbps }, i) => i === 0 || (at > 0 && target_kbps !== link[i - 1]?.target_kbps),
   );

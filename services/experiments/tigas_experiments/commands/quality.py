@@ -202,11 +202,11 @@ def _doubts(run: Path, scoring: Scoring) -> Iterator[str]:
 
 def _runs(folder: Path) -> tuple[list[Path], Path]:
     """Folders with samples, and the folder to lock. Raises StartError."""
+    from tigas_experiments.records.folder import experiment_of
     from tigas_experiments.report.run_table import run_folders
 
     if (folder / "samples").is_dir() or (folder / "run.json").exists():
-        whole = folder.resolve()
-        return [folder], whole.parents[1] if whole.parent.name == "runs" else whole
+        return [folder], experiment_of(folder)
     return run_folders(folder), folder
 
 

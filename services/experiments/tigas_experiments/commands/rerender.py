@@ -73,14 +73,14 @@ def render_url(folder: Path, given: str | None) -> Iterator[str]:
     """The URL of the given render service, or of a service that runs during the context. Raises StartError."""
     from tigas_common.render_requests import render_service
     from tigas_experiments.records.files import BrokenRecording
-    from tigas_experiments.records.folder import read_experiment
+    from tigas_experiments.records.folder import experiment_of, read_experiment
 
     if given is not None:
         yield given
         return
     try:
-        ladder = read_experiment(folder).plan.get("ladder")
-    except BrokenRecording:  # a run's folder
+        ladder = read_experiment(experiment_of(folder)).plan.get("ladder")
+    except BrokenRecording:  # a run that stands alone
         ladder = None
     with render_service(ladder="paper" if ladder == "paper" else "scene") as url:
         yield url

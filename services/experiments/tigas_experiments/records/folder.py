@@ -68,6 +68,12 @@ def write_experiment(folder: Path, record: ExperimentRecord) -> None:
     write_record(folder / "experiment.json", record)
 
 
+def experiment_of(folder: Path) -> Path:
+    """The experiment that a run's folder belongs to; any other folder itself."""
+    whole = folder.resolve()
+    return whole.parents[1] if whole.parent.name == "runs" and (whole / "run.json").exists() else whole
+
+
 def read_experiment(folder: Path) -> ExperimentRecord:
     """Raises BrokenRecording."""
     return read_record(folder / "experiment.json", ExperimentRecord)
@@ -126,6 +132,8 @@ FILES: Mapping[type[BaseModel], str] = {
     Capture: "captures",
 }
 """Names of the NDJSON files by their entries."""
+LADDER = "ladder.jpg"
+"""One view of the experiment at each rung, made by `tigas quality ladder`."""
 OPTIONAL = (Reply, Request)
 """Without a file in a run that recorded none."""
 

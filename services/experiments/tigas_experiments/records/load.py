@@ -53,12 +53,18 @@ class LoadSample(WireModel):
     load_average: float
     """Average number of running or runnable processes over the last minute."""
 
+    @property
+    def saturated(self) -> bool:
+        return self.cpu > LIMIT or self.throttled or (self.render or 0.0) > LIMIT
+
 
 class Load(WireModel):
     cpu_mean: float
     cpu_max: float
     saturated_share: float
-    """Share of the samples in which processors were above LIMIT (95 % in early runs), or a control group waited."""
+    """Share of the samples in which processors (95 % in early runs) or the render service were above LIMIT, or a
+    control group waited.
+    """
     load_average_max: float
     processors: float | None
     """Number available to the run; for early runs, the machine's."""
@@ -70,13 +76,8 @@ class Load(WireModel):
     """None for runs made on a page, and for early ones."""
 
     @property
-    def worst_share(self) -> float:
-        """Share of the samples in which processors or the render service were saturated, whichever is greater."""
-        return max(self.saturated_share, self.render_busy_share or 0.0)
-
-    @property
     def saturated(self) -> bool:
-        return self.worst_share > TOO_OFTEN
+        return self.saturated_share > TOO_OFTEN
 
     @property
     def often_pegged(self) -> dict[str, float]:
@@ -100,7 +101,7 @@ class Load(WireModel):
         return cls(
             cpu_mean=sum(sample.cpu for sample in samples) / len(samples),
             cpu_max=max(sample.cpu for sample in samples),
-            saturated_share=sum(sample.cpu > LIMIT or sample.throttled for sample in samples) / len(samples),
+            saturated_share=sum(sample.saturated for sample in samples) / len(samples),
             load_average_max=max(sample.load_average for sample in samples),
             processors=samples[-1].processors,
             pegged={name: pegged.count(name) / len(watched) for name in sorted(set(pegged))} if watched else None,

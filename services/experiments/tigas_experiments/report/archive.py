@@ -16,14 +16,19 @@ from pydantic import Field, ValidationError
 from tigas_common.errors import StartError
 from tigas_common.parsing import legible
 from tigas_common.wire.model import WireModel
-from tigas_experiments.report.run_table import LADDER, RUNS, run_folders
+from tigas_experiments.records.folder import LADDER
+from tigas_experiments.report.figures import FIGURE_FILES
+from tigas_experiments.report.run_table import RUNS, run_folders
 
 MOST_TIMES = 1000
 """Maximum expansion: records expand ten to twenty times, zeros up to seven thousand times."""
 OPTIONS = "options.json"
 DIGESTS = "SHA256SUMS"
 """Digests of the tables and figures that the runs give."""
-TABLES_AND_FIGURES = ("*.csv", "*.md", "*.svg")
+TABLE_FILES = (
+    *(f"{name}.csv" for name in ("runs", "groups", "picture_scores", "differences", "equal_rates", "ladder")),
+    *(f"{name}.md" for name in ("table", "overall", "best")),
+)
 PICTURES = ("captures", "samples")
 """Folders of pictures in a run's; their quality is in its records."""
 
@@ -57,7 +62,7 @@ def experiments(folder: Path) -> list[Path]:
 def digests(folder: Path) -> dict[str, str]:
     """SHA-256 of the tables and figures of a folder and the experiments in it, by path."""
     folders = {folder, *experiments(folder)}
-    found = sorted(path for each in folders for kind in TABLES_AND_FIGURES for path in each.glob(kind))
+    found = sorted(path for each in folders for kind in (*TABLE_FILES, *FIGURE_FILES) for path in each.glob(kind))
     return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in found}
 
 

@@ -107,25 +107,30 @@ class Controller:
 
     @property
     def title(self) -> str:
-        mode = self._mode.replace(",", "")  # without commas, for lists
+        mode = self.mode_title
         profile = f"Profile {self.profile}" if isinstance(self.profile, int) else self.profile
         name = self._joined(
             " ", None if self.mode == "stateless" else mode, CONTROLLER_TITLES.get(str(profile), profile)
         )
-        return " + ".join((name, *self._stages))
+        return " + ".join((name, *self.stages))
 
     @property
     def title_with_mode(self) -> str:
         """Display name for comparisons of modes."""
         profile = f"rung {self.profile}" if isinstance(self.profile, int) else self.profile
-        return " + ".join((self._joined(", ", self._mode, profile), *self._stages))
+        return " + ".join((self._joined(", ", self._mode, profile), *self.stages))
+
+    @property
+    def mode_title(self) -> str:
+        """The mode, and the transport of a stream over HTTP/3, without commas, for lists."""
+        return self._mode.replace(",", "")
 
     @property
     def _mode(self) -> str:
         return MODE_NAMES[self.mode] + (f", {DASH_TRANSPORTS['h3']}" if self.over_h3 else "")
 
     @property
-    def _stages(self) -> list[str]:
+    def stages(self) -> list[str]:
         """Display names of the changes made to frames."""
         return [*([self.enhancement] if self.enhancement else []), *(word.replace("-", " ") for word in self.motion)]
 

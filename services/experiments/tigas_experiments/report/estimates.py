@@ -121,7 +121,7 @@ def _interval(blocks: tuple[tuple[Block, float], ...], step: float) -> tuple[tup
     values = [value for _, value in blocks]
     finite = [value for value in values if math.isfinite(value)]
     if not finite:
-        return (min(values), max(values)), 0.0
+        return (min(values), max(values)), float(min(values) != max(values))
     clipped = np.clip(values, min(finite), max(finite))
     mean = float(clipped.mean())
     if np.ptp(clipped) == 0:
@@ -132,7 +132,8 @@ def _interval(blocks: tuple[tuple[Block, float], ...], step: float) -> tuple[tup
         half = float(student.ppf((1 + CONFIDENCE) / 2, freedom)) * error
         p = float(2 * student.sf(abs(mean) / error, freedom)) if error > 0 else float(mean == 0)
     low = min(mean - half, min(values)) if -math.inf in values else mean - half
-    return (low, math.inf if math.inf in values else mean + half), p
+    high = math.inf if math.inf in values else mean + half
+    return (low, high), p if len(finite) == len(values) or not low <= 0 <= high else 1.0
 
 
 def _standard_error(

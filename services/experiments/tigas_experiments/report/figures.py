@@ -231,6 +231,8 @@ OVERVIEW_FIGURES: dict[str, Callable[[Groups], Plot | None]] = {
     "rate-distortion": quality_over_all,
 }
 """Figures over all networks by file name."""
+FIGURE_FILES = ("headline.svg", "[0-9][0-9]-*_*.svg", *(f"{name}.svg" for name in OVERVIEW_FIGURES))
+"""Patterns of the files with a report's figures."""
 NETWORK_FIGURES: tuple[Callable[[Groups, str], Plot | None], ...] = (
     over_rtt,
     latencies,

@@ -79,7 +79,8 @@ def snapshots(runs: Sequence[tuple[str, Run]]) -> list[Snapshot]:
 def gallery(runs: Sequence[Run]) -> list[GallerySample]:
     """Samples of complete runs, without samples that are broken or lack ground truth."""
     rendered = [run for run in runs if run.sampled.samples and run.sampled.known]
-    chosen = rendered[:: -(-len(rendered) // MOST) or 1]  # spread over all runs
+    most = min(MOST, len(rendered))
+    chosen = [rendered[number * len(rendered) // most] for number in range(most)]  # spread over all runs
     in_turns = chain.from_iterable(zip_longest(*(islice(_of_run(run), MOST_PER_RUN) for run in chosen)))
     return list(islice((one for one in in_turns if one is not None), MOST))
 

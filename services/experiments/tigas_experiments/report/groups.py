@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -47,10 +47,12 @@ class Group:
     def estimate(self, metric: Metric) -> Estimate | None:
         """Mean over blocks with its interval, and range over runs; None if no run has the metric.
 
-        Over all networks: mean and range of the networks' means, which are weighted equally.
+        Over all networks: mean and range of the networks' means, which are weighted equally; None if one has no value.
         """
         if self.networks:
-            return Estimate.of_means([found.mean for each in self.networks if (found := each.estimate(metric))])
+            found = [each.estimate(metric) for each in self.networks]
+            known = [each.mean for each in found if each is not None]
+            return Estimate.of_means(known) if len(known) == len(found) else None
         values = [value for run in self.runs if (value := run.values[metric.name]) is not None]
         return Estimate.over(self.blocks(metric), runs=values)
 
@@ -232,8 +234,13 @@ def choose_baseline(groups: Groups, experiment: ExperimentRecord | None, asked: 
     present = {controller.name: controller for controller in groups.looks}
     if asked is not None and asked not in present:
         raise StartError(f"There are no runs of the controller {asked!r}, only of {', '.join(present) or 'none'}.")
-    names = [*_planned(experiment), *present] if asked is None else [asked]
-    return next((present[name] for name in names if name in present), None)
+    if asked is not None:
+        return present[asked]
+    for name in _planned(experiment):
+        variants = [each for each in groups.looks if replace(each.plain, over_h3=False).name == name]
+        if variants:
+            return present.get(name, variants[0])
+    return next(iter(groups.looks), None)
 
 
 def _planned(experiment: ExperimentRecord | None) -> list[str]:

@@ -16,9 +16,9 @@ from tigas_common.render_requests import RenderClient
 from tigas_common.wire.render import RenderRequest, Rung
 from tigas_experiments.quality.picture import Picture, Quality, compare, decode, upscaled
 from tigas_experiments.records.files import BrokenRecording
-from tigas_experiments.records.folder import StoredRun
+from tigas_experiments.records.folder import LADDER, StoredRun
 from tigas_experiments.report.plot import style
-from tigas_experiments.report.run_table import LADDER, run_folders
+from tigas_experiments.report.run_table import run_folders
 from tigas_experiments.wire.recording import Input, Lens
 
 PICTURE_IN = 3.2

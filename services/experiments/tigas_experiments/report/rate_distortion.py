@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from tigas_experiments.report.estimates import Estimate
 from tigas_experiments.report.groups import ALL, Group, Groups
 from tigas_experiments.report.metrics import METRICS, Metric, chosen
 from tigas_experiments.report.run_table import Block
-from tigas_experiments.wire.run import MODE_NAMES
 
 RECEIVED = METRICS["received_mbit_s"]
 QUALITIES = chosen("seen_ssim", "seen_psnr_db", "picture_ssim", "picture_psnr_db")
@@ -39,8 +38,8 @@ class Series:
         first = next(iter(self.samples))
         if not self.is_curve:
             return first.title
-        name = "Fixed rungs" if first.mode == "stateless" else f"{MODE_NAMES[first.mode].replace(',', '')}, fixed"
-        return " + ".join((name, *(word.replace("-", " ") for word in first.motion)))
+        name = "Fixed rungs" if first.mode == "stateless" else f"{first.mode_title}, fixed"
+        return " + ".join((name, *first.stages))
 
     def values(self, controller: Controller, metric: Metric, having: Metric | None = None) -> dict[Block, float]:
         """Values of the blocks of a controller that have the metric, and another one."""
@@ -131,7 +130,7 @@ class RateDistortion:
                         own.setdefault(block, {RECEIVED: rates[block]})[metric] = value
         series: dict[object, dict[Controller, dict[Block, Sample]]] = {}
         for each in in_order(controller for controller, own in samples.items() if own):
-            key = (each.mode, each.motion) if each.fixed else each
+            key = (replace(each, profile=None, representation=None),) if each.fixed else each
             series.setdefault(key, {})[each] = samples[each]
         found = sorted(map(Series, series.values()), key=lambda one: not one.is_curve)
         return cls(network, rtt_ms, found) if found else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,17 +12,18 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from tigas_common.files import read_regular
+from tigas_experiments.records.folder import LADDER
 from tigas_experiments.records.samples import MAX_PICTURE_BYTES
 from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.estimates import LEAST_PEOPLE, LEAST_WINDOWS, certain, signed
-from tigas_experiments.report.figures import MOST_NETWORKS, OVERVIEW_FIGURES, figures
+from tigas_experiments.report.figures import FIGURE_FILES, MOST_NETWORKS, figures
 from tigas_experiments.report.gallery import Snapshot, gallery, snapshots
 from tigas_experiments.report.groups import Groups, choose_baseline
 from tigas_experiments.report.metrics import TABLE
 from tigas_experiments.report.plot import Plot
 from tigas_experiments.report.rate_distortion import QUALITIES, by_condition, over_all
 from tigas_experiments.report.run_listing import COLUMN_GROUPS, by_network, markdown, titles
-from tigas_experiments.report.run_table import LADDER, OnProgress, Results, Run, load
+from tigas_experiments.report.run_table import OnProgress, Results, Run, load
 from tigas_experiments.report.tables import BEST, best, best_markdown, overall_markdown, write_csv
 from tigas_experiments.report.time_figures import write_headline
 from tigas_experiments.report.warnings import warnings
@@ -75,6 +77,7 @@ def write_report(
     (out / "table.md").write_text(markdown(results.made), encoding="utf-8")
     (out / "overall.md").write_text(overall_markdown(totals), encoding="utf-8")
     rows = best(groups, results.title)
+    (out / BEST_FILE).unlink(missing_ok=True)
     if rows:
         (out / BEST_FILE).write_text(best_markdown(rows), encoding="utf-8")
     report = Report(results, None if base is None else base.name, warnings(results), out / "report.html", rows)
@@ -118,9 +121,8 @@ def write_report(
 
 def _write_figures(groups: Groups, out: Path, on_progress: OnProgress) -> Plots:
     """Write all figures by network, and remove figures of earlier reports."""
-    earlier = [*(f"{name}.svg" for name in OVERVIEW_FIGURES), "headline.svg", "headline.png"]
-    for old in (*out.glob("[0-9][0-9]-*_*.svg"), *(out / name for name in earlier)):
-        old.unlink(missing_ok=True)
+    for old in chain.from_iterable(out.glob(pattern) for pattern in (*FIGURE_FILES, "headline.png")):
+        old.unlink()
     plots: Plots = {network: [] for network in (None, *groups.networks[:MOST_NETWORKS])}
     for count, (network, plot) in enumerate(figures(groups), 1):
         (out / f"{plot.name}.svg").write_text(plot.svg, encoding="utf-8")

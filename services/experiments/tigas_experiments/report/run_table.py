@@ -27,8 +27,6 @@ from tigas_experiments.report.metrics import Value, values_of
 from tigas_experiments.wire.run import Configuration
 
 RUNS = "runs"
-LADDER = "ladder.jpg"
-"""One view of the experiment at each rung, made by `tigas quality ladder`."""
 Floats = NDArray[np.float64]
 Row = dict[str, Any]
 OnProgress = Callable[[str, int, int | None], None]

@@ -69,15 +69,14 @@ def _runs(runs: Sequence[Run]) -> list[str]:
 def _busy(runs: Sequence[Run]) -> dict[str, list[Run]]:
     found: dict[str, list[Run]] = {}
     loads = {run: run.record.load for run in runs if run.record.load is not None}
-    if saturated := {run: load for run, load in loads.items() if load.saturated_share > TOO_OFTEN}:
+    if saturated := {run: load for run, load in loads.items() if load.saturated}:
         shares = _range(load.saturated_share for load in saturated.values())
         busy = _range(load.cpu_mean for load in saturated.values())
-        sentence = f"the machine's processors were saturated during {shares} of the run ({busy} busy on average), which"
-        found[f"{sentence} affects latencies and frame rates; marked with *."] = [*saturated]
+        sentence = f"processors or the render service were saturated during {shares} of the run (processors {busy} busy"
+        found[f"{sentence} on average), which affects latencies and frame rates; marked with *."] = [*saturated]
     busy_renders = {run: load.render_busy_share or 0.0 for run, load in loads.items()}
     if at_limit := {run: share for run, share in busy_renders.items() if share > TOO_OFTEN}:
-        sentence = f"the render service was at its limit in {_range(at_limit.values())} of the samples, which"
-        found[f"{sentence} affects latencies and frame rates; marked with *."] = [*at_limit]
+        found[f"the render service was at its limit in {_range(at_limit.values())} of the samples."] = [*at_limit]
     for process in dict.fromkeys(process for load in loads.values() for process in load.often_pegged):
         pegged = {run: load.often_pegged[process] for run, load in loads.items() if process in load.often_pegged}
         sentence = f"the busiest thread of {process} was at its limit in {_range(pegged.values())} of the samples."

@@ -20,7 +20,7 @@ from tigas_common.wire.render import RenderRequest
 from tigas_experiments.lock import EXPERIMENT, exclusive
 from tigas_experiments.quality.picture import BrokenPicture, compare, decode, opened
 from tigas_experiments.records.files import BrokenRecording
-from tigas_experiments.records.folder import RunRecord, StoredRun
+from tigas_experiments.records.folder import RunRecord, StoredRun, experiment_of
 from tigas_experiments.records.samples import (
     JPEG,
     MAX_PICTURE_BYTES,
@@ -144,7 +144,7 @@ def _is_run(path: Path) -> bool:
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
     """Lock an experiment against other writers during the context. Raises StartError and OSError."""
-    experiment = folder.parent.parent if folder.parent.name == "runs" else folder
+    experiment = experiment_of(folder)
     busy = f"Another command is using {experiment}; try again later."
     with exclusive(experiment / EXPERIMENT, busy):
         yield

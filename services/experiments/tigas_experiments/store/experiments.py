@@ -161,17 +161,19 @@ def version(run: Path) -> tuple[int, ...] | None:
 
     None if it says nothing of itself.
     """
-    found: tuple[int, ...] = ()
-    for name in ("run.json", SAMPLES, RERENDERED, SCORES):
-        try:
-            told = (run / name).lstat()
-        except OSError:
-            if not found:
-                return None
-            found += (0,)
-        else:
-            found += (told.st_mtime_ns, told.st_size, told.st_ino)
-    return found
+    record = written(run / "run.json")
+    if record is None:
+        return None
+    return sum((written(run / name) or (0,) for name in (SAMPLES, RERENDERED, SCORES)), record)
+
+
+def written(path: Path) -> tuple[int, ...] | None:
+    """Differs whenever the file was written again; None if there is none."""
+    try:
+        told = path.lstat()
+    except OSError:
+        return None
+    return told.st_mtime_ns, told.st_size, told.st_ino
 
 
 def _read(reader: Callable[[Path, tuple[int, ...]], T], folder: Path) -> Iterator[T]:
@@ -200,7 +202,7 @@ def _row_of(run: Path, _written: tuple[int, ...]) -> RunRow:
         configuration=record.configuration,
         figures=summary.figures,
         samples=count_samples(run),
-        saturated_share=record.load.worst_share if record.load is not None and record.load.saturated else None,
+        saturated_share=record.load.saturated_share if record.load is not None and record.load.saturated else None,
     )
 
 

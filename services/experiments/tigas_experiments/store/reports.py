@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZIP_STORED
@@ -14,8 +14,9 @@ from zipstream import ZipStream
 from tigas_common.errors import StartError
 from tigas_common.files import read_regular
 from tigas_common.offload import Offload
+from tigas_experiments.records.folder import LADDER
 from tigas_experiments.store.errors import NothingToReport, UnknownExperiment, storage_explained
-from tigas_experiments.store.experiments import Experiments, made_runs, version
+from tigas_experiments.store.experiments import Experiments, made_runs, version, written
 from tigas_experiments.store.metrics import MonitoredLock
 from tigas_experiments.store.workspace import Workspace
 
@@ -38,7 +39,7 @@ class Reports:
         self._offload = offload
         self.lock = MonitoredLock()
         self._made: dict[str, Versions] = {}
-        """Versions of the runs in each cached report."""
+        """Versions of the runs and of the ladder in each cached report."""
 
     async def html(self, experiment: str) -> bytes:
         """The report, which is also written into the experiment's folder. May take seconds.
@@ -50,7 +51,7 @@ class Reports:
             runs = await asyncio.to_thread(made_runs, folder)
             if not runs:
                 raise NothingToReport("The experiment has no runs yet.")
-            versions = await asyncio.to_thread(lambda: tuple((run.name, version(run)) for run in runs))
+            versions = await asyncio.to_thread(_versions, folder, runs)
             with storage_explained(), _still_there(experiment):
                 if self._made.get(experiment) != versions or not (folder / REPORT).is_file():
                     with self._workspace.folder() as made:
@@ -58,6 +59,10 @@ class Reports:
                         await asyncio.to_thread(_move, made, folder)
                     self._made[experiment] = versions
                 return await asyncio.to_thread(read_regular, folder / REPORT, MAX_REPORT_BYTES)
+
+
+def _versions(folder: Path, runs: Sequence[Path]) -> Versions:
+    return (*((run.name, version(run)) for run in runs), (LADDER, written(folder / LADDER)))
 
 
 @contextmanager

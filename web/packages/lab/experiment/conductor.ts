@@ -36,6 +36,8 @@ export interface ConductorDependencies {
 
 /** Interval of asking again, in milliseconds: while other pages perform the other runs, and while the store is away. */
 const ASK_EVERY = 2000;
+/** Characters of a problem that the store takes. */
+const LONGEST_PROBLEM = 1000;
 
 export class Conductor {
   readonly progress = signal<Progress>({ planned: 0, missing: 0, remaining_s: 0, title: null, stage: "Begins" });
@@ -111,7 +113,7 @@ export class Conductor {
       performed = await this.#dependencies.perform(job, stage, signal);
     } catch (error) {
       if (signal.aborted) throw error;
-      performed = { upload: { problem: sentence(error) }, captures: [], samples: null };
+      performed = { upload: { problem: sentence(error).slice(0, LONGEST_PROBLEM) }, captures: [], samples: null };
     }
     stage("Storing the run");
     const problem = await this.#kept(job, performed);
@@ -135,7 +137,7 @@ export class Conductor {
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       const problem = `The store refused the run. ${error.message}`;
-      if (upload.recording) await add({ problem: problem.slice(0, 1000) }).catch(ignoreRefusal);
+      if (upload.recording) await add({ problem: problem.slice(0, LONGEST_PROBLEM) }).catch(ignoreRefusal);
       return problem;
     }
   }
