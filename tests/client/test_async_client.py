@@ -70,6 +70,20 @@ async def test_where_http3_ends_the_visit_goes_on(served: Served, monkeypatch: p
         assert (await client.frame(AHEAD, **WALL)).protocol == "HTTP/1.1"
 
 
+async def test_a_connection_that_has_ended_is_replaced_and_its_socket_closed(served: Served) -> None:
+    async with tigas.AsyncClient(served.url) as client:
+        await client.frame(AHEAD, **WALL)
+        hosts = client._http3
+        assert hosts is not None
+        [(first, _)] = hosts._connections.values()
+        first.close()  # as after a pause of half a minute
+        assert (await client.frame(AHEAD, **WALL)).protocol == "HTTP/3"
+        [(second, _)] = hosts._connections.values()
+        assert second is not first
+        assert first._transport is not None
+        assert first._transport.is_closing()
+
+
 async def test_a_host_without_room_for_more_is_asked_over_http1_where_another_may_have(served: Served) -> None:
     async def full(request: Request) -> Response:
         return problem_response(problem(Overloaded("Full.")))

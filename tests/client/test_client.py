@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import socket
 import threading
 
 import pytest
@@ -38,3 +39,14 @@ async def test_a_client_that_is_let_go_leaves_no_thread(served: Served) -> None:
 
     await asyncio.to_thread(program)
     assert "tigas client" not in {thread.name for thread in threading.enumerate()}
+
+
+async def test_closing_ends_the_requests_of_other_threads() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        client = tigas.Client(f"http://127.0.0.1:{silent.getsockname()[1]}")
+        asking = asyncio.create_task(asyncio.to_thread(client.scenes))
+        accepted, _ = await asyncio.to_thread(silent.accept)
+        with accepted:
+            await asyncio.to_thread(client.close)
+            with pytest.raises(tigas.ClientError, match="The client was closed"):
+                await asking

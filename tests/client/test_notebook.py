@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -65,11 +66,12 @@ async def test_cells_share_a_service_that_shows_files_and_ends_with_them(tmp_pat
     for name in ("one", "two"):
         write_wall(tmp_path / name)
     files = [str(tmp_path / name / "wall/wall.ply") for name in ("one", "two", "one")]
+    files.append(shutil.copy(files[0], tmp_path / "(Bob's) wall.ply"))
     argv = [sys.executable, "-c", PROGRAM, *files, str(tmp_path / "two/wall"), "courtyard"]
     done = await asyncio.to_thread(subprocess.run, argv, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     servers, scenes = zip(*json.loads(done.stdout), strict=True)
-    assert scenes == ("wall", "wall-2", "wall", "wall-3", "courtyard")
+    assert scenes == ("wall", "wall-2", "wall", "Bob-s) wall", "wall-3", "courtyard")
     (server,) = set(servers)
 
     def has_ended() -> bool:

@@ -6,12 +6,14 @@ import asyncio
 import threading
 import weakref
 from collections.abc import Coroutine, Iterable, Iterator
+from concurrent.futures import CancelledError
 from types import TracebackType
 from typing import Any, Self, TypeVar, Unpack
 
 from PIL import Image
 
 from tigas.async_client import AsyncClient
+from tigas.errors import ClientError
 from tigas.frame import Frame, View
 from tigas_common.pose import Pose
 from tigas_common.wire.render import SceneInfo, ServerConfig
@@ -71,7 +73,7 @@ class Client:
             while (picture := self._run(_next(pictures))) is not None:
                 yield picture
         finally:
-            self._run(pictures.aclose())
+            self._run(_closed(pictures))
 
     def frame(self, pose: Pose, **view: Unpack[View]) -> Frame:
         """Render an encoded frame with the server's times. Raises ValueError if the view is invalid."""
@@ -81,6 +83,8 @@ class Client:
         answer = asyncio.run_coroutine_threadsafe(asked, self._loop)
         try:
             return answer.result()
+        except CancelledError:
+            raise ClientError("The client was closed.") from None
         except BaseException:  # Ctrl+C
             answer.cancel()
             raise
@@ -91,9 +95,25 @@ async def _next(pictures: Any) -> Image.Image | None:
     return picture
 
 
+async def _closed(pictures: Any) -> None:
+    """Close a generator, once it has ended the step that Ctrl+C has cancelled."""
+    while pictures.ag_running:  # noqa: ASYNC110 - nothing announces it
+        await asyncio.sleep(0.001)
+    await pictures.aclose()
+
+
+async def _end(client: AsyncClient) -> None:
+    """Cancel the requests of other threads, and close the client."""
+    running = asyncio.all_tasks() - {asyncio.current_task()}
+    for task in running:
+        task.cancel()
+    await asyncio.gather(*running, return_exceptions=True)
+    await client.aclose()
+
+
 def _close(client: AsyncClient, loop: asyncio.AbstractEventLoop, thread: threading.Thread) -> None:
     try:
-        asyncio.run_coroutine_threadsafe(client.aclose(), loop).result(CLOSE_S)
+        asyncio.run_coroutine_threadsafe(_end(client), loop).result(CLOSE_S)
     finally:
         loop.call_soon_threadsafe(loop.stop)
         thread.join()

@@ -102,6 +102,12 @@ class Http3Connection(QuicConnectionProtocol):
                 self.http_event_received(each)
         self._news.set()
 
+    def close(self, *args: Any, **options: Any) -> None:
+        """Close the connection, and end the wait for its responses."""
+        super().close(*args, **options)
+        self.is_closed = True
+        self._news.set()
+
     def http_event_received(self, event: H3Event) -> None:
         """Collect headers and data."""
         if isinstance(event, HeadersReceived):

@@ -38,13 +38,14 @@ class Http3Hosts:
     def __init__(self, http: httpx.AsyncClient) -> None:
         self._http = http
         self._hosts: dict[str, _Host] = {}
-        self._connections: dict[tuple[str, str], Http3Connection] = {}
+        self._connections: dict[tuple[str, str], tuple[Http3Connection, AsyncExitStack]] = {}
+        """By authority and certificate, with what closes them."""
         self._connecting = asyncio.Lock()
-        self._resources = AsyncExitStack()
 
     async def aclose(self) -> None:
         """Close them all."""
-        await self._resources.aclose()
+        for _, resources in self._connections.values():
+            await resources.aclose()
 
     async def post(self, scene: str, path: str, body: str, timeout_s: float) -> httpx.Response | None:
         """The response of the scene's host over HTTP/3, or None if the request should be made over HTTP/1.1."""
@@ -78,14 +79,20 @@ class Http3Hosts:
         if config.webtransport_url is None or config.certificate_sha256 is None:
             return _nowhere()
         key = (urlsplit(config.webtransport_url).netloc, config.certificate_sha256)
-        connection = self._connections.get(key)
-        if connection is None or connection.is_closed:
-            try:
-                connection = await self._resources.enter_async_context(connected(*key))
-            except Http3Failed:
-                return _nowhere()
-            self._connections[key] = connection
-        return _Host(key[0], connection, 0)
+        try:
+            return _Host(key[0], await self._connection(key), 0)
+        except Http3Failed:
+            return _nowhere()
+
+    async def _connection(self, key: tuple[str, str]) -> Http3Connection:
+        """An open connection; ended ones are dropped. Raises Http3Failed."""
+        for ended in [other for other, (connection, _) in self._connections.items() if connection.is_closed]:
+            _, resources = self._connections.pop(ended)
+            await resources.aclose()
+        if key not in self._connections:
+            async with AsyncExitStack() as stack:
+                self._connections[key] = await stack.enter_async_context(connected(*key)), stack.pop_all()
+        return self._connections[key][0]
 
 
 def _nowhere() -> _Host:

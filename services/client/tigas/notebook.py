@@ -9,6 +9,7 @@ import subprocess
 import threading
 from collections import deque
 from concurrent.futures import Future
+from contextlib import ExitStack
 from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 ANNOUNCED = re.compile(rb"Open (http://\S+)/")
 START_S = 120
 """Seconds; the first start on a machine compiles the rasteriser."""
+LONGEST_NAME = 100
+"""Characters of a scene's name that come from its file; a number may follow."""
 _starting = threading.Lock()
 _services: list[OwnService] = []
 
@@ -87,9 +90,15 @@ class OwnService:
         self._scenes = TemporaryDirectory(prefix="tigas-scenes-")
         self._ids: dict[Path, str] = {}
         self._url = Future[str]()
+        self._process: subprocess.Popen[bytes] | None = None
         self._thread = threading.Thread(target=self._run, name="tigas render", daemon=True)
         self._thread.start()
-        self.url = self._url.result(START_S)
+        try:
+            self.url = self._url.result(START_S)
+        except TimeoutError:
+            if self._process is not None:
+                self._process.terminate()
+            raise StartError(f"The render service did not start within {START_S:.0f} s.") from None
 
     @property
     def runs(self) -> bool:
@@ -110,7 +119,8 @@ class OwnService:
     def _id(self, path: Path) -> str:
         """The id of a file or folder, which the models directory gets a link to."""
         if path not in self._ids:
-            name = path.name if path.is_dir() else path.stem
+            name = re.sub(r"[^\w .()+-]", "-", path.name if path.is_dir() else path.stem)
+            name = name.lstrip(" .()+-")[:LONGEST_NAME] or "scene"
             names = (name if number == 1 else f"{name}-{number}" for number in count(1))
             id = self._ids[path] = next(each for each in names if each not in self._ids.values())
             folder = Path(self._scenes.name, id)
@@ -125,7 +135,13 @@ class OwnService:
         """Run the process, which ends with this thread at the latest."""
         argv = tigas("render", "--http", "127.0.0.1:0", "--quic", "localhost:0", "--scenes", self._scenes.name)
         environment = os.environ | {"PYTHONUNBUFFERED": "1"}
-        with running(argv, STOP_S, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment) as process:
+        with ExitStack() as stack:
+            options = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "env": environment}
+            try:
+                self._process = process = stack.enter_context(running(argv, STOP_S, **options))
+            except OSError as error:
+                self._url.set_exception(StartError(f"The render service cannot be started: {error}."))
+                return
             atexit.register(process.terminate)  # where the system does not end it with the thread
             output = iter(process.stdout or ())
             started = deque[bytes](maxlen=1)
