@@ -13,7 +13,8 @@ from tests.eventually import eventually
 from tests.render.fakes import render_request
 from tests.scenes import scene
 from tigas_cluster import host_proxy
-from tigas_common.errors import SceneInUse, problem
+from tigas_cluster.host_proxy import MOST_PER_ADDRESS, HostProxy
+from tigas_common.errors import Overloaded, SceneInUse, problem
 from tigas_common.placement import ranked
 
 pytestmark = pytest.mark.anyio
@@ -172,3 +173,40 @@ async def test_a_scene_is_unloaded_everywhere(client: httpx.AsyncClient, hosts: 
     assert (answer.status_code, answer.json()["detail"]) == (409, "Somebody views it.")
     fleet.states = []
     assert (await client.post("/scenes/wood/unload")).status_code == 503
+
+
+async def test_one_address_does_not_take_all_requests_and_one_that_leaves_frees_its_own(
+    fleet: FakeFleet, hosts: Hosts
+) -> None:
+    hosts.silent = {"a", "b"}
+    proxy, left = HostProxy(fleet, hosts), asyncio.Event()
+
+    async def ask(address: str) -> None:
+        body = iter([{"type": "http.request", "body": b"", "more_body": False}])
+
+        async def receive() -> dict[str, object]:
+            for message in body:
+                return message
+            await left.wait()
+            return {"type": "http.disconnect"}
+
+        async def send(message: object) -> None:
+            raise AssertionError(message)
+
+        scope = {"type": "http", "scheme": "http", "method": "POST", "query_string": b"", "headers": []}
+        await proxy(
+            scope | {"path": "/scenes/garden/load", "raw_path": b"/scenes/garden/load", "client": (address, 1)},
+            receive,
+            send,
+        )  # type: ignore[arg-type]
+
+    first = [asyncio.create_task(ask("192.0.2.1")) for _ in range(MOST_PER_ADDRESS)]
+    await eventually(lambda: len(hosts.asked) == MOST_PER_ADDRESS)
+    with pytest.raises(Overloaded, match="Too many requests wait"):
+        await ask("192.0.2.1")
+    other = asyncio.create_task(ask("192.0.2.2"))
+    await eventually(lambda: len(hosts.asked) == MOST_PER_ADDRESS + 1)
+    left.set()
+    await asyncio.gather(*first, other)
+    hosts.silent = set()
+    await proxy.close()

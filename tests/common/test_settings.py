@@ -158,6 +158,15 @@ def test_every_number_is_finite(settings: type[ServiceSettings], value: str) -> 
         assert any(error["loc"] == (name,) for error in refused.value.errors()), name
 
 
+@pytest.mark.parametrize(
+    "url", ["http://127.0.0.1:808O", "http://127.0.0.1:70000", "http://lab:0", "http://a b:1", "ftp://lab"]
+)
+def test_a_mistyped_url_of_a_service_is_named(url: str) -> None:
+    with pytest.raises(ValidationError, match="is not a service's URL"):
+        DashSettings(render=url)
+    assert DashSettings(render="http://tigas_render:8080/").render == "http://tigas_render:8080/"
+
+
 def test_limits_are_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "tigas.toml").write_text("[dash.http_limits]\nconnections = 3\n[render]\nidle_minutes = 1\n")

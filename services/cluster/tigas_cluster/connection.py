@@ -80,9 +80,15 @@ class OwnRay:
         deadline = time.monotonic() + START_S
         while (address := self.running()) is None:
             if self._pid() is None or time.monotonic() > deadline:
-                raise StartError(f"Ray did not start; {self._folder / 'log'} says why.")
+                raise StartError(f"Ray did not start: {self._last_words()}")
             time.sleep(0.05)
         return address
+
+    def _last_words(self) -> str:
+        log = self._folder / "log"
+        lines = log.read_text(errors="replace").splitlines() if log.exists() else []
+        said = next((line.strip() for line in reversed(lines) if line.strip()), "")
+        return said[:500] or f"it was not up within {START_S:.0f} s."
 
     def stop(self) -> None:
         """End it and remove its files."""
@@ -179,8 +185,9 @@ def named_cluster() -> str | None:
     head = Address.parse(address)
     try:
         socket.create_connection((head.host, head.port), REACH_S).close()  # Ray would try for minutes
-    except OSError as error:
-        raise StartError(f"The Ray cluster at {head} cannot be reached ({error.strerror or error}).") from None
+    except (OSError, UnicodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise StartError(f"The Ray cluster at {head} cannot be reached ({reason}).") from None
     return address
 
 

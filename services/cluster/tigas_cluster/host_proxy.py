@@ -13,15 +13,19 @@ from starlette.requests import Request
 from starlette.types import Receive, Scope, Send
 
 from tigas_cluster.fleet import Fleet, HostState
+from tigas_common.address import client_network
 from tigas_common.errors import Overloaded, TigasError
+from tigas_common.limits import ConcurrencyLimit
 from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.placement import merged_scenes, ranked
-from tigas_common.proxy import ask, hand_back, headers_of, unless
+from tigas_common.proxy import ask, hand_back, headers_of, unless, until_left
 from tigas_common.web import page_policy, read_body
 from tigas_common.wire.render import SceneInfo
 
 MAX_CONNECTIONS = 128
 """To all hosts together."""
+MOST, MOST_PER_ADDRESS = 96, 48
+"""Requests that may wait for hosts at a time, in total and of one address; the rest is for lists of scenes."""
 LOOK_S = 0.25
 """Seconds between two looks whether a host that has not answered yet is still up."""
 ANSWER_S = 4.0
@@ -34,11 +38,25 @@ PAGES_HOSTS = ("http:", "https:")
 """The sources that a page may connect to: hosts come and go while it is open."""
 
 
+BUSY = Overloaded("Too many requests wait for the cluster's hosts; try again in a few seconds.", retry_after_s=2.0)
+
+
 class NoHost(Overloaded):
     """No host of the cluster answers."""
 
     def __init__(self) -> None:
         super().__init__("No host of the cluster is up; try again in a few seconds.", retry_after_s=2.0)
+
+
+def _headers(answer: httpx.Response) -> list[tuple[bytes, bytes]]:
+    """Headers of a host's answer, with the director's policy for pages."""
+    headers = headers_of(answer)
+    content_type = Headers(raw=headers).get("content-type", "")
+    if not content_type.startswith("text/javascript"):  # scripts' policies are the same on all hosts
+        headers = [each for each in headers if each[0] != b"content-security-policy"]
+    if content_type.startswith("text/html"):
+        headers.append((b"content-security-policy", page_policy(PAGES_HOSTS).encode()))
+    return headers
 
 
 class HostProxy:
@@ -49,23 +67,25 @@ class HostProxy:
         self._fleet = fleet
         self._transport = transport or httpx.AsyncHTTPTransport(limits=httpx.Limits(max_connections=MAX_CONNECTIONS))
         self._client = httpx.AsyncClient(transport=self._transport)
+        self._running = ConcurrencyLimit(MOST, MOST_PER_ADDRESS)
 
     async def close(self) -> None:
         await self._client.aclose()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Raises NoHost."""
-        body = await read_body(Request(scope, receive), MAX_BODY)
+        """Raises NoHost, and Overloaded if too many requests wait for hosts."""
+        client = client_network(scope["client"][0]) if scope["client"] else ""
+        with self._running.one_more(client, BUSY):
+            body = await read_body(Request(scope, receive), MAX_BODY)
+            answer = await unless(until_left(receive), self._first_answer(scope, body))
+            if answer is not None:
+                await hand_back(answer, _headers(answer), receive, send)
+
+    async def _first_answer(self, scope: Scope, body: bytes) -> httpx.Response:
         for host in self._in_order(scope["path"], Request(scope).query_params.get("host")):
             answer = await self._answer(host, scope, body)
             if answer is not None:
-                headers = headers_of(answer)
-                content_type = Headers(raw=headers).get("content-type", "")
-                if not content_type.startswith("text/javascript"):  # scripts' policies are the same on all hosts
-                    headers = [each for each in headers if each[0] != b"content-security-policy"]
-                if content_type.startswith("text/html"):
-                    headers.append((b"content-security-policy", page_policy(PAGES_HOSTS).encode()))
-                return await hand_back(answer, headers, receive, send)
+                return answer
         raise NoHost
 
     async def scenes(self, *, scan: bool) -> list[SceneInfo]:
@@ -112,6 +132,8 @@ class HostProxy:
         try:
             asking = ask(self._transport, host.address.api_url, scope, body, FROM_THE_PAGE)
             return await unless(self._lost(host), asking)
+        except httpx.PoolTimeout:
+            raise BUSY from None
         except httpx.TransportError:
             return None
 

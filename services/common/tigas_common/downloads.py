@@ -38,8 +38,10 @@ def download(
     try:
         return Path(pooch.retrieve(url, sha256, path.name, path.parent, downloader=resume))
     except httpx.HTTPError as error:
-        kept = f" after {part.stat().st_size:,} bytes; run it again to continue" if part.exists() else ""
-        raise FetchError(f"{url} broke off{kept}: {error or type(error).__name__}.") from None
+        kept = (
+            f" after {part.stat().st_size:,} bytes; run it again to continue" if part.exists() and tag.exists() else ""
+        )
+        raise FetchError(f"{url} broke off{kept}: {str(error) or type(error).__name__}.") from None
     except ValueError as error:  # the first of pooch's sentences names both checksums
         raise FetchError(f"{url} was not kept: {str(error).partition('. ')[0]}.") from None
 

@@ -133,8 +133,9 @@ def explained(address: Address, flag: str) -> Iterator[None]:
     """Turns the system's errors about an address, which `flag` sets, into a StartError."""
     try:
         yield
-    except OSError as error:
-        reason = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
+    except (OSError, UnicodeError) as error:  # UnicodeError: of a name that cannot be one
+        number = getattr(error, "errno", None)
+        reason = os.strerror(number) if number and number > 0 else str(error)
         raise StartError(f"Cannot listen on {address} ({reason}); choose another with {flag}.") from None
 
 

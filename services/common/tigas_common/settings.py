@@ -7,8 +7,10 @@ import logging
 import os
 import re
 import tomllib
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
+from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, BeforeValidator
 from pydantic_settings import (
@@ -58,9 +60,11 @@ def _page(value: str) -> str:
 
 
 def _base_url(value: str) -> str:
-    if not re.fullmatch(r"https?://[^/]+/?", value):
-        raise ValueError(f"{value!r} is not a service's URL, such as http://127.0.0.1:8080")
-    return value
+    base = value.removesuffix("/")
+    with suppress(ValueError):
+        if host_of_origin(base) is not None and urlsplit(base).port != 0:
+            return value
+    raise ValueError(f"{value!r} is not a service's URL, such as http://127.0.0.1:8080")
 
 
 # NoDecode: the environment has HOST:PORT, not JSON.

@@ -108,7 +108,8 @@ class Sessions:
         """End a stream, unless it has ended by now."""
         if session.name in self._running:
             _, task = self._running[session.name]
-            task.cancel()
+            if not task.cancelling():
+                task.cancel()
             await asyncio.wait([task])
 
     async def _make(self, request: SessionRequest) -> Session:

@@ -83,7 +83,14 @@ def find_interface(text: str) -> Interface:
         if interface.number is None:
             raise StartError(f"There is no network interface {text}.") from None
         return interface
-    answer = subprocess.run(("ip", "-j", "-4", "address", "show"), check=True, capture_output=True)
+    try:
+        answer = subprocess.run(("ip", "-j", "-4", "address", "show"), check=True, capture_output=True)
+    except FileNotFoundError:
+        raise StartError("The shaper needs ip: install iproute2 and nftables.") from None
+    except subprocess.CalledProcessError as error:
+        raise StartError(
+            f"The network interfaces are unknown: {error.stderr.decode(errors='replace').strip()}"
+        ) from None
     for entry in json.loads(answer.stdout):
         if any(ipaddress.IPv4Address(address["local"]) in network for address in entry.get("addr_info", ())):
             return Interface(entry["ifname"])

@@ -43,10 +43,10 @@ class Shaper:
         """Forward and shape, as a context manager. Raises StartError."""
         async with AsyncExitStack() as stack:
             stack.enter_context(shaper_lock())
-            await remove_leftovers((access, service))
             idle = LinkSetting(settings.down_kbps, settings.up_kbps)
-            backend = await detect() if settings.backend == "auto" else settings.backend
             try:
+                await remove_leftovers((access, service))
+                backend = await detect() if settings.backend == "auto" else settings.backend
                 gateway = await stack.enter_async_context(Gateway.open(access, service, forwards))
                 link = await stack.enter_async_context(
                     ShapedLink.open(

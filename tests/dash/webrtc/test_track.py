@@ -63,3 +63,11 @@ async def test_frames_are_the_newest_views_at_the_ticks_and_slow_ones_leave_tick
     before = await timestamp(track)
     assert [await timestamp(track) for _ in range(2)] == [before + 3000, before + 6000]
     assert (progress.repeated, progress.dropped) == (1, dropped)
+
+
+async def test_timestamps_count_from_the_first_frame_however_late_it_is() -> None:
+    clock = FakeClock()
+    views = FakeViews(clock)
+    views.delay_s = 0.11
+    track = ViewTrack(views, 30, clock, Progress(), lambda *_: None)  # type: ignore[arg-type]
+    assert await timestamp(track) == 0

@@ -48,6 +48,7 @@ def direction(tc: Recorder) -> Direction:
 def test_a_queue_takes_its_time_to_drain() -> None:
     assert queue_bytes(20_000, 150) == 375_000
     assert queue_bytes(10, 150) == MIN_QUEUE
+    assert queue_bytes(1e8, 10_000) == 2**32 - 1, "tc takes no more"
 
 
 @pytest.mark.parametrize(

@@ -99,10 +99,12 @@ class WebRtcStream(Stream):
         """Release the encoder and the port, and cancel requests to the render service."""
         self._views.close()
         self._track.stop()
-        with suppress(TimeoutError, AttributeError):  # aiortc's, of an offer that it took in part
-            async with asyncio.timeout(CLOSING_S):
-                await self._connection.close()
-        self._lane.leave()
+        try:
+            with suppress(TimeoutError, AttributeError):  # aiortc's, of an offer that it took in part
+                async with asyncio.timeout(CLOSING_S):
+                    await self._connection.close()
+        finally:
+            self._lane.leave()
 
     def _datagram_received(self) -> None:
         self.used_at = self._clock.now()

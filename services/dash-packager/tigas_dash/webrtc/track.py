@@ -59,7 +59,7 @@ class ViewTrack(MediaStreamTrack):
             self._progress.repeated += 1
         self._shown = view
         due = math.floor((self._clock.now() - self._started_at) * self._frame_rate)
-        number = max(self._number + 1, due)
+        number = max(self._number + 1, due) if self._number >= 0 else 0  # timestamps count from the first frame
         self._progress.dropped += number - self._number - 1
         self._number = number
         self._progress.frames += 1

@@ -37,6 +37,8 @@ FULL_PACKET = 1514
 """Bytes of a full Ethernet packet, as tc counts it."""
 MIN_QUEUE = 8 * FULL_PACKET
 """A queue never holds less, in bytes: a slow link must still take a burst of a few packets."""
+MOST_QUEUE = 2**32 - 1
+"""In bytes; tc takes no more."""
 LEAF_KBPS = 1e7
 LEAF_BURST = 2 * FULL_PACKET
 
@@ -194,7 +196,7 @@ class Direction:
 
 def queue_bytes(rate_kbps: float, queue_ms: float) -> int:
     """The length of a queue that takes `queue_ms` to drain at a rate."""
-    return max(MIN_QUEUE, round(rate_kbps * queue_ms / 8))
+    return min(MOST_QUEUE, max(MIN_QUEUE, round(rate_kbps * queue_ms / 8)))
 
 
 def rate_line(verb: str, device: Interface, rate_kbps: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import lzma
 import re
 import stat
 import tempfile
@@ -16,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from tigas_common.downloads import FetchError
 
+DAMAGED = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError)
 MAX_BYTES = 1_000_000_000
 """Of one file; a server that never stops must not fill the disk."""
 MAX_UNPACKED_FILES = 10_000
@@ -81,7 +83,7 @@ def unpack(archive: Path) -> Path:
             folder.mkdir()
             content.extractall(folder)
             folder.replace(target)
-    except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, FileExistsError) as error:
+    except (*DAMAGED, NotImplementedError, RuntimeError, FileExistsError) as error:
         raise FetchError(f"{archive.name} cannot be unpacked: {error}.") from None
     return target
 
