@@ -26,11 +26,7 @@ from typing import Any
 from aioquic.quic.configuration import QuicConfiguration
 from aioquic.quic.connection import QuicConnection
 from aioquic.quic.events import StreamDataReceived
-from aioquic.quic.packet import QuicPacketType
-from aioquic.quic.packet_builder import QuicSentPacket
-from aioquic.tls import Epoch
 
-from tigas_render.transport.aioquic_ext.bbr import BBR
 from tigas_render.transport.aioquic_ext.congestion import RENO
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 from tigas_render.transport.aioquic_ext.westwood import WESTWOOD
@@ -38,7 +34,7 @@ from tigas_render.transport.certificate import Certificate
 from tigas_render.transport.shared_port import Edge
 
 CUBIC = "cubic"
-CONTROLLERS = {"reno": RENO, "westwood": WESTWOOD, "bbr": BBR}
+CONTROLLERS = {"reno": RENO, "westwood": WESTWOOD}
 CERTIFICATE = Certificate.create([], datetime.now(UTC))
 CLIENT, SERVER = ("192.0.2.1", 1000), ("192.0.2.2", 2000)
 HEADERS = 28
@@ -61,8 +57,6 @@ class Case:
     """Bytes."""
     bulk: str | None = None
     """Congestion controller of a download beside the frames."""
-    mark_ms: float = math.inf
-    """Queue from which on packets are marked as having seen congestion (ECN)."""
 
 
 CASES = {
@@ -80,11 +74,6 @@ CASES = {
     "10M-40ms-saturating-beside-bulk": Case(10, 40, 0, 200, 60_000, bulk=RENO),
     "10M-40ms-beside-cubic": Case(10, 40, 0, 200, 12_000, bulk=CUBIC),
     "10M-40ms-saturating-beside-cubic": Case(10, 40, 0, 200, 60_000, bulk=CUBIC),
-    "5M-20ms-deep-marked": Case(5, 20, 0, 500, 15_000, mark_ms=20),
-    "5M-20ms-deep-overload-marked": Case(5, 20, 0, 500, 25_000, mark_ms=20),
-    "10M-40ms-shallow-overload-marked": Case(10, 40, 0, 30, 50_000, mark_ms=20),
-    "20M-100ms-overload": Case(20, 100, 0, 100, 100_000),
-    "20M-100ms-overload-marked": Case(20, 100, 0, 100, 100_000, mark_ms=20),
     "20M-100ms-saturating-beside-cubic": Case(20, 100, 0, 100, 100_000, bulk=CUBIC),
 }
 FPS = 30
@@ -100,10 +89,6 @@ class Link:
         self._queue = max(3 * 1500.0, self._rate * queue_ms / 1000)
         self._random = random_source
         self._free_at = 0.0
-
-    def delay(self, now: float) -> float:
-        """Seconds that a packet would wait in the queue now."""
-        return max(0.0, self._free_at - now)
 
     def arrival(self, now: float, size: int) -> float | None:
         """When a packet arrives, if it does."""
@@ -191,19 +176,10 @@ class Simulation:
         is_client = sender is flow.client
         receiver, link, source = (flow.server, self._up, CLIENT) if is_client else (flow.client, self._down, SERVER)
         for data, _ in sender.datagrams_to_send(now):
-            is_marked = not is_client and link.delay(now) * 1000 > self._case.mark_ms
             if (arrival := link.arrival(now, len(data) + HEADERS)) is not None:
-                if is_marked:
-                    told = arrival + self._case.rtt_ms / 2000
-                    self._at(told, lambda at, sent_at=now: self._tell(flow, sent_at, at))  # type: ignore[misc]
                 self._at(arrival, lambda at, data=data: self._receive(flow, receiver, data, source, at))  # type: ignore[misc]
         if (timer := sender.get_timer()) is not None:
             self._at(max(timer, now) + 1e-6, lambda at: self._expire(flow, sender, at))
-
-    def _tell(self, flow: Flow, sent_at: float, now: float) -> None:
-        """An acknowledgement reports a mark: the sender's controller takes it as a loss of nothing."""
-        marked = QuicSentPacket(Epoch.ONE_RTT, True, True, False, -1, QuicPacketType.ONE_RTT, sent_at, 0)
-        flow.server._loss._cc.on_packets_lost(now=now, packets=[marked])
 
     def _receive(self, flow: Flow, receiver: QuicConnection, data: bytes, source: Any, now: float) -> None:
         receiver.receive_datagram(data, source, now)

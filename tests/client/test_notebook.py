@@ -66,7 +66,7 @@ async def test_cells_share_a_service_that_shows_files_and_ends_with_them(tmp_pat
     for name in ("one", "two"):
         write_wall(tmp_path / name)
     files = [str(tmp_path / name / "wall/wall.ply") for name in ("one", "two", "one")]
-    files.append(shutil.copy(files[0], tmp_path / "(Bob's) wall.ply"))
+    files.append(shutil.copy(files[0], str(tmp_path / "(Bob's) wall.ply")))
     argv = [sys.executable, "-c", PROGRAM, *files, str(tmp_path / "two/wall"), "courtyard"]
     done = await asyncio.to_thread(subprocess.run, argv, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -198,7 +198,7 @@ async def test_one_address_does_not_take_all_requests_and_one_that_leaves_frees_
             scope | {"path": "/scenes/garden/load", "raw_path": b"/scenes/garden/load", "client": (address, 1)},
             receive,
             send,
-        )  # type: ignore[arg-type]
+        )
 
     first = [asyncio.create_task(ask("192.0.2.1")) for _ in range(MOST_PER_ADDRESS)]
     await eventually(lambda: len(hosts.asked) == MOST_PER_ADDRESS)

@@ -156,8 +156,6 @@ class BatchRecovery(QuicPacketRecovery):
         super().on_ack_received(ack_rangeset=ack_rangeset, ack_delay=ack_delay, now=now, space=space)
         if self._rtt_initialized:
             self._cc.round_trip = self._rtt_latest
-        if (rate := getattr(self._cc, "pacing_rate", None)) is not None:
-            self._pacer.update_rate(int(rate / 1.25), 1.0)
 
 
 def _acked(space: QuicPacketSpace, ranges: RangeSet) -> list[Sent]:
