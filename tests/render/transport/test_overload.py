@@ -49,12 +49,21 @@ async def test_viewers_that_vanish_count_no_more_until_they_are_back(monkeypatch
             outage.setattr(gone, "datagram_received", lambda *_: None)
             answer = gone.open_stream(session, request_body())
             await eventually(lambda: load.viewers == 1)
+        # the next retransmission may be many seconds away, unless another answer shows that this one was lost
+        assert (await gone.response(gone.open_stream(session, request_body()))).ended
         assert (await gone.response(answer)).ended
         await eventually(lambda: load.viewers == 3)
+
+
+async def test_a_server_that_ends_while_viewers_are_away_counts_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(quic, "AWAY_S", 0.1)
+    load = Load()
+    async with served(load=load) as server, connect(server.port) as gone:
+        session = await gone.connect_webtransport()
         with monkeypatch.context() as outage:
             outage.setattr(gone, "datagram_received", lambda *_: None)
             gone.open_stream(session, request_body())
-            await eventually(lambda: load.viewers == 1)
+            await eventually(lambda: load.viewers == 0)
             await server.close()
         assert load.viewers == 0
 

@@ -102,6 +102,17 @@ test("tells that the scene is there, of each frame, of figures and of errors by 
   expect(told.at(-1)).toBe("failed: There is no scene attic.");
 });
 
+test("a reset before the scene is loaded forgets the camera to begin with, and a picture awaits a frame", async () => {
+  const [viewer] = open("garden", { camera: POSE });
+  viewer.reset();
+  expect(viewer.picture()).toBeNull();
+  await settle();
+  await host.frames(2);
+  expect(viewer.camera).not.toEqual(POSE);
+  viewer.camera = POSE;
+  expect(viewer.camera).toEqual(POSE);
+});
+
 test("an animation resolves when the camera is there, and the user continues from there", async () => {
   const [viewer] = open("garden", { camera: POSE });
   await settle();

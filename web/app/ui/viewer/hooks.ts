@@ -108,9 +108,6 @@ async function toggle(element: HTMLElement | null): Promise<void> {
   }
 }
 
-/** How long a failed picture is reported, in milliseconds. */
-const SAID = 6000;
-
 /** Saves the present view as a picture at full quality. `problem`: why the last one was not saved; null otherwise. */
 export function useScreenshot(session: ViewerSession | null) {
   const busy = useSignal(false);
@@ -124,9 +121,6 @@ export function useScreenshot(session: ViewerSession | null) {
       save(fileName(session.scene.peek()?.name ?? "view", "png"), await screenshot(session));
     } catch (error) {
       problem.value = `The picture was not saved. ${reason(error)}`;
-      setTimeout(() => {
-        problem.value = null;
-      }, SAID);
     } finally {
       busy.value = false;
     }

@@ -106,6 +106,6 @@ function StatusLine({ side, name, phase, silent, linkNote }: LineProps) {
 
 function state(side: Side, phase: Phase): string {
   if (side.kind.value.requests && ["lost", "full", "failed"].includes(phase.kind)) return "Not connected";
-  if (side.source.value?.phase.value.kind !== "playing") return "Starting…";
+  if (side.source.value?.phase.value.kind !== "playing") return "No picture";
   return side.kind.value.drawsHere ? "On this device" : "Live";
 }

@@ -35,6 +35,7 @@ const FULL = "The server is full. The scene opens automatically as soon as there
 export class ViewerControl {
   readonly #session: ViewerSession;
   readonly #stops = new Set<() => void>();
+  readonly #end = new AbortController();
   /** Where the camera begins once the scene is loaded. */
   #start: ScenePose | null = null;
 
@@ -73,6 +74,7 @@ export class ViewerControl {
   /** Puts the camera at the scene's start view. */
   reset(): void {
     const { rig } = this.#session;
+    this.#start = null;
     if (rig.source.peek() !== null) rig.drive(null);
     rig.resetCamera();
   }
@@ -95,12 +97,13 @@ export class ViewerControl {
 
   /** A copy of the screen; null before the first picture. */
   picture(): Promise<ImageBitmap> | null {
-    return this.#session.left.picture();
+    const { source } = this.#session.left;
+    return (source.peek()?.stats.peek().shown ?? 0) > 0 ? this.#session.left.picture() : null;
   }
 
   /** A PNG of the view at full quality, rendered by the server. Rejects with the reason in one sentence. */
   screenshot(size: Partial<Viewport> = {}): Promise<Blob> {
-    return screenshot(this.#session, size);
+    return screenshot(this.#session, size, this.#end.signal);
   }
 
   /** A camera path as a video at full quality, which takes longer than the path. Rejects with the reason in one sentence. */
@@ -109,10 +112,12 @@ export class ViewerControl {
     {
       easing = "linear",
       loop = false,
+      signal = this.#end.signal,
       ...options
     }: VideoOptions & { readonly easing?: Easing; readonly loop?: boolean } = {},
   ): Promise<Blob> {
-    return exportVideo(this.#session, cameraPath(keyframes, { easing, closed: loop }), options);
+    const either = AbortSignal.any([signal, this.#end.signal]);
+    return exportVideo(this.#session, cameraPath(keyframes, { easing, closed: loop }), { ...options, signal: either });
   }
 
   /** Subscribes; returns a function that unsubscribes. A scene or an error that is already known is reported at once. */
@@ -126,8 +131,9 @@ export class ViewerControl {
     return stopOnce;
   }
 
-  /** Ends its movements and subscriptions. */
+  /** Ends its movements, subscriptions, and pictures and videos that are being made. */
   destroy(): void {
+    this.#end.abort(new Error("The viewer was closed."));
     this.#session.rig.drive(null);
     for (const stop of this.#stops) stop();
   }

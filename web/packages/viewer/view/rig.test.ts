@@ -147,6 +147,7 @@ test("with reduced motion the camera arrives at once", () => {
 test("the camera can be put somewhere, which is no movement", () => {
   const { placements } = rig;
   rig.place({ position: [1, 2, 3], quaternion: [0, Math.SQRT1_2, 0, Math.SQRT1_2] });
+  expect(rig.pose.position).toEqual([1, 2, 3]);
   rig.sample(16);
   expect(rig.pose.position).toEqual([1, 2, 3]);
   expect(rig.placements).toBe(placements + 1);

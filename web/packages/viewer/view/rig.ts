@@ -119,20 +119,20 @@ export class Rig {
 
   /** The person's camera goes back to the scene's start: a new pose, but no movement; a source keeps the pose meanwhile. */
   resetCamera(): void {
-    if (!this.#scene) return;
-    this.#camera = startCamera(this.#scene);
-    this.#focus = this.#flight = null;
-    if (this.#source.peek() !== null) return;
-    this.#placements++;
-    this.#pose = { seq: this.#pose.seq + 1, ...toScene(this.#camera, levelFor(this.#scene.up)) };
+    if (this.#scene) this.#cut(startCamera(this.#scene), this.#scene);
   }
 
   /** The person's camera goes to a pose of the scene at once, upright. */
   place(pose: ScenePose): void {
-    if (!this.#scene) return;
-    this.#camera = fromScene(pose, levelFor(this.#scene.up));
+    if (this.#scene) this.#cut(fromScene(pose, levelFor(this.#scene.up)), this.#scene);
+  }
+
+  #cut(camera: Camera, { up }: SceneInfo): void {
+    this.#camera = camera;
     this.#focus = this.#flight = null;
+    if (this.#source.peek() !== null) return;
     this.#placements++;
+    this.#pose = { seq: this.#pose.seq + 1, ...toScene(camera, levelFor(up)) };
   }
 
   /**
