@@ -91,6 +91,7 @@ def wait_for(page: Page, condition: str) -> dict[str, Any]:
     return result
 
 
+@pytest.mark.extended
 def test_shaka_player_plays_and_switches_between_representations(stream: str) -> None:
     with shaka_player(stream) as page:
         wait_for(page, "result.frames >= 10")

@@ -86,7 +86,7 @@ def run(*arguments: str) -> tuple[int, str]:
     return outcome.exit_code, outcome.output
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 def test_networks_are_trained_and_evaluated(server: ThreadingHTTPServer, options: list[str], tmp_path: Path) -> None:
     file = tmp_path / "garden" / FILE
     status, said = run("train", "garden", *options, "--seconds", "1", "--out", str(file))

@@ -102,7 +102,10 @@ def goes_on_elsewhere(page: Page, cluster: Cluster, name: str) -> None:
     page.keyboard.up("ArrowRight")
 
 
-@pytest.mark.parametrize("let_down", [killed, RenderServer.held], ids=["killed", "stopped"])
+@pytest.mark.parametrize(
+    "let_down",
+    [pytest.param(killed, id="killed"), pytest.param(RenderServer.held, id="stopped", marks=pytest.mark.extended)],
+)
 def test_a_viewer_of_a_host_that_is_gone_is_sent_elsewhere_by_the_director(
     cluster: Cluster, page: Page, let_down: Callable[[RenderServer], AbstractContextManager[None]]
 ) -> None:

@@ -26,7 +26,7 @@ def run(module: Path, **environment: str) -> str:
     return done.stdout
 
 
-@pytest.mark.slow
+@pytest.mark.extended
 def test_a_user_with_another_cache_takes_kernels_from_next_to_their_sources(tmp_path: Path) -> None:
     module, other = tmp_path / "module.py", tmp_path / "other"
     module.write_text(MODULE)
