@@ -172,3 +172,11 @@ async def answering(route: Route) -> AsyncIterator[str]:
     """The URL of something else."""
     async with serve_http(Starlette(routes=[route]), Address("127.0.0.1", 0), HttpLimits()) as port:
         yield f"http://127.0.0.1:{port}"
+
+
+async def test_a_request_after_closing_gets_one_sentence(served: Served) -> None:
+    client = tigas.AsyncClient(served.url)
+    await client.frame(AHEAD, **WALL)
+    await client.aclose()
+    with pytest.raises(tigas.ClientError, match="The client was closed"):
+        await client.frame(AHEAD, **WALL)

@@ -25,6 +25,8 @@ from tigas_common.wire.render import Problem, RenderRequest, SceneInfo, ServerCo
 AT_ONCE = 4
 """Requests in flight: enough to keep a renderer and its encoders busy, and as many as may queue there."""
 
+CLOSED = "The client was closed."
+
 Result = TypeVar("Result")
 
 
@@ -148,6 +150,10 @@ class AsyncClient:
         """The service's answer, with retries while it is busy."""
         try:
             answer = await retried(ask)
+        except RuntimeError:  # httpx's of a closed client
+            if not self._http.is_closed:
+                raise
+            raise ClientError(CLOSED) from None
         except (httpx.HTTPError, httpx.InvalidURL) as error:
             reason = str(error) or type(error).__name__
             raise Unreachable(f"The render service at {self._http.base_url} does not answer ({reason}).") from None

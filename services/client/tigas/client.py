@@ -12,7 +12,7 @@ from typing import Any, Self, TypeVar, Unpack
 
 from PIL import Image
 
-from tigas.async_client import AsyncClient
+from tigas.async_client import CLOSED, AsyncClient
 from tigas.errors import ClientError
 from tigas.frame import Frame, View
 from tigas_common.pose import Pose
@@ -84,7 +84,7 @@ class Client:
         try:
             return answer.result()
         except CancelledError:
-            raise ClientError("The client was closed.") from None
+            raise ClientError(CLOSED) from None
         except BaseException:  # Ctrl+C
             answer.cancel()
             raise

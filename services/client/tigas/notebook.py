@@ -74,7 +74,7 @@ def show(
 
 
 def _own_service() -> OwnService:
-    """The service that all cells share, started if there is none."""
+    """The service that all cells share, started on first use."""
     with _starting:
         if not (_services and _services[-1].runs):
             _services[:] = [OwnService()]

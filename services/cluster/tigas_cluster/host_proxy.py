@@ -38,7 +38,11 @@ PAGES_HOSTS = ("http:", "https:")
 """The sources that a page may connect to: hosts come and go while it is open."""
 
 
-BUSY = Overloaded("Too many requests wait for the cluster's hosts; try again in a few seconds.", retry_after_s=2.0)
+class HostsBusy(Overloaded):
+    """Too many requests wait for hosts."""
+
+    def __init__(self) -> None:
+        super().__init__("Too many requests wait for the cluster's hosts; try again in a few seconds.", 2.0)
 
 
 class NoHost(Overloaded):
@@ -73,9 +77,9 @@ class HostProxy:
         await self._client.aclose()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Raises NoHost, and Overloaded if too many requests wait for hosts."""
+        """Raises NoHost and HostsBusy."""
         client = client_network(scope["client"][0]) if scope["client"] else ""
-        with self._running.one_more(client, BUSY):
+        with self._running.one_more(client, HostsBusy()):
             body = await read_body(Request(scope, receive), MAX_BODY)
             answer = await unless(until_left(receive), self._first_answer(scope, body))
             if answer is not None:
@@ -133,7 +137,7 @@ class HostProxy:
             asking = ask(self._transport, host.address.api_url, scope, body, FROM_THE_PAGE)
             return await unless(self._lost(host), asking)
         except httpx.PoolTimeout:
-            raise BUSY from None
+            raise HostsBusy from None
         except httpx.TransportError:
             return None
 

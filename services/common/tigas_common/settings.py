@@ -111,7 +111,7 @@ class ServiceSettings(BaseSettings):
 
 
 def _report_unknown_variables(model: type[BaseSettings]) -> None:
-    """Log variables that are named like settings but are none. They may be for another version, or for compose.yaml."""
+    """Log variables with the prefix of settings and an unknown name, perhaps for another version or compose.yaml."""
     prefix = str(model.model_config["env_prefix"])
     known = {f"{prefix}{name}".upper() for name in model.model_fields}
     for variable in sorted(os.environ):

@@ -47,7 +47,7 @@ let refreshes = 0;
 /**
  * Asks the server for its configuration and scenes; `scan` has it look at its directory again.
  *
- * Returns the scenes of this answer, or null if there is none. Shows them unless a newer answer is on its way.
+ * Returns the scenes of this answer, or null after a failure. Shows them unless a newer answer is on its way.
  */
 export async function refreshScenes({ scan = false } = {}): Promise<readonly SceneInfo[] | null> {
   const number = ++refreshes;

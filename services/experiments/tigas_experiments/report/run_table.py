@@ -92,7 +92,7 @@ class Run:
     problem: str | None = None
     """Reason for missing figures."""
     values: Mapping[str, Value] = field(default_factory=dict)
-    """Figures by the names of `METRICS`; empty if there are none."""
+    """Figures by the names of `METRICS`; empty without a result."""
     profile_shares: Mapping[int, float] = field(default_factory=dict)
     """Share of time on the screen by profile."""
     series: Mapping[str, Floats] = field(default_factory=dict)
@@ -136,7 +136,7 @@ class Results:
 
 
 def load(folder: Path, on_progress: OnProgress = lambda step, done, total: None) -> Results:
-    """Read all runs of an experiment. Raises StartError if there are none."""
+    """Read all runs of an experiment. Raises StartError without runs."""
     folders = run_folders(folder)
     experiment: ExperimentRecord | None = None
     with suppress(BrokenRecording):
@@ -160,7 +160,7 @@ def load(folder: Path, on_progress: OnProgress = lambda step, done, total: None)
 
 
 def run_folders(folder: Path) -> list[Path]:
-    """Folders of an experiment's runs, sorted by name, without hidden ones. Raises StartError if there are none."""
+    """Folders of an experiment's runs, sorted by name, without hidden ones. Raises StartError without any."""
     where = folder / RUNS
     try:
         found = sorted(path for path in where.iterdir() if path.is_dir() and not path.name.startswith("."))

@@ -168,7 +168,7 @@ def version(run: Path) -> tuple[int, ...] | None:
 
 
 def written(path: Path) -> tuple[int, ...] | None:
-    """Differs whenever the file was written again; None if there is none."""
+    """Differs whenever the file was written again; None without a file."""
     try:
         told = path.lstat()
     except OSError:

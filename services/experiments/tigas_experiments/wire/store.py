@@ -104,10 +104,10 @@ class RunJob(WireModel):
 
 
 class NextRun(WireModel):
-    """The next run of an experiment, or why there is none."""
+    """The next run of an experiment, or a reason to wait or stop."""
 
     job: RunJob | None
-    """Reserved for the page; null if there is none left, or none now."""
+    """Reserved for the page; null once all are complete, or while others make the rest."""
     planned: int
     missing: int
     """Number of incomplete runs, including the job."""

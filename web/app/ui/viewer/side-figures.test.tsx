@@ -65,7 +65,7 @@ test("levels of detail are offered for a scene that has them", () => {
   expect(screen.getByRole("radio", { name: "Levels of detail" })).toBeTruthy();
 });
 
-test("the panel describes the download, or says that there is none", () => {
+test("the panel describes the download, or its absence", () => {
   changeSettings({ mode: "local" });
   const session = fakeSession();
   render(<ModePanel session={asSession(session)} />);

@@ -103,7 +103,7 @@ test("keys open help, hide the measurements, open the settings and change the mo
   expect(modes).toEqual(["video", "dash", "webrtc", "local", "side-by-side"]);
 });
 
-test("T and a button save a picture of the view, and say why there is none", async () => {
+test("T and a button save a picture of the view, or say why not", async () => {
   const picture = new Blob(["png"]);
   vi.mocked(screenshot).mockResolvedValueOnce(picture);
   show();

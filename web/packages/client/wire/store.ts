@@ -189,7 +189,7 @@ export interface PlanSummary {
 export interface ExperimentCreated {
   id: string;
 }
-/** The next run of an experiment, or why there is none. */
+/** The next run of an experiment, or a reason to wait or stop. */
 export interface NextRun {
   job: RunJob | null;
   planned: number;

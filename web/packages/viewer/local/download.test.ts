@@ -68,7 +68,7 @@ test("a file comes in parts, and is whole in the end", async () => {
   expect(asked[0]?.get("range")).toBeNull();
 });
 
-test("a file that is none is not asked for again", async () => {
+test("an answer that is no file is not asked for again", async () => {
   const broken = () => {
     throw new ApiError("The downloaded scene is not a PLY file.", false);
   };

@@ -30,7 +30,7 @@ export interface CameraPath {
   at(time: number): ScenePose;
 }
 
-/** Lengths below this are none: the camera rests between two keyframes. */
+/** Below this length the camera rests between two keyframes. */
 const NOTHING = 1e-9;
 
 /**

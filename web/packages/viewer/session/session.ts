@@ -314,7 +314,7 @@ export class ViewerSession {
     );
   }
 
-  /** Connects over the chosen transport, anew whenever another is chosen; null is none. */
+  /** Connects over the chosen transport, and again whenever another is chosen; null closes the connection. */
   #keepConnected(
     choice: ReadonlySignal<TransportChoice | null>,
     options: (
