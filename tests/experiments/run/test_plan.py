@@ -368,10 +368,10 @@ def test_parts_of_the_evaluation_are_as_long_as_they_say_and_cover_windows_and_p
         made = plans()[part.name].runs(directory)
         assert seconds(made) / 60 <= part.minutes, part.name
         windows = {(run.network.name, run.network.offset_s) for run in made}
-        if part.name in ("controllers", "rivals", "rivals-30", "rivals-loss"):
-            assert (len(windows), len({run.movement for run in made})) == (24, 6)
-        if part.name.startswith("turned") or part.name in ("scenes", "quality"):
+        if part.name in ("rivals-near-far", "quality"):
             assert len(windows) == 12
+        elif part.name.startswith(("controllers", "rivals")):
+            assert (len(windows), len({run.movement for run in made})) == (24, 6)
 
 
 def test_models_enhance_what_is_stateless(tmp_path: Path) -> None:
