@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
+from starlette.types import ASGIApp, Message
 
+from tests.eventually import eventually
+from tigas_common.origins import OriginPolicy
 from tigas_common.wire.render import SceneInfo, Training
+from tigas_render.pipe.engines import Engines
 from tigas_render.workers import aggregate
+from tigas_render.workers.aggregate import MOST_PER_ADDRESS, Aggregate, EngineProxy
 
 
 def info(id: str = "garden", **changes: Any) -> SceneInfo:
@@ -84,3 +93,111 @@ tigas_render_viewers{edge="0"} 2.0
         assert f'tigas_render_frame_seconds_bucket{{device="{device}",le="+Inf",stage="queue"}} 3.0' in merged
     assert merged.count("tigas_render_viewers{") == 1
     assert merged.count("# TYPE tigas_render_frame_seconds histogram") == 1
+
+
+class FakeEngine:
+    """An engine's HTTP interface: it answers any request with `[]`, once it may."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.asked: list[str] = []
+        self.connections = 0
+        self.may_answer = asyncio.Event()
+
+    @asynccontextmanager
+    async def serving(self) -> AsyncIterator[EngineProxy]:
+        proxy = EngineProxy(self.path, OriginPolicy())
+        async with await asyncio.start_unix_server(self._serve, self.path):
+            yield proxy
+            await proxy.close()
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.connections += 1
+        try:
+            while request := (await reader.readline()).decode():
+                await reader.readuntil(b"\r\n\r\n")
+                self.asked.append(request.removesuffix(" HTTP/1.1\r\n"))
+                end, may = asyncio.create_task(reader.read(1)), asyncio.create_task(self.may_answer.wait())
+                await asyncio.wait((end, may), return_when=asyncio.FIRST_COMPLETED)
+                if end.done():
+                    return
+                writer.write(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\nConnection: close\r\n\r\n[]")
+                end.cancel()
+                return
+        finally:
+            self.connections -= 1
+            writer.close()
+
+
+class Visitor:
+    """A client with one request, which it gives up when it is told to."""
+
+    def __init__(self, app: ASGIApp, method: str, path: str, address: str = "192.0.2.1") -> None:
+        self.left = asyncio.Event()
+        self.got: list[Message] = []
+        scope = {
+            "type": "http",
+            "scheme": "http",
+            "method": method,
+            "query_string": b"",
+            "headers": [(b"host", b"localhost")],
+        }
+        self._body = iter([{"type": "http.request", "body": b"", "more_body": False}])
+        self.asking = asyncio.ensure_future(
+            app(scope | {"path": path, "raw_path": path.encode(), "client": (address, 1)}, self._receive, self._send)
+        )
+
+    @property
+    def status(self) -> int | None:
+        return self.got[0]["status"] if self.got else None
+
+    async def _receive(self) -> Message:
+        for message in self._body:
+            return message
+        await self.left.wait()
+        return {"type": "http.disconnect"}
+
+    async def _send(self, message: Message) -> None:
+        self.got.append(message)
+
+
+async def leave(visitors: Sequence[Visitor]) -> None:
+    for visitor in visitors:
+        visitor.left.set()
+    await eventually(lambda: all(visitor.asking.done() for visitor in visitors))
+
+
+@pytest.mark.anyio
+async def test_one_address_does_not_take_all_requests_and_one_that_leaves_frees_its_own(tmp_path: Path) -> None:
+    engine = FakeEngine(tmp_path / "engine")
+    async with engine.serving() as proxy:
+        first = [Visitor(proxy, "POST", "/scenes/garden/load") for _ in range(MOST_PER_ADDRESS)]
+        await eventually(lambda: engine.connections == MOST_PER_ADDRESS)
+        further = Visitor(proxy, "POST", "/scenes/garden/load")
+        await further.asking
+        assert further.status == 503
+        assert aggregate.BUSY.encode() in further.got[1]["body"]
+        other = Visitor(proxy, "POST", "/scenes/garden/load", "192.0.2.2")
+        await eventually(lambda: engine.connections == MOST_PER_ADDRESS + 1)
+        await leave(first)
+        assert [visitor.got for visitor in first] == [[]] * len(first)
+        await eventually(lambda: engine.connections == 1)
+        engine.may_answer.set()
+        await other.asking
+        assert other.status == 200
+
+
+@pytest.mark.anyio
+async def test_a_change_reaches_all_engines_although_its_client_has_left(tmp_path: Path) -> None:
+    one, other = engines = [FakeEngine(tmp_path / name) for name in ("one", "other")]
+    frames = Engines({engine.path.name: engine.path for engine in engines}, 0, lambda *_: None, lambda: 0.0)
+    other.may_answer.set()
+    async with one.serving() as first, other.serving() as second:
+        visitor = Visitor(
+            Aggregate(frames, {"one": first, "other": second}, OriginPolicy()), "DELETE", "/scenes/garden"
+        )
+        await eventually(lambda: one.asked)
+        await leave([visitor])
+        one.may_answer.set()
+        await eventually(lambda: one.asked[1:] and other.asked)
+    assert (one.asked, other.asked) == (["DELETE /scenes/garden", "GET /scenes?scan=1"], ["GET /scenes?scan=1"])

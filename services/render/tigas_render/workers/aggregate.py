@@ -16,17 +16,22 @@ from pydantic import TypeAdapter
 from starlette.requests import Request
 from starlette.types import Receive, Scope, Send
 
+from tigas_common.address import client_network
 from tigas_common.errors import Overloaded, TigasError
+from tigas_common.limits import ConcurrencyLimit
 from tigas_common.origins import OriginPolicy
 from tigas_common.parsing import MAX_BODY
 from tigas_common.placement import merged_scene, merged_scenes
-from tigas_common.proxy import ask, hand_back, headers_of, refuse, unless
+from tigas_common.proxy import ask, hand_back, headers_of, refuse, unless, until_left
 from tigas_common.web import read_body
 from tigas_common.wire.render import HostLoad, SceneInfo, Training
 from tigas_render.pipe.engines import Engines
 from tigas_render.pipe.remote_engine import RemoteEngine
 
-MAX_CONNECTIONS = 256
+MOST, MOST_PER_ADDRESS = 256, 128
+"""Requests that may wait for engines at a time, in total and of one address; each has a connection to an engine."""
+BUSY = "Too many requests wait for the renderer; try again in a few seconds."
+BUSY_RETRY_S = 2.0
 AWAY = "The renderer is starting; try again in a second."
 RETRY_S = 1.0
 CANNOT = (422, 503)
@@ -47,14 +52,18 @@ class _EnginesApp(ABC):
     def __init__(self, origins: OriginPolicy) -> None:
         """origins: the pages that may read its own answers."""
         self._origins = origins
+        self._running = ConcurrencyLimit(MOST, MOST_PER_ADDRESS)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        client = client_network(scope["client"][0]) if scope["client"] else ""
         try:
-            answer = await self.ask(scope, await read_body(Request(scope, receive), MAX_BODY))
+            with self._running.one_more(client, Overloaded(BUSY, BUSY_RETRY_S)):
+                body = await read_body(Request(scope, receive), MAX_BODY)
+                answer = await unless(until_left(receive), self.ask(scope, body))
+                if answer is not None:
+                    await hand_back(answer, headers_of(answer), receive, send)
         except TigasError as error:
             await refuse(error, self._origins, scope, receive, send)
-        else:
-            await hand_back(answer, headers_of(answer), receive, send)
 
     @abstractmethod
     async def ask(self, scope: Scope, body: bytes) -> httpx.Response:
@@ -67,7 +76,7 @@ class EngineProxy(_EnginesApp):
     def __init__(self, path: Path, origins: OriginPolicy) -> None:
         super().__init__(origins)
         self._transport = httpx.AsyncHTTPTransport(
-            uds=str(path), limits=httpx.Limits(max_connections=MAX_CONNECTIONS, keepalive_expiry=2.0)
+            uds=str(path), limits=httpx.Limits(max_connections=MOST, keepalive_expiry=2.0)
         )
 
     async def close(self) -> None:
@@ -110,7 +119,7 @@ class Aggregate(_EnginesApp):
             case "POST", ["scenes", _, "unload"]:
                 return await self._merged(scope, body, merge_scene, by_all=True)
             case ("DELETE" | "PATCH", ["scenes", _]) | ("POST", ["scenes", _, "rename"] | ["uploads", _, "scene"]):
-                return await self._change(scope, body)
+                return await asyncio.shield(self._change(scope, body))  # also if the client leaves
             case "POST", ["scenes", scene, "enhance"]:
                 return await self._first(await self._trainers(scope, scene), scope, body)
             case _, ["scenes", scene, "load" | "preview"] | ["scenes", scene, "download", _]:
@@ -127,12 +136,18 @@ class Aggregate(_EnginesApp):
         return self._engines.serving(scene) or self._engines.all
 
     async def _first(
-        self, engines: Sequence[RemoteEngine], scope: Scope, body: bytes, refusals: Sequence[int] = ()
+        self,
+        engines: Sequence[RemoteEngine],
+        scope: Scope,
+        body: bytes,
+        *,
+        refusals: Sequence[int] = (),
+        whole: bool = False,
     ) -> httpx.Response:
         """Return the first answer, or the next one if its status is in `refusals`. Raises Overloaded without any."""
         refused: httpx.Response | None = None
         for engine in engines:
-            answer = await self._ask(engine, scope, body)
+            answer = await self._ask(engine, scope, body, whole=whole)
             if answer is None:
                 continue
             if refused is not None:
@@ -146,9 +161,8 @@ class Aggregate(_EnginesApp):
 
     async def _all(self, scope: Scope, body: bytes) -> dict[str, httpx.Response]:
         """Return the engines' answers, by name. Raises Overloaded without any."""
-        whole = {**scope, "headers": [each for each in scope["headers"] if each[0] != b"accept-encoding"]}
         engines = self._reachable()
-        answers = await asyncio.gather(*(self._ask(engine, whole, body, whole=True) for engine in engines))
+        answers = await asyncio.gather(*(self._ask(engine, scope, body, whole=True) for engine in engines))
         found = {engine.name: answer for engine, answer in zip(engines, answers, strict=True) if answer is not None}
         if not found:
             raise Overloaded(AWAY, RETRY_S)
@@ -167,10 +181,10 @@ class Aggregate(_EnginesApp):
 
     async def _change(self, scope: Scope, body: bytes) -> httpx.Response:
         """Let one engine change the models directory, and the others scan it after that."""
-        answer = await self._first(self._reachable(), scope, body)
+        answer = await self._first(self._reachable(), scope, body, whole=True)
         if answer.is_success:
             await self._all({**scope, "method": "GET", "raw_path": b"/scenes", "query_string": b"scan=1"}, b"")
-        return answer
+        return _with_body(answer, answer.content)
 
     async def _trainers(self, scope: Scope, scene: str) -> Sequence[RemoteEngine]:
         """Return the engine that trains a scene's networks already, else the scene's own engines."""
@@ -183,6 +197,8 @@ class Aggregate(_EnginesApp):
         self, engine: RemoteEngine, scope: Scope, body: bytes, *, whole: bool = False
     ) -> httpx.Response | None:
         """Return an engine's answer, with all of its body if `whole`, or None if the engine is lost before it."""
+        if whole:
+            scope = {**scope, "headers": [each for each in scope["headers"] if each[0] != b"accept-encoding"]}
 
         async def ask() -> httpx.Response:
             answer = await self._proxies[engine.name].ask(scope, body)
