@@ -181,14 +181,19 @@ def test_a_folder_with_a_lod_meta_is_a_scene_whose_files_count(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("named", ["hall", "hall/lod-meta.json"])
-def test_an_added_one_stays_a_folder_with_what_is_read(tmp_path: Path, named: str) -> None:
-    write(tmp_path / "hall", changed(tree=leaf(l0=(0, 0, 300), l1=(2, 0, 75))))
+def test_an_added_one_stays_a_folder_with_all_levels(tmp_path: Path, named: str) -> None:
+    meta = changed(tree=leaf(l0=(0, 0, 300), l1=(2, 0, 75), l2=(3, 0, 10)), filenames=[*NAMES, "missing.sog"])
+    write(tmp_path / "hall", meta)
+    write_environment(tmp_path / "hall", "environment")
+    (tmp_path / "hall" / "notes.txt").write_text("no part of the scene")
     models = tmp_path / "models"
     id, file = add_scene(str(tmp_path / named), models, None, lambda _: None, 1_000_000)
-    assert (id, file.count) == ("hall", 300)
+    assert (id, file.count) == ("hall", 600)
     assert [path.name for path in models.iterdir()] == ["hall"]
-    assert sorted(path.name for path in (models / "hall").iterdir()) == ["0_0", "lod-meta.json"]
-    assert len(scan_directory(models)["hall"].load()) == 300
+    folders = ["0_0", "0_1", "1_0", "environment"]
+    assert sorted(path.name for path in (models / "hall").iterdir()) == [*folders, "lod-meta.json"]
+    assert all((models / "hall" / folder / "quats.webp").is_file() for folder in folders)
+    assert len(scan_directory(models)["hall"].load()) == 600
 
 
 @pytest.mark.parametrize("environment", ["environment.sog", "environment"])

@@ -31,7 +31,7 @@ from tigas_render.scenes.scene_file import Listener, SceneFile
 from tigas_render.scenes.sog_files import META
 from tigas_render.scenes.source import MAX_METADATA, SceneMetadata, metadata_path, read_metadata, scene_id
 from tigas_render.scenes.streamed_sog import FORMAT as STREAMED
-from tigas_render.scenes.streamed_sog import LOD_META
+from tigas_render.scenes.streamed_sog import LOD_META, all_files
 
 COPY_BYTES = 1 << 20
 TIMEOUT_S = 30.0
@@ -56,7 +56,7 @@ def add_scene(source: str, directory: Path, id: str | None, listener: Listener, 
 
     limit: of a download, in bytes.
 
-    A SOG scene in a folder becomes one file; a streamed one stays a folder, with the files that are read. The default
+    A SOG scene in a folder becomes one file; a streamed one stays a folder, with all levels. The default
     `id` is derived from the file's name. Returns the id, and the scene's file. Raises NotAdded, BrokenScene and
     OSError; then the directory is unchanged.
     """
@@ -117,7 +117,7 @@ def _local_id(path: Path) -> str:
 def _copy(file: SceneFile, part: Path) -> None:
     first = file.files[0]
     if file.format == STREAMED:
-        for path in file.files:
+        for path in all_files(first):
             _copy_file(path, part / path.relative_to(first.parent))
     elif len(file.files) == 1:
         _copy_file(first, part)

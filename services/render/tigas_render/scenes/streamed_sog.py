@@ -114,13 +114,31 @@ class _Part:
 
 def read_streamed_sog(path: Path) -> SceneFile:
     """Description of the scene with this lod-meta.json. Raises BrokenScene, with one sentence."""
+    meta, meta_bytes = _read(path)
+    finest = _at_level(min, path, meta, meta_bytes)
+    return replace(finest, coarse=partial(_coarsest, finest, path, meta))
+
+
+def all_files(path: Path) -> Iterator[Path]:
+    """The lod-meta.json at this path, and the files of all levels and of the environment. Raises BrokenScene.
+
+    Coarser levels may be missing.
+    """
+    meta, _ = _read(path)
+    environment = _environment(path.parent, meta.environment)
+    yield path
+    for name in dict.fromkeys((*meta.filenames, *((environment,) if environment else ()))):
+        if (path.parent / name).is_file():
+            yield from _part(path, name, None).file.files
+
+
+def _read(path: Path) -> tuple[LodMeta, int]:
+    """A lod-meta.json, and its size in bytes. Raises BrokenScene."""
     content = read_file(path, MAX_LOD_META)
     try:
-        meta = parse(LodMeta, content, MAX_LOD_META)
+        return parse(LodMeta, content, MAX_LOD_META), len(content)
     except InvalidRequest as error:
         raise BrokenScene(f"{path.name} is not one of streamed SOG, version 1: {error.detail}") from None
-    finest = _at_level(min, path, meta, len(content))
-    return replace(finest, coarse=partial(_coarsest, finest, path, meta))
 
 
 def _coarsest(finest: SceneFile, path: Path, meta: LodMeta) -> SceneFile | None:
