@@ -95,6 +95,21 @@ async def test_concurrent_first_uses_load_once_and_leave_the_event_loop_free(ben
     assert bench.opened == ["a", "b"]
 
 
+async def test_many_scenes_that_load_leave_worker_threads_for_others() -> None:
+    ids = [f"scene-{number}" for number in range(40)]  # more than there are threads
+    bench = Bench.of(*ids)
+    bench.budget, bench.gates = 10_000, dict.fromkeys(ids, threading.Event())
+    registry = bench.registry()
+    loading = [asyncio.create_task(registry.load(id)) for id in ids]
+    await until_opened(bench, 2)
+    async with asyncio.timeout(5):
+        assert await asyncio.to_thread(lambda: "free") == "free"
+    assert len(bench.opened) == 2
+    bench.gates[ids[0]].set()
+    await asyncio.gather(*loading)
+    assert set(states(registry).values()) == {"loaded"}
+
+
 async def test_one_who_gives_up_waiting_does_not_take_the_scene_from_the_others(bench: Bench) -> None:
     bench.gates["a"] = threading.Event()
     registry = bench.registry()

@@ -30,6 +30,8 @@ BUILTIN: Mapping[str, SceneSource] = {DEMO_SOURCE.id: DEMO_SOURCE}
 """Scenes that are part of the package; a folder of the same name takes their place."""
 COARSE_SAMPLE = 12_500
 """Gaussians from which the start view of a coarse scene is derived in half a second."""
+READ_AT_ONCE = 2
+"""Scenes that are read at a time, as each takes a worker thread for long; and as many coarse ones."""
 IN_USE_S = 30.0
 """Seconds for which a scene counts as in use after its last frame: its viewer may only be standing still."""
 
@@ -68,6 +70,8 @@ class SceneRegistry:
         self._clock = clock
         self._entries = {id: Entry(source) for id, source in self._offered(builtin).items()}
         self._retired: set[Entry] = set()  # removed from the directory or replaced there, but still in use
+        self._reading = asyncio.Semaphore(READ_AT_ONCE)
+        self._reading_coarse = asyncio.Semaphore(READ_AT_ONCE)
         self._scanning = asyncio.Lock()
         self._scans_asked = self._scans_done = 0
         self._closed = False
@@ -240,15 +244,18 @@ class SceneRegistry:
         source, entry.progress = entry.source, 0.0
         try:
             self._make_room(entry, source.memory_bytes)
-            entry.coarse = await asyncio.to_thread(self._read_coarse, entry)
+            async with self._reading_coarse:
+                entry.coarse = await asyncio.to_thread(self._read_coarse, entry)
             if entry.coarse is not None:
                 entry.view = entry.view or entry.coarse.view
             entry.begun.set()
-            loaded = await self._read_with_room(entry)
-            self._make_room(entry, loaded.prepared.nbytes)
-            self._check_wanted(entry)
-            if source.digest is not None:
-                entry.sha256 = await asyncio.to_thread(source.digest)
+            async with self._reading:
+                self._check_wanted(entry)
+                loaded = await self._read_with_room(entry)
+                self._make_room(entry, loaded.prepared.nbytes)
+                self._check_wanted(entry)
+                if source.digest is not None:
+                    entry.sha256 = await asyncio.to_thread(source.digest)
         except Exception as error:
             return self._failed(entry, error)
         else:
