@@ -95,6 +95,7 @@ class FakeRasterizer(Rasterizer):
     def pack(self, scene: Batches) -> PreparedScene:
         if self.error is not None:
             raise self.error
+        scene.gathered()
         return FakeScene()
 
     def render(

@@ -123,3 +123,22 @@ async def test_scenes_have_ladders_of_their_own_unless_the_settings_name_one_for
         ladder = (await service.info("hall")).ladder
         assert service.config("http://localhost:8080").ladder[0].name == of_the_server
         assert (ladder and ladder[0].name) == of_the_scene
+
+
+async def test_previews_of_many_scenes_wait_for_each_other(tmp_path: Path) -> None:
+    ids = [f"scene {number}" for number in range(9)]
+    for id in ids:
+        plys.write(tmp_path / "models" / f"{id}.ply", plys.binary_ply(10))
+    rasterizer = FakeRasterizer()
+    settings = RenderSettings(cache=tmp_path / "cache", scenes=tmp_path / "models")
+    async with RenderService.open(settings, rasterizer) as service:
+        await service.registry.scan()
+        previews = [asyncio.create_task(service.preview(id)) for id in ids]
+
+        def all_wait() -> bool:
+            waiting, ended = sum(service.engine.in_flight.values()), sum(each.done() for each in previews)
+            return waiting + ended == len(ids)
+
+        await eventually(all_wait)
+        rasterizer.gate.set()
+        assert len(await asyncio.gather(*previews)) == len(ids)

@@ -54,8 +54,8 @@ logger = logging.getLogger(__name__)
 HOUSEKEEPING_S = 15
 """Seconds between checks for idle scenes, unfinished uploads and a stuck renderer."""
 
-PREVIEWS = Client("previews", "previews")
-"""Shared client identity for thumbnails, which are cached for all visitors."""
+PREVIEWS = "previews"
+"""Address in whose name thumbnails are rendered, for all visitors; each scene is a session, as one has few requests."""
 
 
 class StateMetrics(Collector):
@@ -245,7 +245,8 @@ class RenderService(FrameSource):
             async with self.registry.use(scene_id) as scene:
                 camera = preview_camera(scene.view.camera, scene.view.up, WIDTH, HEIGHT)
                 request = RenderRequest.at(scene_id, camera.pose, camera.intrinsics)
-                return bytes((await self.engine.submit(PREVIEWS, request, time.monotonic())).body)
+                client = Client(PREVIEWS, scene_id)
+                return bytes((await self.engine.submit(client, request, time.monotonic())).body)
 
     @contextmanager
     def _noticing_loss(self) -> Iterator[None]:
