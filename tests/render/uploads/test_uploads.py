@@ -444,6 +444,24 @@ async def test_a_scene_is_renamed_and_deleted(client: httpx.AsyncClient, models:
     assert (await ids(client), names(models)) == (["courtyard"], [])
 
 
+async def test_a_failed_removal_leaves_no_folder_behind(
+    client: httpx.AsyncClient, models: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plys.write(models / "hall" / "scene.ply", plys.binary_ply())
+    await client.get("/scenes?scan=1")
+    with monkeypatch.context() as broken:
+        broken.setattr(Path, "rename", fail)
+        refused = await client.delete("/scenes/hall")
+    assert refused.json()["detail"] == "The disk that holds the models refused: Input/output error."
+    assert names(models) == ["attic.ply", "hall"]
+
+
+async def test_a_scene_that_is_half_removed_is_listed_no_more(client: httpx.AsyncClient, models: Path) -> None:
+    (models / "attic.scene.json").mkdir()
+    assert problem(await client.delete("/scenes/attic")) == (500, "storage-failed")
+    assert "attic" not in await ids(client)
+
+
 VIEW = {"camera": {"position": [0, -2, -8], "look_at": [0, -1, 0]}, "up": [0, 1, 0]}
 
 

@@ -9,10 +9,9 @@ from __future__ import annotations
 import errno
 import json
 import shutil
-import tempfile
 import time
 import zipfile
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
@@ -40,6 +39,8 @@ LEAST_BYTES_PER_S = 1000.0
 """or if it is slower than this over that time."""
 PART = ".adding-"
 """Prefix of the directory in the models directory in which a scene is being added."""
+REMOVED = ".removed-"
+"""The same, of a scene that is being removed."""
 AS_IT_IS = {"Accept-Encoding": "identity"}
 ENDINGS = {"PLY": ".ply", "compressed PLY": ".compressed.ply", ".splat": ".splat", "SOG": ".sog", STREAMED: ""}
 """By format; all versions of SPZ are .spz, and SOG is one file from now on, unless it is streamed."""
@@ -181,15 +182,14 @@ def remove_scene(directory: Path, id: str) -> None:
 
     Raises UnknownScene and OSError.
     """
-    with _changing(directory):
+    with ExitStack() as after, _changing(directory):
         path = _path(directory, id)
         if path.is_symlink() or not path.is_dir():
             path.unlink()
             metadata_path(path).unlink(missing_ok=True)
             return
-        last = Path(tempfile.mkdtemp(prefix=".removed-", dir=directory))
-        path.rename(last / id)  # removed in one step, however long deleting the files takes
-    shutil.rmtree(last)
+        hidden = after.enter_context(locked_directory(directory, REMOVED))
+        path.rename(hidden / id)  # removed in one step, however long deleting the files takes
 
 
 def rename_scene(directory: Path, id: str, name: str) -> None:

@@ -85,9 +85,11 @@ class Library:
         models = open_uploads(self._settings).models
         if self._registry.info(scene_id).builtin:
             raise BuiltIn(f"{self._registry.source(scene_id).name} is part of TIGAS and cannot be changed.")
-        with storage_explained(MODELS):
-            await asyncio.to_thread(change, models, scene_id)
-        await self._registry.scan()
+        try:
+            with storage_explained(MODELS):
+                await asyncio.to_thread(change, models, scene_id)
+        finally:
+            await self._registry.scan()
 
     async def _add(self, uploads: Uploads, upload_id: str) -> str:
         upload = await asyncio.to_thread(uploads.get, upload_id)
