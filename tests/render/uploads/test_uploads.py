@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import hashlib
 import json
 import os
 import time
@@ -15,6 +16,7 @@ from typing import Any, TypeVar, TypeVarTuple
 import httpx
 import pytest
 
+from tests.common.test_weights import NETWORK, made
 from tests.render.fakes import FakeRasterizer
 from tests.render.scenes import made_up, plys
 from tests.render.uploads.client import TUS, begin, begun, part, upload
@@ -23,6 +25,7 @@ from tigas_common.errors import Overloaded
 from tigas_common.limits import HttpLimits
 from tigas_common.offload import Limit, Offload, offload_to_process
 from tigas_common.runner import serve_http
+from tigas_common.weights import write_weights
 from tigas_render.server.app import create_app
 from tigas_render.server.library import Library
 from tigas_render.server.service import RenderService
@@ -59,7 +62,7 @@ async def in_a_thread(function: Callable[[*Ts], T], *arguments: *Ts, limit: Limi
 async def serving(settings: RenderSettings, offload: Offload = in_a_thread) -> AsyncIterator[httpx.AsyncClient]:
     """A client of a service, over a socket."""
     async with RenderService.open(settings, FakeRasterizer()) as service:
-        service.library = Library(settings, service.registry, offload)
+        service.library = Library(settings, service.registry, service.shelf, offload)
         async with (
             serve_http(create_app(service), Address("127.0.0.1", 0), HttpLimits()) as port,
             httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=60) as client,
@@ -462,6 +465,17 @@ async def test_a_scene_that_is_half_removed_is_listed_no_more(client: httpx.Asyn
     assert "attic" not in await ids(client)
 
 
+async def test_the_networks_of_a_file_are_kept_when_it_is_renamed(models: Path, tmp_path: Path) -> None:
+    digest = hashlib.sha256((models / "attic.ply").read_bytes()).hexdigest()
+    (tmp_path / "enhance").mkdir()
+    write_weights(tmp_path / "enhance" / "attic.safetensors", made(NETWORK, scene=digest))
+    async with serving(settings_for(models).model_copy(update={"cache": tmp_path})) as client:
+        before = (await client.get("/scenes/attic/enhance.safetensors")).raise_for_status()
+        await client.post("/scenes/attic/rename", json={"name": "loft"})
+        after = await client.get("/scenes/loft/enhance.safetensors")
+        assert (after.status_code, after.content) == (200, before.content)
+
+
 VIEW = {"camera": {"position": [0, -2, -8], "look_at": [0, -1, 0]}, "up": [0, 1, 0]}
 
 
@@ -593,6 +607,9 @@ async def test_a_description_that_cannot_be_read_is_left_as_it_is(client: httpx.
     answer = await client.patch("/scenes/attic", json={"views": {"Door": POSE}})
     assert problem(answer) == (422, "broken-scene")
     assert (models / "attic.scene.json").read_text() == '{"name": "The attic",'
+    assert (await client.post("/scenes/attic/rename", json={"name": "loft"})).status_code == 200
+    assert (models / "loft.scene.json").read_text() == '{"name": "The attic",'
+    assert names(models) == ["loft.ply", "loft.scene.json"]
 
 
 @pytest.mark.parametrize("name", ["../up", "", "a/b", "hall", "courtyard", ".x", "x" * 300, "hall.compressed"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal
@@ -42,7 +43,7 @@ class Shelf:
         self._general = general
 
     def place(self, source: SceneSource) -> Path:
-        """Path of a scene's own weights: next to its file, or in the cache for a built-in scene."""
+        """Path of a scene's own weights: in its folder, or in the cache if it has none."""
         if source.folder is not None:
             return source.folder / FILE
         return self._cache / f"{source.id}.safetensors"
@@ -58,6 +59,13 @@ class Shelf:
         if not os.access(place.parent, os.W_OK):
             raise NoPlace(f"The service may not write into the folder of {source.name}.")
         return place
+
+    def rename(self, source: SceneSource, id: str) -> None:
+        """Keep a scene's own weights when it gets another id: those in its folder have moved with it."""
+        if source.folder is None:
+            place = self.place(source)
+            with suppress(OSError):  # most scenes have none
+                place.replace(place.with_name(f"{id}.safetensors"))
 
     def kind(self, source: SceneSource) -> Literal["scene", "general"] | None:
         """Networks that can enhance a scene's frames."""

@@ -212,8 +212,10 @@ def _rename(directory: Path, path: Path, name: str) -> None:
             _write_metadata(path, after)
     else:
         target = directory / f"{name}{path.name.removeprefix(scene_id(path))}"
-        if before:
+        if after != before:
             _write_metadata(target, after)
+        elif metadata_path(path).exists():  # also if it is not valid
+            replace_file(metadata_path(target), read_regular(metadata_path(path), MAX_METADATA))
     try:
         move_new(path, target)
     except OSError:

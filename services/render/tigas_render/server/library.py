@@ -13,6 +13,7 @@ from tigas_common.errors import BrokenScene, Overloaded, TigasError
 from tigas_common.files import storage_explained
 from tigas_common.offload import Limit, Offload, offload_to_process
 from tigas_common.wire.render import SceneEdit
+from tigas_render.enhance.shelf import Shelf
 from tigas_render.scenes.directory import read_scene_file
 from tigas_render.scenes.library_operations import NotAdded, edit_scene, keep, remove_scene, rename_scene
 from tigas_render.scenes.registry import SceneRegistry
@@ -38,11 +39,12 @@ class Library:
     """Changes the models directory, and lets the registry know."""
 
     def __init__(
-        self, settings: RenderSettings, registry: SceneRegistry, offload: Offload = offload_to_process
+        self, settings: RenderSettings, registry: SceneRegistry, shelf: Shelf, offload: Offload = offload_to_process
     ) -> None:
         """offload: where files are checked."""
         self._settings = settings
         self._registry = registry
+        self._shelf = shelf
         self._offload = offload
         self._checks = asyncio.Semaphore(1)  # each may take as much memory as the largest scene
         self._adding = SingleFlight[str, str]()
@@ -71,7 +73,9 @@ class Library:
 
     async def rename(self, scene_id: str, name: str) -> None:
         """Give a scene another id. Raises as `remove`, and NotAdded if there cannot be such a scene."""
+        source = self._registry.source(scene_id)
         await self._change(scene_id, partial(rename_scene, name=name))
+        await asyncio.to_thread(self._shelf.rename, source, name)
 
     async def edit(self, scene_id: str, edit: SceneEdit) -> None:
         """Change a scene's description. Raises as `remove`, and InvalidRequest if the result is not valid."""

@@ -115,7 +115,7 @@ class RenderService(FrameSource):
         self.downloads = DownloadCache(settings.cache / "downloads", int(settings.downloads_gb * 1e9))
         self.readers = Readers()
         self.rescan = self.registry.scan
-        self.library = Library(settings, self.registry)
+        self.library = Library(settings, self.registry, self.shelf)
         self._previews = PreviewCache(settings.cache, self._render_preview)
 
     @classmethod
