@@ -620,6 +620,23 @@ async def test_what_cannot_be_a_name_changes_nothing(client: httpx.AsyncClient, 
     assert names(models) == ["attic.ply", "hall"]
 
 
+@pytest.mark.parametrize("name", ["風" * 86, "é" * 101], ids=["three bytes each", "two bytes each"])
+async def test_a_name_that_is_too_long_for_a_file_is_refused_in_a_sentence(
+    client: httpx.AsyncClient, models: Path, name: str
+) -> None:
+    for refused in (
+        await client.post("/uploads", headers=begin(f"{name}.ply", 100)),
+        await client.post("/scenes/attic/rename", json={"name": name}),
+    ):
+        assert problem(refused) == (422, "scene-not-added")
+        size = len(name.encode())
+        assert refused.json()["detail"] == f"A scene's name has at most 200 bytes in UTF-8, and this one has {size}."
+    assert (names(models), left(models)) == (["attic.ply"], [])
+    longest = name[: 200 // len(name[0].encode())]
+    assert (await client.post("/scenes/attic/rename", json={"name": longest})).status_code == 200
+    assert (await client.patch(f"/scenes/{longest}", json=VIEW)).json()["up"] == VIEW["up"]
+
+
 async def test_the_built_in_scene_stays(client: httpx.AsyncClient) -> None:
     for answer in (
         await client.delete("/scenes/courtyard"),

@@ -41,6 +41,8 @@ PART = ".adding-"
 """Prefix of the directory in the models directory in which a scene is being added."""
 REMOVED = ".removed-"
 """The same, of a scene that is being removed."""
+MAX_ID_BYTES = 200
+"""File systems allow 255, of which endings and names of temporary files take some."""
 AS_IT_IS = {"Accept-Encoding": "identity"}
 ENDINGS = {"PLY": ".ply", "compressed PLY": ".compressed.ply", ".splat": ".splat", "SOG": ".sog", STREAMED: ""}
 """By format; all versions of SPZ are .spz, and SOG is one file from now on, unless it is streamed."""
@@ -81,6 +83,8 @@ def check_free(directory: Path, id: str) -> None:
     """Whether a scene can be called so. Raises NotAdded."""
     if not SAFE_NAME.fullmatch(id):
         raise NotAdded(f"{id[:100]!r} cannot be a scene's name: use only letters, digits, spaces and _.()+-.")
+    if (size := len(id.encode())) > MAX_ID_BYTES:
+        raise NotAdded(f"A scene's name has at most {MAX_ID_BYTES} bytes in UTF-8, and this one has {size}.")
     if (other := scene_id(Path(f"{id}.ply"))) != id:
         raise NotAdded(f"{id} cannot be a scene's name: its file would be the scene {other}.")
     if id in BUILTIN or id in scene_paths(directory):
