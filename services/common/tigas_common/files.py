@@ -15,6 +15,7 @@ from tigas_common.errors import DiskFull, StorageFailed
 
 SPARE_BYTES = 1 << 30
 """Of a disk, that large files leave."""
+NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
 NO_HARD_LINKS = {errno.EPERM, errno.EMLINK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP}
 """How file systems refuse hard links that they do not have."""
 
@@ -95,7 +96,7 @@ def storage_explained(what: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        if error.errno in NO_SPACE:
             raise DiskFull(f"The disk that holds the {what} is full.") from None
         raise StorageFailed(f"The disk that holds the {what} refused: {error.strerror or error}.") from error
 

@@ -389,6 +389,21 @@ def fail(*_: object, **__: object) -> None:
     raise OSError(errno.EIO, os.strerror(errno.EIO))
 
 
+async def test_an_upload_for_which_the_disk_has_no_room_is_kept_and_added_later(
+    client: httpx.AsyncClient, models: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    at = await begun(client, "shell.spz", len(SHELL), SHELL)
+    with monkeypatch.context() as broken:
+        broken.setattr(os, "link", full)
+        refused = await client.post(f"{at}/scene")
+    assert problem(refused) == (507, "disk-full")
+    assert refused.json()["detail"] == "There is no room on the disk for shell; free some, and try again."
+    assert (await client.post(f"{at}/scene")).json() == {"id": "shell"}
+
+
 @pytest.mark.parametrize("call", ["link", "fsync"])
 async def test_a_scene_that_cannot_be_kept_leaves_its_name_free(
     client: httpx.AsyncClient, models: Path, monkeypatch: pytest.MonkeyPatch, call: str

@@ -9,8 +9,8 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from tigas_common.errors import BrokenScene, Overloaded, TigasError
-from tigas_common.files import storage_explained
+from tigas_common.errors import BrokenScene, DiskFull, Overloaded, TigasError
+from tigas_common.files import NO_SPACE, storage_explained
 from tigas_common.offload import Limit, Offload, offload_to_process
 from tigas_common.wire.render import SceneEdit
 from tigas_render.enhance.shelf import Shelf
@@ -105,7 +105,7 @@ class Library:
         try:
             async with self._checks:
                 await self._offload(keep_upload, uploads, upload.id, limit=limit)
-        except Overloaded:  # unknown as yet
+        except (Overloaded, DiskFull):  # it may be added later
             raise
         except TigasError as error:
             _log.warning("The upload of %s was refused: %s", upload.scene, error.detail)
@@ -119,7 +119,8 @@ class Library:
 def keep_upload(uploads: Uploads, id: str) -> None:
     """Check an upload that is whole, and make it a scene, unless it is one already.
 
-    In a process of its own, as the file may be hostile. Raises UnknownUpload, NotAdded, BrokenScene and MemoryError.
+    In a process of its own, as the file may be hostile. Raises UnknownUpload, NotAdded, BrokenScene, DiskFull and
+    MemoryError.
     """
     upload = uploads.get(id)
     try:
@@ -135,6 +136,8 @@ def keep_upload(uploads: Uploads, id: str) -> None:
             uploads.note_adding(upload)
             keep(upload.path, uploads.models, upload.scene)
     except OSError as error:
+        if error.errno in NO_SPACE:
+            raise DiskFull(f"There is no room on the disk for {upload.scene}; free some, and try again.") from None
         raise NotAdded(f"{upload.scene} could not be kept: {error.strerror or error}.") from None
     except RuntimeError as error:  # PyTorch's for a lack of memory
         raise MemoryError from error
