@@ -158,6 +158,14 @@ def test_no_sentence_has_a_password(tmp_path: Path, site: str, address: str) -> 
     assert "secret" not in str(raised.value) + shown(source)
 
 
+@pytest.mark.parametrize("address", ["http://user:secret@[::1", "http://user:secret@a\u2100b/a.ply"])
+def test_an_address_that_is_not_valid_is_refused_in_a_sentence(tmp_path: Path, address: str) -> None:
+    for call in (lambda: add_scene(address, tmp_path, None, lambda _: None, LIMIT), lambda: shown(address)):
+        with pytest.raises(NotAdded, match=r"^The scene's address is not valid\.$"):
+            call()
+    assert shown("//[a") == "//[a", "a path"
+
+
 @pytest.mark.slow
 def test_a_command_that_is_terminated_leaves_nothing(tmp_path: Path, site: str) -> None:
     models = tmp_path / "models"

@@ -14,7 +14,7 @@ import zipfile
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote, urlsplit
+from urllib.parse import SplitResult, unquote, urlsplit
 
 import httpx
 
@@ -63,16 +63,15 @@ def add_scene(source: str, directory: Path, id: str | None, listener: Listener, 
     `id` is derived from the file's name. Returns the id, and the scene's file. Raises NotAdded, BrokenScene and
     OSError; then the directory is unchanged.
     """
-    url = urlsplit(source)
-    remote = url.scheme in ("http", "https")
-    if not remote and "://" in source:
+    url = _address(source)
+    if url and url.scheme not in ("http", "https"):
         raise NotAdded("Scenes are fetched from http and https addresses only.")
-    id = id or (scene_id(Path(unquote(url.path))) if remote else _local_id(Path(source).resolve()))
+    id = id or (scene_id(Path(unquote(url.path))) if url else _local_id(Path(source).resolve()))
     directory.mkdir(parents=True, exist_ok=True)
     check_free(directory, id)
     with locked_directory(directory, PART) as hidden:
         part = hidden / id
-        if remote:
+        if url:
             _fetch(source, part, listener, limit)
         else:
             _copy(read_scene_file(Path(source)), part)
@@ -139,11 +138,19 @@ def _copy_file(path: Path, target: Path) -> None:
 
 
 def shown(source: str) -> str:
-    """A path, or an address without possible secrets: user, password and query."""
-    url = urlsplit(source)
+    """A path, or an address without possible secrets: user, password and query. Raises NotAdded."""
+    url = _address(source)
+    return f"{url.scheme}://{url.netloc.rpartition('@')[2]}{url.path}" if url else source
+
+
+def _address(source: str) -> SplitResult | None:
+    """The parts of an address; None for a path. Raises NotAdded."""
     if "://" not in source:
-        return source
-    return f"{url.scheme}://{url.netloc.rpartition('@')[2]}{url.path}"
+        return None
+    try:
+        return urlsplit(source)
+    except ValueError:
+        raise NotAdded("The scene's address is not valid.") from None
 
 
 def _fetch(url: str, part: Path, listener: Listener, limit: int) -> None:
