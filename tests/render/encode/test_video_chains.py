@@ -12,7 +12,7 @@ from tigas_common.errors import Superseded
 from tigas_common.wire.render import VideoInfo, VideoRequest
 from tigas_render.encode import video_chains
 from tigas_render.encode.h264 import EncodingFailed, H264Encoder
-from tigas_render.encode.video_chains import IDLE_S, VideoChains
+from tigas_render.encode.video_chains import IDLE_S, RESTING_S, VideoChains
 from tigas_render.frame import Client
 
 ANN, BOB, CAL = (Client("somewhere", name) for name in ("Ann", "Bob", "Cal"))
@@ -108,6 +108,22 @@ def test_a_large_video_counts_as_several(monkeypatch: pytest.MonkeyPatch) -> Non
     videos.next(1, CAL)
     assert len(videos.chains) == 2
     assert after(videos.next(2, BOB, size=2)) == 1
+
+
+def test_a_large_video_goes_on_while_others_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(video_chains, "USUAL_PIXELS", WIDTH * HEIGHT // 4)
+    videos, large = Videos(most=6), Client("elsewhere", "Dot")
+    viewers = [Client(f"address {number}", "Ann") for number in range(6)]
+    for viewer in viewers:
+        videos.next(1, viewer, size=2)
+    videos.now = RESTING_S
+    assert [after(videos.next(seq, large)) for seq in (1, 2)] == [None, 1]
+    assert len(videos.chains) == 3
+    videos.next(2, viewers[0], size=2)
+    assert after(videos.next(3, large)) == 2, "one that comes back takes the place of one that rests"
+    for viewer in viewers:
+        videos.next(3, viewer, size=2)
+    assert [after(videos.next(4, viewer, size=2)) for viewer in viewers] == [3] * 6, "it gives way if nobody rests"
 
 
 def test_who_is_gone_or_idle_has_no_encoder_any_more() -> None:

@@ -20,6 +20,8 @@ VIDEO_ENCODERS: Final = 64
 """Default maximum number of concurrent encoders."""
 USUAL_PIXELS: Final = 1280 * 720
 """A larger video counts as several; one of this size takes about 20 MB."""
+RESTING_S: Final = 1.0
+"""A viewer without a request for this many seconds stands still, and may go on with a key frame."""
 IDLE_S: Final = 10.0
 """A viewer without a request for this many seconds gets a new chain."""
 
@@ -64,7 +66,10 @@ class VideoChains:
     """All that one engine has."""
 
     def __init__(self, most: int, clock: Callable[[], float]) -> None:
-        """most: maximum number of encoders; beyond it, the address with the most loses its least recently used one."""
+        """most: maximum number of encoders; beyond it, the address with the most loses its least recently used one.
+
+        If it has just one, a large video, the one that rests longest goes instead, as long as any rests.
+        """
         self._most = most
         self._clock = clock
         self._chains: OrderedDict[Client, VideoChain] = OrderedDict()
@@ -122,4 +127,8 @@ class VideoChains:
             for client, chain in self._chains.items():
                 of_address[client.address] += chain.weight
             heaviest = max(of_address, key=of_address.__getitem__)
-            del self._chains[next(client for client in self._chains if client.address == heaviest)]
+            victim, *others = [client for client in self._chains if client.address == heaviest]
+            oldest, chain = next(iter(self._chains.items()))
+            if not others and self._clock() - chain.used_at >= RESTING_S:
+                victim = oldest
+            del self._chains[victim]
