@@ -7,15 +7,18 @@ import hashlib
 import os
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
 
 from tests.render.scenes import plys
-from tigas_common.errors import BrokenScene
+from tigas_common.errors import BrokenScene, Overloaded
 from tigas_common.wire.render import SavedView, SceneDownload
-from tigas_render.downloads.cache import DownloadCache, NoSpace, NoSuchDownload
+from tigas_render.downloads.cache import Check, DownloadCache, NoSpace, NoSuchDownload
+from tigas_render.gaussians import Batches, Gaussians
+from tigas_render.scenes.scene_file import Listener
 from tigas_render.scenes.source import SceneMetadata, SceneSource
 
 pytestmark = pytest.mark.anyio
@@ -36,7 +39,7 @@ class Maker:
     def __post_init__(self) -> None:
         self.gate.set()
 
-    def __call__(self, source: SceneSource, path: Path) -> SceneDownload:
+    def __call__(self, source: SceneSource, path: Path, check: Check) -> SceneDownload:
         self.made.append(source.id)
         self.begun.set()
         content = source.id.encode().ljust(SIZE)
@@ -75,6 +78,24 @@ async def test_concurrent_first_requests_make_it_once_and_may_give_up(tmp_path: 
     maker.gate.set()
     assert (await second).about.bytes == SIZE
     assert maker.made == ["garden"]
+
+
+@pytest.mark.parametrize("is_read", [False, True])
+async def test_one_that_is_being_made_ends_early_when_the_service_stops(tmp_path: Path, is_read: bool) -> None:
+    cache = DownloadCache(tmp_path, 10**6)
+
+    def open(listener: Listener) -> Batches:
+        return Batches(20, parts(listener))
+
+    def parts(listener: Listener) -> Iterator[Gaussians]:
+        yield plys.gaussians(10)
+        cache.close()
+        while not is_read:
+            listener(0.5)
+
+    with pytest.raises(Overloaded, match="the service is stopping"):
+        await cache.get(replace(SOURCE, open=open))
+    assert files(tmp_path) == []
 
 
 async def test_another_version_or_camera_is_another_file_but_a_saved_view_is_not(tmp_path: Path) -> None:

@@ -202,7 +202,7 @@ def test_one_can_be_added_and_downloaded_with_its_environment(tmp_path: Path, en
     write_environment(tmp_path / "hall", environment)
     _, file = add_scene(str(tmp_path / "hall"), tmp_path / "models", None, lambda _: None, 10**9)
     assert file.count == 920
-    made = make(scan_directory(tmp_path / "models")["hall"], tmp_path / "hall.ply")
+    made = make(scan_directory(tmp_path / "models")["hall"], tmp_path / "hall.ply", lambda: None)
     assert (made.gaussians, len(read_scene_file(tmp_path / "hall.ply").load())) == (920, 920)
 
 

@@ -47,7 +47,9 @@ async def test_housekeeping_goes_on_although_it_failed(
             await kept.wait()
 
 
-async def test_a_stopping_service_ends_loading_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_stopping_service_ends_loading_and_downloads_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def endless(_: SceneSource, listener: Listener) -> NoReturn:
         while True:
             listener(0.5)
@@ -60,12 +62,14 @@ async def test_a_stopping_service_ends_loading_first(tmp_path: Path, monkeypatch
 
     async with RenderService.open(RenderSettings(cache=tmp_path), FakeRasterizer()) as service:
         loading = asyncio.create_task(service.load("courtyard"))
+        making = asyncio.create_task(service.downloads.get(service.registry.source("courtyard")))
         await asyncio.sleep(0)
         assert service.registry.info("courtyard").state == "loading"
         stop.set()
         await until_stopped_or_lost(stopped(), service)
-        with pytest.raises(Overloaded, match="the service is stopping"):
-            await loading
+        for work in (loading, making):
+            with pytest.raises(Overloaded, match="the service is stopping"):
+                await work
 
 
 @pytest.fixture

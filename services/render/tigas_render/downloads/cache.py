@@ -47,8 +47,10 @@ AT_ONCE, OF_AN_ADDRESS = 128, 32
 ABANDONED_S = 600.0
 """Age of an unfinished file from which on nobody is making it any more."""
 RETRY_S = 5.0
-Make = Callable[[SceneSource, Path], SceneDownload]
-"""Writes a scene's file. Raises BrokenScene and OSError."""
+Check = Callable[[], None]
+"""Raises Overloaded once the service is stopping."""
+Make = Callable[[SceneSource, Path, Check], SceneDownload]
+"""Writes a scene's file. Raises BrokenScene, Overloaded and OSError."""
 
 
 class NoSuchDownload(TigasError):
@@ -71,16 +73,16 @@ class MadeFile:
     about: SceneDownload
 
 
-def make(source: SceneSource, path: Path) -> SceneDownload:
+def make(source: SceneSource, path: Path, check: Check) -> SceneDownload:
     """Write a scene's file; its peak memory is the scene's tensors.
 
-    Raises BrokenScene, and OSError if it cannot be written.
+    Raises BrokenScene, Overloaded as `check` does, and OSError if it cannot be written.
     """
-    gaussians = source.load()
+    gaussians = source.read(lambda _: check()).gathered()
     camera = SceneStatistics.of(gaussians).view(source.metadata).camera
     order = download_order(gaussians, camera.position)
     comments = [*(part.comment for part in order.parts), *([ANTIALIASED] if gaussians.antialiased else ())]
-    write_compressed_ply(path, gaussians, order.indices, comments)
+    write_compressed_ply(path, gaussians, order.indices, comments, check=check)
     with path.open("rb") as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
     return SceneDownload(bytes=path.stat().st_size, sha256=sha256, gaussians=len(gaussians))
@@ -95,6 +97,11 @@ class DownloadCache:
         self._make = make
         self._making = SingleFlight[Path, MadeFile]()
         self._turns = asyncio.Lock()  # one scene at a time is in memory for it
+        self._closed = False
+
+    def close(self) -> None:
+        """End all making soon: the service is stopping."""
+        self._closed = True
 
     def offered(self, source: SceneSource) -> tuple[SceneDownload, ...]:
         """The downloadable forms of a scene, and the file's metadata once it is made. Reads files."""
@@ -118,7 +125,8 @@ class DownloadCache:
     async def get(self, source: SceneSource) -> MadeFile:
         """A scene's file; concurrent first requests make it once.
 
-        Raises NoSuchDownload, BrokenScene, and NoSpace if the file does not fit on the disk or under the limit.
+        Raises NoSuchDownload, BrokenScene, NoSpace if the file does not fit on the disk or under the limit, and
+        Overloaded if the service is stopping.
         """
         if not self._limit:
             raise NoSuchDownload(f"{source.name} is not offered for download.")
@@ -139,11 +147,15 @@ class DownloadCache:
                 about = await asyncio.to_thread(self._make_and_keep, source, path)
         return MadeFile(path, about)
 
+    def _check(self) -> None:
+        if self._closed:
+            raise Overloaded("The download was not made, as the service is stopping.", RETRY_S)
+
     def _make_and_keep(self, source: SceneSource, path: Path) -> SceneDownload:
         temporary = path.with_suffix(f"{path.suffix}.{os.getpid()}.tmp")
         try:
             self._directory.mkdir(parents=True, exist_ok=True)
-            about = self._make(source, temporary)
+            about = self._make(source, temporary, self._check)
             size = temporary.stat().st_size
             if size > self._limit:
                 raise NoSpace(

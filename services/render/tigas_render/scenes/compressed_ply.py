@@ -8,7 +8,7 @@ within these ranges; then come all further coefficients, channel-major.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -181,10 +181,12 @@ def write_compressed_ply(
     order: NDArray[np.int64],
     comments: Iterable[str] = (),
     shifts: Floats = ORIGIN,
+    check: Callable[[], None] = lambda: None,
 ) -> None:
     """Write the Gaussians with these indices [M] in this order, once for each shift [C, 3] in scene units.
 
-    A chunk should hold neighbours; for several shifts, M is a multiple of its size. comments: for the header.
+    A chunk should hold neighbours; for several shifts, M is a multiple of its size. comments: for the header. check:
+    may raise an error to end it.
 
     Memory beyond the arrays themselves is a few megabytes. Raises OSError.
     """
@@ -203,6 +205,7 @@ def write_compressed_ply(
         file.write(header)
         for shift in shifts:
             for block in blocks:
+                check()
                 for element, content in enumerate(_pack(gaussians, block, shift)):
                     file.seek(ends[element])
                     ends[element] += file.write(content)

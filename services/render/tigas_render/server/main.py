@@ -86,7 +86,7 @@ async def opened(settings: RenderSettings, say: Callable[[str], None]) -> AsyncI
 
 
 async def until_stopped_or_lost(stop: Coroutine[None, None, None], service: RenderService) -> None:
-    """Wait for `stop`, then end all loading. Raises StartError if the device is lost first: only a new process can use
+    """Wait for `stop`, then end long work. Raises StartError if the device is lost first: only a new process can use
     it. The process then ends within `LOST_GRACE_S`, even if threads are stuck in calls to the device.
     """
     engine = service.engine
@@ -95,7 +95,7 @@ async def until_stopped_or_lost(stop: Coroutine[None, None, None], service: Rend
         await asyncio.wait((stopped, engine.device_lost), return_when=asyncio.FIRST_COMPLETED)
     finally:
         stopped.cancel()
-        service.registry.close()
+        service.stop_work()
     if engine.device_lost.done():
         reason = engine.device_lost.result().detail
         logger.error("%s", reason)  # the process may not get as far as to report it otherwise

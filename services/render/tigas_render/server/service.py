@@ -131,7 +131,12 @@ class RenderService(FrameSource):
             finally:
                 housekeeping.cancel()
                 await service.trainer.close()
-        service.registry.close()
+        service.stop_work()
+
+    def stop_work(self) -> None:
+        """End the loading of scenes and the making of downloads soon: the service is stopping."""
+        self.registry.close()
+        self.downloads.close()
 
     def show(self, certificate: Certificate) -> None:
         """Announce this certificate to pages from now on."""
