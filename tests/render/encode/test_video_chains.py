@@ -120,7 +120,7 @@ def test_a_large_video_goes_on_while_others_rest(monkeypatch: pytest.MonkeyPatch
     assert [after(videos.next(seq, large)) for seq in (1, 2)] == [None, 1]
     assert len(videos.chains) == 3
     videos.next(2, viewers[0], size=2)
-    assert after(videos.next(3, large)) == 2, "one that comes back takes the place of one that rests"
+    assert after(videos.next(3, large)) == 2, "it takes the place of another that rests"
     for viewer in viewers:
         videos.next(3, viewer, size=2)
     assert [after(videos.next(4, viewer, size=2)) for viewer in viewers] == [3] * 6, "it gives way if nobody rests"

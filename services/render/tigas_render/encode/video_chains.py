@@ -68,7 +68,7 @@ class VideoChains:
     def __init__(self, most: int, clock: Callable[[], float]) -> None:
         """most: maximum number of encoders; beyond it, the address with the most loses its least recently used one.
 
-        If it has just one, a large video, the one that rests longest goes instead, as long as any rests.
+        If it has just one, a large video, the chain at rest for the longest time goes instead, if there is any.
         """
         self._most = most
         self._clock = clock
