@@ -1,5 +1,6 @@
 // @vitest-environment happy-dom
 import { beforeEach, expect, test, vi } from "vitest";
+import { StreamUnsupported } from "../stream/stream";
 import { playStream } from "./dashjs-stream";
 
 /**
@@ -28,7 +29,7 @@ vi.mock("dashjs", () => {
       },
     };
   };
-  return { supportsMediaSource: () => true, MediaPlayer: Object.assign(() => ({ create }), { events: {} }) };
+  return { MediaPlayer: Object.assign(() => ({ create }), { events: {} }) };
 });
 
 // As the browser does: a play request ends with the stream that it is for.
@@ -38,6 +39,7 @@ let video: HTMLVideoElement;
 
 beforeEach(() => {
   players.length = 0;
+  vi.stubGlobal("MediaSource", { isTypeSupported: () => true });
   video = document.createElement("video");
   video.play = () => new Promise((_, reject) => (interrupt = reject));
 });
@@ -64,4 +66,14 @@ test("a play request interrupted by the end of the stream is no problem; another
   await Promise.resolve();
   await Promise.resolve();
   expect(players[1]?.warnings).toBe(0);
+});
+
+test("a browser without H.264 is told so, also where only managed extensions exist", () => {
+  const none = { isTypeSupported: () => false };
+  vi.stubGlobal("MediaSource", none);
+  expect(() => playStream(video, "/a.mpd", EVENTS)).toThrow(StreamUnsupported);
+  vi.stubGlobal("MediaSource", undefined);
+  vi.stubGlobal("ManagedMediaSource", none);
+  expect(() => playStream(video, "/a.mpd", EVENTS)).toThrow(StreamUnsupported);
+  expect(players).toEqual([]);
 });

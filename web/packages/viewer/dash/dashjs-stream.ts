@@ -1,16 +1,15 @@
 /** dash.js on a video element: the one place that knows the library. Loaded on demand, since it is larger than the page. */
-import {
-  type FragmentLoadingCompletedEvent,
-  MediaPlayer,
-  type MediaPlayerErrorEvent,
-  supportsMediaSource,
-} from "dashjs";
+import { type FragmentLoadingCompletedEvent, MediaPlayer, type MediaPlayerErrorEvent } from "dashjs";
 import type { PlayStream } from "../stream/stream";
-import { NoMediaSource } from "./media-source";
+import { checkMediaSource } from "./media-source";
+
+/** Both kinds of extensions; dash.js prefers the managed ones. */
+type Extensions = { readonly [Kind in "ManagedMediaSource" | "MediaSource"]?: typeof MediaSource };
 
 /** dash.js in its defaults: target latency and playback rates come from the manifest's ServiceDescription. */
 export const playStream: PlayStream = (video, manifest, events) => {
-  if (!supportsMediaSource()) throw new NoMediaSource();
+  const { ManagedMediaSource, MediaSource } = globalThis as Extensions;
+  checkMediaSource(ManagedMediaSource ?? MediaSource);
   const player = MediaPlayer().create();
   player.updateSettings({
     debug: { logLevel: 0 },

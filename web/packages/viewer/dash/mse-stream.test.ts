@@ -51,6 +51,7 @@ class FakeSource extends EventTarget {
 }
 
 class FakeMedia extends EventTarget {
+  static readonly isTypeSupported = () => true;
   duration = 0;
   constructor() {
     super();
@@ -150,10 +151,13 @@ test("leaving restores the video element", async () => {
   expect(failed).toEqual([]);
 });
 
-test("a browser without Media Source Extensions is told so", async () => {
+test.each([
+  ["Media Source Extensions", undefined],
+  ["H.264", { isTypeSupported: () => false }],
+])("a browser without %s is told so", async (missing, extensions) => {
   await play();
-  vi.stubGlobal("MediaSource", undefined);
-  expect(() => playStream(video as unknown as HTMLVideoElement, "", { received: vi.fn(), failed: vi.fn() })).toThrow(
-    StreamUnsupported,
-  );
+  vi.stubGlobal("MediaSource", extensions);
+  const start = () => playStream(video as unknown as HTMLVideoElement, "", { received: vi.fn(), failed: vi.fn() });
+  expect(start).toThrow(StreamUnsupported);
+  expect(start).toThrow(missing);
 });

@@ -6,7 +6,7 @@ import { sleep } from "#client/async/retry";
 import { type PlayStream, StreamEnded, type StreamEvents } from "../stream/stream";
 import { type Manifest, readManifest } from "./manifest";
 import { MediaBuffer } from "./media-buffer";
-import { NoMediaSource } from "./media-source";
+import { checkMediaSource } from "./media-source";
 import { MARGIN, Pace, ServerClock } from "./pace";
 import { fetched, SegmentFeed } from "./segment-feed";
 
@@ -17,7 +17,7 @@ const FIRST_LOOKS = 3;
 const TIME_EVERY = 30_000;
 
 export const playStream: PlayStream = (video, url, events) => {
-  if (globalThis.MediaSource === undefined) throw new NoMediaSource();
+  checkMediaSource(globalThis.MediaSource);
   const player = new MsePlayer(video, url, events);
   return {
     player: "bare MSE player",
