@@ -124,6 +124,23 @@ test("without controls there is only the view", async () => {
   }
 });
 
+test("a dropped file is a movement, but not in a view without controls", async () => {
+  const drop = () => {
+    const dataTransfer = { types: ["Files"], files: [new File(["nonsense"], "walk.csv")] };
+    const event = Object.assign(new Event("drop", { bubbles: true, cancelable: true }), { dataTransfer });
+    return act(() => void stage().dispatchEvent(event));
+  };
+  const { rerender } = render(<Viewer sceneId="courtyard" asked={{}} bare />);
+  await act(() => vi.dynamicImportSettled());
+  await drop();
+  expect(settings.value.sidebar).toBe(false);
+  rerender(<Viewer sceneId="courtyard" asked={{}} />);
+  await act(() => vi.dynamicImportSettled());
+  await drop();
+  expect(settings.value.sidebar).toBe(true);
+  await waitFor(() => expect(session.movement.problem.value).toContain("walk.csv"));
+});
+
 test("help names the keys as the keyboard in use does", async () => {
   const layout = new Map([
     ["KeyW", "z"],

@@ -12,7 +12,6 @@ import { added } from "../../uploads/uploads";
 import { TOUCH, useMedia, WIDE } from "../hooks";
 import { lazy } from "../lazy";
 import { useFocusReturn, useFullscreen, useScreenshot, useShortcuts } from "./hooks";
-import { MovementStatus } from "./movement-status";
 import { Sidebar } from "./sidebar";
 import { Freeze, StageMessage } from "./stage-message";
 import { Hint, StatusLines } from "./status-line";
@@ -22,6 +21,7 @@ const ExperimentDialog = lazy(async () => (await import("../experiment/experimen
 const Figures = lazy(async () => (await import("./side-figures")).Figures);
 const HelpDialog = lazy(async () => (await import("./help")).HelpDialog);
 const MovePad = lazy(async () => (await import("./move-pad")).MovePad, { quiet: true });
+const MovementStatus = lazy(async () => (await import("./movement-status")).MovementStatus, { quiet: true });
 const WalkVerdict = lazy(async () => (await import("./last-walk")).WalkVerdict, { quiet: true });
 
 interface Props {
@@ -149,7 +149,7 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
         {measured && <Measurements session={measured} linkNote={note} />}
         {measured && hint && !(compared && Measurements === Figures) && <Hint rig={measured.rig} />}
         {live && usable && touch && <MovePad input={live.input} />}
-        {live && <MovementStatus deck={live.movement} />}
+        {live && !bare && <MovementStatus deck={live.movement} />}
         {live && <StageMessage session={live} />}
         {live && <Freeze session={live} />}
         {picture.problem && (
