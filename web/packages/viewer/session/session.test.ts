@@ -253,6 +253,26 @@ test("a lost server is announced, and the visit goes on with the same pose when 
   expect(session.rig.pose).toBe(pose);
 });
 
+test("a server that is back and loads the scene again is not called lost, and the scene stays as it was", async () => {
+  changeSettings({ mode: "side-by-side", left: "stateless", right: "dash-edge" });
+  await visit();
+  await vi.advanceTimersByTimeAsync(1000);
+  const { promise: loaded, resolve } = deferred<typeof COURTYARD>();
+  vi.mocked(loadScene).mockImplementation(async (_, __, { coarse } = {}) =>
+    coarse ? { ...COURTYARD, state: "loading" } : loaded,
+  );
+  transports[0]?.lose("The server was restarted.");
+  await vi.advanceTimersByTimeAsync(400);
+  expect(phase()).toEqual({ kind: "loading" });
+  vi.mocked(fetchScene).mockResolvedValue({ ...COURTYARD, state: "loading", progress: 0.5 });
+  await vi.advanceTimersByTimeAsync(600);
+  expect(phase()).toEqual({ kind: "loading", progress: 0.5 });
+  resolve(COURTYARD);
+  await vi.advanceTimersByTimeAsync(1000);
+  expect(phase()).toEqual({ kind: "playing" });
+  expect(streams.map(({ disposed }) => disposed)).toEqual([false]);
+});
+
 test("profiles count in the scene's own ladder for as long as the visit lasts, also after the server was started with another", async () => {
   const own = [{ name: "480×270 q50", width: 480, height: 270, quality: 50, expected_kb: 11, psnr_db: 33 }];
   vi.mocked(loadScene).mockResolvedValue({ ...COURTYARD, ladder: own });
@@ -475,4 +495,17 @@ test("another host of a cluster takes over once it has the scene, and the old pi
   expect([phase(), session.connected.value?.host]).toEqual([{ kind: "playing" }, "west"]);
   await drawn(3);
   expect(transports[1]?.requests.length).toBeGreaterThan(0);
+});
+
+test("another host that could not load the scene at first loads it, and the page says so", async () => {
+  vi.mocked(connect).mockImplementation(async ({ host: name = null }) => host.connected(name));
+  vi.mocked(fetchConfig).mockImplementation(async () => atHost("east"));
+  await visit();
+  vi.mocked(loadScene).mockRejectedValue(new ApiError("The server does not answer.", true));
+  vi.mocked(fetchConfig).mockImplementation(async () => atHost("west"));
+  await vi.advanceTimersByTimeAsync(ASK_DIRECTOR_EVERY);
+  expect([phase(), session.connected.value?.host]).toEqual([{ kind: "loading" }, "west"]);
+  vi.mocked(loadScene).mockResolvedValue(COURTYARD);
+  await vi.advanceTimersByTimeAsync(10_000);
+  expect(phase()).toEqual({ kind: "playing" });
 });

@@ -462,10 +462,11 @@ export class ViewerSession {
   }
 
   async #play(connected: Connected, signal: AbortSignal): Promise<void> {
-    const scene = this.scene.peek();
-    if (scene === null || scene.state === "loading") {
+    // The picture of another host continues if this one has the scene.
+    if (this.phase.peek().kind !== "playing" || this.#loading === undefined) {
       this.phase.value = { kind: "loading" };
-      this.#showCoarse(connected, signal).catch(() => undefined); // `#load` says why
+      // A scene that was loaded stays: modes that draw it in the browser would load it again.
+      if (this.scene.peek()?.state !== "loaded") this.#showCoarse(connected, signal).catch(() => undefined); // `#load` says why
       this.#followLoading(connected, signal).catch(() => undefined); // it has ended
     }
     let loaded: SceneInfo;
