@@ -58,12 +58,25 @@ export class Viewer extends ViewerControl {
   }
 }
 
-/** The URL without a slash at its end; empty for the page's own server. */
+/** The URL without a slash at its end; empty for the page's own server. Throws if it is none of a server. */
 function absolute(server: string): string {
-  return server && new URL(server, document.baseURI).href.replace(/\/+$/, "");
+  if (server === "") return server;
+  const url = parsed(server);
+  if (url === null || !/^https?:$/.test(url.protocol)) {
+    throw new Error(`“${server}” is not the URL of a server: use one such as https://viewer.example.`);
+  }
+  return url.href.replace(/\/+$/, "");
 }
 
-/** Shows a scene in an element, which it fills, until it is destroyed. */
+function parsed(url: string): URL | null {
+  try {
+    return new URL(url, document.baseURI);
+  } catch {
+    return null;
+  }
+}
+
+/** Shows a scene in an element, which it fills, until it is destroyed. Throws if an option makes no sense. */
 export function createViewer(container: HTMLElement, options: ViewerOptions): Viewer {
   return new Viewer(container, options);
 }

@@ -26,6 +26,7 @@ beforeEach(() => {
 
 afterEach(() => {
   document.body.replaceChildren();
+  vi.useRealTimers();
   vi.restoreAllMocks();
 });
 
@@ -108,6 +109,57 @@ test("follows its attributes, and says which one makes no sense", async () => {
   expect(visible(inside(element, ".message"))).toBe(false);
   element.setAttribute("at", "somewhere");
   expect(invalid).toHaveBeenLastCalledWith({ code: "invalid", message: expect.stringContaining("“somewhere”") });
+});
+
+test("takes its message back once the server is there again, also where the picture needs no frame", async () => {
+  const element = await show('scene="garden"');
+  await host.frames(5);
+  vi.useFakeTimers({ toFake: ["setTimeout", "clearTimeout"] });
+  const message = inside(element, ".message");
+  host.transports[0]?.lose("The connection broke.");
+  await vi.advanceTimersByTimeAsync(0);
+  expect([visible(message), message.textContent]).toEqual([true, "The connection broke."]);
+  await vi.advanceTimersByTimeAsync(5000);
+  expect(host.transports).toHaveLength(2);
+  expect(visible(message)).toBe(false);
+});
+
+test.each(["https://[", "localhost:8080"])(
+  "the server %s is refused with a sentence, until another is named",
+  async (src) => {
+    const element = await show("");
+    const told = vi.fn();
+    listen(element, "error", told);
+    element.setAttribute("src", src);
+    element.setAttribute("scene", "garden");
+    await settle();
+    const message = `“${src}” is not the URL of a server: use one such as https://viewer.example.`;
+    expect(told.mock.calls).toEqual([[{ code: "invalid", message }]]);
+    element.setAttribute("mode", "video");
+    expect([element.viewer, inside(element, ".message").textContent]).toEqual([null, message]);
+    element.setAttribute("src", "https://lab.test");
+    await settle();
+    expect(element.viewer?.settings.mode).toBe("video");
+    expect(visible(inside(element, ".message"))).toBe(false);
+  },
+);
+
+test("an element that is moved, or is back after its removal, shows its scene in one visit", async () => {
+  const element = await show('scene="garden"');
+  await host.frames(5);
+  const place = document.createElement("section");
+  document.body.append(place);
+  place.append(element);
+  await settle();
+  element.setAttribute("scene", "hall");
+  element.remove();
+  document.body.append(element);
+  await settle();
+  await host.frames(5);
+  expect(host.transports.filter(({ closed }) => !closed)).toEqual([host.transports.at(-1)]);
+  expect(host.animationFrames.size).toBe(1);
+  expect(element.shadowRoot?.querySelectorAll(".view > *")).toHaveLength(1);
+  expect(host.transports.at(-1)?.requests[0]?.request.scene).toBe("hall");
 });
 
 test("another scene replaces the first one", async () => {

@@ -2,6 +2,7 @@
  * The element `<tigas-viewer src="https://viewer.example" scene="garden">`. It can be imported where there is no document,
  * as on a server that renders pages.
  */
+import { effect } from "@preact/signals";
 import { createElement, type IconNode, Maximize, RotateCcw } from "lucide";
 import { createViewer, type Viewer, type ViewerEvents } from "./create-viewer";
 import { attributePose, attributeSettings, posterUrl, serverUrl } from "./embed/attributes";
@@ -24,6 +25,7 @@ export class TigasViewer extends Base {
   static readonly observedAttributes = ["src", "scene", "mode", "quality", "at", "controls", "poster"];
   #parts: Parts | undefined;
   #viewer: Viewer | null = null;
+  #stopSaying = () => {};
   #reopening = false;
   #messages = { invalid: "", problem: "" };
 
@@ -47,7 +49,7 @@ export class TigasViewer extends Base {
     if (name === "src" || name === "scene") this.#reopen(parts);
     else if (name === "controls") parts.toolbar.hidden = now === null;
     else if (name === "poster") parts.poster.src = posterUrl(this.#attribute);
-    else this.#apply(name);
+    else if (this.#viewer) this.#apply(name);
   }
 
   readonly #attribute = (name: string) => this.getAttribute(name);
@@ -71,22 +73,30 @@ export class TigasViewer extends Base {
     this.#say({ invalid: "", problem: "" });
     if (scene === null) return;
     parts.poster.src = posterUrl(this.#attribute);
-    const label = this.getAttribute("aria-label") ?? scene;
-    const viewer = createViewer(parts.view, { scene, server: serverUrl(this.#attribute), label });
+    const viewer = this.#create(parts.view, scene);
+    if (viewer === null) return;
     this.#viewer = viewer;
     viewer.on("frame", () => {
       parts.poster.hidden = true;
-      this.#say({ problem: "" });
     });
-    for (const name of EVENTS.filter((one) => one !== "error")) viewer.on(name, (event) => this.#tell(name, event));
-    viewer.on("error", (error) => {
-      this.#say({ problem: error.message });
-      this.#tell("error", error);
-    });
+    for (const name of EVENTS) viewer.on(name, (event) => this.#tell(name, event));
+    this.#stopSaying = effect(() => this.#say({ problem: viewer.problem.value?.message ?? "" }));
     this.#apply();
   }
 
+  /** A viewer of the scene; null if `src` makes no sense. */
+  #create(view: HTMLElement, scene: string): Viewer | null {
+    const label = this.getAttribute("aria-label") ?? scene;
+    try {
+      return createViewer(view, { scene, server: serverUrl(this.#attribute), label });
+    } catch (error) {
+      this.#refuse(error);
+      return null;
+    }
+  }
+
   #close(): void {
+    this.#stopSaying();
     this.#viewer?.destroy();
     this.#viewer = null;
   }
@@ -112,10 +122,15 @@ export class TigasViewer extends Base {
       if (applies("at") && pose && this.#viewer) this.#viewer.camera = pose;
       this.#say({ invalid: "" });
     } catch (error) {
-      const message = error instanceof Error ? error.message : String(error);
-      this.#say({ invalid: message });
-      this.#tell("error", { code: "invalid", message });
+      this.#refuse(error);
     }
+  }
+
+  /** Says which attribute makes no sense. */
+  #refuse(error: unknown): void {
+    const message = error instanceof Error ? error.message : String(error);
+    this.#say({ invalid: message });
+    this.#tell("error", { code: "invalid", message });
   }
 
   /** Shows why there is no picture, or which attribute is wrong; a message that is left out stays. */

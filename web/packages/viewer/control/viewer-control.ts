@@ -1,5 +1,5 @@
 /** Control of a visit by code: its camera, settings, pictures and events. */
-import { effect, untracked } from "@preact/signals";
+import { computed, effect, type ReadonlySignal, untracked } from "@preact/signals";
 import type { SceneInfo } from "#client/wire/render";
 import { cameraPath, type Easing } from "../movement/camera-path";
 import type { TimedPose } from "../movement/movement";
@@ -36,6 +36,21 @@ export class ViewerControl {
   readonly #session: ViewerSession;
   readonly #stops = new Set<() => void>();
   readonly #end = new AbortController();
+  /**
+   * Why there is no picture; null if nothing is wrong.
+   * @internal
+   */
+  readonly problem: ReadonlySignal<ViewerEvents["error"] | null> = computed(() => {
+    const { phase, left } = this.#session;
+    const missing = left.missing.value;
+    if (missing !== null) return { code: "unavailable", message: `${missing}.` };
+    const phases = [phase.value, left.source.value?.phase.value];
+    for (const one of phases) {
+      if (one?.kind === "full") return { code: "full", message: FULL };
+      if (one?.kind === "lost" || one?.kind === "failed") return { code: one.kind, message: one.message };
+    }
+    return null;
+  });
   /** Where the camera begins once the scene is loaded. */
   #start: ScenePose | null = null;
 
@@ -160,21 +175,9 @@ export class ViewerControl {
         });
       case "error":
         return effect(() => {
-          const error = this.#error();
+          const error = this.problem.value;
           if (error) untracked(() => say(error));
         });
     }
-  }
-
-  #error(): ViewerEvents["error"] | null {
-    const { phase, left } = this.#session;
-    const missing = left.missing.value;
-    if (missing !== null) return { code: "unavailable", message: `${missing}.` };
-    const phases = [phase.value, left.source.value?.phase.value];
-    for (const one of phases) {
-      if (one?.kind === "full") return { code: "full", message: FULL };
-      if (one?.kind === "lost" || one?.kind === "failed") return { code: one.kind, message: one.message };
-    }
-    return null;
   }
 }
