@@ -107,3 +107,25 @@ def test_a_viewer_that_is_controlled_by_code(open_example: OpenExample) -> None:
         page.get_by_role("button", name="Save a picture").click()
     with Image.open(download.value.path()) as picture:
         assert (picture.format, picture.size) == ("PNG", (1280, 720))
+
+
+def test_an_element_that_is_moved_leaves_no_graphics_context_behind(open_example: OpenExample) -> None:
+    page = open_example("element")
+    viewer = page.locator("tigas-viewer")
+    page.evaluate("""() => {
+        const { prototype } = HTMLCanvasElement;
+        const { getContext } = prototype;
+        window.contexts = new Set();
+        prototype.getContext = function (...options) {
+            const context = getContext.apply(this, options);
+            if (context instanceof WebGL2RenderingContext) contexts.add(context);
+            return context;
+        };
+    }""")
+    viewer.evaluate("element => element.setAttribute('mode', 'local')")
+    for _ in range(3):
+        viewer.evaluate("element => document.body.append(element)")
+        shows_frames(viewer)
+    assert page.evaluate("contexts.size") >= 3
+    viewer.evaluate("element => element.remove()")
+    assert page.evaluate("[...contexts].filter((context) => !context.isContextLost()).length") == 0

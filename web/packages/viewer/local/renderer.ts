@@ -211,6 +211,7 @@ export class Renderer {
 
   dispose(): void {
     this.#app.destroy();
+    this.#canvas.getContext("webgl2")?.getExtension("WEBGL_lose_context")?.loseContext(); // browsers keep only a few
     this.#canvas.remove();
   }
 }
