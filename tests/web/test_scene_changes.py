@@ -60,6 +60,7 @@ def test_a_dropped_file_becomes_a_scene_that_is_renamed_and_deleted(
     renamed = page.locator("[data-scene='Sea shell']")
     expect(renamed.get_by_role("heading", name="Sea shell")).to_be_visible()
     expect(card).to_have_count(0)
+    expect(renamed.get_by_role("link", name="Sea shell")).to_be_focused()
 
     viewer = open_page("#/scene/Sea%20shell", expected_errors="the server responded with a status")
     wait_for_frames(viewer, 1)
@@ -70,6 +71,7 @@ def test_a_dropped_file_becomes_a_scene_that_is_renamed_and_deleted(
     page.keyboard.press("Enter")
     question.get_by_role("button", name="Delete").click()
     expect(renamed).to_have_count(0)
+    expect(page.locator("[data-scene] :focus")).to_have_count(1)
     assert not list(models.glob("*hell*"))
     expect(viewer.get_by_text("Sea shell was deleted or renamed on the server.")).to_be_visible()
     viewer.get_by_role("button", name="Try again").click()

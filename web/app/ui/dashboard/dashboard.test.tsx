@@ -202,3 +202,29 @@ test("a question stays with a sentence if the server refuses, and goes once it i
   expect(deleteScene).toHaveBeenCalledWith("pebbles");
   expect(screen.queryByRole("dialog")).toBeNull();
 });
+
+test("the focus goes on to the renamed scene, and from a deleted one to its neighbour or the filter", async () => {
+  const user = userEvent.setup();
+  vi.mocked(fetchConfig).mockResolvedValue({ ...serverConfig(), max_upload_bytes: 1000 });
+  vi.mocked(deleteScene).mockResolvedValue();
+  const stones = { ...PEBBLES, id: "stones", name: "Stones" };
+  vi.mocked(renameScene).mockResolvedValue(stones);
+  render(<Dashboard />);
+  await card("Pebbles");
+  const focused = () => document.activeElement?.textContent;
+
+  await user.click(screen.getByRole("button", { name: "Rename: Pebbles" }));
+  vi.mocked(fetchScenes).mockResolvedValue([COURTYARD, BROKEN, stones]);
+  await user.type(await screen.findByRole("textbox", { name: "New name" }), "stones{Enter}");
+  await waitFor(() => expect(focused()).toBe("Stones"));
+
+  await user.click(screen.getByRole("button", { name: "Delete: Courtyard" }));
+  vi.mocked(fetchScenes).mockResolvedValue([stones]);
+  await user.click(await screen.findByRole("button", { name: "Delete" }));
+  await waitFor(() => expect(focused()).toBe("Stones"));
+
+  await user.click(screen.getByRole("button", { name: "Delete: Stones" }));
+  vi.mocked(fetchScenes).mockResolvedValue([]);
+  await user.click(await screen.findByRole("button", { name: "Delete" }));
+  await waitFor(() => expect(document.activeElement).toBe(screen.getByRole("searchbox")));
+});

@@ -1,4 +1,5 @@
 /** Confirmations before a scene is renamed or deleted. */
+import { useRef } from "preact/hooks";
 import type { SceneInfo } from "#client/wire/render";
 import { deleteScene, renameScene } from "#viewer/state/api";
 import { refreshScenes } from "../../state/app";
@@ -10,14 +11,17 @@ interface Props {
 }
 
 export function RenameQuestion({ scene, onClose }: Props) {
+  const renamed = useRef(scene.id);
   return (
     <NameQuestion
       title={`Rename “${scene.name}”`}
       verb="Rename"
       name={scene.name}
       maxLength={128}
-      action={(name) => renameScene(scene.id, name)}
-      onDone={() => void refreshScenes()}
+      action={async (name) => {
+        renamed.current = (await renameScene(scene.id, name)).id;
+      }}
+      onDone={() => void refresh(scene.id, renamed.current)}
       onClose={onClose}
     >
       <p class="muted small">Links with the old name stop working, and anyone viewing it has to open it again.</p>
@@ -31,7 +35,7 @@ export function DeleteQuestion({ scene, onClose }: Props) {
       title={`Delete “${scene.name}”?`}
       verb="Delete"
       action={() => deleteScene(scene.id)}
-      onDone={() => void refreshScenes()}
+      onDone={() => void refresh(scene.id)}
       onClose={onClose}
     >
       <p>
@@ -40,4 +44,23 @@ export function DeleteQuestion({ scene, onClose }: Props) {
       </p>
     </Question>
   );
+}
+
+/**
+ * Reads the list again. If the focus was on the scene's card, which is gone then, it goes to the card of the new id, to
+ * the neighbour of the old one, or to the filter.
+ */
+async function refresh(id: string, now = id): Promise<void> {
+  const place = cards().findIndex((card) => card.dataset.scene === id);
+  await refreshScenes();
+  await new Promise(requestAnimationFrame);
+  if (document.activeElement !== document.body) return;
+  const left = cards();
+  const card = left.find(({ dataset }) => dataset.scene === now) ?? left[Math.min(place, left.length - 1)];
+  const next = card?.querySelector<HTMLElement>("a, button") ?? document.querySelector<HTMLElement>("[type=search]");
+  next?.focus();
+}
+
+function cards(): HTMLElement[] {
+  return [...document.querySelectorAll<HTMLElement>("[data-scene]")];
 }
