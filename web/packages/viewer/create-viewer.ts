@@ -58,7 +58,7 @@ export class Viewer extends ViewerControl {
   }
 }
 
-/** The URL without a slash at its end; empty for the page's own server. Throws if it is none of a server. */
+/** The URL without a slash at its end; empty for the page's own server. Throws for anything but the URL of a server. */
 function absolute(server: string): string {
   if (server === "") return server;
   const url = parsed(server);
