@@ -1,7 +1,7 @@
 # Newcomers need only two commands: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo gpu lab test kernels test-all test-web-units test-python test-slow test-alone test-extended fuzz lint lint-python lint-web lint-compose lint-github lock format docs bench paper paper-archive bench-gpu bench-hostile bench-load dist release images clean
+.PHONY: help demo gpu lab test kernels test-all test-web-units test-python test-slow test-alone test-extended fuzz lint lint-python lint-web lint-compose lint-github lock format docs bench paper paper-archive bench-gpu bench-hostile bench-load bench-soak dist release images clean
 
 PYTHON ?= python3
 # The index of PyTorch's CPU build.
@@ -35,6 +35,7 @@ help:
 	@echo "make lint          check types, style and generated files"
 	@echo "make bench         measure speed and memory against baselines (about 10 minutes)"
 	@echo "make bench-hostile measure a polite viewer while somebody else attacks (over half an hour; needs root for all of it)"
+	@echo "make bench-soak    run services and page for two hours while services are killed: memory and open files must not grow (needs Chromium)"
 	@echo "make bench-load    find how many viewers the render service serves, and overload it twofold (about 3 minutes)"
 	@echo "make gpu           install GPU support for NVIDIA, as in: make gpu demo"
 	@echo "make lab           install experiments and their store, reports and training, as in: make lab demo"
@@ -152,6 +153,9 @@ bench-load: .venv/.ready
 bench-gpu: .venv/.gpu
 	@$(VENV)/python -m benchmarks.gpu $(ARGS)
 	@$(VENV)/python -m benchmarks.gpu_huge
+
+bench-soak: .venv/.ready $(STATIC) kernels
+	@$(VENV)/python -m benchmarks.soak $(ARGS)
 
 bench-hostile: .venv/.ready
 	@$(VENV)/python -m benchmarks.hostile $(ARGS)
