@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import httpx
 import psutil
-from playwright.sync_api import ConsoleMessage, Page, TimeoutError, sync_playwright
+from playwright.sync_api import ConsoleMessage, Error, Page, TimeoutError, sync_playwright
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
@@ -52,6 +52,8 @@ SETTLE_S = 150
 """From a process's start until its memory is compared."""
 GROWTH_MB, GROWTH, GROWTH_FILES = 25, 0.1, 10
 """The most that a flat process grows: the greater of megabytes and a share, and a number of open files."""
+EXPERIMENT_S = 300
+"""Timeout of an experiment, on a busy machine."""
 COMPLAINT = re.compile(r"error|traceback|exception|critical", re.IGNORECASE)
 EXPERIMENT = """
 name = "soak"
@@ -94,7 +96,7 @@ class Supervised:
         self.starts, self.since = self.starts + 1, time.monotonic()
 
     def kill(self) -> None:
-        """As by a crash, and start it again. Raises StartError."""
+        """Kill it, as a crash would, and start it again. Raises StartError."""
         self._service.process.kill()
         self.stop()
         self.start()
@@ -160,7 +162,8 @@ class Soak:
         with self._page.expect_file_chooser() as chooser:
             self._page.get_by_role("button", name="Add scenes").click()
         chooser.value.set_files(self._folder / "added.ply")
-        self._page.locator("[data-scene=added]").wait_for(timeout=RECOVERY_S * 1000)
+        thumbnail = "() => document.querySelector('[data-scene=added] img')?.naturalWidth > 0"
+        self._page.wait_for_function(thumbnail, timeout=RECOVERY_S * 1000)
         httpx.delete(f"{self._url}/scenes/added", trust_env=False).raise_for_status()
 
     def _experiment(self) -> None:
@@ -169,7 +172,7 @@ class Soak:
         file.write_text(EXPERIMENT)
         out = self._folder / "experiments" / str(len(self.samples))
         command = tigas("experiment", "run", str(file), "--url", self._url, "--out", str(out))
-        ended = subprocess.run(command, capture_output=True, text=True)
+        ended = subprocess.run(command, capture_output=True, text=True, timeout=EXPERIMENT_S)
         if ended.returncode:
             self._complain([f"experiment: {line}" for line in ended.stderr.splitlines()[-2:]])
 
@@ -227,7 +230,7 @@ class Change(NamedTuple):
 
 
 def changes(samples: list[Sample]) -> list[Change]:
-    """Of each process that ran long enough; medians of a quarter of its samples, over all modes."""
+    """Changes of each process that ran long enough: medians of a quarter of its samples, over all modes."""
     found = []
     ordered = sorted(samples, key=lambda one: (one.process, one.start, one.at_s))
     for (name, start), group in itertools.groupby(ordered, lambda one: (one.process, one.start)):
@@ -269,7 +272,7 @@ def report(samples: list[Sample], out: Path) -> bool:
         cells = (f"{memory:.0f}", f"{later:.0f}", f"{files:.0f}", f"{more:.0f}", "yes" if one.flat else "no")
         table.add_row(one.process, str(one.start), f"{one.minutes:.0f}", *cells)
     make_console().print(table)
-    return all(one.flat for one in found)
+    return bool(found) and all(one.flat for one in found)
 
 
 @contextmanager
@@ -320,8 +323,8 @@ def main() -> int:
             soak = Soak(running, page, url, folder)
             try:
                 soak.run(options.minutes * 60, options.kill_every * 60)
-            except StartError as error:
-                soak.complaints.append(str(error))
+            except (StartError, Error, httpx.HTTPError, psutil.Error, subprocess.TimeoutExpired) as error:
+                soak.complaints.append(f"It ended early: {error}")
             browser.close()
             flat = report(soak.samples, options.out)
     for line in soak.complaints:

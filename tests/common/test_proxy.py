@@ -67,3 +67,23 @@ async def test_work_and_its_end_cancel_each_other_but_a_future_is_left_alone() -
     await unless(gone, endless("work"))
     await asyncio.sleep(0)
     assert cancelled == ["end", "work"]
+
+
+async def test_an_answer_that_comes_as_its_client_leaves_is_closed() -> None:
+    never: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+    async def is_closed_or_used(turns: int) -> bool:
+        """Whether nobody has to close the body, which comes so many turns of the event loop after the departure."""
+        body, left = Endless(), asyncio.Event()
+
+        async def ask() -> httpx.Response:
+            left.set()
+            for _ in range(turns):
+                await asyncio.sleep(0)
+            return httpx.Response(200, stream=body)
+
+        used = await unless(left.wait(), unless(never, ask())) is not None
+        await asyncio.sleep(0)
+        return used or body.closed
+
+    assert [await is_closed_or_used(turns) for turns in (0, 1)] == [True, True]

@@ -93,6 +93,12 @@ async def unless(end: Awaitable[object], work: Coroutine[Any, Any, Result]) -> R
     try:
         await asyncio.wait((working, ending), return_when=asyncio.FIRST_COMPLETED)
         return working.result() if working.done() else None
+    except asyncio.CancelledError:
+        if working.done() and not working.cancelled() and working.exception() is None:
+            result = working.result()
+            if isinstance(result, httpx.Response):  # which nobody else will close
+                await result.aclose()
+        raise
     finally:
         working.cancel()
         if ending is not end:

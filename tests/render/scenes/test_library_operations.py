@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import shutil
 import subprocess
 import threading
 import time
@@ -222,3 +224,18 @@ def test_changes_of_scenes_wait_for_each_other(
     change(tmp_path)
     assert locked_out
     assert all(locked_out)
+
+
+def test_a_folder_that_cannot_be_deleted_is_an_error_but_no_longer_a_scene(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "attic").mkdir()
+    shutil.copy(made_up.FILES / "shell.sog", tmp_path / "attic")
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(os, "unlink", fail)
+    with pytest.raises(OSError, match="Input/output error"):
+        remove_scene(tmp_path, "attic")
+    assert not (tmp_path / "attic").exists()

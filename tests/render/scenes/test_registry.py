@@ -110,6 +110,23 @@ async def test_many_scenes_that_load_leave_worker_threads_for_others() -> None:
     assert set(states(registry).values()) == {"loaded"}
 
 
+async def test_a_scene_that_waits_for_its_turn_is_unloaded_without_waiting_for_others() -> None:
+    names = ["a", "b", "c"]
+    bench = Bench.of(*names)
+    bench.budget, bench.gates = 10_000, dict.fromkeys(names, threading.Event())
+    registry = bench.registry()
+    loads = [asyncio.create_task(registry.load(name)) for name in names]
+    await until_opened(bench, 2)
+    await given_up(loads[2])
+    assert sorted(registry.memory()) == names
+    registry.unload("c")
+    assert sorted(registry.memory()) == ["a", "b"]
+    again = asyncio.create_task(registry.load("c"))
+    bench.gates["a"].set()
+    await asyncio.gather(*loads[:2], again)
+    assert sorted(registry.memory()) == names
+
+
 async def test_one_who_gives_up_waiting_does_not_take_the_scene_from_the_others(bench: Bench) -> None:
     bench.gates["a"] = threading.Event()
     registry = bench.registry()

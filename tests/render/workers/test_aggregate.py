@@ -17,7 +17,7 @@ from tigas_common.origins import OriginPolicy
 from tigas_common.wire.render import SceneInfo, Training
 from tigas_render.pipe.engines import Engines
 from tigas_render.workers import aggregate
-from tigas_render.workers.aggregate import MOST_PER_ADDRESS, Aggregate, EngineProxy
+from tigas_render.workers.aggregate import MOST_CHANGES_PER_ADDRESS, MOST_PER_ADDRESS, Aggregate, EngineProxy
 
 
 def info(id: str = "garden", **changes: Any) -> SceneInfo:
@@ -201,3 +201,19 @@ async def test_a_change_reaches_all_engines_although_its_client_has_left(tmp_pat
         one.may_answer.set()
         await eventually(lambda: one.asked[1:] and other.asked)
     assert (one.asked, other.asked) == (["DELETE /scenes/garden", "GET /scenes?scan=1"], ["GET /scenes?scan=1"])
+
+
+@pytest.mark.anyio
+async def test_changes_whose_clients_have_left_do_not_take_all_connections(tmp_path: Path) -> None:
+    engine = FakeEngine(tmp_path / "one")
+    frames = Engines({"one": engine.path}, 0, lambda *_: None, lambda: 0.0)
+    async with engine.serving() as proxy:
+        app = Aggregate(frames, {"one": proxy}, OriginPolicy())
+        for _ in range(3):
+            visitors = [Visitor(app, "DELETE", "/scenes/garden") for _ in range(20)]
+            await asyncio.wait([visitor.asking for visitor in visitors[MOST_CHANGES_PER_ADDRESS:]])
+            await leave(visitors)
+        await eventually(lambda: engine.connections == MOST_CHANGES_PER_ADDRESS)
+        engine.may_answer.set()
+        await eventually(lambda: engine.asked.count("GET /scenes?scan=1") == MOST_CHANGES_PER_ADDRESS)
+        await eventually(lambda: engine.connections == 0)

@@ -1,6 +1,6 @@
 /** Upload of one scene file: sent in parts (tus), so that a broken connection costs nothing, then checked. */
 import { type ReadonlySignal, signal } from "@preact/signals";
-import type { DetailedError } from "tus-js-client";
+import type { DetailedError, Upload } from "tus-js-client";
 import { retry } from "#client/async/retry";
 import { ApiError, problemOf } from "#client/http/problem";
 import type { AddedScene } from "#client/wire/render";
@@ -53,22 +53,25 @@ export class SceneUpload {
     const { signal } = this.#cancelled;
     if (signal.aborted) return null;
     try {
-      const url = await this.#send();
-      if (url === null) return null;
+      const upload = await this.#send();
+      if (!upload?.url) return null;
+      const { url } = upload;
       this.#state.value = { kind: "checking" };
-      return await retry(() => addUploaded(url, signal), {
+      const added = await retry(() => addUploaded(url, signal), {
         retries: RETRIES.length,
         signal,
         shouldRetry: (error) => error instanceof ApiError && error.unreachable,
       });
+      await forget(upload);
+      return added;
     } catch (error) {
       if (!signal.aborted) this.fail(sentence(error));
       return null;
     }
   }
 
-  /** Resolves with the upload's URL once all is there; null if it was cancelled. */
-  async #send(): Promise<string | null> {
+  /** Resolves once all is there; null if it was cancelled. */
+  async #send(): Promise<Upload | null> {
     const { Upload } = await import("tus-js-client");
     const { signal } = this.#cancelled;
     if (signal.aborted) return null;
@@ -77,12 +80,11 @@ export class SceneUpload {
         endpoint: new URL("uploads", document.baseURI).href,
         metadata: { filename: this.file.name },
         retryDelays: RETRIES,
-        removeFingerprintOnSuccess: true,
         onShouldRetry: (error) => PASSING.includes(error.originalResponse?.getStatus() ?? 0),
         onProgress: (sent) => {
           this.#state.value = { kind: "sending", sent };
         },
-        onSuccess: () => resolve(upload.url),
+        onSuccess: () => resolve(upload),
         onError: reject,
       });
       signal.addEventListener("abort", () => {
@@ -96,6 +98,13 @@ export class SceneUpload {
         upload.start();
       }, reject);
     });
+  }
+}
+
+/** Once a file is a scene, sending it again is a new upload. Until then, the server may have kept it, as on a full disk. */
+async function forget(upload: Upload): Promise<void> {
+  for (const { urlStorageKey } of await upload.findPreviousUploads()) {
+    await upload.options.urlStorage?.removeUpload(urlStorageKey);
   }
 }
 

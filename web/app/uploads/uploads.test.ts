@@ -18,16 +18,19 @@ const begun = vi.hoisted(
   () => [] as { readonly name: string; readonly options: Callbacks; resumed: boolean; given: boolean | null }[],
 );
 
+const removeUpload = vi.hoisted(() => vi.fn());
+
 vi.mock("#viewer/state/api");
 vi.mock("../state/app");
 vi.mock("tus-js-client", () => ({
   Upload: class {
     readonly url = "http://server.test/uploads/1";
+    readonly options = { urlStorage: { removeUpload } };
     readonly #one: (typeof begun)[number];
     constructor(file: File, options: Callbacks) {
       this.#one = { name: file.name, options, resumed: false, given: null };
     }
-    findPreviousUploads = async () => [{}];
+    findPreviousUploads = async () => [{ urlStorageKey: "known" }];
     resumeFromPreviousUpload = () => {
       this.#one.resumed = true;
     };
@@ -89,6 +92,19 @@ test("a refusal is shown, and final ones are not retried", async () => {
   const message = "There is a scene garden already.";
   await vi.waitFor(() => expect(uploads.value[0]?.state.value).toEqual({ kind: "failed", message }));
   expect(isUploading.value).toBe(false);
+});
+
+test("an upload that the server has kept is found again until it is a scene", async () => {
+  vi.mocked(addUploaded).mockRejectedValueOnce(new ApiError("The disk is full.", false));
+  addFiles([file("garden.ply")], 100);
+  (await begins(1)).options.onSuccess();
+  await vi.waitFor(() => expect(uploads.value[0]?.state.value.kind).toBe("failed"));
+  expect(removeUpload).not.toHaveBeenCalled();
+  addFiles([file("garden.ply")], 100);
+  const again = await begins(2);
+  expect(again.resumed).toBe(true);
+  again.options.onSuccess();
+  await vi.waitFor(() => expect(removeUpload).toHaveBeenCalledWith("known"));
 });
 
 test("an upload cancelled before it begins blocks no other", async () => {

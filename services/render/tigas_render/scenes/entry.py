@@ -58,6 +58,8 @@ class Entry:
         """A coarse scene, while this one is loading."""
         self.reserved = 0
         """Bytes that it takes, or is going to take once it is loaded."""
+        self.queued = False
+        """Whether loading waits until others have been read."""
         self.sha256: str | None = None
         """Of the file that was loaded last."""
         self.view: StartView | None = given_view(source.metadata)

@@ -193,14 +193,16 @@ def remove_scene(directory: Path, id: str) -> None:
 
     Raises UnknownScene and OSError.
     """
-    with ExitStack() as after, _changing(directory):
-        path = _path(directory, id)
-        if path.is_symlink() or not path.is_dir():
-            path.unlink()
-            metadata_path(path).unlink(missing_ok=True)
-            return
-        hidden = after.enter_context(locked_directory(directory, REMOVED))
-        path.rename(hidden / id)  # removed in one step, however long deleting the files takes
+    with ExitStack() as after:
+        with _changing(directory):
+            path = _path(directory, id)
+            if path.is_symlink() or not path.is_dir():
+                path.unlink()
+                metadata_path(path).unlink(missing_ok=True)
+                return
+            hidden = after.enter_context(locked_directory(directory, REMOVED))
+            path.rename(hidden / id)  # removed in one step, however long deleting the files takes
+        shutil.rmtree(hidden / id)
 
 
 def rename_scene(directory: Path, id: str, name: str) -> None:

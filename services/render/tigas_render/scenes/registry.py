@@ -249,8 +249,11 @@ class SceneRegistry:
             if entry.coarse is not None:
                 entry.view = entry.view or entry.coarse.view
             entry.begun.set()
+            entry.queued = True
             async with self._reading:
+                entry.queued = False
                 self._check_wanted(entry)
+                self._make_room(entry, source.memory_bytes)  # again, if it was given back meanwhile
                 loaded = await self._read_with_room(entry)
                 self._make_room(entry, loaded.prepared.nbytes)
                 self._check_wanted(entry)
@@ -264,6 +267,7 @@ class SceneRegistry:
             return None
         finally:
             entry.loading = entry.coarse = None
+            entry.queued = False
             entry.begun.set()
             self._drop_if_leaving(entry)
 
@@ -363,8 +367,12 @@ class SceneRegistry:
         self._drop_if_leaving(entry)
 
     def _drop_if_leaving(self, entry: Entry) -> None:
-        if entry.leaving and not entry.users and entry.loading is None:
+        if not entry.leaving or entry.users:
+            return
+        if entry.loading is None:
             self._drop(entry)
+        elif entry.queued:
+            entry.reserved = 0
 
     def _drop(self, entry: Entry) -> None:
         entry.loaded, entry.reserved, entry.leaving = None, 0, False

@@ -30,6 +30,8 @@ from tigas_render.pipe.remote_engine import RemoteEngine
 
 MOST, MOST_PER_ADDRESS = 256, 128
 """Requests that may wait for engines at a time, in total and of one address; each has a connection to an engine."""
+MOST_CHANGES, MOST_CHANGES_PER_ADDRESS = 32, 8
+"""Changes of the models directory at a time, which go on after their clients have left."""
 BUSY = "Too many requests wait for the renderer; try again in a few seconds."
 BUSY_RETRY_S = 2.0
 AWAY = "The renderer is starting; try again in a second."
@@ -55,9 +57,8 @@ class _EnginesApp(ABC):
         self._running = ConcurrencyLimit(MOST, MOST_PER_ADDRESS)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        client = client_network(scope["client"][0]) if scope["client"] else ""
         try:
-            with self._running.one_more(client, Overloaded(BUSY, BUSY_RETRY_S)):
+            with self._running.one_more(_client(scope), Overloaded(BUSY, BUSY_RETRY_S)):
                 body = await read_body(Request(scope, receive), MAX_BODY)
                 answer = await unless(until_left(receive), self.ask(scope, body))
                 if answer is not None:
@@ -95,6 +96,7 @@ class Aggregate(_EnginesApp):
     def __init__(self, engines: Engines, proxies: Mapping[str, EngineProxy], origins: OriginPolicy) -> None:
         """proxies: by engines' names."""
         super().__init__(origins)
+        self._changing = ConcurrencyLimit(MOST_CHANGES, MOST_CHANGES_PER_ADDRESS)
         self._engines = engines
         self._proxies = proxies
 
@@ -181,10 +183,11 @@ class Aggregate(_EnginesApp):
 
     async def _change(self, scope: Scope, body: bytes) -> httpx.Response:
         """Let one engine change the models directory, and the others scan it after that."""
-        answer = await self._first(self._reachable(), scope, body, whole=True)
-        if answer.is_success:
-            await self._all({**scope, "method": "GET", "raw_path": b"/scenes", "query_string": b"scan=1"}, b"")
-        return _with_body(answer, answer.content)
+        with self._changing.one_more(_client(scope), Overloaded(BUSY, BUSY_RETRY_S)):
+            answer = await self._first(self._reachable(), scope, body, whole=True)
+            if answer.is_success:
+                await self._all({**scope, "method": "GET", "raw_path": b"/scenes", "query_string": b"scan=1"}, b"")
+            return _with_body(answer, answer.content)
 
     async def _trainers(self, scope: Scope, scene: str) -> Sequence[RemoteEngine]:
         """Return the engine that trains a scene's networks already, else the scene's own engines."""
@@ -213,9 +216,14 @@ class Aggregate(_EnginesApp):
             return None
 
 
+def _client(scope: Scope) -> str:
+    return client_network(scope["client"][0]) if scope["client"] else ""
+
+
 def _with_body(answer: httpx.Response, content: bytes) -> httpx.Response:
     headers = [each for each in answer.headers.raw if each[0].lower() not in (b"content-length", b"transfer-encoding")]
-    headers.append((b"content-length", str(len(content)).encode()))
+    if answer.status_code != httpx.codes.NO_CONTENT:
+        headers.append((b"content-length", str(len(content)).encode()))
     return httpx.Response(answer.status_code, headers=headers, stream=httpx.ByteStream(content))
 
 

@@ -7,14 +7,15 @@ import { Icon, IconButton } from "../button";
 import { clock } from "../format";
 import { useWindowEvent } from "../hooks";
 
-export function MovementStatus({ deck }: { deck: MovementDeck }) {
+/** In a view without controls, nothing is shown, and neither keys nor files do anything. */
+export function MovementStatus({ deck, bare }: { deck: MovementDeck; bare: boolean }) {
   useWindowEvent("keydown", (event) => {
     const plays = deck.state.peek() === "playing" || deck.state.peek() === "paused";
-    if (event.key === "Escape" && plays && !inDialog(event)) deck.stop();
+    if (event.key === "Escape" && plays && !bare && !inDialog(event)) deck.stop();
   });
-  useDrop(deck);
+  useDrop(bare ? null : deck);
   const state = deck.state.value;
-  if (state === "stopped") return null;
+  if (bare || state === "stopped") return null;
   const at = clock(deck.position.value);
   const duration = clock(deck.movement.value?.trace.duration ?? 0);
   return (
@@ -45,14 +46,15 @@ export function MovementStatus({ deck }: { deck: MovementDeck }) {
   );
 }
 
-/** A file may be dropped anywhere; the settings show the result. */
-function useDrop(deck: MovementDeck): void {
+/** A file may be dropped anywhere; the settings show the result. Without a deck, it is ignored. */
+function useDrop(deck: MovementDeck | null): void {
   const hasFile = (event: DragEvent) => Boolean(event.dataTransfer?.types.includes("Files")) && !inDialog(event);
   useWindowEvent("dragover", (event) => hasFile(event) && event.preventDefault());
   useWindowEvent("drop", (event) => {
     const [file] = event.dataTransfer?.files ?? [];
     if (!hasFile(event) || !file) return;
     event.preventDefault(); // the browser would show the file instead of the page
+    if (!deck) return;
     changeSettings({ sidebar: true });
     void import("./movement-trace").then(({ openFile }) => openFile(deck, file));
   });

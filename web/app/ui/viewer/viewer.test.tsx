@@ -120,10 +120,11 @@ test("without controls there is only the view", async () => {
 });
 
 test("a dropped file is a movement, but not in a view without controls", async () => {
-  const drop = () => {
+  const drop = async () => {
     const dataTransfer = { types: ["Files"], files: [new File(["nonsense"], "walk.csv")] };
     const event = Object.assign(new Event("drop", { bubbles: true, cancelable: true }), { dataTransfer });
-    return act(() => void stage().dispatchEvent(event));
+    await act(() => void stage().dispatchEvent(event));
+    expect(event.defaultPrevented).toBe(true); // the browser would show the file instead of the page
   };
   const { rerender } = render(<Viewer sceneId="courtyard" asked={{}} bare />);
   await act(() => vi.dynamicImportSettled());

@@ -149,7 +149,7 @@ export function Viewer({ sceneId, asked, unknown, bare = false }: Props) {
         {measured && <Measurements session={measured} linkNote={note} />}
         {measured && hint && !(compared && Measurements === Figures) && <Hint rig={measured.rig} />}
         {live && usable && touch && <MovePad input={live.input} />}
-        {live && !bare && <MovementStatus deck={live.movement} />}
+        {live && <MovementStatus deck={live.movement} bare={bare} />}
         {live && <StageMessage session={live} />}
         {live && <Freeze session={live} />}
         {picture.problem && (
