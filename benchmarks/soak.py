@@ -48,8 +48,8 @@ STEP_S = 15
 """Duration of a walk."""
 RECOVERY_S = 90
 """After a kill, the time for the page to show frames, and in which the logs may complain."""
-SETTLE_S = 150
-"""From a process's start until its memory is compared."""
+SETTLE_S = 300
+"""From a process's start until its memory is compared: a round through the modes and scenes."""
 GROWTH_MB, GROWTH, GROWTH_FILES = 25, 0.1, 10
 """The most that a flat process grows: the greater of megabytes and a share, and a number of open files."""
 EXPERIMENT_S = 300
@@ -143,6 +143,8 @@ class Soak:
 
     def _walk(self, scene: str, mode: str) -> None:
         """Walk in a mode, which has to show frames."""
+        self._page.goto(f"{self._url}/#/")
+        self._page.locator(".stage").wait_for(state="detached")
         self._page.goto(f"{self._url}/#/scene/{scene}")
         self._page.wait_for_function("() => window.tigas")
         self._page.evaluate("mode => tigas.settings({ mode })", mode)

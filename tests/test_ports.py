@@ -28,7 +28,7 @@ def taken() -> Iterator[Address]:
 
 
 async def test_the_packager_says_so_before_it_tries_encoders(taken: Address, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dash, "choose_encoder", lambda: pytest.fail("It has tried encoders."))
+    monkeypatch.setattr(dash, "choose_encoder", lambda _: pytest.fail("It has tried encoders."))
     with pytest.raises(StartError, match=r"Cannot listen on .+ \(Address already in use\)"):
         await dash.serve(DashSettings(http=taken))
 

@@ -111,6 +111,7 @@ async def test_poses_that_cannot_be_read_are_answered_and_change_nothing(package
             pose(1, 50).replace("50", "1e999"),
             pose(-1, 50),
             '{"seq": 1}',
+            b"\x00\xff",
         ):
             await socket_.send(text)
             assert (await announcement(socket_, lambda message: "type" in message))["type"].startswith("tigas:")

@@ -9,8 +9,11 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 
 from tests.dash.conftest import Packager, announcement, parsed_request
+from tigas_common.errors import StartError
 from tigas_common.wire.render import DEFAULT_LADDER, Rung
-from tigas_dash.encoder import Encoder
+from tigas_dash import encoder as encoder_module
+from tigas_dash.encoder import Encoder, choose_encoder
+from tigas_dash.errors import EncoderUnavailable
 from tigas_dash.representation import representations
 
 pytestmark = pytest.mark.anyio
@@ -87,6 +90,16 @@ async def test_an_encoder_that_fails_is_replaced(packager: Packager, monkeypatch
     await packager.until(session, lambda status: status["encoder_failures"] == 1)
     status = await packager.status(session)
     assert await packager.brightness(session, (status["frames"] + status["dropped"]) // 15 + 1)
+
+
+def test_an_encoder_that_was_chosen_has_to_work_from_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise EncoderUnavailable("h264_nvenc cannot encode 640×360: Operation not permitted.")
+
+    monkeypatch.setattr(encoder_module, "Encoder", fail)
+    assert choose_encoder("auto") == choose_encoder("libx264") == "libx264"
+    with pytest.raises(StartError, match=r"does not work here .*choose libx264 or auto"):
+        choose_encoder("h264_nvenc")
 
 
 async def test_an_encoder_that_fails_for_good_ends_the_stream(

@@ -47,6 +47,15 @@ async def test_a_stream_that_nobody_watches_ends_and_one_that_is_watched_does_no
         await packager.until_idle()
 
 
+@pytest.mark.slow
+async def test_a_stream_goes_on_while_a_segment_is_read() -> None:
+    async with running_packager(idle_s=0.5) as packager:
+        session = await packager.open(segment_s=3)
+        async with packager.http.stream("GET", f"/sessions/{session['id']}/r3-500/1.m4s") as answer:
+            content = await answer.aread()
+        assert len(contents(content, b"moof")) == 3 * 30 / session["frames_per_chunk"]
+
+
 async def test_metrics_count_what_streams_do_and_forget_nothing_when_they_end(packager: Packager) -> None:
     session = await packager.open(representations=[{"rung": 3}, {"rung": 2}])
     path = f"/sessions/{session['id']}/{session['representations'][-1]['id']}/1.m4s"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import shutil
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
@@ -152,6 +153,15 @@ async def test_what_is_no_file_among_the_traces_holds_nothing_up(
     NOT_FILES[kind](directory / "made.csv")
     assert (await client.get("/traces")).json() == before
     assert (await client.get("/traces/made")).status_code == 404
+
+
+async def test_traces_whose_directory_vanished_are_gone_and_uploads_stay(
+    client: httpx.AsyncClient, directory: Path
+) -> None:
+    await client.post("/traces?name=mine.csv", content=format_csv(trace(1_000, name="mine")))
+    shutil.rmtree(directory)
+    assert [one["name"] for one in (await client.get("/traces")).json()["traces"]] == ["mine"]
+    assert (await client.get("/traces/steps")).status_code == 404
 
 
 async def test_metrics_tell_the_links_state_and_what_crossed_it(client: httpx.AsyncClient, shaper: Shaper) -> None:

@@ -97,6 +97,23 @@ def test_an_interface_that_disappears_closes_the_link(own_lab: Lab, interface: s
         assert running.process.wait(10) == 0
 
 
+@pytest.mark.parametrize("interface", ["access", "service"])
+def test_shaping_that_another_program_removes_closes_the_link(own_lab: Lab, interface: str) -> None:
+    with echo_server(own_lab), shaper(own_lab):
+        assert answers(own_lab)
+        removal = ["tc", "qdisc", "del", "dev", interface, "clsact"]
+        subprocess.run(own_lab.command("gateway", removal), check=True)
+        wait_until(lambda: not answers(own_lab), 5)
+
+
+def test_packets_longer_than_the_link_takes_are_refused_from_the_start(own_lab: Lab) -> None:
+    longer = ["ip", "link", "set", "access", "mtu", "9000"]
+    subprocess.run(own_lab.command("gateway", longer), check=True)
+    run = subprocess.run(own_lab.command("gateway", shaper_command()), capture_output=True, text=True)
+    assert run.returncode == 1
+    assert "access has an MTU of 9000: ip link set access mtu 3000" in run.stderr
+
+
 STATUS = f"import urllib.request as u; print(u.urlopen('http://{SHAPER.loopback}/status').read().decode())"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator
+from contextlib import suppress
 
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -154,7 +155,7 @@ async def media_segment(request: Request) -> Response:
     async def counted() -> AsyncIterator[bytes]:
         async with asyncio.timeout(session.media.readable_s):  # a stalled reader does not keep it in memory for ever
             async for chunk in chunks:
-                session.sent_bytes[track.representation.rung] += len(chunk)
+                session.sent(track.representation.rung, len(chunk))
                 yield chunk
 
     headers = {**NO_STORE, "Timing-Allow-Origin": "*"}  # so that a page on another port sees the protocol
@@ -192,16 +193,13 @@ async def _announce(socket: WebSocket, frames: asyncio.Queue[FrameShown | None])
 
 
 async def _listen(socket: WebSocket, session: Session) -> None:
-    try:
-        while True:
-            text = await socket.receive_text()
+    with suppress(WebSocketDisconnect):
+        while (message := await socket.receive())["type"] != "websocket.disconnect":
             try:
-                session.move(parse(PoseUpdate, text.encode()))
+                session.move(parse(PoseUpdate, message.get("bytes") or (message.get("text") or "").encode()))
             except TigasError as error:
                 await socket.send_text(problem(error).model_dump_json())
             await asyncio.sleep(POSE_PAUSE_S)
-    except (WebSocketDisconnect, KeyError):  # KeyError: a binary message
-        return
 
 
 def _sessions(request: Request) -> Sessions:

@@ -15,6 +15,7 @@ import numpy as np
 from av.video.frame import PictureType
 from av.video.reformatter import Interpolation, VideoReformatter
 
+from tigas_common.errors import StartError
 from tigas_dash.cmaf import BT709, ParameterSets, Sample
 from tigas_dash.errors import EncoderUnavailable
 from tigas_dash.representation import Representation
@@ -77,7 +78,7 @@ class Encoder:
             self.parameters: ParameterSets = _parameter_sets(codec.extradata or b"")
         except (av.FFmpegError, ValueError) as error:
             raise EncoderUnavailable(
-                f"{name} cannot encode {representation.width}×{representation.height}: {error}."
+                f"{name} cannot encode {representation.width}×{representation.height}: {_reason(error)}."
             ) from None
 
     def encode(self, frame: av.VideoFrame, number: int, *, keyframe: bool) -> Sample:
@@ -154,15 +155,22 @@ class LadderEncoder:
         return self._scaled[1]
 
 
-def choose_encoder() -> EncoderName:
-    """NVIDIA's encoder where it really works, else x264."""
-    probe = Representation(0, 640, 360, 1000)
+def choose_encoder(wanted: EncoderName | Literal["auto"]) -> EncoderName:
+    """The wanted encoder; for `auto`, NVIDIA's where it works, else x264. Raises StartError if the wanted one fails."""
+    if wanted == "libx264":
+        return wanted
     try:
         frame = av.VideoFrame(640, 360, "yuv420p")
-        Encoder("h264_nvenc", probe, 30).encode(frame, 0, keyframe=True)
-    except (av.FFmpegError, EncoderUnavailable, ValueError):
-        return "libx264"
+        Encoder("h264_nvenc", Representation(0, 640, 360, 1000), 30).encode(frame, 0, keyframe=True)
+    except (av.FFmpegError, EncoderUnavailable, ValueError) as error:
+        if wanted == "auto":
+            return "libx264"
+        raise StartError(f"h264_nvenc does not work here ({_reason(error)}); choose libx264 or auto.") from None
     return "h264_nvenc"
+
+
+def _reason(error: Exception) -> str:
+    return (isinstance(error, av.FFmpegError) and error.strerror) or str(error).removesuffix(".")
 
 
 def _nal_units(stream: bytes) -> Iterator[tuple[int, bytes]]:

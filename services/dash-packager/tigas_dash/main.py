@@ -37,7 +37,7 @@ async def serve(settings: DashSettings) -> None:
         client, clock = RenderClient(http), Clock()
         with explained(settings.http, "--http"):
             webrtc = await stack.enter_async_context(WebRtc.running(client, settings.http, clock))
-        encoder = choose_encoder() if settings.encoder == "auto" else settings.encoder
+        encoder = choose_encoder(settings.encoder)
         sessions = await stack.enter_async_context(
             Sessions(client, encoder, clock, limit=settings.max_sessions, idle_s=settings.idle_s).running()
         )

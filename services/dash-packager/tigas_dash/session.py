@@ -76,6 +76,11 @@ class Session(Stream):
     def encoder_failures(self) -> int:
         return self._encoder.failures
 
+    def sent(self, rung: int, size: int) -> None:
+        """A client has taken so many bytes of a rung's segments."""
+        self.sent_bytes[rung] += size
+        self.used_at = self._clock.now()
+
     def move(self, pose: PoseUpdate) -> None:
         self._views.move(pose)
         self._poses += 1

@@ -9,9 +9,11 @@ import os
 import platform
 import subprocess
 import sys
+from collections.abc import Sequence
 from contextlib import AsyncExitStack, suppress
+from pathlib import Path
 
-from tigas_common.address import say_if_open
+from tigas_common.address import Address, say_if_open
 from tigas_common.errors import StartError, TigasError
 from tigas_common.limits import HttpLimits
 from tigas_common.loop_share import LoopShare
@@ -21,6 +23,7 @@ from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_shaper.api import create_app
 from tigas_shaper.link.commands import Interface
 from tigas_shaper.link.gateway import Forward
+from tigas_shaper.link.link import MAX_MTU
 from tigas_shaper.service import Shaper
 from tigas_shaper.settings import ShaperSettings
 
@@ -37,6 +40,8 @@ async def serve(settings: ShaperSettings) -> None:
         forwards = [Forward.parse(text) for text in settings.forward]
     except ValueError as error:
         raise StartError(f"{error}.") from None
+    check_ports(forwards, settings.http)
+    check_mtu(access, service)
     # Python's threads take turns every 5 ms by default: reading a trace in a thread would make the player as late.
     sys.setswitchinterval(0.0005)
     with suppress(OSError):
@@ -58,6 +63,27 @@ async def serve(settings: ShaperSettings) -> None:
         print(f"API on http://{settings.http.reachable_host}:{port}/", flush=True)
         await until_stopped()
         shaper.stop_watching()
+
+
+def check_ports(forwards: Sequence[Forward], api: Address) -> None:
+    """Raises StartError if clients could not reach a forward, because another one or the API has its port."""
+    ports = [(forward.protocol, forward.port) for forward in forwards]
+    twice = next((port for port in ports if ports.count(port) > 1), None)
+    if twice is not None:
+        raise StartError(f"Port {twice[1]} ({twice[0]}) is forwarded twice.")
+    if ("tcp", api.port) in ports and not api.is_loopback:
+        raise StartError(f"Port {api.port} cannot be forwarded, because the shaper's API has it.")
+
+
+def check_mtu(*interfaces: Interface) -> None:
+    """Raises StartError if an interface sends longer packets than the link takes."""
+    for interface in interfaces:
+        mtu = int(Path(f"/sys/class/net/{interface}/mtu").read_text())
+        if mtu > MAX_MTU:
+            raise StartError(
+                f"The link takes packets of up to {MAX_MTU} bytes, and {interface} has an MTU of {mtu}: "
+                f"ip link set {interface} mtu {MAX_MTU}"
+            )
 
 
 def check_rights() -> None:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import AsyncIterator
+from contextlib import nullcontext
 
 import pytest
 
+from tigas_common.address import Address
+from tigas_common.errors import StartError
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.link.commands import Channel, CommandError, Interface, attempt, run
 from tigas_shaper.link.delay import NetemStage
 from tigas_shaper.link.gateway import Forward, rules
 from tigas_shaper.link.link import MIN_QUEUE, Direction, queue_bytes, queue_line, rate_line
+from tigas_shaper.main import check_ports
 
 pytestmark = pytest.mark.anyio
 
@@ -174,11 +179,25 @@ def test_a_forward_reads_its_protocol_ports_and_host() -> None:
 @pytest.mark.parametrize(
     "text",
     ["", "8080", "tcp:8080", "sctp:1=a:2", "tcp:0=a:1", "tcp:1=a:65536", "tcp:x=a:1", "tcp:²=a:1", "tcp:1=:2",
-     "tcp:1=a b; drop:2", "udp:1=nowhere.invalid:2"],
+     "tcp:1=a b; drop:2", "udp:1=nowhere.invalid:2", "udp:1=a..b:2", f"udp:1={'a' * 70}:2"],
 )  # fmt: skip
 def test_what_is_no_forward_is_refused_with_a_sentence(text: str) -> None:
     with pytest.raises(ValueError, match=r"is not tcp:PORT=HOST:PORT|has no IPv4 address"):
         Forward.parse(text)
+
+
+@pytest.mark.parametrize(
+    ("forwards", "api", "problem"),
+    [
+        (["tcp:80=192.0.2.1:1", "tcp:80=192.0.2.2:2"], "127.0.0.1:8090", "80 (tcp) is forwarded twice"),
+        (["tcp:8090=192.0.2.1:1"], "0.0.0.0:8090", "8090 cannot be forwarded"),
+        (["tcp:80=192.0.2.1:1", "udp:80=192.0.2.1:1"], "0.0.0.0:8090", None),
+        (["tcp:8090=192.0.2.1:1"], "127.0.0.1:8090", None),
+    ],
+)
+def test_ports_that_clients_could_not_reach_are_refused(forwards: list[str], api: str, problem: str | None) -> None:
+    with pytest.raises(StartError, match=re.escape(problem)) if problem else nullcontext():
+        check_ports([Forward.parse(text) for text in forwards], Address.parse(api))
 
 
 def test_the_gate_is_closed_first_and_only_forwarded_packets_pass() -> None:

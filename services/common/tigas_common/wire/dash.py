@@ -179,7 +179,7 @@ class WebRtcRequest(StreamRequest):
     """H.264 has 30 only."""
     rung: int | None = Field(default=None, ge=0, le=255)
     """The rung of the scene's ladder with the video's size; by default the largest that fits into the viewport."""
-    bitrate_kbps: int | None = Field(default=None, ge=100, le=100_000)
+    bitrate_kbps: int | None = Field(default=None, ge=100, le=10_000)
     """Maximum rate of the encoder on any link; 10 Mbit/s by default."""
 
 

@@ -45,8 +45,9 @@ class Forward:
             raise ValueError(f"{text!r} is not tcp:PORT=HOST:PORT or udp:PORT=HOST:PORT")
         try:
             address = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)[0][4][0]
-        except OSError as error:
-            raise ValueError(f"{host} has no IPv4 address ({error.strerror or error})") from None
+        except (OSError, UnicodeError) as error:
+            reason = error.strerror if isinstance(error, OSError) else "it is not a host's name"
+            raise ValueError(f"{host} has no IPv4 address ({reason})") from None
         return cls("tcp" if protocol == "tcp" else "udp", int(port), ipaddress.IPv4Address(address), int(host_port))
 
 

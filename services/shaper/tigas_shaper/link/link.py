@@ -41,6 +41,9 @@ MOST_QUEUE = 2**32 - 1
 """In bytes; tc takes no more."""
 LEAF_KBPS = 1e7
 LEAF_BURST = 2 * FULL_PACKET
+"""In bytes; the leaf drops longer packets."""
+MAX_MTU = 3000
+"""Of the interfaces, in bytes: less than the burst by the link layer's headers."""
 
 
 class LinkClosed(TigasError):
@@ -191,6 +194,8 @@ class Direction:
         root = next((entry for entry in answer if entry.get("root") and entry["kind"] == "htb"), None)
         if root is None:
             raise CommandError(f"another program has removed the shaping of {self._device}.")
+        if not json.loads(await self._tc.ask(f"filter show dev {self._interface} egress", "[")):
+            raise CommandError(f"another program has removed the shaping of {self._interface}.")
         return Counters(root["bytes"], root["drops"], root["backlog"])
 
 

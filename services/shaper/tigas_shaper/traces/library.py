@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from tigas_common.errors import TigasError
@@ -69,18 +70,20 @@ class TraceLibrary:
         return trace
 
     def _paths(self) -> Iterator[Path]:
+        """The directory's files; none if it cannot be read any more."""
         if self._directory is not None:
-            for path in sorted(self._directory.iterdir()):
-                if path.is_file() and not path.name.startswith((".", "README")):
-                    yield path
+            with suppress(OSError):
+                for path in sorted(self._directory.iterdir()):
+                    if path.is_file() and not path.name.startswith((".", "README")):
+                        yield path
 
     def _load(self, path: Path) -> NetworkTrace | TraceError:
-        stat = path.stat()
-        version = (stat.st_mtime_ns, stat.st_size)
-        known, trace = self._files.get(path, (None, None))
-        if trace is not None and known == version:
-            return trace
         try:
+            stat = path.stat()
+            version = (stat.st_mtime_ns, stat.st_size)
+            known, trace = self._files.get(path, (None, None))
+            if trace is not None and known == version:
+                return trace
             trace = load_trace(path)
         except TraceError as error:
             trace = error
