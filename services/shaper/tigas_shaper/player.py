@@ -120,7 +120,8 @@ class Player:
 
     def start(self, trace: NetworkTrace, *, loop: bool = True) -> None:
         """Play a trace from its start, replacing the present one."""
-        self._go(Playback(trace, loop, since=self._clock()), (trace.mean_down_kbps, trace.mean_up_kbps))
+        means = trace.mean_down_kbps, trace.mean_up_kbps  # of a long trace, this takes a while
+        self._go(Playback(trace, loop, since=self._clock()), means)
 
     def constant(self, state: LinkSetting) -> None:
         """Hold one state, replacing the present one."""

@@ -74,6 +74,14 @@ async def test_the_candidate_is_where_the_viewer_asked(port: UdpPort, asked: str
     assert (candidate.host, candidate.port, candidate.type) == (told, port.number, "host")
 
 
+@pytest.mark.parametrize(("bound", "told"), [("0.0.0.0", "127.0.0.1"), ("::", "127.0.0.1"), ("::1", "::1")])
+async def test_on_this_machine_the_candidate_is_an_address_that_the_port_has(
+    port: UdpPort, monkeypatch: pytest.MonkeyPatch, bound: str, told: str
+) -> None:
+    monkeypatch.setattr(UdpPort, "host", bound)  # there may be no IPv6 here
+    assert port.candidate("localhost").host == told
+
+
 async def test_a_taken_port_is_an_error() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))

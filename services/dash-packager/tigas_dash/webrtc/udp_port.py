@@ -71,7 +71,8 @@ class UdpPort(asyncio.DatagramProtocol):
     def candidate(self, host: str) -> Candidate:
         """This port as a candidate, for a viewer that reaches it under `host`, an address or a name."""
         if host == "localhost" or host.endswith(".localhost"):
-            host = "::1" if ":" in self.host else "127.0.0.1"
+            # on all addresses, it takes IPv4 too, which every machine has
+            host = "::1" if ":" in self.host and self.host != "::" else "127.0.0.1"
         return Candidate(
             foundation=candidate_foundation("host", "udp", host),
             component=1,
