@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -149,6 +150,32 @@ def test_a_lab_is_alone_with_its_name_and_the_next_tests_spare_it(own_lab: Lab) 
         pass
     remove_abandoned()
     assert own_lab.exists()
+
+
+HOLDER = """
+import signal, sys, threading
+from tigas_testbed.namespaces import Lab
+stopped = threading.Event()
+signal.signal(signal.SIGTERM, lambda *_: stopped.set())
+with Lab(sys.argv[1]).up():
+    print("up", flush=True)
+    while not stopped.wait(0.1):
+        pass
+print("ended in order", flush=True)
+"""
+
+
+def test_a_running_lab_is_told_to_stop_and_can_be_started_again_at_once() -> None:
+    lab = Lab(f"t{os.getpid()}")
+    with subprocess.Popen([sys.executable, "-c", HOLDER, lab.name], stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout
+        assert holder.stdout.readline() == "up\n"
+        lab.stop()
+        assert holder.stdout.readline() == "ended in order\n"
+    assert not lab.exists()
+    with lab.up():
+        assert lab.exists()
+    lab.stop()  # which is not up
 
 
 ENDS = (signal.SIGINT, signal.SIGTERM)

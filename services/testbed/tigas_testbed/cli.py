@@ -50,6 +50,7 @@ class Down(Command):
     def run(self) -> None:
         with in_a_sentence(StartError, subprocess.CalledProcessError):
             check_rights()
+            Lab(NAME).stop()
             Lab(NAME).remove()
 
 

@@ -19,7 +19,10 @@ import re
 import shutil
 import signal
 import socket
+import struct
 import subprocess
+import threading
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Literal
@@ -44,6 +47,11 @@ TOOLS = {
     "mount": "mount",
 }
 """Commands that the lab and the shaper in it run, and the Debian packages that they are in."""
+STOP = b"stop"
+STOP_S = 20
+"""Longer than its services take to end."""
+CREDENTIALS = struct.Struct("3i")
+"""A sender's process, user and group (unix(7))."""
 _NAME = re.compile(r"[a-z0-9]{1,20}")
 
 
@@ -75,11 +83,34 @@ class Lab:
         Removes a leftover lab of the same name first. Raises StartError.
         """
         with ExitStack() as stack:
-            stack.enter_context(_lock(self.name))
+            lock = stack.enter_context(_lock(self.name))
+            listening = threading.Thread(target=_end_when_told, args=(lock,), daemon=True)
+            listening.start()
+            stack.callback(listening.join)
+            stack.callback(lock.shutdown, socket.SHUT_RDWR)
             self.remove()
             stack.callback(self.remove)
             self._build(ports, host=host)
             yield self
+
+    def stop(self) -> None:
+        """End the process that has the lab up, if there is one, as Ctrl+C would. Raises StartError if it goes on."""
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as messenger:
+            try:
+                messenger.sendto(STOP, _lock_address(self.name))
+            except ConnectionRefusedError:
+                return
+            except BrokenPipeError:
+                pass  # it is ending already
+        latest = time.monotonic() + STOP_S
+        while True:
+            try:
+                with _lock(self.name):
+                    return
+            except StartError:
+                if time.monotonic() > latest:
+                    raise StartError("The lab does not stop; end its `tigas lab up`.") from None
+                time.sleep(0.1)
 
     def remove(self) -> None:
         """End all processes in its namespaces, and remove the namespaces and the host's link."""
@@ -138,14 +169,30 @@ def check_rights() -> None:
         raise StartError(f"The lab needs more tools: sudo apt-get install {' '.join(sorted(missing))}")
 
 
+def _lock_address(name: str) -> str:
+    return f"\0tigas-lab-{name}"
+
+
 @contextmanager
-def _lock(name: str) -> Iterator[None]:
+def _lock(name: str) -> Iterator[socket.socket]:
+    """The right to have the lab up: a socket, at which it can be told to stop. Raises StartError."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as lock:
+        lock.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
         try:
-            lock.bind(f"\0tigas-lab-{name}")
+            lock.bind(_lock_address(name))
         except OSError:
             raise StartError("The lab is already up; stop it with `tigas lab down`.") from None
-        yield
+        yield lock
+
+
+def _end_when_told(lock: socket.socket) -> None:
+    """Wait for a message of this user's, until the socket is shut down, and end this process as SIGTERM does."""
+    while True:
+        message, credentials, _, _ = lock.recvmsg(len(STOP), socket.CMSG_SPACE(CREDENTIALS.size))
+        if not message:
+            return
+        if any(CREDENTIALS.unpack(data)[1] == os.geteuid() for _, _, data in credentials):
+            os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _localhost(inside: Sequence[str], interface: str, address: str, table: str, ports: Sequence[Port]) -> None:
