@@ -108,7 +108,7 @@ def test_a_head_that_listens_is_joined(monkeypatch: pytest.MonkeyPatch) -> None:
         named_cluster()
 
 
-@pytest.mark.parametrize("address", ["ray://10.0.0.1:10001", "local", "10.0.0.1"])
+@pytest.mark.parametrize("address", ["ray://10.0.0.1:10001", "local", "10.0.0.1", "10.0.0.1:99999"])
 def test_what_is_no_head_is_refused_in_a_sentence(monkeypatch: pytest.MonkeyPatch, address: str) -> None:
     monkeypatch.setenv("RAY_ADDRESS", address)
     with pytest.raises(StartError, match=r"^RAY_ADDRESS must be the head's HOST:PORT, such as 10.0.0.1:6379, not "):

@@ -180,9 +180,12 @@ def named_cluster() -> str | None:
     address = os.environ.get(ADDRESS)
     if not address or address == AUTO:
         return address or None
-    if host_of(address) is None or ":" not in address:
+    try:
+        head = Address.parse(address)
+    except ValueError:
+        head = None
+    if head is None or host_of(address) is None:
         raise StartError(f"{ADDRESS} must be the head's HOST:PORT, such as 10.0.0.1:6379, not {address[:100]!r}.")
-    head = Address.parse(address)
     try:
         socket.create_connection((head.host, head.port), REACH_S).close()  # Ray would try for minutes
     except (OSError, UnicodeError) as error:

@@ -72,6 +72,8 @@ class Host:
 
     def facts(self) -> Facts:
         render = self._render
+        if render.port is not None:
+            self._failure = None
         return Facts(
             version=version("tigas"),
             address=self._address,
@@ -79,7 +81,7 @@ class Host:
             since=self._since,
             url=None if render.port is None else f"http://{Address(self._address, render.port)}",
             said=list(render.said),
-            failure=self._failure if render.port is None else None,
+            failure=self._failure,
         )
 
     def stop(self) -> None:

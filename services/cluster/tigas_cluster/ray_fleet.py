@@ -130,6 +130,7 @@ class RayFleet:
 
     async def _look(self) -> None:
         """Read the cluster's state and act on it."""
+        ending = frozenset(self._ending)  # some may have ended once their machines have answered
         nodes, found = await asyncio.to_thread(lambda: (self._cluster.nodes(), self._cluster.hosts()))
         hosts = {**self._beginning, **found}
         alive = {node.id for node in nodes}
@@ -138,7 +139,7 @@ class RayFleet:
         self._facts = {name: each for name, each in {**self._facts, **facts}.items() if name in present}
         self._follow()
         self._tell()
-        serving = self._note_silence(present)
+        serving = self._note_silence(present) - ending
         plan = self._scaler.plan(self.fleet.hosts(), len(serving - self._up))
         if plan.draining != self._draining:
             for name in sorted(plan.draining - self._draining):

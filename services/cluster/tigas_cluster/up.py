@@ -40,23 +40,29 @@ def up(settings: ClusterSettings, render_options: Sequence[str]) -> None:
         listener = settings.http.listen(HttpLimits.of(settings.http_limits).unread_s)
     with listener, terminated_as_interrupted():
         if address is not None:
-            _run(settings, render_options, listener, address, None)
+            _run(settings, render_options, listener, address, None, ExitStack())
             return
         own = OwnRay()
         with ExitStack() as after:
-            after.callback(own.stop)
+            if own.running() is None:
+                after.callback(own.stop)
             print("Starting Ray on this machine …", flush=True)
             try:
-                _run(settings, render_options, listener, own.start(), own)
+                _run(settings, render_options, listener, own.start(), own, after)
             except AnotherUp:
                 after.pop_all()  # it is the other's Ray
                 raise
 
 
 def _run(
-    settings: ClusterSettings, render_options: Sequence[str], listener: socket.socket, address: str, own: OwnRay | None
+    settings: ClusterSettings,
+    render_options: Sequence[str],
+    listener: socket.socket,
+    address: str,
+    own: OwnRay | None,
+    after: ExitStack,
 ) -> None:
-    """Serve until stopped, on the Ray at this address, which may be private."""
+    """Serve until stopped, on the Ray at this address. One of our own is ended by `after`, unless another has it."""
     with connected(own, address):
         import ray.util
 
@@ -75,6 +81,8 @@ def _run(
             options,
         )
         with leased():
+            if own is not None:
+                after.callback(own.stop)
             asyncio.run(_serve(settings, cluster, listener, own))
 
 

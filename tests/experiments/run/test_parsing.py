@@ -52,6 +52,8 @@ def test_traces_by_name_and_by_file(tmp_path: Path) -> None:
 def test_a_file_s_path_is_relative_to_where_it_was_written(tmp_path: Path) -> None:
     (tmp_path / "bus.csv").touch()
     assert parse_network("bus.csv,20ms-rtt", tmp_path).trace_file == Path("bus.csv")
+    (tmp_path / "20mbit.csv").touch()
+    assert parse_network("20mbit.csv", tmp_path).trace_file == Path("20mbit.csv")
 
 
 @pytest.mark.parametrize(

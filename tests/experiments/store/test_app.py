@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -94,6 +95,7 @@ async def test_movements_are_listed_and_read(store: Running) -> None:
     (store.movements / "broken.csv").write_text(HEADER + "0,NaN,0,0,0,0,0,1\n")
     (store.movements / "torn.csv").write_bytes(HEADER.replace("z,", "z\r", 1).encode())
     (store.movements / "notes.txt").write_text("notes")
+    os.close(os.open(bytes(store.movements) + b"/Fu\xdfweg.csv", os.O_CREAT))
     assert (await store.http.get("/movements")).json()["movements"] == [
         {"name": "absolute", "duration_ms": 10, "anchor": "scene", "description": ""},
         {"name": "walk", "duration_ms": 1500, "anchor": "start", "description": "A step & a look"},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import json
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
@@ -20,6 +21,7 @@ from tigas_experiments.quality.ground_truth import GroundTruth
 from tigas_experiments.quality.picture import decode
 from tigas_experiments.records.folder import StoredRun, read_snapshot
 from tigas_experiments.run.experiment import GIVE_UP_AFTER
+from tigas_experiments.store import planner
 from tigas_experiments.store.planner import LEASE_S
 from tigas_experiments.wire.recording import Input
 from tigas_experiments.wire.run import Configuration
@@ -246,6 +248,23 @@ async def test_many_failures_in_a_row_end_it(store: Running) -> None:
     assert job_of(await store.next(experiment, begin=True)) is not None
 
 
+async def test_a_full_disk_fails_its_run_and_many_end_it(store: Running, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(planner, "_place", full)
+    experiment = await store.create(repeats=GIVE_UP_AFTER)
+    tried = set()
+    for _ in range(GIVE_UP_AFTER):
+        run = job_of(await store.next(experiment))
+        assert run is not None
+        tried.add(run)
+        body = {"problem": "The store's disk is full."}
+        assert (await store.http.put(f"/experiments/{experiment}/runs/{run}", json=body)).status_code == 507
+    assert len(tried) == GIVE_UP_AFTER
+    assert "5 runs in a row failed" in (await store.next(experiment))["problem"]
+
+
 async def test_one_that_was_ended_by_failures_begins_anew_after_a_page_has_died(timed: Running, clock: Clock) -> None:
     experiment = await timed.create(repeats=4, networks=["unshaped"])
     await timed.next(experiment, "dead", begin=True)
@@ -319,12 +338,23 @@ async def test_captures_are_compared_with_ground_truth(store: Running, monkeypat
     folder = store.results / experiment / "runs" / slug()
     kept = await store.http.put(run, json=upload(captures=[CAPTURE]))
     assert (kept.json()["status"], kept.json()["problem"]) == ("running", "The run is incomplete: it never ended.")
-    for name, content in (("0000.png", png()[:-4]), ("0120.png", png()), ("0.png", png()), ("0000.jpg", png())):
+    odd = (
+        ("0120.png", png()),
+        ("0.png", png()),
+        ("0000.jpg", png()),
+        ("%00.png", png()),
+        ("%2e%2e", png()),
+        ("%E2%82%AC" * 90, png()),
+    )
+    for name, content in (("0000.png", png()[:-4]), *odd):
         assert (await store.http.put(f"{run}/captures/{name}", content=content)).status_code == 400
     assert (await store.http.put(f"{run}/captures/0000.png", content=png(100))).status_code == 204
     monkeypatch.setattr(GroundTruth, "_render", render)
-    row = (await store.http.post(f"{run}/complete")).json()
+    first = asyncio.create_task(store.http.post(f"{run}/complete"))
+    again = await store.http.post(f"{run}/complete")  # as by a page that lost its connection meanwhile
+    row = (await first).json()
     assert (row["status"], row["figures"]["quality"]["pictures"]) == ("complete", 1)
+    assert again.json() == row
     assert row["figures"]["quality"]["seen_psnr_db"] == 100
     assert read_snapshot(folder) is not None
     late = await store.http.put(f"{run}/captures/0000.png", content=png())

@@ -56,7 +56,7 @@ class Inputs:
         if path is None:
             return generate(name, end_s, configuration.seed).part(begin_s * 1000, end_s * 1000)
         trace = MovementTrace.read(path)
-        if trace.duration_ms < end_s * 1000:
+        if trace.duration_ms < end_s * 1000 - 0.5:  # segments are placed to the millisecond
             after = f", begun at {begin_s:g} s" if begin_s else ""
             raise StartError(
                 f"The movement {name} lasts {trace.duration_ms / 1000:.1f} s, less than a run's "

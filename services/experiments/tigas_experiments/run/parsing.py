@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from pathlib import Path
 
 from tigas_common.wire.shaper import LinkSetting
@@ -27,13 +28,14 @@ def parse_network(text: str, directory: Path = Path()) -> Network:
     """
     if text == UNSHAPED:
         return Network()
-    if _PART.match(text):
-        return Network(link=_constant(text))
     override = _OVERRIDE.fullmatch(text)
     trace, rtt_ms = (override["trace"], float(override["rtt"])) if override else (text, None)
     path = Path(trace)
-    if (directory / path).is_file():
-        return Network(trace=path.name[:100], trace_file=path, rtt_ms=rtt_ms)
+    with suppress(OSError):  # of a name that is too long
+        if (directory / path).is_file():
+            return Network(trace=path.name[:100], trace_file=path, rtt_ms=rtt_ms)
+    if _PART.match(text):
+        return Network(link=_constant(text))
     if path.name != trace or path.suffix:
         raise ValueError(f"there is no trace file {trace!r}")
     return Network(trace=trace, rtt_ms=rtt_ms)

@@ -157,7 +157,7 @@ class ExperimentPlan(WireModel):
     movements_in_turn: bool = False
     """Whether movements take turns over the parts of the traces, instead of all movements over all parts."""
     repeats: int = Field(default=1, ge=1, le=1000)
-    duration_s: float = 20.0
+    duration_s: float = Field(default=20.0, ge=1, le=7200)
     viewport: str = "640x360"
     seed: int = 1
     """Seed of generated movements, segments, the order of runs, and controllers, for all repeats."""

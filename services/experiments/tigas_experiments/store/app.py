@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -76,6 +77,7 @@ REPORT_HEADERS = NO_STORE | {
 }
 
 MAX_NAME = 100
+_PICTURE = re.compile(r"\w[\w.-]*", re.ASCII)
 """Characters of a picture's name."""
 
 # Always served as a picture, regardless of its content.
@@ -307,11 +309,12 @@ async def _receive(request: Request, path: Path, limit: int) -> int:
 async def _keep_picture(request: Request, keep: Callable[[Path, Path], None]) -> None:
     """Receive a picture under its name, and have `keep` move it to its run."""
     run, name = await asyncio.to_thread(lambda: _page_run(request)), request.path_params["name"]
-    if Path(name).name != name or len(name) > MAX_NAME:
+    if not _PICTURE.fullmatch(name) or len(name) > MAX_NAME:
         raise InvalidRequest(f"{name[:60]!r} is not an image's name.")
     with storage_explained(), _store(request).workspace.folder() as folder:
         await _receive(request, folder / name, MAX_PICTURE_BYTES)
         await asyncio.to_thread(keep, folder / name, run)
+    _store(request).planner.extend(request.path_params["id"], request.path_params["run"])
 
 
 def _archived(folder: Path) -> Iterator[bytes]:

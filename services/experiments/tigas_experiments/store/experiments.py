@@ -208,6 +208,7 @@ def _row_of(run: Path, _written: tuple[int, ...]) -> RunRow:
 
 def _is_folder(path: Path) -> bool:
     try:
+        path.name.encode()
         return path.is_dir() and not path.is_symlink() and not path.name.startswith(".")
     except (OSError, ValueError):  # a name that no file system takes
         return False

@@ -25,7 +25,10 @@ class Movements:
         found = []
         for path in sorted(self._directory.glob("*.csv")):
             try:
+                path.name.encode()
                 found.append(_described(path))
+            except UnicodeEncodeError:
+                logger.warning("%r is left out, because its name is not UTF-8.", path.name)
             except UnknownMovement as error:
                 logger.warning("%s", error.detail)
         return MovementList(movements=tuple(found))

@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tigas_common.errors import StartError
+from tigas_common.errors import DiskFull, StartError, StorageFailed
 from tigas_common.files import names_to_disk
 from tigas_common.offload import Offload
 from tigas_common.wire.render import SceneInfo, ServerConfig
@@ -50,6 +50,8 @@ from tigas_experiments.wire.store import NextRequest, NextRun, PlanSummary, RunJ
 
 LEASE_S = 300.0
 """How much longer than its warm-up and movement a page may take for a run. Nothing is sent during a run."""
+COMPARE_S = 1800.0
+"""Longer than comparing a run's captures takes, even behind others."""
 Services = Callable[[Configuration], Awaitable[tuple[ServerConfig, SceneInfo]]]
 """Configuration and scene of the render service for a run. Raises StartError."""
 
@@ -200,6 +202,12 @@ class Planner:
         if (session := self._sessions.get(experiment)) is not None:
             self._release(session, page)
 
+    def extend(self, experiment: str, run: str, seconds: float = LEASE_S) -> None:
+        """Keep a run for the page that has it, which is at work on it."""
+        session = self._sessions.get(experiment)
+        if session is not None and (lease := session.leases.get(run)) is not None:
+            lease.until = max(lease.until, self._clock() + seconds)
+
     async def add(self, experiment: str, run: str, body: Path, size: int, made: Path) -> RunRow:
         """Keep a performed run from a body of `size` bytes; it is incomplete until `complete`.
 
@@ -209,20 +217,23 @@ class Planner:
         """
         session = await self._session(experiment)
         configuration = self._missing(session, run)
-        if (lease := session.leases.get(run)) is not None:
-            lease.until = self._clock() + LEASE_S
+        self.extend(experiment, run)
         made_from = session.made_from.get(run) or (await self._made_from(session, configuration))[0]
-        async with self.checks:
-            limit, load = check_limit(size), tuple(self._load)
-            record = await self._offload(
-                keep_upload, body, made, configuration, made_from, load, self._machine, limit=limit
-            )
-        self._missing(session, run)  # another page may have completed it meanwhile
-        with storage_explained():
-            try:
-                await asyncio.to_thread(_place, made, session.experiment, configuration)
-            except FileNotFoundError:
-                raise UnknownExperiment(f"The experiment {experiment} has been removed.") from None
+        try:
+            async with self.checks:
+                limit, load = check_limit(size), tuple(self._load)
+                record = await self._offload(
+                    keep_upload, body, made, configuration, made_from, load, self._machine, limit=limit
+                )
+            self._missing(session, run)  # another page may have completed it meanwhile
+            with storage_explained():
+                try:
+                    await asyncio.to_thread(_place, made, session.experiment, configuration)
+                except FileNotFoundError:
+                    raise UnknownExperiment(f"The experiment {experiment} has been removed.") from None
+        except (DiskFull, StorageFailed) as error:
+            session.ended(run, error.detail)  # the page cannot report a failure either
+            raise
         if record.status == "failed":
             session.ended(run, record.problem)
         return await asyncio.to_thread(self._experiments.row, experiment, run)
@@ -232,8 +243,9 @@ class Planner:
         session = await self._session(experiment)
         self._missing(session, run)
         folder = await asyncio.to_thread(self._experiments.page_run, experiment, run)
-        if await asyncio.to_thread(lambda: StoredRun(folder).record.status) == "running":
-            async with self.checks:
+        self.extend(experiment, run, COMPARE_S)
+        async with self.checks:  # a page that has lost its connection asks again meanwhile
+            if await asyncio.to_thread(lambda: StoredRun(folder).record.status) == "running":
                 await self._offload(complete_upload, folder, self._render, limit=COMPARE)
         row = await asyncio.to_thread(self._experiments.row, experiment, run)
         session.ended(run, row.problem)

@@ -199,3 +199,12 @@ test.each([
 ])("frames are missed: %s", (_, times, missed) => {
   expect(missedFrames(times, 20)).toEqual(missed);
 });
+
+test("keeps no more pictures than the duration has room for", () => {
+  const duration = 7000;
+  const captureEvery = duration / 120;
+  const recorder = recorderFrom({ startedAt: 0, pose: 0, received: 0, captureEvery, captureOffset: 0, duration });
+  let kept = 0;
+  for (let now = 0; now <= duration; now += 5) kept += recorder.due(now);
+  expect(kept).toBe(120);
+});

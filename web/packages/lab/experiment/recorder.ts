@@ -114,8 +114,9 @@ export class Recorder {
   due(now: number): number {
     const { startedAt, captureEvery, duration } = this.#start;
     if (captureEvery === 0) return 0;
+    const last = duration - 1e-3; // sums are rounded: there must not be one more than the duration has room for
     let ticks = 0;
-    for (; this.#captureAt <= now - startedAt && this.#captureAt < duration; this.#captureAt += captureEvery) ticks++;
+    for (; this.#captureAt <= now - startedAt && this.#captureAt < last; this.#captureAt += captureEvery) ticks++;
     return ticks;
   }
 
