@@ -151,7 +151,9 @@ class Soak:
         try:
             self._page.wait_for_function("() => tigas.state().ready", timeout=RECOVERY_S * 1000)
         except TimeoutError:
-            self.complaints.append(f"{mode} in {scene} showed nothing: {self._page.evaluate('tigas.state()')}")
+            minute = (time.monotonic() - self._began) / 60
+            said = " ".join(self._page.locator(".stage-area").inner_text().split())
+            self.complaints.append(f"{minute:.1f} min: {mode} in {scene} showed nothing; the page says: {said}")
             return
         end = time.monotonic() + STEP_S
         for key in itertools.cycle(KEYS):
