@@ -146,10 +146,9 @@ class Soak:
         self._page.goto(f"{self._url}/#/")
         self._page.locator(".stage").wait_for(state="detached")
         self._page.goto(f"{self._url}/#/scene/{scene}")
-        self._page.wait_for_function("() => window.tigas")
-        self._page.evaluate("mode => tigas.settings({ mode })", mode)
+        self._page.wait_for_function("mode => window.tigas && (tigas.settings({ mode }), true)", arg=mode)
         try:
-            self._page.wait_for_function("() => tigas.state().ready", timeout=RECOVERY_S * 1000)
+            self._page.wait_for_function("() => window.tigas?.state().ready", timeout=RECOVERY_S * 1000)
         except TimeoutError:
             minute = (time.monotonic() - self._began) / 60
             said = " ".join(self._page.locator(".stage-area").inner_text().split())
