@@ -6,6 +6,7 @@ import { afterEach, beforeAll, beforeEach, expect, test, vi } from "vitest";
 import type { SessionStatus } from "#client/wire/dash";
 import { serverConfig } from "#fakes/server";
 import { type FakeSession, fakeLocal, fakeSession, fakeSide, fakeStream, WALKED_SIDE } from "#fakes/session";
+import { visit } from "#fakes/visit";
 import { ComparisonHistory } from "#viewer/charts/history";
 import type { Walk } from "#viewer/charts/walk";
 import { type Comparison, UNSCORED } from "#viewer/session/comparison";
@@ -15,15 +16,7 @@ import { config, settings } from "../../state/app";
 import { Viewer } from "./viewer";
 
 vi.mock("../chart/plots", () => ({ plotLive: () => () => undefined, plotDistribution: () => () => undefined }));
-const visit = vi.hoisted(() => ({ next: undefined as unknown }));
-vi.mock("#viewer/session/session", () => ({
-  ViewerSession: class {
-    constructor() {
-      // biome-ignore lint/correctness/noConstructorReturn: the test's own session in place of one that connects
-      return visit.next as object;
-    }
-  },
-}));
+vi.mock("#viewer/session/session", () => import("#fakes/visit"));
 
 let session: FakeSession;
 

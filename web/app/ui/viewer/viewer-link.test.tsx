@@ -4,6 +4,7 @@ import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { COURTYARD, serverConfig } from "#fakes/server";
 import { type FakeSession, fakeSession } from "#fakes/session";
+import { visit } from "#fakes/visit";
 import { turning } from "#viewer/reproject/acceleration";
 import { DEFAULT_SETTINGS } from "#viewer/state/settings";
 import { config, settings } from "../../state/app";
@@ -11,15 +12,7 @@ import type { Asked } from "../../state/route";
 import { Viewer } from "./viewer";
 
 vi.mock("../chart/plots", () => ({ plotLive: () => () => undefined, plotDistribution: () => () => undefined }));
-const visit = vi.hoisted(() => ({ next: undefined as unknown }));
-vi.mock("#viewer/session/session", () => ({
-  ViewerSession: class {
-    constructor() {
-      // biome-ignore lint/correctness/noConstructorReturn: the test's own session in place of one that connects
-      return visit.next as object;
-    }
-  },
-}));
+vi.mock("#viewer/session/session", () => import("#fakes/visit"));
 
 let session: FakeSession;
 
