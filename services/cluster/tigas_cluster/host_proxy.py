@@ -13,12 +13,11 @@ from starlette.requests import Request
 from starlette.types import Receive, Scope, Send
 
 from tigas_cluster.fleet import Fleet, HostState
-from tigas_common.address import client_network
 from tigas_common.errors import Overloaded, TigasError
 from tigas_common.limits import ConcurrencyLimit
 from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.placement import merged_scenes, ranked
-from tigas_common.proxy import ask, hand_back, headers_of, unless, until_left
+from tigas_common.proxy import ask, client_of, hand_back, headers_of, unless, until_left
 from tigas_common.web import page_policy, read_body
 from tigas_common.wire.render import SceneInfo
 
@@ -78,8 +77,7 @@ class HostProxy:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Raises NoHost and HostsBusy."""
-        client = client_network(scope["client"][0]) if scope["client"] else ""
-        with self._running.one_more(client, HostsBusy()):
+        with self._running.one_more(client_of(scope), HostsBusy()):
             body = await read_body(Request(scope, receive), MAX_BODY)
             answer = await unless(until_left(receive), self._first_answer(scope, body))
             if answer is not None:

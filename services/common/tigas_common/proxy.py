@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import httpx
 from starlette.types import Receive, Scope, Send
 
+from tigas_common.address import client_network
 from tigas_common.errors import TigasError
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.web import error_response
@@ -103,6 +104,11 @@ async def unless(end: Awaitable[object], work: Coroutine[Any, Any, Result]) -> R
         working.cancel()
         if ending is not end:
             ending.cancel()
+
+
+def client_of(scope: Scope) -> str:
+    """The network of a request's client; empty if it is unknown."""
+    return client_network(scope["client"][0]) if scope["client"] else ""
 
 
 async def until_left(receive: Receive) -> None:

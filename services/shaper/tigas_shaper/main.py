@@ -11,7 +11,6 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from contextlib import AsyncExitStack, suppress
-from pathlib import Path
 
 from tigas_common.address import Address, say_if_open
 from tigas_common.errors import StartError, TigasError
@@ -78,10 +77,9 @@ def check_ports(forwards: Sequence[Forward], api: Address) -> None:
 def check_mtu(*interfaces: Interface) -> None:
     """Raises StartError if an interface sends longer packets than the link takes."""
     for interface in interfaces:
-        mtu = int(Path(f"/sys/class/net/{interface}/mtu").read_text())
-        if mtu > MAX_MTU:
+        if interface.mtu > MAX_MTU:
             raise StartError(
-                f"The link takes packets of up to {MAX_MTU} bytes, and {interface} has an MTU of {mtu}: "
+                f"The link takes packets of up to {MAX_MTU} bytes, and {interface} has an MTU of {interface.mtu}: "
                 f"ip link set {interface} mtu {MAX_MTU}"
             )
 

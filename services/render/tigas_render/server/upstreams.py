@@ -21,11 +21,10 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidStatus, WebSocketException
 from websockets.typing import Origin
 
-from tigas_common.address import client_network
 from tigas_common.errors import Overloaded, ServiceAway, ServiceSilent, TigasError, UnknownService
 from tigas_common.limits import ConcurrencyLimit, quota
 from tigas_common.origins import OriginPolicy
-from tigas_common.proxy import HOP_BY_HOP, ask, forwarded, hand_back, headers_of, refuse, unless, until_left
+from tigas_common.proxy import HOP_BY_HOP, ask, client_of, forwarded, hand_back, headers_of, refuse, unless, until_left
 from tigas_common.topology import SERVICES_PATH, ServiceName
 
 TITLES: Mapping[ServiceName, str] = {
@@ -97,9 +96,8 @@ class _Service:
 
     async def answer(self, scope: Scope, prefix: bytes, receive: Receive, send: Send) -> None:
         """Pass a request on. Raises Overloaded, ServiceAway and ServiceSilent before the answer has begun."""
-        client = client_network(scope["client"][0]) if scope["client"] else ""
         busy = Overloaded(f"The {self._title} has too many requests at a time; try again later.")
-        with self._running.one_more(client, busy):
+        with self._running.one_more(client_of(scope), busy):
             if scope["type"] == "websocket":
                 with self._explained():
                     await _relay(self._url, scope, receive, send)

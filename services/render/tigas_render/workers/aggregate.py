@@ -16,13 +16,12 @@ from pydantic import TypeAdapter
 from starlette.requests import Request
 from starlette.types import Receive, Scope, Send
 
-from tigas_common.address import client_network
 from tigas_common.errors import Overloaded, TigasError
 from tigas_common.limits import ConcurrencyLimit
 from tigas_common.origins import OriginPolicy
 from tigas_common.parsing import MAX_BODY
 from tigas_common.placement import merged_scene, merged_scenes
-from tigas_common.proxy import ask, hand_back, headers_of, refuse, unless, until_left
+from tigas_common.proxy import ask, client_of, hand_back, headers_of, refuse, unless, until_left
 from tigas_common.web import read_body
 from tigas_common.wire.render import HostLoad, SceneInfo, Training
 from tigas_render.pipe.engines import Engines
@@ -58,7 +57,7 @@ class _EnginesApp(ABC):
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         try:
-            with self._running.one_more(_client(scope), Overloaded(BUSY, BUSY_RETRY_S)):
+            with self._running.one_more(client_of(scope), Overloaded(BUSY, BUSY_RETRY_S)):
                 body = await read_body(Request(scope, receive), MAX_BODY)
                 answer = await unless(until_left(receive), self.ask(scope, body))
                 if answer is not None:
@@ -183,7 +182,7 @@ class Aggregate(_EnginesApp):
 
     async def _change(self, scope: Scope, body: bytes) -> httpx.Response:
         """Let one engine change the models directory, and the others scan it after that."""
-        with self._changing.one_more(_client(scope), Overloaded(BUSY, BUSY_RETRY_S)):
+        with self._changing.one_more(client_of(scope), Overloaded(BUSY, BUSY_RETRY_S)):
             answer = await self._first(self._reachable(), scope, body, whole=True)
             if answer.is_success:
                 await self._all({**scope, "method": "GET", "raw_path": b"/scenes", "query_string": b"scan=1"}, b"")
@@ -214,10 +213,6 @@ class Aggregate(_EnginesApp):
             return await (unless(engine.pipe.lost, ask()) if engine.pipe.is_connected else ask())
         except (Overloaded, httpx.TransportError):
             return None
-
-
-def _client(scope: Scope) -> str:
-    return client_network(scope["client"][0]) if scope["client"] else ""
 
 
 def _with_body(answer: httpx.Response, content: bytes) -> httpx.Response:

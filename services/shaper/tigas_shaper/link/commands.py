@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import fcntl
 import re
 import socket
+import struct
 from asyncio.subprocess import DEVNULL, PIPE, STDOUT, Process
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
@@ -17,6 +19,9 @@ MARK = 0x7469
 """Set by the gateway on forwarded packets."""
 # Classic BPF, instructions as "code jump-true jump-false operand"; the mark is at SKF_AD_OFF + SKF_AD_MARK. One word
 # for tc, which splits its lines at blanks outside quotes.
+SIOCGIFMTU = 0x8921
+IFREQ = struct.Struct("16si20x")
+"""An interface's name and a figure (netdevice(7))."""
 MARKED = f'bpf bytecode "4,32 0 0 4294963220,21 0 1 {MARK},6 0 0 4294967295,6 0 0 0"'
 EVERYTHING = 'bpf bytecode "1,6 0 0 4294967295"'
 
@@ -38,6 +43,13 @@ class Interface(str):
             return socket.if_nametoindex(self)
         except OSError:
             return None
+
+    @property
+    def mtu(self) -> int:
+        """The length of its longest packets, in bytes. Raises OSError if it does not exist."""
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
+            answer = fcntl.ioctl(any_socket, SIOCGIFMTU, IFREQ.pack(self.encode(), 0))
+        return int(IFREQ.unpack(answer)[1])
 
 
 class CommandError(Exception):
