@@ -39,22 +39,17 @@ class Service:
     @property
     def megabytes(self) -> float:
         """Resident memory of the service and the processes that it has started; 0 once it has ended."""
-        return self._sum(lambda process: process.memory_info().rss) / 1e6
+        return megabytes_of(self.process.pid)
+
+    @property
+    def open_files(self) -> int:
+        """Of the same processes."""
+        return open_files_of(self.process.pid)
 
     @property
     def cpu_s(self) -> float:
         """Seconds that its processes have computed, in user and kernel mode."""
-        return self._sum(lambda process: process.cpu_times().user + process.cpu_times().system)
-
-    def _sum(self, figure: Callable[[psutil.Process], float]) -> float:
-        """Over the process and those that it has started, as far as they have not ended."""
-        total = 0.0
-        with suppress(psutil.NoSuchProcess):
-            top = psutil.Process(self.process.pid)
-            for process in (top, *top.children(recursive=True)):
-                with suppress(psutil.NoSuchProcess):
-                    total += figure(process)
-        return total
+        return _of_tree(self.process.pid, lambda process: process.cpu_times().user + process.cpu_times().system)
 
     def wait_until_healthy(self, port: int) -> None:
         """Wait until it answers. Raises StartError if it ends instead, or takes too long."""
@@ -67,6 +62,26 @@ class Service:
                 time.sleep(0.2)
         said = " ".join(self.log.read_text(errors="replace").splitlines()[-3:])
         raise StartError(f"tigas {self.name} does not start: {said}")
+
+
+def megabytes_of(pid: int) -> float:
+    """Resident memory of a process and those that it has started, as far as they have not ended."""
+    return _of_tree(pid, lambda process: process.memory_info().rss) / 1e6
+
+
+def open_files_of(pid: int) -> int:
+    """Open files of the same processes."""
+    return int(_of_tree(pid, lambda process: process.num_fds()))
+
+
+def _of_tree(pid: int, figure: Callable[[psutil.Process], float]) -> float:
+    total = 0.0
+    with suppress(psutil.NoSuchProcess):
+        top = psutil.Process(pid)
+        for process in (top, *top.children(recursive=True)):
+            with suppress(psutil.NoSuchProcess):
+                total += figure(process)
+    return total
 
 
 @contextmanager

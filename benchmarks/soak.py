@@ -34,7 +34,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from benchmarks.hostile.services import write_scene
-from benchmarks.services import Service, free_ports, started
+from benchmarks.services import Service, free_ports, megabytes_of, open_files_of, started
 from tigas_common.errors import StartError
 from tigas_common.processes import tigas
 from tigas_common.terminal import make_console
@@ -84,29 +84,27 @@ class Supervised:
     arguments: tuple[str, ...]
     log: Path
     environment: dict[str, str]
+    service: Service = field(init=False)
     starts: int = 0
-    since: float = 0.0
     _stack: ExitStack = field(default_factory=ExitStack)
     _read: int = 0
 
     def start(self) -> None:
         """Raises StartError."""
-        self._service = self._stack.enter_context(started(self.name, *self.arguments, log=self.log, **self.environment))
-        self._service.wait_until_healthy(self.port)
-        self.starts, self.since = self.starts + 1, time.monotonic()
+        self.service: Service = self._stack.enter_context(
+            started(self.name, *self.arguments, log=self.log, **self.environment)
+        )
+        self.service.wait_until_healthy(self.port)
+        self.starts += 1
 
     def kill(self) -> None:
         """Kill it, as a crash would, and start it again. Raises StartError."""
-        self._service.process.kill()
+        self.service.process.kill()
         self.stop()
         self.start()
 
     def stop(self) -> None:
         self._stack.close()
-
-    @property
-    def service(self) -> Service:
-        return self._service
 
     def new_complaints(self) -> list[str]:
         """Lines of its log since the last call that look like errors."""
@@ -184,12 +182,10 @@ class Soak:
         for one in self._services:
             if not one.service.runs:
                 raise StartError(f"tigas {one.name} ended unasked; see {one.log}.")
-            figures = _figures([psutil.Process(one.service.process.pid)])
-            self.samples.append(Sample(at, one.name, one.starts, *figures))
+            self.samples.append(Sample(at, one.name, one.starts, one.service.megabytes, one.service.open_files))
             self._complain(one.new_complaints())
-        tops = [child for child in psutil.Process().children(recursive=True) if "--headless=new" in _command(child)]
-        heads = [one for one in tops if "--type=" not in " ".join(_command(one))]
-        self.samples.append(Sample(at, "browser", 1, *_figures(heads)))
+        browser = next(child.pid for child in psutil.Process().children(recursive=True) if _is_browser(child))
+        self.samples.append(Sample(at, "browser", 1, megabytes_of(browser), open_files_of(browser)))
 
     def _hear(self, message: ConsoleMessage) -> None:
         if message.type == "error":
@@ -200,21 +196,12 @@ class Soak:
             self.complaints += lines
 
 
-def _command(process: psutil.Process) -> list[str]:
-    with suppress(psutil.Error):
-        return process.cmdline()
-    return []
-
-
-def _figures(tops: list[psutil.Process]) -> tuple[float, int]:
-    """Resident memory in megabytes and open files of processes and their children."""
-    memory, files = 0.0, 0
-    for top in tops:
-        for process in (top, *top.children(recursive=True)):
-            with suppress(psutil.Error):
-                memory += process.memory_info().rss / 1e6
-                files += process.num_fds()
-    return memory, files
+def _is_browser(process: psutil.Process) -> bool:
+    """Whether it is Chromium's main process, which starts all others."""
+    with suppress(psutil.NoSuchProcess):
+        arguments = process.cmdline()
+        return "--headless=new" in arguments and not any(one.startswith("--type=") for one in arguments)
+    return False
 
 
 class Change(NamedTuple):
