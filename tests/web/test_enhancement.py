@@ -57,10 +57,10 @@ KEEP_DEVICES = """
 SLOW_DISPLAY = """
 (() => {
   const ask = requestAnimationFrame.bind(window);
-  window.requestAnimationFrame = (callback) => ask(() => setTimeout(() => ask(callback), 60));
+  window.requestAnimationFrame = (callback) => ask(() => setTimeout(() => ask(callback), 160));
 })();
 """
-"""About 12 frames a second: a processor that draws in software, on a machine with other work, keeps up with that."""
+"""About 6 frames a second: a processor that draws in software, on a machine with other work, keeps up with that."""
 
 
 @pytest.fixture(scope="module")
