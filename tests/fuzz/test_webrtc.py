@@ -29,7 +29,7 @@ class NoViews:
 
 
 async def negotiate(offer: str) -> None:
-    async with UdpPort().running(Address("127.0.0.1", 0)) as port, taken(offer) as connection:
+    async with UdpPort.running(Address("127.0.0.1", 0)) as port, taken(offer) as connection:
         assert connection.sctp is not None
         lane = port.carry(connection.sctp.transport.transport.iceGatherer._connection, lambda: None, lambda size: None)
         track = ViewTrack(NoViews(), 30, Clock(), Progress(), lambda *_: None)  # type: ignore[arg-type]
@@ -59,12 +59,12 @@ def test_any_offer_is_answered_or_refused_in_a_sentence() -> None:
 
 def test_any_datagram_is_dropped_or_answered() -> None:
     async def all_of(datagrams: list[bytes], name: str) -> None:
-        async with UdpPort().running(Address("127.0.0.1", 0)) as port:
+        async with UdpPort.running(Address("127.0.0.1", 0)) as port:
             connection = Connection(ice_controlling=False, local_username=name)
             port.carry(connection, lambda: None, lambda size: None)
             await connection.gather_candidates()
             for datagram in datagrams:
-                port.datagram_received(datagram, ("127.0.0.1", 9))
+                port.datagram_received(datagram, ("127.0.0.1", 9), 0.0)
             await connection.close()
 
     message = stun.Message(stun.Method.BINDING, stun.Class.REQUEST)

@@ -85,7 +85,7 @@ async def test_a_viewer_who_never_comes_or_falls_silent_is_given_up() -> None:
             await eventually(lambda: len(viewer.told) > 75)  # longer than it may be silent
             (stream,) = packager.sessions.all()
             assert isinstance(stream, WebRtcStream)
-            vars(stream._port)["datagram_received"] = lambda *_: None  # as if its link were cut
+            stream._port._endpoint._received = lambda *_: None  # as if its link were cut
             await packager.until_idle()
 
 

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.anyio
 
 @pytest.fixture
 async def port() -> AsyncIterator[UdpPort]:
-    async with UdpPort().running(Address("127.0.0.1", 0)) as running:
+    async with UdpPort.running(Address("127.0.0.1", 0)) as running:
         yield running
 
 
@@ -53,10 +53,10 @@ async def test_hostile_datagrams_are_dropped_and_addresses_bounded(port: UdpPort
     known = binding(ours.local_username)
     wrong_priority = known[:2] + (len(known) - 20 + 8).to_bytes(2) + known[4:] + b"\x00\x24\x00\x02\x00\x00\x00\x00"
     for data in (b"", b"\x00\x01", b"\x00\x01" + bytes(18), known[:-3], b"\x80" * 1200, wrong_priority, b"\x16" * 40):
-        port.datagram_received(data, ("127.0.0.1", 9))
-    port.datagram_received(binding("nobody"), ("127.0.0.1", 9))
+        port.datagram_received(data, ("127.0.0.1", 9), 0.0)
+    port.datagram_received(binding("nobody"), ("127.0.0.1", 9), 0.0)
     for number in range(3 * MOST_PEERS):
-        port.datagram_received(known, ("127.0.0.1", 10_000 + number))
+        port.datagram_received(known, ("127.0.0.1", 10_000 + number), 0.0)
     assert len(port._by_peer) == MOST_PEERS
     async with asyncio.timeout(PATIENCE_S):
         await asyncio.gather(ours.connect(), theirs.connect())
@@ -78,7 +78,7 @@ async def test_the_candidate_is_where_the_viewer_asked(port: UdpPort, asked: str
 async def test_on_this_machine_the_candidate_is_an_address_that_the_port_has(
     port: UdpPort, monkeypatch: pytest.MonkeyPatch, bound: str, told: str
 ) -> None:
-    monkeypatch.setattr(UdpPort, "host", bound)  # there may be no IPv6 here
+    monkeypatch.setattr(port, "host", bound)  # there may be no IPv6 here
     assert port.candidate("localhost").host == told
 
 
@@ -86,5 +86,5 @@ async def test_a_taken_port_is_an_error() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         with pytest.raises(OSError, match="in use"):
-            async with UdpPort().running(Address("127.0.0.1", taken.getsockname()[1])):
+            async with UdpPort.running(Address("127.0.0.1", taken.getsockname()[1])):
                 pass

@@ -13,10 +13,10 @@ from aioquic.tls import CipherSuite, SessionTicket
 
 from tests.render.transport.client import CERTIFICATE, connect
 from tests.render.transport.serving import hello
+from tigas_common.udp import bind_all, bind_another
 from tigas_render.admission.limits import Limits
 from tigas_render.transport.server import Http3Server
 from tigas_render.transport.shared_port import MOST_AHEAD, Edge, EdgeCounts, Share, TicketStore, counts_file, steer
-from tigas_render.transport.udp import bind_all, bind_another
 
 LONG, SHORT = b"\xc3\x00\x00\x00\x01\x08", b"\x41"
 

@@ -160,7 +160,7 @@ class WebRtc:
     async def running(cls, client: RenderClient, address: Address, clock: Clock) -> AsyncIterator[WebRtc]:
         """Listen, as a context manager. Raises OSError."""
         widen_bitrates()
-        async with UdpPort().running(address) as port:
+        async with UdpPort.running(address) as port:
             yield cls(client, port, clock, on_loopback=address.is_loopback)
 
     @property

@@ -9,48 +9,43 @@ ignored: a viewer that reaches this port is a peer-reflexive candidate, and pack
 from __future__ import annotations
 
 import asyncio
+import socket
 import struct
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager, suppress
-from typing import Any, cast
+from contextlib import asynccontextmanager, closing, suppress
+from typing import Any
 
 from aioice import Candidate, Connection, stun
 from aioice.candidate import candidate_foundation, candidate_priority
 from aioice.ice import StunProtocol
 
 from tigas_common.address import Address
+from tigas_common.udp import Address as SocketAddress
+from tigas_common.udp import UdpEndpoint, bind
 
 Peer = tuple[str, int]
 MOST_PEERS = 16
 """Addresses of one connection: a browser tries each network of its machine."""
 
 
-class UdpPort(asyncio.DatagramProtocol):
+class UdpPort:
     """The port; `running` opens it."""
 
-    def __init__(self) -> None:
+    def __init__(self, sock: socket.socket) -> None:
+        self.host: str
+        self.number: int
+        self.host, self.number = sock.getsockname()[:2]
         self._by_name: dict[str, Lane] = {}
         self._by_peer: dict[Peer, Lane] = {}
-        self._transport: asyncio.DatagramTransport
+        self._endpoint = UdpEndpoint(sock, self.datagram_received, lambda: None)
 
+    @classmethod
     @asynccontextmanager
-    async def running(self, address: Address) -> AsyncIterator[UdpPort]:
+    async def running(cls, address: Address) -> AsyncIterator[UdpPort]:
         """Listen, as a context manager. Raises OSError."""
-        loop = asyncio.get_running_loop()
-        await loop.create_datagram_endpoint(lambda: self, local_addr=(address.host, address.port))
-        try:
-            yield self
-        finally:
-            self._transport.close()
-
-    @property
-    def host(self) -> str:
-        """The address that it is bound to."""
-        return str(self._transport.get_extra_info("sockname")[0])
-
-    @property
-    def number(self) -> int:
-        return int(self._transport.get_extra_info("sockname")[1])
+        port = cls(bind(address.host, address.port))
+        with closing(port._endpoint):
+            yield port
 
     def carry(self, connection: Connection, received: Callable[[], None], sent: Callable[[int], None]) -> Lane:
         """Give a connection that has not gathered candidates this port instead of its own.
@@ -83,25 +78,24 @@ class UdpPort(asyncio.DatagramProtocol):
             type="host",
         )
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        self._transport = cast(asyncio.DatagramTransport, transport)
-
-    def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
+    def datagram_received(self, data: bytes, address: SocketAddress, _arrived: float) -> None:
         """Dispatch a datagram; unknown ones are dropped."""
-        peer = (addr[0], addr[1])
+        peer = (address[0], address[1])
         lane = self._by_name.get(name) if (name := _asked_for(data)) is not None else self._by_peer.get(peer)
         if lane is None:
             return
         if self._by_peer.get(peer) is not lane:
             self._by_peer[peer] = lane
-            if len(own := [each for each, its in self._by_peer.items() if its is lane]) > MOST_PEERS:
-                del self._by_peer[own[0]]
+            if len(lane.addresses) == MOST_PEERS:
+                del lane.addresses[oldest := next(iter(lane.addresses))]
+                if self._by_peer.get(oldest) is lane:
+                    del self._by_peer[oldest]
+            lane.addresses[peer] = address
         lane.received(data, peer)
 
-    def sendto(self, data: bytes, peer: Peer) -> None:
+    def send(self, data: bytes, address: SocketAddress) -> None:
         """Send a datagram, unless the port is closed."""
-        if not self._transport.is_closing():
-            self._transport.sendto(data, peer)
+        self._endpoint.send([(data, address)])
 
     def forget(self, lane: Lane) -> None:
         """Its connection has ended."""
@@ -119,6 +113,8 @@ class Lane(StunProtocol):
         self._port = port
         self._received = received
         self._sent = sent
+        self.addresses: dict[Peer, SocketAddress] = {}
+        """Of its viewer, oldest first."""
         self.first_rtp_timestamp: int | None = None
         """Of the first RTP packet that was sent: SRTP leaves headers legible (RFC 3711, 3.1)."""
         self.connection_made(_Share(self))
@@ -133,7 +129,7 @@ class Lane(StunProtocol):
         if self.first_rtp_timestamp is None and _is_rtp(data):
             (self.first_rtp_timestamp,) = struct.unpack_from("!I", data, 4)
         self._sent(len(data))
-        self._port.sendto(data, peer)
+        self._port.send(data, self.addresses.get(peer, peer))
 
     def leave(self) -> None:
         """The connection has ended; the port stays."""

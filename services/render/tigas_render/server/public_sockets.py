@@ -14,9 +14,9 @@ from tigas_common.address import Address
 from tigas_common.errors import StartError
 from tigas_common.limits import HttpLimits
 from tigas_common.runner import explained
+from tigas_common.udp import bind_all, bind_another
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.shared_port import steer
-from tigas_render.transport.udp import bind_all, bind_another
 
 
 @dataclass(frozen=True, slots=True)

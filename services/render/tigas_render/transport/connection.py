@@ -16,10 +16,10 @@ from aioquic.quic.events import (
     ProtocolNegotiated,
 )
 
+from tigas_common.udp import Address, Datagram
 from tigas_render.admission.connections import Usage
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 from tigas_render.transport.routing import Router
-from tigas_render.transport.udp import Address, Datagram
 
 logger = logging.getLogger(__name__)
 

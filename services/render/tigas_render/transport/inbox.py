@@ -7,8 +7,8 @@ from collections.abc import Collection
 from typing import NamedTuple
 
 from tigas_common.address import client_network
+from tigas_common.udp import Address
 from tigas_render.fair_queue import Turns
-from tigas_render.transport.udp import Address
 
 MAX_WAITING = 512
 """Datagrams of one address that wait; further ones are dropped, which QUIC sees as loss."""

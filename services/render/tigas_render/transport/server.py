@@ -18,6 +18,7 @@ from starlette.types import ASGIApp
 
 from tigas_common.address import client_network
 from tigas_common.origins import OriginPolicy
+from tigas_common.udp import Address, Datagram, UdpEndpoint, bind_all
 from tigas_common.wire.render import CongestionControl
 from tigas_render.admission.connections import ConnectionAdmission, Usage
 from tigas_render.admission.limits import Limits
@@ -32,7 +33,6 @@ from tigas_render.transport.inbox import Inbox, Received
 from tigas_render.transport.routing import Router, Service
 from tigas_render.transport.shared_port import LONG_HEADER, Edge, Share
 from tigas_render.transport.stateless import Retries, StatelessResets, refusal
-from tigas_render.transport.udp import Address, Datagram, UdpEndpoint, bind_all
 
 MAX_DATAGRAM_SIZE = 1452
 """Bytes of UDP payload that fit an Ethernet frame over IPv6 (1500 − 40 − 8), and over IPv4."""

@@ -14,8 +14,8 @@ from aioquic.quic.packet_builder import QuicPacketBuilder
 from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import AESGCM
 
+from tigas_common.udp import Address
 from tigas_render.transport.shared_port import Edge
-from tigas_render.transport.udp import Address
 
 RETRY_TOKEN_S = 10.0
 """Seconds for a client to return."""

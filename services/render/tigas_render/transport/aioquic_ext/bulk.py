@@ -16,12 +16,12 @@ from aioquic.quic.packet_builder import PACKET_NUMBER_SEND_SIZE, QuicDeliveryHan
 from aioquic.quic.stream import QuicStream, QuicStreamSender
 from aioquic.tls import Epoch
 
+from tigas_common.udp import Datagram
 from tigas_render.transport.aioquic_ext.congestion import TickPacer
 from tigas_render.transport.aioquic_ext.copies import Copies
 from tigas_render.transport.aioquic_ext.protection import seal
 from tigas_render.transport.aioquic_ext.receiving import ReceivingQuicConnection
 from tigas_render.transport.aioquic_ext.recovery import BatchRecovery, CopyPacket, StreamPacket
-from tigas_render.transport.udp import Datagram
 
 SHORT_HEADER = 1 + PACKET_NUMBER_SEND_SIZE + 16
 """Bytes of a 1-RTT packet around its frames, without the connection id: first byte, packet number, AEAD tag."""

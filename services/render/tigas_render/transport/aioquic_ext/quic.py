@@ -15,9 +15,9 @@ from aioquic.quic.recovery import QuicPacketSpace
 from aioquic.quic.stream import QuicStream
 from aioquic.tls import Epoch
 
+from tigas_common.udp import Datagram
 from tigas_render.transport.aioquic_ext.bulk import SHORT_HEADER, BulkQuicConnection
 from tigas_render.transport.shared_port import Edge
-from tigas_render.transport.udp import Datagram
 
 DATAGRAM_HEADER = 1 + 2
 """Bytes of a DATAGRAM frame before its data: type and length."""

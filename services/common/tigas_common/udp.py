@@ -3,6 +3,7 @@
 Sending dominates a Python QUIC server's time in the kernel, so many datagrams of one size to one address leave in a
 single system call (segmentation offload: Linux, udp(7)). Received ones have the kernel's timestamp (SO_TIMESTAMPNS,
 socket(7)): under load a datagram waits in the socket longer than anywhere else, and deadlines include that time.
+Answers leave from the address that was written to (ip(7), ipv6(7)): a machine may have many, and browsers drop others.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import errno
 import logging
 import socket
 import struct
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -22,6 +24,16 @@ logger = logging.getLogger(__name__)
 
 Address = tuple[Any, ...]
 Datagram = tuple[bytes, Address]
+Ancillary = tuple[int, int, bytes]
+"""A control message: level, kind and data."""
+
+
+class Peer(Address):
+    """The address of a sender that wrote to one of this machine's addresses, which answers leave from."""
+
+    answers: tuple[Ancillary, ...] = ()
+    """The control message that chooses it."""
+
 
 SOCKET_BUFFER = 8 << 20
 """Requested socket buffer of each direction in bytes; the kernel applies its own limits."""
@@ -37,8 +49,14 @@ SO_RCVBUFFORCE, SO_SNDBUFFORCE = 33, 32
 SO_TIMESTAMPNS = 35
 """Linux'; the control message has the same number."""
 _TIMESPEC = struct.Struct("@ll")
-STAMP_SPACE = socket.CMSG_SPACE(_TIMESPEC.size)
-"""Bytes of room for the stamp."""
+
+IP_PKTINFO, IPV6_RECVPKTINFO, IPV6_PKTINFO = 8, 49, 50
+"""Linux'."""
+_PKTINFO = struct.Struct("@i4s4s")
+"""The interface, the address that answers should have, and the one in the header."""
+_PKTINFO6 = struct.Struct("@16si")
+ANCILLARY_SPACE = socket.CMSG_SPACE(_TIMESPEC.size) + socket.CMSG_SPACE(_PKTINFO6.size)
+"""Bytes of room for control messages that are received."""
 
 SOL_UDP, UDP_SEGMENT = 17, 103
 MAX_SEGMENTS = 40
@@ -110,6 +128,8 @@ def _bind(family: int, address: Address, *, shared: bool = False) -> socket.sock
             except OSError:
                 sock.setsockopt(socket.SOL_SOCKET, option, SOCKET_BUFFER)
         ask_for_stamps(sock)
+        if address[0] in ("0.0.0.0", "::"):
+            _ask_for_destinations(sock)
         sock.bind(address)
     except BaseException:
         sock.close()
@@ -171,9 +191,10 @@ class UdpEndpoint:
         try:
             until = (now := time.monotonic()) + DRAIN_S
             while now < until:
-                data, ancillary, _, address = self._sock.recvmsg(MAX_DATAGRAM, STAMP_SPACE)
+                data, ancillary, _, address = self._sock.recvmsg(MAX_DATAGRAM, ANCILLARY_SPACE)
                 now = time.monotonic()
-                self._received(data, address, arrival(stamp_ns(ancillary), time.time_ns(), now, self._empty_at))
+                stamp = stamp_ns(ancillary)
+                self._received(data, peer(address, ancillary), arrival(stamp, time.time_ns(), now, self._empty_at))
         except BlockingIOError:
             self._empty_at = time.monotonic()
         except InterruptedError:
@@ -199,7 +220,7 @@ class UdpEndpoint:
         """Send a batch; False if the socket is full."""
         if len(batch) > 1 and self._takes_batches(address):
             try:
-                self._sock.sendmsg(batch, segment_size(batch), 0, address)
+                self._sock.sendmsg(batch, (*segment_size(batch), *answers(address)), 0, address)
             except (BlockingIOError, InterruptedError):
                 return False
             except OSError as error:
@@ -230,7 +251,7 @@ class UdpEndpoint:
     def _send_singly(self, batch: list[bytes], address: Address) -> bool:
         while batch:
             try:
-                self._sock.sendto(batch[0], address)
+                self._sock.sendmsg(batch[:1], answers(address), 0, address)
             except (BlockingIOError, InterruptedError):
                 return False
             except OSError as error:
@@ -258,7 +279,7 @@ def batches(datagrams: Sequence[Datagram]) -> Iterator[tuple[list[bytes], Addres
         start = stop
 
 
-def segment_size(batch: Sequence[bytes]) -> list[tuple[int, int, bytes]]:
+def segment_size(batch: Sequence[bytes]) -> list[Ancillary]:
     """The control message with the segment size of a batch."""
     return [(SOL_UDP, UDP_SEGMENT, struct.pack("=H", len(batch[0])))]
 
@@ -269,7 +290,40 @@ def ask_for_stamps(sock: socket.socket) -> None:
         sock.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
 
 
-def stamp_ns(ancillary: Sequence[tuple[int, int, bytes]]) -> int | None:
+def _ask_for_destinations(sock: socket.socket) -> None:
+    """Enable `peer` on a socket of all addresses, where available."""
+    if sys.platform != "linux":
+        return
+    level, option = (
+        (socket.IPPROTO_IPV6, IPV6_RECVPKTINFO) if sock.family == socket.AF_INET6 else (socket.IPPROTO_IP, IP_PKTINFO)
+    )
+    with contextlib.suppress(OSError):
+        sock.setsockopt(level, option, 1)
+
+
+def peer(address: Address, ancillary: Sequence[Ancillary]) -> Address:
+    """A datagram's sender, with the address that it wrote to if the control messages tell."""
+    for level, kind, data in ancillary:
+        if (level, kind) == (socket.IPPROTO_IP, IP_PKTINFO) and len(data) == _PKTINFO.size:
+            _, ours, _ = _PKTINFO.unpack(data)
+            info = _PKTINFO.pack(0, ours, bytes(4))  # the interface is left to the routing table
+        elif (level, kind) == (socket.IPPROTO_IPV6, IPV6_PKTINFO) and len(data) == _PKTINFO6.size:
+            ours, _ = _PKTINFO6.unpack(data)
+            info = _PKTINFO6.pack(ours, 0)
+        else:
+            continue
+        address = Peer(address)
+        address.answers = ((level, kind, info),)
+        return address
+    return address
+
+
+def answers(address: Address) -> tuple[Ancillary, ...]:
+    """The control messages of datagrams to an address."""
+    return address.answers if isinstance(address, Peer) else ()
+
+
+def stamp_ns(ancillary: Sequence[Ancillary]) -> int | None:
     """The stamp in a datagram's control messages, in nanoseconds of the real-time clock."""
     for level, kind, data in ancillary:
         if (level, kind) == (socket.SOL_SOCKET, SO_TIMESTAMPNS) and len(data) == _TIMESPEC.size:

@@ -13,11 +13,12 @@ from typing import Any
 
 import pytest
 
-from tigas_render.transport.udp import (
+from tigas_common.udp import (
     BATCHES_AGAIN_S,
     MAX_BATCH,
     MAX_SEGMENTS,
     SO_TIMESTAMPNS,
+    Address,
     UdpEndpoint,
     arrival,
     batches,
@@ -41,17 +42,15 @@ class Socket:
         self.refused = asyncio.Semaphore(0)
         """Released whenever it was full."""
 
-    def sendmsg(self, *arguments: Any) -> int:
+    def sendmsg(self, batch: list[bytes], *arguments: Any) -> int:
         self._refuse_if_full()
+        if len(batch) == 1:
+            return self._sock.sendmsg(batch, *arguments)
         self.batches += 1
         error = errno.EINVAL if arguments[-1] == self.small_path else self.batch_error
         if error is not None:
             raise OSError(error, "refused")
-        return self._sock.sendmsg(*arguments)
-
-    def sendto(self, *arguments: Any) -> int:
-        self._refuse_if_full()
-        return self._sock.sendto(*arguments)
+        return self._sock.sendmsg(batch, *arguments)
 
     def _refuse_if_full(self) -> None:
         if self.full:
@@ -132,6 +131,21 @@ async def test_a_datagram_arrives_when_the_kernel_gets_it() -> None:
                 if before <= arrivals[-1] <= sent:
                     break
     endpoint.close()
+
+
+@pytest.mark.parametrize("ours", ["0.0.0.0", "::"])
+async def test_answers_leave_from_the_address_that_was_written_to(ours: str) -> None:
+    def answer(data: bytes, address: Address, _arrived: float) -> None:
+        endpoint.send([(data, address)] * 2 + [(data * 2, address)])  # a batch, and one by itself
+
+    sock = bind(ours, 0)
+    endpoint = UdpEndpoint(sock, answer, lambda: None)
+    with closing(endpoint), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+        client.setblocking(False)
+        client.connect(("127.0.0.7", sock.getsockname()[1]))  # and hears no other address
+        client.send(b"x")
+        async with asyncio.timeout(10):
+            assert [await asyncio.get_running_loop().sock_recv(client, 9) for _ in range(3)] == [b"x", b"x", b"xx"]
 
 
 async def test_a_full_socket_delays_and_loses_nothing(pair: Pair) -> None:
