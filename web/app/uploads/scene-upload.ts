@@ -11,7 +11,8 @@ export type UploadState =
   | { readonly kind: "sending"; readonly sent: number }
   /** All of it is there, and the server reads it. */
   | { readonly kind: "checking" }
-  | { readonly kind: "failed"; readonly message: string };
+  /** `again`: another try may succeed. */
+  | { readonly kind: "failed"; readonly message: string; readonly again: boolean };
 
 /** Delays of retries without progress, in milliseconds. */
 const RETRIES = [0, 500, 1000, 2000, 4000, 8000, 15_000, 30_000];
@@ -44,8 +45,13 @@ export class SceneUpload {
     this.#cancelled.abort();
   }
 
-  fail(message: string): void {
-    this.#state.value = { kind: "failed", message };
+  /** Refuses a file that will not be sent. */
+  refuse(message: string): void {
+    this.#state.value = { kind: "failed", message, again: false };
+  }
+
+  wait(): void {
+    this.#state.value = { kind: "waiting" };
   }
 
   /** Resolves with the new scene; null if it failed, as its state explains, or was cancelled. */
@@ -65,7 +71,7 @@ export class SceneUpload {
       await forget(upload);
       return added;
     } catch (error) {
-      if (!signal.aborted) this.fail(sentence(error));
+      if (!signal.aborted) this.#state.value = { kind: "failed", message: sentence(error), again: true };
       return null;
     }
   }

@@ -4,7 +4,7 @@ import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "#client/http/problem";
 import { addUploaded } from "#viewer/state/api";
 import { refreshScenes } from "../state/app";
-import { added, addFiles, dismiss, isUploading, uploads } from "./uploads";
+import { added, addFiles, dismiss, isUploading, tryAgain, uploads } from "./uploads";
 
 interface Callbacks {
   readonly onProgress: (sent: number) => void;
@@ -90,17 +90,20 @@ test("a refusal is shown, and final ones are not retried", async () => {
   ]);
   options.onError(refused);
   const message = "There is a scene garden already.";
-  await vi.waitFor(() => expect(uploads.value[0]?.state.value).toEqual({ kind: "failed", message }));
+  await vi.waitFor(() => expect(uploads.value[0]?.state.value).toMatchObject({ kind: "failed", message }));
   expect(isUploading.value).toBe(false);
 });
 
-test("an upload that the server has kept is found again until it is a scene", async () => {
+test.each([
+  ["when it is tried again", () => tryAgain(uploads.value[0] as (typeof uploads.value)[number])],
+  ["when the file is chosen again", () => addFiles([file("garden.ply")], 100)],
+])("an upload that the server has kept is found %s, until it is a scene", async (_, send) => {
   vi.mocked(addUploaded).mockRejectedValueOnce(new ApiError("The disk is full.", false));
   addFiles([file("garden.ply")], 100);
   (await begins(1)).options.onSuccess();
-  await vi.waitFor(() => expect(uploads.value[0]?.state.value.kind).toBe("failed"));
+  await vi.waitFor(() => expect(uploads.value[0]?.state.value).toMatchObject({ kind: "failed", again: true }));
   expect(removeUpload).not.toHaveBeenCalled();
-  addFiles([file("garden.ply")], 100);
+  send();
   const again = await begins(2);
   expect(again.resumed).toBe(true);
   again.options.onSuccess();
@@ -115,7 +118,7 @@ test("an upload cancelled before it begins blocks no other", async () => {
 
 test("a file that is too large is not sent", () => {
   addFiles([file("vast.ply", 101)], 100);
-  expect(uploads.value[0]?.state.value).toMatchObject({ kind: "failed" });
+  expect(uploads.value[0]?.state.value).toMatchObject({ kind: "failed", again: false });
   expect(begun).toEqual([]);
 });
 

@@ -17,15 +17,26 @@ export function addFiles(files: readonly File[], limit: number): void {
   for (const file of files) {
     const upload = new SceneUpload(file);
     uploads.value = [...uploads.value, upload];
-    if (file.size > limit) upload.fail(`It is larger than the ${Math.floor(limit / 1e6)} MB that this server accepts.`);
-    else queue = queue.then(() => follow(upload));
+    if (file.size > limit)
+      upload.refuse(`It is larger than the ${Math.floor(limit / 1e6)} MB that this server accepts.`);
+    else enqueue(upload);
   }
+}
+
+/** Tries a failed upload again, after the others; the server may have kept its file. */
+export function tryAgain(upload: SceneUpload): void {
+  upload.wait();
+  enqueue(upload);
 }
 
 /** Removes an upload from the list and cancels it if it is active. */
 export function dismiss(upload: SceneUpload): void {
   upload.cancel();
   uploads.value = uploads.value.filter((other) => other !== upload);
+}
+
+function enqueue(upload: SceneUpload): void {
+  queue = queue.then(() => follow(upload));
 }
 
 async function follow(upload: SceneUpload): Promise<void> {

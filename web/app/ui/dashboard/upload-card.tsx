@@ -1,6 +1,6 @@
 /** A file being uploaded and checked: its progress, or its problem. */
 import type { SceneUpload } from "../../uploads/scene-upload";
-import { dismiss } from "../../uploads/uploads";
+import { dismiss, tryAgain } from "../../uploads/uploads";
 import { QuietButton } from "../button";
 import { bytes } from "../format";
 
@@ -35,9 +35,16 @@ export function UploadCard({ upload }: { upload: SceneUpload }) {
         <span class="state" data-state={failed ? "broken" : "loading"}>
           {failed ? "Not added" : "Uploading"}
         </span>
-        <QuietButton aria-label={`${failed ? "Dismiss" : "Cancel"}: ${file.name}`} onClick={() => dismiss(upload)}>
-          {failed ? "Dismiss" : "Cancel"}
-        </QuietButton>
+        <span class="row">
+          {failed && state.again && (
+            <QuietButton aria-label={`Try again: ${file.name}`} onClick={() => tryAgain(upload)}>
+              Try again
+            </QuietButton>
+          )}
+          <QuietButton aria-label={`${failed ? "Dismiss" : "Cancel"}: ${file.name}`} onClick={() => dismiss(upload)}>
+            {failed ? "Dismiss" : "Cancel"}
+          </QuietButton>
+        </span>
       </div>
     </li>
   );
