@@ -103,6 +103,23 @@ def traces(directory: Path, *, seconds: int = 180) -> dict[str, Any]:
     return {"networks": ["bus.csv"], "movements": ["walk.csv"], "rtts_ms": [20, 50], "duration_s": 8}
 
 
+@pytest.mark.parametrize(
+    ("content", "lasts_s"),
+    [
+        ("t_ms,down_kbps\n0,1\n20000,2\n30000,\n", 30),
+        ("t_ms,down_kbps\n0,1\n20000,2\n", 40),
+        ("down_kbps, t_ms\n1, 0\n2, 24000\n", 48),
+        ("t_ms,down_kbps\n0,1\n", 1),
+    ],
+    ids=["with an end", "without one", "columns in another order", "one row"],
+)
+def test_segments_fill_a_trace_as_long_as_the_shaper_plays_it(tmp_path: Path, content: str, lasts_s: int) -> None:
+    fields = traces(tmp_path)
+    (tmp_path / "bus.csv").write_text(content)
+    with pytest.raises(StartError, match=f"has room for {lasts_s // 8} segments of 8 s"):
+        runs(tmp_path, **fields, segments=9)
+
+
 def test_segments_are_different_parts_of_traces_and_movements(tmp_path: Path) -> None:
     fields = {**traces(tmp_path), "segments": 6, "trace_offset_s": 60, "controllers": ["latency", "l2a"]}
     made = runs(tmp_path, **fields)

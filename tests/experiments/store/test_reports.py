@@ -25,6 +25,7 @@ async def test_it_tells_of_the_experiments_runs(store: Running) -> None:
     nothing = await store.http.get(f"/experiments/{experiment}/report")
     assert (nothing.status_code, nothing.json()["type"]) == (409, "tigas:no-runs")
     await store.add(experiment)
+    (outdated := store.results / experiment / "best.md").write_text("of other runs")
     answer = await store.http.get(f"/experiments/{experiment}/report")
     assert (answer.status_code, answer.headers["content-type"]) == (200, "text/html; charset=utf-8")
     assert "sandbox" in answer.headers["content-security-policy"]
@@ -32,6 +33,7 @@ async def test_it_tells_of_the_experiments_runs(store: Running) -> None:
     assert "<script>alert" not in answer.text
     assert (store.results / experiment / "report.html").read_bytes() == answer.content
     assert (store.results / experiment / "runs.csv").is_file()
+    assert not outdated.exists()
 
 
 async def test_an_experiment_that_is_removed_while_its_report_is_drawn_stays_removed(

@@ -333,15 +333,18 @@ async def test_only_loopback_lets_pages_change_scenes_unless_it_is_told_to(
     async with serving(settings_for(models, **changes)) as client:
         config = (await client.get("/config.json")).json()
         assert config["max_upload_bytes"] == (8_000_000_000 if editable else None)
+        assert (config["why_no_training"] is None) is editable
         answers = [
             await client.post("/uploads", headers=begin("a.ply", 5)),
             await client.patch(f"/uploads/{'0' * 32}", headers=part(0), content=b"x"),
             await client.post("/scenes/attic/rename", json={"name": "loft"}),
             await client.patch("/scenes/attic" if editable is False else "/scenes/loft", json=VIEW),
+            await client.post("/scenes/attic/enhance" if editable is False else "/scenes/loft/enhance"),
+            await client.delete("/scenes/attic/enhance" if editable is False else "/scenes/loft/enhance"),
             await client.delete("/scenes/attic" if editable is False else "/scenes/loft"),
         ]
     refusals = [answer for answer in answers if answer.status_code == 403]
-    assert len(refusals) == (0 if editable else 5)
+    assert len(refusals) == (0 if editable else 7)
     assert all("--edit-scenes allows it" in answer.json()["detail"] for answer in refusals)
     assert (models / "attic.ply").exists() is not editable
 
@@ -480,7 +483,7 @@ async def test_a_scene_that_is_half_removed_is_listed_no_more(client: httpx.Asyn
     assert "attic" not in await ids(client)
 
 
-async def test_the_networks_of_a_file_are_kept_when_it_is_renamed(models: Path, tmp_path: Path) -> None:
+async def test_the_networks_of_a_file_are_renamed_and_removed_with_it(models: Path, tmp_path: Path) -> None:
     digest = hashlib.sha256((models / "attic.ply").read_bytes()).hexdigest()
     (tmp_path / "enhance").mkdir()
     write_weights(tmp_path / "enhance" / "attic.safetensors", made(NETWORK, scene=digest))
@@ -489,6 +492,8 @@ async def test_the_networks_of_a_file_are_kept_when_it_is_renamed(models: Path, 
         await client.post("/scenes/attic/rename", json={"name": "loft"})
         after = await client.get("/scenes/loft/enhance.safetensors")
         assert (after.status_code, after.content) == (200, before.content)
+        await client.delete("/scenes/loft")
+    assert list((tmp_path / "enhance").iterdir()) == [], "another scene may get this name"
 
 
 VIEW = {"camera": {"position": [0, -2, -8], "look_at": [0, -1, 0]}, "up": [0, 1, 0]}

@@ -68,6 +68,7 @@ def write_report(
     runs of the baseline, and OSError.
     """
     results = load(folder, on_progress)
+    clear(out)
     groups = Groups.of(results.runs)
     base = choose_baseline(groups, results.experiment, baseline)
     differences = groups.against(base) if base is not None else []
@@ -77,7 +78,6 @@ def write_report(
     (out / "table.md").write_text(markdown(results.made), encoding="utf-8")
     (out / "overall.md").write_text(overall_markdown(totals), encoding="utf-8")
     rows = best(groups, results.title)
-    (out / BEST_FILE).unlink(missing_ok=True)
     if rows:
         (out / BEST_FILE).write_text(best_markdown(rows), encoding="utf-8")
     report = Report(results, None if base is None else base.name, warnings(results), out / "report.html", rows)
@@ -119,10 +119,14 @@ def write_report(
     return report
 
 
+def clear(folder: Path) -> None:
+    """Remove the files of an earlier report that the next one might not replace."""
+    for old in chain.from_iterable(folder.glob(pattern) for pattern in (*FIGURE_FILES, "headline.png", BEST_FILE)):
+        old.unlink(missing_ok=True)
+
+
 def _write_figures(groups: Groups, out: Path, on_progress: OnProgress) -> Plots:
-    """Write all figures by network, and remove figures of earlier reports."""
-    for old in chain.from_iterable(out.glob(pattern) for pattern in (*FIGURE_FILES, "headline.png")):
-        old.unlink()
+    """Write all figures by network."""
     plots: Plots = {network: [] for network in (None, *groups.networks[:MOST_NETWORKS])}
     for count, (network, plot) in enumerate(figures(groups), 1):
         (out / f"{plot.name}.svg").write_text(plot.svg, encoding="utf-8")

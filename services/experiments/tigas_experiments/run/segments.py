@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +13,10 @@ from tigas_common.files import read_regular
 from tigas_common.wire.shaper import MAX_UPLOAD_BYTES
 from tigas_experiments.movement.trace import MovementTrace
 from tigas_experiments.wire.run import Network
+
+ONLY_STEP_MS = 1000
+"""Duration of a trace with one row."""
+_TIME = re.compile("[0-9]{1,15}")
 
 
 def trace_offsets(
@@ -75,13 +80,16 @@ def _milliseconds(seconds: float) -> float:
 
 
 def _trace_duration_s(path: Path) -> float:
-    """Duration of a TIGAS trace, whose last row is its end (docs/network.md)."""
+    """Duration of a TIGAS trace: its last row is its end, or a state as long as the one before (docs/network.md)."""
     try:
-        text = read_regular(path, MAX_UPLOAD_BYTES).decode("utf-8", errors="replace")
+        text = read_regular(path, MAX_UPLOAD_BYTES).decode("utf-8-sig", errors="replace")
     except OSError as error:
         raise StartError(f"{path} cannot be read: {error.strerror or error}.") from None
-    head, *rows = [line for line in text.splitlines() if line and not line.startswith("#")] or [""]
-    end_ms = rows[-1].split(",")[0] if rows else ""
-    if not head.startswith("t_ms,down_kbps") or not re.fullmatch("[0-9]{1,15}", end_ms):
+    rows = list(csv.DictReader(text.replace(" ", "").splitlines()))
+    times = [row.pop("t_ms", None) or "" for row in rows]
+    if not rows or "down_kbps" not in rows[0] or not all(map(_TIME.fullmatch, times)):
         raise StartError(f"{path} is not a TIGAS trace, which segments need; convert it with `tigas trace import`.")
-    return int(end_ms) / 1000
+    end_ms = int(times[-1])
+    if any(rows[-1].values()):
+        end_ms += end_ms - int(times[-2]) if len(times) > 1 else ONLY_STEP_MS
+    return end_ms / 1000

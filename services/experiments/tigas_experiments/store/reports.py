@@ -74,12 +74,16 @@ def _still_there(experiment: str) -> Iterator[None]:
 
 
 def draw(folder: Path, out: Path) -> None:
-    """Write the files of an experiment's report into a folder. Raises NothingToReport and DiskFull."""
-    from tigas_experiments.report.report import write_report  # heavy, and of no use but where it draws
+    """Write the files of an experiment's report into a folder, and remove those of an earlier one from its own.
+
+    Raises NothingToReport and DiskFull.
+    """
+    from tigas_experiments.report.report import clear, write_report  # heavy, and of no use but where it draws
 
     with storage_explained():
         try:
             write_report(folder, out)
+            clear(folder)
         except StartError as error:
             raise NothingToReport(str(error)) from None
 

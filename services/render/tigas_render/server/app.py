@@ -180,10 +180,7 @@ async def train(request: Request) -> ModelResponse[Training]:
 
 async def stop_training(request: Request) -> ModelResponse[Training]:
     """Stop it; the scene keeps the networks that it had."""
-    service, id = _service(request), request.path_params["id"]
-    service.registry.source(id)
-    await service.trainer.stop(id)
-    return json_response(await service.training(id))
+    return json_response(await _service(request).stop_training(request.path_params["id"]))
 
 
 @described(gives=(BYTES,), also=HAS_IT_ALREADY)

@@ -69,7 +69,9 @@ class Library:
 
     async def remove(self, scene_id: str) -> None:
         """Remove a scene for good. Raises ScenesFixed, UnknownScene, BuiltIn, DiskFull and StorageFailed."""
+        source = self._registry.source(scene_id)
         await self._change(scene_id, remove_scene)
+        await asyncio.to_thread(self._shelf.remove, source)
 
     async def rename(self, scene_id: str, name: str) -> None:
         """Give a scene another id. Raises as `remove`, and NotAdded if there cannot be such a scene."""

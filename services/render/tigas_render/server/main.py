@@ -134,7 +134,7 @@ def announcement(service: RenderService, http_port: int, devices: Sequence[str])
     usable = sum(scene.state != "broken" for scene in scenes)
     lines.append(f"{usable} {'scene' if usable == 1 else 'scenes'} ready on {', '.join(devices)}.")
     folder = service.settings.scenes
-    if folder.is_dir() and len(scenes) == 1:
+    if folder.is_dir() and all(scene.builtin for scene in scenes):
         lines.append(f"{folder} has no scenes yet: put a .ply, .sog, .spz or .splat there, or use `tigas scene add`.")
     if not STATIC.is_dir():
         lines.append("Only the API is available, because the page is not built: run `npm ci && npm run build` in web/.")

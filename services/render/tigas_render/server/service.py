@@ -48,6 +48,7 @@ from tigas_render.server.library import Library
 from tigas_render.server.preview import HEIGHT, WIDTH, Preview, PreviewCache, preview_camera
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.certificate import Certificate
+from tigas_render.uploads.parts import EDITING_FORBIDDEN, ScenesFixed
 
 logger = logging.getLogger(__name__)
 
@@ -111,7 +112,7 @@ class RenderService(FrameSource):
         """Where the API is over HTTP/1.1, from this machine, once it is."""
         self.shelf = Shelf(DEFAULT_LADDER, settings.cache)
         self.trainer = Trainer(rasterizer.device)
-        self._why_no_training = why_no_training()
+        self._why_no_training = why_no_training() if settings.pages_edit_scenes else EDITING_FORBIDDEN
         self.downloads = DownloadCache(settings.cache / "downloads", int(settings.downloads_gb * 1e9))
         self.readers = Readers()
         self.rescan = self.registry.scan
@@ -230,15 +231,29 @@ class RenderService(FrameSource):
         return state.model_copy(update={"problem": await asyncio.to_thread(self.shelf.problem, source)})
 
     def train(self, scene_id: str) -> Training:
-        """Train a scene's networks. Raises UnknownScene, BrokenScene, NoTraining, TrainingRuns and NoPlace."""
+        """Train a scene's networks. Raises UnknownScene, BrokenScene, ScenesFixed, NoTraining, TrainingRuns and
+        NoPlace.
+        """
         source = self.registry.source(scene_id)
         if source.error is not None:
             raise BrokenScene(source.error)
-        if self._why_no_training is not None:
-            raise NoTraining(self._why_no_training)
+        self._require_training()
         if self.url is None:
             raise Overloaded("The service is starting; try again.")
         return self.trainer.start(scene_id, self.shelf.writable_place(source), self.url)
+
+    async def stop_training(self, scene_id: str) -> Training:
+        """Stop a scene's training. Raises UnknownScene, ScenesFixed and NoTraining."""
+        self.registry.source(scene_id)
+        self._require_training()
+        await self.trainer.stop(scene_id)
+        return await self.training(scene_id)
+
+    def _require_training(self) -> None:
+        if not self.settings.pages_edit_scenes:
+            raise ScenesFixed(EDITING_FORBIDDEN)
+        if self._why_no_training is not None:
+            raise NoTraining(self._why_no_training)
 
     async def preview(self, scene_id: str) -> Preview:
         """A scene's thumbnail. Raises UnknownScene and BrokenScene."""

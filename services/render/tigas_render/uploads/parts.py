@@ -32,6 +32,7 @@ STALLED_S = 300.0
 """Seconds without data after which an upload loses its slot and its reserved disk space; an empty one is dropped."""
 RETRY_S = 60.0
 MODELS = "models"
+EDITING_FORBIDDEN = "Pages may not change this service's scenes; outside a cluster, --edit-scenes allows it."
 _ID = re.compile("[0-9a-f]{32}")
 _ABOUT, _ADDED = ".about", ".added"
 """No scene is called so, and the file is called as its scene is to be: that is how sentences about it name it."""
@@ -192,7 +193,7 @@ def _gb(size: int) -> str:
 def open_uploads(settings: RenderSettings) -> Uploads:
     """The uploads to the models directory, if pages may change it. Raises ScenesFixed."""
     if not settings.pages_edit_scenes:
-        raise ScenesFixed("Pages may not change this service's scenes; outside a cluster, --edit-scenes allows it.")
+        raise ScenesFixed(EDITING_FORBIDDEN)
     if not os.access(settings.scenes, os.W_OK | os.X_OK):
         raise ScenesFixed("The service may not write to its models directory.")
     return Uploads(settings.scenes, limit=int(settings.memory_gb * 1e9))
