@@ -54,6 +54,7 @@ async def test_a_scene_is_downloaded_whole_and_then_known(client: httpx.AsyncCli
     assert (len(got), got.sh_degree) == (500, 1)
     sha256 = hashlib.sha256(answer.content).hexdigest()
     assert answer.headers["etag"] == f'"{sha256}"'
+    assert answer.headers["timing-allow-origin"] == "*"
     [known] = next(scene for scene in (await client.get("/scenes")).json() if scene["id"] == "cloud")["downloads"]
     assert known == {"form": "compressed", "bytes": len(answer.content), "sha256": sha256, "gaussians": 500}
     assert (await client.get("/scenes/cloud")).json()["state"] == "unloaded"  # it need not be on the device

@@ -109,6 +109,9 @@ test("follows its attributes, and says which one makes no sense", async () => {
   expect(visible(inside(element, ".message"))).toBe(false);
   element.setAttribute("at", "somewhere");
   expect(invalid).toHaveBeenLastCalledWith({ code: "invalid", message: expect.stringContaining("“somewhere”") });
+  element.setAttribute("mode", "video");
+  expect(element.viewer?.settings.mode, "an attribute does not wait for another that is wrong").toBe("video");
+  expect(inside(element, ".message").textContent).toContain("“somewhere”");
 });
 
 test("takes its message back once the server is there again, also where the picture needs no frame", async () => {

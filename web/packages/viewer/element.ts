@@ -5,7 +5,14 @@
 import { effect } from "@preact/signals";
 import { createElement, type IconNode, Maximize, RotateCcw } from "lucide";
 import { createViewer, type Viewer, type ViewerEvents } from "./create-viewer";
-import { attributePose, attributeSettings, posterUrl, serverUrl } from "./embed/attributes";
+import {
+  type Attributes,
+  attributeMode,
+  attributePose,
+  attributeQuality,
+  posterUrl,
+  serverUrl,
+} from "./embed/attributes";
 import styles from "./embed/element.css?inline";
 import { shadowOf } from "./embed/stage";
 
@@ -20,6 +27,24 @@ interface Parts {
   readonly message: HTMLElement;
   readonly toolbar: HTMLElement;
 }
+
+/** Attributes that a viewer follows: read, which throws for nonsense, and applied. */
+const APPLIED: Readonly<Record<string, (of: Attributes) => (viewer: Viewer) => void>> = {
+  mode: (of) => {
+    const settings = attributeMode(of);
+    return (viewer) => viewer.set(settings);
+  },
+  quality: (of) => {
+    const settings = attributeQuality(of);
+    return (viewer) => viewer.set(settings);
+  },
+  at: (of) => {
+    const pose = attributePose(of);
+    return (viewer) => {
+      if (pose) viewer.camera = pose;
+    };
+  },
+};
 
 export class TigasViewer extends Base {
   static readonly observedAttributes = ["src", "scene", "mode", "quality", "at", "controls", "poster"];
@@ -49,7 +74,7 @@ export class TigasViewer extends Base {
     if (name === "src" || name === "scene") this.#reopen(parts);
     else if (name === "controls") parts.toolbar.hidden = now === null;
     else if (name === "poster") parts.poster.src = posterUrl(this.#attribute);
-    else if (this.#viewer) this.#apply(name);
+    else if (this.#viewer) this.#apply(this.#viewer, name);
   }
 
   readonly #attribute = (name: string) => this.getAttribute(name);
@@ -81,7 +106,7 @@ export class TigasViewer extends Base {
     });
     for (const name of EVENTS) viewer.on(name, (event) => this.#tell(name, event));
     this.#stopSaying = effect(() => this.#say({ problem: viewer.problem.value?.message ?? "" }));
-    this.#apply();
+    this.#apply(viewer);
   }
 
   /** A viewer of the scene; null if `src` makes no sense. */
@@ -112,18 +137,19 @@ export class TigasViewer extends Base {
     });
   }
 
-  /** Applies the attributes `mode`, `quality` and `at`, or only the changed attribute. */
-  #apply(changed?: string): void {
-    const applies = (name: string) => changed === undefined || changed === name;
-    try {
-      const pose = attributePose(this.#attribute);
-      const { mode, ...quality } = attributeSettings(this.#attribute);
-      this.#viewer?.set({ ...(applies("mode") && { mode }), ...(applies("quality") && quality) });
-      if (applies("at") && pose && this.#viewer) this.#viewer.camera = pose;
-      this.#say({ invalid: "" });
-    } catch (error) {
-      this.#refuse(error);
+  /** Applies the attributes `mode`, `quality` and `at`, or only the changed one, and reports any that make no sense. */
+  #apply(viewer: Viewer, changed?: string): void {
+    let invalid: unknown = null;
+    for (const [name, read] of Object.entries(APPLIED)) {
+      try {
+        const apply = read(this.#attribute);
+        if (changed === undefined || changed === name) apply(viewer);
+      } catch (error) {
+        invalid ??= error;
+      }
     }
+    if (invalid === null) this.#say({ invalid: "" });
+    else this.#refuse(invalid);
   }
 
   /** Says which attribute makes no sense. */

@@ -71,7 +71,7 @@ export class FakeRenderer {
   }
 }
 
-export const PLACE: Place = { scene: COURTYARD, ladder: PAPER_LADDER };
+export const PLACE: Place = { scene: COURTYARD, ladder: PAPER_LADDER, host: {} };
 
 export const NO_WORK: Loaded = { run: (_, input) => input, dispose: () => undefined };
 

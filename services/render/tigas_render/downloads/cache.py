@@ -221,7 +221,11 @@ class Readers:
 
     def answer(self, request: Request, path: Path, version: str | None, **options: Any) -> Response:
         """Answer with a file, or a range of it. Sending it raises Overloaded beyond the limit."""
-        headers = {"ETag": f'"{version}"', "Cache-Control": "no-cache"}
+        headers = {
+            "ETag": f'"{version}"',
+            "Cache-Control": "no-cache",
+            "Timing-Allow-Origin": "*",  # so that a page of another origin sees how much was transferred
+        }
         if has_already(request, headers["ETag"]):
             return Response(status_code=304, headers=headers)
         return _Reading(self.limit, path, headers=headers, **options)

@@ -166,7 +166,12 @@ interface EndProps {
 function EndPanel({ id, store, ending: { problem, refused, missing, sampled }, attempt }: EndProps) {
   return (
     <section class="run-end row wrap" aria-label="Experiment">
-      <p role="status">{problem ?? (missing === 0 ? "All runs are complete." : `${missing} runs are incomplete.`)}</p>
+      <p role="status">
+        {problem ??
+          (missing === 0
+            ? "All runs are complete."
+            : `${missing === 1 ? "One run is" : `${missing} runs are`} incomplete.`)}
+      </p>
       {missing !== 0 && (
         <button type="button" class="button quiet" onClick={() => attempt.value++}>
           {refused ? "Continue anyway" : "Continue"}

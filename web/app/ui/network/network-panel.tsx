@@ -29,7 +29,7 @@ const FRAMES: readonly Quantity[] = [
 const OUTLINE: [number, number] = [72, 24];
 
 export function NetworkPanel({ base, session }: { base: string; session: ViewerSession }) {
-  const shaper = useShaper(base, session.presence.visible.value);
+  const shaper = useShaper(base, session.presence.visible.value, true);
   return shaper && <Link shaper={shaper} session={session} />;
 }
 

@@ -131,19 +131,26 @@ function Custom({ setup }: { setup: DashSetup }) {
       min={min}
       max={max}
       value={setup[name]}
-      onValue={(value) =>
-        changeSettings({ dashCustom: { ...setup, [name]: name === "segment_s" ? value : Math.round(value) } })
-      }
+      onValue={(value) => {
+        const changed = { ...setup, [name]: name === "segment_s" ? value : Math.round(value) };
+        const frames_per_chunk = Math.min(changed.frames_per_chunk, framesOf(changed));
+        changeSettings({ dashCustom: { ...changed, frames_per_chunk } });
+      }}
     />
   );
   return (
     <div class="fields">
       {field("segment_s", "Segment", "s", 0.2, 10)}
-      {field("frames_per_chunk", "Chunk", "frames", 1, Math.max(1, Math.round(setup.segment_s * setup.frame_rate)))}
+      {field("frames_per_chunk", "Chunk", "frames", 1, framesOf(setup))}
       {field("target_latency_ms", "Target", "ms", 50, 10_000)}
       {field("frame_rate", "Rate", "frames/s", 1, 60)}
     </div>
   );
+}
+
+/** In a segment; a chunk has no more. */
+function framesOf({ segment_s, frame_rate }: DashSetup): number {
+  return Math.max(1, Math.round(segment_s * frame_rate));
 }
 
 function sentence({ setup, player, adaptive }: DashPlan): string {

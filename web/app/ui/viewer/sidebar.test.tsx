@@ -177,6 +177,11 @@ test("with a packager its stream is set up by preset, or number by number", asyn
   await user.clear(target);
   await user.type(target, "200.4{Tab}");
   expect(settings.value.dashCustom.target_latency_ms).toBe(200);
+  settings.value = { ...settings.value, dashCustom: { ...settings.value.dashCustom, frames_per_chunk: 30 } };
+  const segment = screen.getByRole("spinbutton", { name: /Segment/ });
+  await user.clear(segment);
+  await user.type(segment, "0.5{Tab}");
+  expect(settings.value.dashCustom, "no more frames than a segment has").toMatchObject({ frames_per_chunk: 15 });
 });
 
 test("any two modes are compared, and shared settings of streams appear once", async () => {

@@ -48,12 +48,14 @@ export class Shaper {
   /** Reason why the user's last action failed. */
   readonly actionError = signal<string | null>(null);
   readonly #now: () => number;
+  readonly #plotted: boolean;
   #events: EventSource | undefined;
   #retry: ReturnType<typeof setTimeout> | undefined;
   #disposed = false;
 
-  /** `page` is the page's own URL, `now` a clock in milliseconds. */
-  constructor(base: string, page: string, now: () => number) {
+  /** `page` is the page's own URL, `now` a clock in milliseconds, `plotted` whether `plots` are wanted. */
+  constructor(base: string, page: string, now: () => number, { plotted = false } = {}) {
+    this.#plotted = plotted;
     this.api = new ShaperApi(base);
     this.#now = now;
     this.connectionError.value = shaperObstacle(base, page);
@@ -114,7 +116,7 @@ export class Shaper {
   async #list(): Promise<void> {
     try {
       this.traces.value = (await this.api.traces()).traces;
-      for (const { name, error } of this.traces.value) {
+      for (const { name, error } of this.#plotted ? this.traces.value : []) {
         if (this.#disposed) return;
         if (error) continue;
         const points = await this.api.trace(name);

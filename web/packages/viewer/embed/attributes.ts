@@ -6,25 +6,23 @@ import { poseOf } from "../view/pose-text";
 /** Gives an attribute's text; null without it. */
 export type Attributes = (name: string) => string | null;
 
-/** Settings of `mode` and `quality` ("auto" or a rung). Throws if one has no such value. */
-export function attributeSettings(of: Attributes): Pick<Settings, "mode" | "controller" | "profile"> {
-  const { mode, controller, profile } = DEFAULT_SETTINGS;
+/** The setting of `mode`. Throws if there is no such mode. */
+export function attributeMode(of: Attributes): Pick<Settings, "mode"> {
+  const name = of("mode") ?? DEFAULT_SETTINGS.mode;
+  const mode = settingOf("mode", name);
+  if (mode === undefined) throw new Error(`There is no mode “${name}”: use ${MODES.join(", ")}.`);
+  return { mode };
+}
+
+/** Settings of `quality`: "auto" or a rung. Throws if it is neither. */
+export function attributeQuality(of: Attributes): Pick<Settings, "controller" | "profile"> {
+  const { controller, profile } = DEFAULT_SETTINGS;
   const quality = of("quality") ?? "auto";
   const rung = /^\d+$/.test(quality) ? settingOf("profile", quality) : undefined;
   if (quality !== "auto" && rung === undefined) {
     throw new Error(`There is no quality “${quality}”: use “auto”, or a number from 0, the best.`);
   }
-  return {
-    mode: modeOf(of("mode") ?? mode),
-    controller: rung === undefined ? controller : "fixed",
-    profile: rung ?? profile,
-  };
-}
-
-function modeOf(name: string): Settings["mode"] {
-  const mode = settingOf("mode", name);
-  if (mode === undefined) throw new Error(`There is no mode “${name}”: use ${MODES.join(", ")}.`);
-  return mode;
+  return { controller: rung === undefined ? controller : "fixed", profile: rung ?? profile };
 }
 
 /** The pose of `at`; null without it. Throws if it is none. */

@@ -1,6 +1,7 @@
 /** The chosen models, ready on a device: the picture passes one after the other. */
 import { readProblem } from "#client/http/problem";
-import type { Rung } from "#client/wire/render";
+import { hostUrl } from "#client/transport/host-report";
+import type { Rung, ServerConfig } from "#client/wire/render";
 import type { Size } from "./geometry";
 import {
   type EnhancedScene,
@@ -16,6 +17,8 @@ import {
 export interface Place {
   readonly scene: EnhancedScene;
   readonly ladder: readonly Rung[];
+  /** The server of the scene's weights. */
+  readonly host: Pick<ServerConfig, "host" | "render_url">;
 }
 
 interface Ready {
@@ -111,13 +114,13 @@ export class Chain {
 async function loadOne(
   device: GPUDevice,
   model: Enhancer,
-  { scene, ladder }: Place,
+  { scene, ladder, host }: Place,
   signal: AbortSignal,
 ): Promise<Loaded> {
   try {
     const url = model.weights?.(scene);
     if (url === null) throw new EnhancementError("there are no weights for this scene.");
-    return await model.load(device, url === undefined ? null : await fetchWeights(url, signal), ladder);
+    return await model.load(device, url === undefined ? null : await fetchWeights(hostUrl(url, host), signal), ladder);
   } catch (error) {
     signal.throwIfAborted();
     throw new EnhancementError(`${model.label} cannot be used: ${sentence(error)}`);

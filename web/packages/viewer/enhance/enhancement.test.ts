@@ -128,6 +128,16 @@ test.each([
   expect(status()).toMatchObject({ kind: "failed", message: expect.stringContaining(sentence) });
 });
 
+test("weights come from the scene's server", async () => {
+  vi.stubGlobal("location", { href: "https://page.test/" });
+  const fetched = vi.fn(async () => new Response());
+  vi.stubGlobal("fetch", fetched);
+  const models = [fakeModel("x", { weights: () => "scenes/courtyard/enhance.safetensors" })];
+  subject.choose(models, { ...PLACE, host: { render_url: "https://lab.test" } });
+  await settle();
+  expect(fetched).toHaveBeenCalledWith("https://lab.test/scenes/courtyard/enhance.safetensors", expect.anything());
+});
+
 test("a model that throws on the first picture is never shown", async () => {
   subject.seen({ width: 64, height: 36, rung: 3 });
   const model = fakeModel("x", {}, () => {

@@ -41,6 +41,21 @@ vi.mock("../stream/stream-player", () => ({
   },
 }));
 
+const downloads = vi.hoisted(() => [] as string[]);
+vi.mock("../local/local-player", () => ({
+  LocalPlayer: class {
+    readonly phase = signal({ kind: "playing" });
+    readonly stats = signal(null);
+    constructor({ form }: { form: string }) {
+      downloads.push(form);
+    }
+    presented() {}
+    resumed() {}
+    tick() {}
+    dispose() {}
+  },
+}));
+
 type Div = HTMLDivElement;
 
 const page = new ViewerState();
@@ -385,6 +400,17 @@ test("a stream is opened where the mode has one, and again when its settings cha
   expect(streams).toHaveLength(3);
   changeSettings({ mode: "stateless" });
   expect(streams.map(({ disposed }) => disposed)).toEqual([true, true, true]);
+});
+
+test("another form of the scene is another download", async () => {
+  const forms = ["compressed", "streamed"] as const;
+  vi.mocked(loadScene).mockResolvedValue({ ...COURTYARD, downloads: forms.map((form) => ({ form, bytes: 9 })) });
+  await visit();
+  changeSettings({ mode: "local", localForm: "compressed" });
+  await vi.waitFor(() => expect(downloads).toEqual(["compressed"]));
+  changeSettings({ hud: false });
+  changeSettings({ localForm: "streamed" });
+  await vi.waitFor(() => expect(downloads).toEqual(["compressed", "streamed"]));
 });
 
 test("where the browser gives a video's pictures away to nobody, a word says so, and the stream has no margins", async () => {

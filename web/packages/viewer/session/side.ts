@@ -59,9 +59,11 @@ export class Side {
         this.missing.value === null &&
         (this.kind.value.keepsHidden || !options.left.value),
     );
+    const form = computed(() => settings.value.localForm);
     this.#stop = effect(() => {
       const { value: kind } = this.kind;
       if (!available.value) return undefined;
+      if (kind.drawsHere) void form.value; // another form is another download
       return untracked(() => this.#open(kind, context));
     });
   }

@@ -84,7 +84,7 @@ export class Pictures implements Source {
         const { value } = connection;
         untracked(() => this.#player.attach(value));
       }),
-      this.#enhance(settings, scene, ladder),
+      this.#enhance(context),
       keepTurning(this.#reprojector, settings, scene),
       () => this.#player.dispose(),
       () => this.enhancement.dispose(),
@@ -120,18 +120,16 @@ export class Pictures implements Source {
   }
 
   /** By the models of the settings, and by others whenever those, the scene or its ladder change. */
-  #enhance(
-    settings: SourceContext["settings"],
-    scene: SourceContext["scene"],
-    ladder: SourceContext["ladder"],
-  ): () => void {
+  #enhance({ settings, scene, ladder, config }: SourceContext): () => void {
     const wanted = computed(() => {
       const { restore, upscale } = settings.value;
       const none = chosenEnhancers({ restore, upscale }).length === 0;
       if (none || scene.value === null || ladder.value.length === 0) return null;
       const { id, enhance } = scene.value;
+      const { host, render_url } = config.value ?? {};
+      const place = { scene: { id, enhance }, ladder: ladder.value, host: { host, render_url } };
       // As text, so that only a change of its content is one; the configuration is read again and again.
-      return JSON.stringify({ names: { restore, upscale }, place: { scene: { id, enhance }, ladder: ladder.value } });
+      return JSON.stringify({ names: { restore, upscale }, place });
     });
     return effect(() => {
       if (wanted.value === null) {

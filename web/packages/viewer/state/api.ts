@@ -20,9 +20,9 @@ export async function fetchConfig(
   return server === "" || config.render_url ? config : { ...config, render_url: server };
 }
 
-/** All scenes; `scan` has the server look at its directory again first. */
+/** All scenes; `scan` has the server look at its directory again first, however long it takes. */
 export function fetchScenes({ scan = false } = {}): Promise<SceneInfo[]> {
-  return callSoon(scan ? "scenes?scan=1" : "scenes");
+  return scan ? call("scenes?scan=1", {}) : callSoon("scenes");
 }
 
 interface Loading {

@@ -261,8 +261,10 @@ export function settingOf<Name extends LinkedName>(name: Name, text: string): Se
   return candidates.find((value): value is Settings[Name] => read(value) === value);
 }
 
-/** The same settings, if each has a value that it may have. Throws otherwise. */
+/** The same settings, if each exists and has a value that it may have. Throws otherwise. */
 export function validSettings(settings: Settings): Settings {
+  const unknown = Object.keys(settings).find((name) => !Object.hasOwn(SETTINGS, name));
+  if (unknown !== undefined) throw new Error(`there is no setting ${unknown}`);
   const valid = parse({ ...settings });
   // A value that makes no sense would be replaced by the usual one.
   const wrong = NAMES.find((name) => JSON.stringify(valid[name]) !== JSON.stringify(settings[name]));

@@ -26,10 +26,10 @@ export interface Enhancer {
   readonly kind: Kind;
   /** Bicubic if it does not say. */
   readonly filter?: Filter;
-  /** URL of its weights, relative to the page; null if the scene has none. Absent: it has no weights. */
+  /** Path of its weights at the server; null if the scene has none. Absent: it has no weights. */
   readonly weights?: (scene: EnhancedScene) => string | null;
   /**
-   * Prepares everything independent of a picture's size. `weights` is the content of the URL, or null. Rejects with an
+   * Prepares everything independent of a picture's size. `weights` is the content of that file, or null. Rejects with an
    * `EnhancementError`, with a message for the user, if the weights are invalid, for example for another ladder.
    */
   readonly load: (device: GPUDevice, weights: ArrayBuffer | null, ladder: readonly Rung[]) => Promise<Loaded>;
