@@ -4,10 +4,9 @@ import { STILL, steeredRig } from "#fakes/rig";
 import { orientation, type ScenePose } from "../view/camera";
 import type { Rig } from "../view/rig";
 import { angleBetween } from "../view/vector";
-import { Foresight, Guarded, LeadTime } from "./foresight";
-import type { Predictor } from "./predictor";
+import { Foresight, LeadTime, Predictor } from "./foresight";
 import type { PredictorName } from "./registry";
-import { Velocity } from "./velocity";
+import { velocity } from "./velocity";
 
 const SCENE = { up: [0, -1, 0], camera: { position: [0, 0, -4], look_at: [0, 0, 0] } } as SceneInfo;
 
@@ -94,12 +93,12 @@ test("what takes long at rest, where views are refined, is not what the next mov
   expect(frames(10, () => undefined)).toBeCloseTo(0.105, 6);
 });
 
-describe("guarded", () => {
+describe("a predictor", () => {
   const pose = (azimuth: number, x = 0): ScenePose => ({
     position: [x, 0, 0],
     quaternion: [...orientation(azimuth, 0)],
   });
-  const guarded = (predictor: Predictor = new Velocity()) => new Guarded(predictor, () => 4);
+  const predictorOf = (predict = velocity) => new Predictor(predict, () => 4);
 
   /** Turns at 60 degrees per second for half a second, and returns the time of the end. */
   function turning(predictor: Predictor, rate = 60): number {
@@ -108,13 +107,13 @@ describe("guarded", () => {
   }
 
   test.each([30, 60, 120])("at %d Hz a steady turn goes on", (rate) => {
-    const predictor = guarded();
+    const predictor = predictorOf();
     turning(predictor, rate);
     expect(angleBetween(predictor.predict(100).quaternion, pose(36).quaternion)).toBeLessThan(1e-6);
   });
 
   test("once the camera rests, its very pose is asked for", () => {
-    const predictor = guarded({ observe: () => undefined, reset: () => undefined, predict: () => pose(77) });
+    const predictor = predictorOf(() => pose(77));
     const end = turning(predictor);
     expect(predictor.predict(100)).toEqual(pose(77));
     for (let at = end; at <= end + 250; at += 10) predictor.observe(pose(30), at);
@@ -127,7 +126,7 @@ describe("guarded", () => {
       ["after a jump", pose(31, 2), 1516],
       ["on a clock that went back", pose(31), 900],
     ])("%s", (_, next, at) => {
-      const predictor = guarded();
+      const predictor = predictorOf();
       turning(predictor);
       predictor.observe(next, at);
       expect(predictor.predict(100)).toEqual(next);
@@ -135,21 +134,17 @@ describe("guarded", () => {
   });
 
   test("a pose that is none is passed over, and none is answered", () => {
-    const predictor = guarded();
+    const predictor = predictorOf();
     turning(predictor);
     predictor.observe({ position: [Number.NaN, 0, 0], quaternion: [0, 0, 0, 1] }, 1516);
     expect(predictor.predict(0)).toEqual(pose(30));
-    const broken = guarded({
-      observe: () => undefined,
-      reset: () => undefined,
-      predict: () => ({ position: [0, 0, 0], quaternion: [0, 0, 0, 0] }),
-    });
+    const broken = predictorOf(() => ({ position: [0, 0, 0], quaternion: [0, 0, 0, 0] }));
     turning(broken);
     expect(broken.predict(100)).toEqual(pose(30));
   });
 
   test("looks at no time but the future", () => {
-    const predictor = guarded();
+    const predictor = predictorOf();
     turning(predictor);
     expect([-1, 0, Number.NaN].map((ahead) => predictor.predict(ahead))).toEqual([pose(30), pose(30), pose(30)]);
   });

@@ -3,8 +3,8 @@ import { FrameClock } from "#client/abr/frame-clock";
 import { median } from "../enhance/median";
 import { isCut, type ScenePose, viewDistance } from "../view/camera";
 import { type NumberedPose, type Rig, samePose } from "../view/rig";
-import { NOWHERE, type Predictor } from "./predictor";
-import { createPredictor, type PredictorName } from "./registry";
+import { PoseHistory, type Predict } from "./pose-history";
+import { PREDICTORS, type PredictorName } from "./registry";
 
 /*
  * Prediction horizon of requests: the recent time from request to screen, plus half the time until the next frame
@@ -53,52 +53,50 @@ export class LeadTime {
   }
 }
 
-/*
- * Guards a predictor: it restarts after a cut, always answers with a valid pose, and returns exactly the
- * camera's pose when it rests, so that a still view settles.
- */
-
 /** A camera without movement for this many milliseconds rests. */
 const STILL_AFTER = 200;
 
-export class Guarded implements Predictor {
-  readonly #predictor: Predictor;
+/**
+ * Predicts the camera's pose: restarts after a cut, always answers with a valid pose, and with exactly the camera's pose
+ * when it rests, so that a still view settles.
+ */
+export class Predictor {
+  readonly #history = new PoseHistory();
+  readonly #predict: Predict;
   readonly #distance: () => number;
-  #pose: ScenePose | undefined;
   #at = 0;
   #changedAt = Number.NEGATIVE_INFINITY;
 
   /** `distance`: of the focus, in scene units. */
-  constructor(predictor: Predictor, distance: () => number) {
-    this.#predictor = predictor;
+  constructor(predict: Predict, distance: () => number) {
+    this.#predict = predict;
     this.#distance = distance;
   }
 
+  /** Records the camera's pose at a time, once per animation frame. */
   observe(pose: ScenePose, at: number): void {
     if (!isSound(pose) || !Number.isFinite(at)) return;
-    const before = this.#pose;
-    const fresh = before === undefined || at < this.#at || isCut(before, pose, this.#distance());
-    if (fresh) this.reset();
-    else if (!samePose(before, pose)) this.#changedAt = at;
-    this.#pose = pose;
+    const { last, empty } = this.#history;
+    if (empty || at < this.#at || isCut(last, pose, this.#distance())) this.reset();
+    else if (!samePose(last, pose)) this.#changedAt = at;
     this.#at = at;
-    this.#predictor.observe(pose, at);
+    this.#history.add(pose, at);
   }
 
+  /** The pose at this time after the last observation. The call has no side effects. */
   predict(ahead: number): ScenePose {
-    const pose = this.#pose;
-    if (pose === undefined) return NOWHERE;
-    if (!(ahead > 0) || this.#at - this.#changedAt > STILL_AFTER) return pose;
-    const predicted = this.#predictor.predict(ahead);
-    if (samePose(predicted, pose)) return pose;
+    const { last, empty } = this.#history;
+    if (empty || !(ahead > 0) || this.#at - this.#changedAt > STILL_AFTER) return last;
+    const predicted = this.#predict(this.#history, ahead);
+    if (samePose(predicted, last)) return last;
     const sound = { ...predicted, quaternion: normalised(predicted.quaternion) };
-    return isSound(sound) ? sound : pose;
+    return isSound(sound) ? sound : last;
   }
 
+  /** Discards the history. */
   reset(): void {
-    this.#pose = undefined;
     this.#changedAt = Number.NEGATIVE_INFINITY;
-    this.#predictor.reset();
+    this.#history.clear();
   }
 }
 
@@ -183,7 +181,7 @@ export class Foresight {
     if (this.#predictor === undefined || name !== this.#name) {
       this.#name = name;
       const distance = () => viewDistance(this.#rig.scene ?? { camera: null });
-      this.#predictor = new Guarded(createPredictor(name), distance);
+      this.#predictor = new Predictor(PREDICTORS[name].predict, distance);
     }
     return this.#predictor;
   }

@@ -3,10 +3,8 @@
  * the camera's own frame. `python -m benchmarks.train_predictor` trained the weights on headset recordings
  * (docs/adaptation.md).
  */
-import type { ScenePose } from "../view/camera";
 import type { Vector3 } from "../view/vector";
-import { changed, type PoseChange, PoseHistory } from "./pose-history";
-import { NOWHERE, type Predictor } from "./predictor";
+import { changed, type PoseChange, type Predict } from "./pose-history";
 
 /** Weights of each step, for each horizon: one axis. */
 type Weights = readonly (readonly number[])[];
@@ -20,46 +18,30 @@ interface Coefficients {
   readonly moved: readonly Weights[];
 }
 
-/** How far back a camera's movement is kept, in milliseconds: longer than any coefficients look back. */
-const SPAN = 1000;
-
 /** Null until they are loaded; a prediction is the present pose until then. */
 let coefficients: Coefficients | null = null;
+let loading: Promise<void> | undefined;
 
-/** Loads the weights, with the first predictor that needs them. */
-export async function loadCoefficients(): Promise<void> {
-  if (coefficients !== null) return;
-  const { default: trained } = await import("./coefficients.json");
-  coefficients = { ...trained, steps: trained.turned[0]?.[0]?.length ?? 0 };
+/** Loads the weights, with the first prediction that needs them. */
+export function loadCoefficients(): Promise<void> {
+  loading ??= import("./coefficients.json").then(({ default: trained }) => {
+    coefficients = { ...trained, steps: trained.turned[0]?.[0]?.length ?? 0 };
+  });
+  return loading;
 }
 
-export class Linear implements Predictor {
-  readonly #history = new PoseHistory(SPAN);
-
-  constructor() {
+export const linear: Predict = (history, ahead) => {
+  if (coefficients === null) {
     loadCoefficients().catch(() => undefined); // the page reports that it is outdated
+    return history.last;
   }
-
-  observe(pose: ScenePose, at: number): void {
-    this.#history.add(pose, at);
-  }
-
-  predict(ahead: number): ScenePose {
-    const { last } = this.#history;
-    if (last === undefined) return NOWHERE;
-    if (coefficients === null) return last;
-    const { steps, step_ms, moved, turned, horizons_ms } = coefficients;
-    const past = Array.from({ length: steps }, (_, i) => this.#history.since(step_ms * (i + 1)));
-    return changed(last, {
-      moved: sum(past, "moved", moved, horizons_ms, ahead),
-      turned: sum(past, "turned", turned, horizons_ms, ahead),
-    });
-  }
-
-  reset(): void {
-    this.#history.clear();
-  }
-}
+  const { steps, step_ms, moved, turned, horizons_ms } = coefficients;
+  const past = Array.from({ length: steps }, (_, i) => history.since(step_ms * (i + 1)));
+  return changed(history.last, {
+    moved: sum(past, "moved", moved, horizons_ms, ahead),
+    turned: sum(past, "turned", turned, horizons_ms, ahead),
+  });
+};
 
 function sum(
   past: readonly PoseChange[],

@@ -1,4 +1,4 @@
-/** The camera's recent poses at any time: animation frames are irregular, and predictors look back in even steps. */
+/** The camera's recent poses at any time: animation frames are irregular, and predictors look back in even steps. Pure. */
 import { poseAt, type TimedPose } from "../movement/movement";
 import type { ScenePose } from "../view/camera";
 import {
@@ -19,29 +19,35 @@ export interface PoseChange {
   readonly turned: Vector3;
 }
 
+/** Predicts the pose at this many milliseconds after the last one. */
+export type Predict = (history: PoseHistory, ahead: number) => ScenePose;
+
+/** How far back poses are kept, in milliseconds: longer than any predictor looks back. */
+const SPAN = 1000;
+const NOWHERE: ScenePose = { position: [0, 0, 0], quaternion: [0, 0, 0, 1] };
+
 export class PoseHistory {
-  readonly #span: number;
   #poses: TimedPose[] = [];
+  /** The last pose; the origin without any. */
+  last = NOWHERE;
 
-  /** `span`: how far back it is looked at, in milliseconds. */
-  constructor(span: number) {
-    this.#span = span;
-  }
-
+  /** Times are in milliseconds on one clock, and increase. */
   add(pose: ScenePose, at: number): void {
     if (this.#poses.at(-1)?.t_ms === at) this.#poses.pop();
+    this.last = pose;
     this.#poses.push({ ...pose, t_ms: at });
     // The last sample before the span is kept to interpolate the pose at its start.
-    const within = this.#poses.findIndex(({ t_ms }) => t_ms > at - this.#span);
+    const within = this.#poses.findIndex(({ t_ms }) => t_ms > at - SPAN);
     if (within > 1) this.#poses.splice(0, within - 1);
   }
 
   clear(): void {
+    this.last = NOWHERE;
     this.#poses = [];
   }
 
-  get last(): ScenePose | undefined {
-    return this.#poses.at(-1);
+  get empty(): boolean {
+    return this.#poses.length === 0;
   }
 
   /**

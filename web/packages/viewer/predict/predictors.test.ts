@@ -1,4 +1,4 @@
-/** Properties of every predictor of the registry, guarded as on the page. */
+/** Properties of every predictor of the registry. */
 
 import fc from "fast-check";
 import { beforeAll, describe, expect, test } from "vitest";
@@ -6,10 +6,9 @@ import { seeded } from "#client/abr/random";
 import { EFFORT } from "#fakes/effort";
 import { orientation, type ScenePose } from "../view/camera";
 import { angleBetween, subtract } from "../view/vector";
-import { Guarded } from "./foresight";
+import { Predictor } from "./foresight";
 import { loadCoefficients } from "./linear";
-import type { Predictor } from "./predictor";
-import { createPredictor, PREDICTOR_NAMES, type PredictorName } from "./registry";
+import { PREDICTOR_NAMES, PREDICTORS, type PredictorName } from "./registry";
 
 beforeAll(loadCoefficients);
 
@@ -17,7 +16,7 @@ beforeAll(loadCoefficients);
 const MOVING = PREDICTOR_NAMES.filter((name) => name !== "off");
 
 function make(name: PredictorName, distance = 4): Predictor {
-  return new Guarded(createPredictor(name), () => distance);
+  return new Predictor(PREDICTORS[name].predict, () => distance);
 }
 
 /**
