@@ -82,10 +82,12 @@ def renderer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RenderServer]
         yield running
 
 
-def drawn_by(renderer: RenderServer, scene: str, open_page: OpenPage) -> tuple[Page, NDArray[np.float64]]:
+def drawn_by(
+    renderer: RenderServer, scene: str, open_page: OpenPage, *, expected_errors: str | None = None
+) -> tuple[Page, NDArray[np.float64]]:
     """The viewer of a scene, and the server's view in it."""
     chosen = with_settings(renderer.url, **ALONE, controller="fixed", profile=0, webp=False)
-    page = open_page(f"#/scene/{scene}", url=renderer.url, viewport=SMALL, **chosen)
+    page = open_page(f"#/scene/{scene}", url=renderer.url, viewport=SMALL, expected_errors=expected_errors, **chosen)
     wait_for_frames(page)
     wait_until_settled(page)
     return page, shown(page)
@@ -94,9 +96,10 @@ def drawn_by(renderer: RenderServer, scene: str, open_page: OpenPage) -> tuple[P
 def test_levels_of_detail_are_streamed_and_drawn_as_the_server_draws_them(
     renderer: RenderServer, open_page: OpenPage
 ) -> None:
-    page, drawn = drawn_by(renderer, "levels", open_page)
+    page, drawn = drawn_by(renderer, "levels", open_page, expected_errors="net::ERR_FAILED")
     asked: list[str] = []
     page.on("request", lambda request: asked.append(request.url))
+    page.route("**/download/streamed/*/**", lambda route: route.abort(), times=4)  # as if the service started again
     page.evaluate("tigas.settings({ mode: 'local' })")
     wait_until_complete(page)
     wait_until_like(page, drawn)

@@ -54,6 +54,8 @@ const FAR = 10_000;
 const COLOUR_ANGLE = 2;
 /** Levels of detail that a streamed scene may be short of while better ones load: PlayCanvas would show nothing. */
 const ANY_LEVEL = 64;
+/** Retries of a file, at growing intervals: 17 seconds together, in which a service starts again. */
+const RETRIES = 7;
 /** Bytes that are copied at once. */
 const COPIED = 1 << 20;
 /** A half turn about x: from a camera that looks along z with y down (ours) to one that looks along -z with y up. */
@@ -103,6 +105,7 @@ export class Renderer {
     setup.resourceHandlers = [GSplatHandler, TextureHandler];
     this.#app = new AppBase(canvas);
     this.#app.init(setup);
+    this.#app.loader.enableRetry(RETRIES);
     this.#app.autoRender = false;
     const gsplat = this.#app.scene.gsplat;
     gsplat.minPixelSize = 0; // small Gaussians are drawn, as by the server
@@ -170,8 +173,10 @@ export class Renderer {
     await loaded;
     this.#asset = asset;
     if (this.#scene.gsplat) this.#scene.gsplat.asset = asset.id;
-    await new Promise<void>((resolve) => {
+    await new Promise<void>((resolve, reject) => {
       this.#pending = resolve;
+      // PlayCanvas waits for a file that has failed, and would show nothing.
+      this.#app.assets.on("error", (error: string) => this.#visible || reject(new Error(error)));
     });
   }
 
