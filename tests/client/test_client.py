@@ -28,6 +28,11 @@ async def test_pictures_and_paths_come_without_an_event_loop(served: Served) -> 
             assert first.size == (64, 36)
             with pytest.raises(tigas.Refused, match="no scene"):
                 client.scene("attic")
+            pictures = client.render_path([pose] * 6, **WALL)
+            next(pictures)
+        for asked in (client.config, lambda: next(pictures)):
+            with pytest.raises(tigas.ClientError, match="was closed"):
+                asked()
 
     await asyncio.to_thread(program)
 

@@ -73,13 +73,17 @@ class Client:
             while (picture := self._run(_next(pictures))) is not None:
                 yield picture
         finally:
-            self._run(_closed(pictures))
+            if self.close.alive:
+                self._run(_closed(pictures))
 
     def frame(self, pose: Pose, **view: Unpack[View]) -> Frame:
         """Render an encoded frame with the server's times. Raises ValueError if the view is invalid."""
         return self._run(self._client.frame(pose, **view))
 
     def _run(self, asked: Coroutine[Any, Any, Result]) -> Result:
+        if not self.close.alive:
+            asked.close()
+            raise ClientError(CLOSED)
         answer = asyncio.run_coroutine_threadsafe(asked, self._loop)
         try:
             return answer.result()

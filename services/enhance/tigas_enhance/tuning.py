@@ -72,7 +72,7 @@ def tune(
 
         share = max(remaining / (len(rungs) - number), 0.01)
         network = rounded(train(training, rung, RECIPES[device.type], share, device, report, varied=general))
-        gain_db = float(np.mean([gains(pairs, rung, network, device) for pairs in tests]))
+        gain_db = float(np.mean([gains(pairs, rung, network, device).mean() for pairs in tests]))  # scenes count alike
         networks.append(described(network, rung, named, gain_db))
         tensors |= to_tensors(rung, network)
     digest = GENERAL if general else scenes[0].file_sha256

@@ -19,7 +19,7 @@ from tests.web.scenes import SMALL, write_scenes
 from tests.web.server import RenderServer
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.quality.picture import CaptureQuality, compare, decode, encode
-from tigas_experiments.records.files import write_lines
+from tigas_experiments.records.files import write_lines, write_record
 from tigas_experiments.records.folder import StoredRun, capture_path
 from tigas_experiments.records.samples import (
     TRUTH,
@@ -61,6 +61,14 @@ def test_an_experiment_is_scored_by_controller_network_and_model(experiment: Pat
     assert re.search(r"bus, 20 ms Latency difference scene 4 \+[\d.]+ ±", rows)
     assert "Seen" not in rows
     assert len(read_scores(experiment / "runs" / "latency-1")) == 4
+
+
+def test_a_run_that_failed_is_not_in_the_table(experiment: Path) -> None:
+    failed = experiment / "runs" / "latency-1"
+    write_record(failed / "run.json", StoredRun(failed).record.model_copy(update={"status": "failed"}))
+    result = quality(str(experiment), "--metrics", "psnr")
+    assert re.search(r"Latency original 2 [\d.]+", words(result)), result.output
+    assert "One run is not complete" in words(result)
 
 
 def test_a_folder_with_pictures_alone_is_scored_too(tmp_path: Path) -> None:

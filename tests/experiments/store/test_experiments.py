@@ -47,6 +47,10 @@ async def test_experiments_of_one_name_are_told_apart(store: Running) -> None:
         await store.create("Pebbles")
     listed = (await store.http.get("/experiments")).json()["experiments"]
     assert sorted(one["name"] for one in listed) == ["Pebbles", "Pebbles (2)", "Pebbles (3)"]
+    for _ in range(2):
+        await store.create("x" * 100)
+    listed = (await store.http.get("/experiments")).json()["experiments"]
+    assert {"x" * 100, "x" * 96 + " (2)"} < {one["name"] for one in listed}
 
 
 async def test_a_run_is_kept_as_commands_keep_theirs(store: Running) -> None:

@@ -208,6 +208,14 @@ async def test_a_shaped_link_is_of_one_page_at_a_time(timed: Running) -> None:
     assert job_of(await timed.next(second, "b")) == slug()
 
 
+@pytest.mark.parametrize("networks", [("20mbit", "unshaped"), ("unshaped", "20mbit")])
+async def test_a_run_without_a_link_does_not_end_another_page_s_link(timed: Running, networks: tuple[str, str]) -> None:
+    first, second = [await timed.create(networks=[network]) for network in networks]
+    assert job_of(await timed.next(first, "a")) is not None
+    told = await timed.next(second, "b")
+    assert (job_of(told), told["wait"]) == (None, True)
+
+
 async def test_an_experiment_that_is_removed_gives_the_link_back(timed: Running) -> None:
     first, second = await timed.create(), await timed.create()
     assert job_of(await timed.next(first, "a")) == slug()
@@ -355,6 +363,7 @@ async def test_captures_are_compared_with_ground_truth(store: Running, monkeypat
     row = (await first).json()
     assert (row["status"], row["figures"]["quality"]["pictures"]) == ("complete", 1)
     assert again.json() == row
+    assert (await store.http.post(f"{run}/complete")).json() == row
     assert row["figures"]["quality"]["seen_psnr_db"] == 100
     assert read_snapshot(folder) is not None
     late = await store.http.put(f"{run}/captures/0000.png", content=png())

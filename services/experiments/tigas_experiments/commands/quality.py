@@ -18,8 +18,8 @@ from tigas_experiments.commands.rerender import RenderCommand, SamplesCommand, r
 
 if TYPE_CHECKING:  # heavy
     from tigas_experiments.quality.metrics import PictureMetric
+    from tigas_experiments.records.folder import RunRecord
     from tigas_experiments.report.picture_scores import Row
-    from tigas_experiments.report.run_table import Condition
     from tigas_experiments.scoring import Scoring
 
 
@@ -113,6 +113,7 @@ def _score(folder: Path, asked: list[PictureMetric], *, again: bool) -> tuple[li
     from tigas_experiments.quality.metrics import Meters
     from tigas_experiments.records.files import BrokenRecording
     from tigas_experiments.report.picture_scores import rows
+    from tigas_experiments.report.run_table import Condition
     from tigas_experiments.scoring import Scoring
 
     runs, lock = _runs(folder)
@@ -141,10 +142,18 @@ def _score(folder: Path, asked: list[PictureMetric], *, again: bool) -> tuple[li
             raise StartError(
                 " ".join(sentences) or f"{folder} has no samples or captures with ground truth (docs/experiments.md)."
             )
+        left_out = 0
         for run, scoring in scorings.items():
             current = run.name
-            scored.append((_condition(run), scoring.score()))
+            scores, record = scoring.score(), _record(run)
             sentences += _doubts(run, scoring)
+            if len(runs) > 1 and record is not None and record.status != "complete":
+                left_out += 1
+            else:
+                scored.append((None if record is None else Condition.of(record), scores))
+    if left_out:
+        count = "One run is" if left_out == 1 else f"{left_out} runs are"
+        sentences.append(f"{count} not complete, and not in the table.")
     return rows(scored), sentences
 
 
@@ -175,14 +184,13 @@ def _render_truth(folder: Path, render: str) -> Iterator[str]:
         yield from asyncio.run(all_of_them(show))
 
 
-def _condition(run: Path) -> Condition | None:
-    """The condition of a run; None for any other folder."""
+def _record(run: Path) -> RunRecord | None:
+    """The record of a run; None of any other folder."""
     from tigas_experiments.records.files import BrokenRecording
     from tigas_experiments.records.folder import StoredRun
-    from tigas_experiments.report.run_table import Condition
 
     try:
-        return Condition.of(StoredRun(run).record)
+        return StoredRun(run).record
     except BrokenRecording:
         return None
 

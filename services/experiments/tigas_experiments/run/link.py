@@ -154,7 +154,7 @@ class ShaperClient:
     def __init__(self, url: str, origin: str) -> None:
         self.url = url.rstrip("/")
         self._http = httpx.AsyncClient(
-            base_url=self.url, headers={"Origin": origin}, timeout=TIMEOUT_S, trust_env=False
+            base_url=self.url, headers={"Origin": origin}, timeout=TIMEOUT_S, trust_env=False, verify=False
         )
 
     async def close(self) -> None:

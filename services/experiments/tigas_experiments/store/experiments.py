@@ -28,7 +28,7 @@ from tigas_experiments.records.summary import summarise
 from tigas_experiments.store.errors import ExperimentInUse, UnknownExperiment, UnknownRun, storage_explained
 from tigas_experiments.store.samples import count_samples
 from tigas_experiments.store.workspace import Workspace
-from tigas_experiments.wire.store import Experiment, ExperimentList, ExperimentSummary, RunRow
+from tigas_experiments.wire.store import LONGEST_NAME, Experiment, ExperimentList, ExperimentSummary, RunRow
 
 CACHED_RUNS = 10_000
 T = TypeVar("T")
@@ -109,10 +109,11 @@ class Experiments:
                 continue
 
     def new_name(self, name: str) -> str:
-        """The name, or the first of `NAME (2)`, `NAME (3)`, … that no experiment has yet."""
+        """The name, or the first of `NAME (2)`, `NAME (3)`, … that no experiment has yet; a long one is cut short."""
         taken = {record.name for _, record in self._read()}
-        numbered = (f"{name} ({number})" for number in itertools.count(2))
-        return next(one for one in itertools.chain([name], numbered) if one not in taken)
+        ends = itertools.chain([""], (f" ({number})" for number in itertools.count(2)))
+        names = (name[: LONGEST_NAME - len(end)] + end for end in ends)
+        return next(one for one in names if one not in taken)
 
     def row(self, experiment: str, run: str) -> RunRow:
         """A run. Raises UnknownExperiment, UnknownRun and StorageFailed."""

@@ -239,16 +239,16 @@ class Planner:
         return await asyncio.to_thread(self._experiments.row, experiment, run)
 
     async def complete(self, experiment: str, run: str) -> RunRow:
-        """Complete a run that has all its captures. Raises as `add` does."""
+        """Complete a run that has all its captures, or return it if it is complete. Raises as `add` does."""
         session = await self._session(experiment)
-        self._missing(session, run)
         folder = await asyncio.to_thread(self._experiments.page_run, experiment, run)
         self.extend(experiment, run, COMPARE_S)
         async with self.checks:  # a page that has lost its connection asks again meanwhile
             if await asyncio.to_thread(lambda: StoredRun(folder).record.status) == "running":
                 await self._offload(complete_upload, folder, self._render, limit=COMPARE)
-        row = await asyncio.to_thread(self._experiments.row, experiment, run)
-        session.ended(run, row.problem)
+            row = await asyncio.to_thread(self._experiments.row, experiment, run)
+            if run in session.missing:
+                session.ended(run, row.problem)
         return row
 
     async def _session(self, experiment: str) -> _Session:
@@ -278,14 +278,15 @@ class Planner:
                 )
 
     def _reserve(self, session: _Session, page: str) -> _Lease | None:
-        """A run that no other page performs; of all runs with a shaped link, only one at a time."""
+        """A run that no other page performs. One with a shaped link has the link to itself: the others would end it."""
         if session.why_given_up is not None:
             return None
         self._drop_expired()
-        leases = (lease for other in self._sessions.values() for lease in other.leases.values())
-        shaped = any(lease.configuration.network.shaped for lease in leases)
+        leases = [lease for other in self._sessions.values() for lease in other.leases.values()]
+        if any(lease.configuration.network.shaped for lease in leases):
+            return None
         for run, configuration in session.missing.items():
-            if run in session.leases or run in session.failed or (shaped and configuration.network.shaped):
+            if run in session.leases or run in session.failed or (leases and configuration.network.shaped):
                 continue
             until = self._clock() + configuration.warm_up_s + configuration.duration_s + LEASE_S
             session.leases[run] = _Lease(page, configuration, until)

@@ -34,8 +34,9 @@ def _printable(text: str) -> str:
     return text
 
 
+LONGEST_NAME = 100
 ExperimentName = Annotated[
-    str, StringConstraints(strip_whitespace=True, min_length=1, max_length=100), AfterValidator(_printable)
+    str, StringConstraints(strip_whitespace=True, min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable)
 ]
 
 

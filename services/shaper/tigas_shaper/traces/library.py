@@ -12,16 +12,13 @@ from tigas_shaper.traces.formats import load_trace, parse_trace, trace_name
 from tigas_shaper.traces.trace import NetworkTrace, TraceError
 
 MAX_UPLOADS = 16
+"""Number of uploaded traces that are kept; the oldest are dropped."""
 POINTS = 600
 """Maximum number of points in a trace's outline."""
 
 
 class UnknownTrace(TigasError):
     status, type, title = 404, "unknown-trace", "There is no such network trace"
-
-
-class TooManyTraces(TigasError):
-    status, type, title = 409, "too-many-traces", "There are too many uploaded traces"
 
 
 class TraceLibrary:
@@ -60,13 +57,12 @@ class TraceLibrary:
         raise UnknownTrace(f"There is no trace named {name[:100]!r}.")
 
     def add(self, filename: str, data: bytes) -> NetworkTrace:
-        """Keep an uploaded trace, in place of one of the same name. Raises TraceError and TooManyTraces."""
+        """Keep an uploaded trace, in place of one of the same name, or of the oldest. Raises TraceError."""
         trace = parse_trace(trace_name(filename), data)
-        if trace.name not in self._uploads and len(self._uploads) >= MAX_UPLOADS:
-            raise TooManyTraces(
-                f"{MAX_UPLOADS} traces were uploaded, the maximum; restart the shaper, or use its directory."
-            )
+        self._uploads.pop(trace.name, None)
         self._uploads[trace.name] = trace
+        if len(self._uploads) > MAX_UPLOADS:
+            del self._uploads[next(iter(self._uploads))]
         return trace
 
     def _paths(self) -> Iterator[Path]:

@@ -28,6 +28,9 @@ export class ApiError extends Error {
   }
 }
 
+/** Said by a server that asked another service on the page's behalf, and heard nothing. */
+const PROXIED_SILENCE = ["tigas:service-away", "tigas:service-silent"];
+
 export interface AskOptions extends Omit<RequestInit, "signal"> {
   readonly signal?: AbortSignal | undefined;
   /** In milliseconds; without it, the answer may take any time. */
@@ -51,8 +54,8 @@ export async function ask<T>(
     signal?.throwIfAborted();
     throw new ApiError(silence(), true);
   }
-  const { detail, type } = await readProblem(answer);
-  throw new ApiError(detail, false, type);
+  const { detail, type = "" } = await readProblem(answer);
+  throw new ApiError(detail, PROXIED_SILENCE.includes(type), type);
 }
 
 /** The problem of a failed response. */
