@@ -154,7 +154,7 @@ class OriginCheck:
 
 def _readable(app: ASGIApp, origin: str) -> ASGIApp:
     """The application for an allowed page of another origin: to most services the page is one, by its port."""
-    methods = ["GET", "POST", "PUT", "PATCH", "DELETE"]
+    methods = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE"]
     # of frames, and of parts of scenes, that a page of the cluster's asks a host for; and of uploads
     exposed = ["Server-Timing", "Tigas-Frame", "Content-Range", "ETag", "Location", "Upload-Offset", "Upload-Length"]
     return CORSMiddleware(

@@ -108,6 +108,7 @@ async def test_a_scene_with_levels_is_streamed_file_by_file(client: httpx.AsyncC
     [
         ("levels", "scene.json"),
         ("levels", "nothing.webp"),
+        ("levels", "a/" * 2500 + "x.sog"),
         ("levels", ".hidden.webp"),
         ("levels", "..%2Fcloud%2Fmeta.json"),
         ("levels", "%2Fetc%2Fmeta.json"),

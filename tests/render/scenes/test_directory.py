@@ -127,7 +127,7 @@ def test_a_link_that_cannot_be_followed_is_one_broken_scene(tmp_path: Path) -> N
 
 def test_a_directory_that_is_not_there_has_no_scenes(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     assert scan_directory(tmp_path / "nowhere") == {}
-    assert "cannot be read" in caplog.text
+    assert "There is no models directory" in caplog.text
 
 
 def test_a_preview_and_a_version_come_with_the_source(tmp_path: Path) -> None:

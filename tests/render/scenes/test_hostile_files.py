@@ -137,7 +137,7 @@ HEADER = {
     "PLY: big-endian": (GOOD.replace(b"little", b"big"), "big-endian"),
     "PLY: unknown format": (GOOD.replace(b"binary_little_endian", b"morse"), "broken PLY header"),
     "PLY: unknown type": (GOOD.replace(b"property float y", b"property quad y"), "broken PLY header"),
-    "PLY: not ASCII": (GOOD.replace(b"element", b"comment \xff\xfe\nelement", 1), "broken PLY header"),
+    "PLY: not ASCII": (GOOD.replace(b"element", b"element \xff\xfe 1\nelement", 1), "broken PLY header"),
     "PLY: property twice": (GOOD.replace(b"property float nx", b"property float x"), "same name"),
     "PLY: first missing property": (without("f_dc_1", "rot_2"), "no property 'f_dc_1'"),
     "PLY: a mesh": (plys.header(["x", "y", "z", "uchar red"], 1) + bytes(13), "no property 'f_dc_0'"),

@@ -108,6 +108,14 @@ def test_a_scene_is_fetched(tmp_path: Path, site: str) -> None:
     assert (id, file.count, heard[-1]) == ("my shell", made_up.COUNT, 1.0)
 
 
+@pytest.mark.parametrize("name", ["Mu\u0308nchen", "हिन्दी", "தமிழ்"])
+def test_a_name_has_the_letters_of_any_language(tmp_path: Path, site: str, name: str) -> None:
+    path = tmp_path / f"{name}.ply"
+    path.write_bytes(plys.binary_ply())
+    id, _ = add_scene(str(path), tmp_path / "models", None, lambda share: None, LIMIT)
+    assert list(scan_directory(tmp_path / "models")) == [id] == [name]
+
+
 @pytest.mark.parametrize(
     ("path", "id", "words"),
     [

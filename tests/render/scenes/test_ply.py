@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,9 @@ from tests.render.scenes import plys
 from tests.shared_data import reference_scene_ply
 from tigas_common.errors import BrokenScene
 from tigas_render.gaussians import Gaussians
+from tigas_render.scenes import ply
 from tigas_render.scenes.directory import read_scene_file
-from tigas_render.scenes.scene_file import BLOCK
+from tigas_render.scenes.scene_file import BLOCK, Floats, Rows
 
 
 def assert_same(a: Gaussians, b: Gaussians, rtol: float = 1e-5, atol: float = 1e-6) -> None:
@@ -141,6 +143,26 @@ def test_text_may_have_other_elements_and_windows_line_ends(tmp_path: Path) -> N
     content = content.replace(b"end_header\n", b"end_header\n1 5\n2 5 6\n").replace(b"\n", b"\r\n")
     scene = read_scene_file(plys.write(tmp_path / "scene.ply", content)).load()
     assert_same(scene, read_scene_file(plys.write(tmp_path / "plain.ply", plys.binary_ply(4))).load())
+
+
+def test_a_comment_may_have_any_characters(tmp_path: Path) -> None:
+    path = tmp_path / "scene.ply"
+    path.write_bytes(plys.binary_ply().replace(b"element", "comment von Jürgen\nelement".encode(), 1))
+    assert len(read_scene_file(path).load()) == 3
+
+
+def test_a_file_that_is_cut_short_while_it_is_read_is_broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "scene.ply"
+    path.write_bytes(plys.binary_ply(2 * BLOCK, sh_degree=1))
+    file, values = read_scene_file(path), ply._values
+
+    def cut(block: Rows, names: Sequence[str]) -> Floats:
+        path.write_bytes(b"")
+        return values(block, names)
+
+    monkeypatch.setattr(ply, "_values", cut)
+    with pytest.raises(BrokenScene, match="changed while it was being read"):
+        file.load()
 
 
 def test_huge_numbers_in_text_drop_their_gaussian(tmp_path: Path) -> None:

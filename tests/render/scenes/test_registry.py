@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import gc
 import hashlib
 import os
@@ -26,6 +27,7 @@ from tigas_common.errors import BrokenScene, OutOfDeviceMemory, Overloaded, Scen
 from tigas_common.wire.render import StartCamera
 from tigas_render.gaussians import Batches, Gaussians
 from tigas_render.raster.base import PreparedScene
+from tigas_render.scenes import directory as directory_module
 from tigas_render.scenes import registry as registry_module
 from tigas_render.scenes.directory import scan_directory
 from tigas_render.scenes.registry import SceneRegistry
@@ -450,6 +452,51 @@ async def test_scene_json_takes_the_place_of_a_derived_view(tmp_path: Path) -> N
     (folder / "scene.json").unlink()
     await registry.scan()
     assert registry.info("garden").camera == derived
+
+
+async def test_metadata_that_is_edited_while_a_scene_loads_holds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = make_scene(tmp_path / "garden")
+    registry = Bench(budget=10**6).registry(tmp_path)
+    await registry.scan()
+    loading, edited = threading.Event(), threading.Event()
+
+    def digest(_: object) -> str:
+        loading.set()
+        assert edited.wait(10)
+        return "00" * 32
+
+    monkeypatch.setattr(directory_module, "_sha256", digest)
+    loaded = asyncio.create_task(registry.load("garden"))
+    assert await asyncio.to_thread(loading.wait, 10)
+    (folder / "scene.json").write_text('{"camera": {"position": [1, 2, 3], "look_at": [0, 0, 0]}}')
+    await registry.scan()
+    edited.set()
+    await loaded
+    assert registry.info("garden").camera == StartCamera(position=(1, 2, 3), look_at=(0, 0, 0))
+    async with registry.use("garden") as scene:
+        assert scene.camera == registry.info("garden").camera
+
+
+async def test_scenes_stay_while_their_directory_cannot_be_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    make_scene(tmp_path / "garden")
+    registry = Bench(budget=10**6).registry(tmp_path)
+    await registry.scan()
+    await registry.load("garden")
+
+    def broken(_: Path) -> Iterator[Path]:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "iterdir", broken)
+        await registry.scan()
+    assert "Too many open files" in caplog.text
+    assert states(registry) == {"garden": "loaded"}
+    async with registry.use("garden"):
+        pass
 
 
 async def test_a_scene_has_the_digest_of_the_file_that_was_loaded(tmp_path: Path) -> None:

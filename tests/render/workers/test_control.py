@@ -1,4 +1,4 @@
-"""Messages to a process that does not read for some time."""
+"""Messages between processes."""
 
 from __future__ import annotations
 
@@ -10,6 +10,16 @@ import pytest
 from tigas_render.workers.control import MAX_UNSENT, Channel, NewCertificate, TicketTaken
 
 pytestmark = pytest.mark.anyio
+
+
+async def test_a_message_that_its_sender_did_not_end_is_none() -> None:
+    ours, theirs = socket.socketpair()
+    channel = await Channel.over(ours)
+    theirs.sendall(NewCertificate(pem=b"new").model_dump_json().encode() + b'\n{"kind": "ready", "li')
+    theirs.close()
+    async with asyncio.timeout(20):
+        assert [message async for message in channel] == [NewCertificate(pem=b"new")]
+    await channel.close()
 
 
 async def test_tickets_are_dropped_and_a_renewed_certificate_is_not() -> None:

@@ -115,9 +115,8 @@ class DownloadCache:
     def level(self, source: SceneSource, name: str) -> tuple[Path, str]:
         """One of the files of a streamed scene, and its version. Raises NoSuchDownload."""
         if self._limit and source.folder is not None and source.format == FORMAT:
-            path = streamable(source.folder, name)
-            if path is not None:
-                with contextlib.suppress(OSError):  # it was removed meanwhile
+            with contextlib.suppress(OSError):  # it was removed meanwhile, or its name is too long
+                if (path := streamable(source.folder, name)) is not None:
                     status = path.stat()
                     return path, f"{status.st_mtime_ns:x}-{status.st_size:x}"
         raise NoSuchDownload(f"{source.name} has no file {name[:100]!r} to stream.")

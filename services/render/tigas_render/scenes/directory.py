@@ -15,6 +15,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import re
+import unicodedata
 from functools import lru_cache
 from pathlib import Path
 
@@ -32,28 +33,27 @@ from tigas_render.scenes.streamed_sog import LOD_META, read_streamed_sog
 
 _log = logging.getLogger(__name__)
 
-SAFE_NAME = re.compile(r"\w[\w .()+-]{0,127}")
-"""Pattern of an id."""
+_SAFE_NAME = re.compile(r"\w[\w .()+-]{0,127}")
 ENDINGS = (".ply", ".sog", ".spz", ".splat")
 """Endings of files considered as scenes before their content is checked; among several files, the first ending wins."""
 
 
 def scan_directory(directory: Path) -> dict[str, SceneSource]:
-    """Every scene of a models directory by id, broken ones included. A directory that cannot be read has none."""
+    """Every scene of a models directory by id, broken ones included. Raises OSError as `scene_paths` does."""
     return {id: read_source(path) for id, path in sorted(scene_paths(directory).items())}
 
 
 def scene_paths(directory: Path) -> dict[str, Path]:
-    """The folder or the file of each scene, by id."""
+    """The folder or the file of each scene, by id; none if there is no such directory. Raises OSError."""
     try:
         entries = [path for path in directory.iterdir() if not path.name.startswith(".")]
-    except OSError as error:
-        _log.warning("The models directory %s cannot be read: %s", directory, error.strerror or error)
+    except FileNotFoundError:
+        _log.warning("There is no models directory %s", directory)
         return {}
     paths: dict[str, Path] = {}
     for path in sorted((path for path in entries if _is_folder(path) or _is_scene_file(path)), key=_rank):
         id = path.name if _is_folder(path) else scene_id(path)
-        if not SAFE_NAME.fullmatch(id):
+        if not is_safe_name(id):
             what = "folder" if _is_folder(path) else "file"
             _log.warning("Skipped the %s %r: its name has characters that an id may not have", what, path.name)
         elif id in paths:
@@ -61,6 +61,12 @@ def scene_paths(directory: Path) -> dict[str, Path]:
         else:
             paths[id] = path
     return paths
+
+
+def is_safe_name(id: str) -> bool:
+    """Whether a scene may have an id: letters, with their combining marks, digits, spaces and _.()+-."""
+    plain = "".join(character for character in id[1:] if not unicodedata.category(character).startswith("M"))
+    return _SAFE_NAME.fullmatch(id[:1] + plain) is not None
 
 
 def _rank(path: Path) -> tuple[int, str]:

@@ -24,7 +24,7 @@ from tigas_common.limits import IdleTimeout
 from tigas_common.parsing import parse
 from tigas_common.wire.render import SceneEdit
 from tigas_render.local_files import locked, locked_directory
-from tigas_render.scenes.directory import SAFE_NAME, read_scene_file, scene_paths
+from tigas_render.scenes.directory import is_safe_name, read_scene_file, scene_paths
 from tigas_render.scenes.registry import BUILTIN
 from tigas_render.scenes.scene_file import Listener, SceneFile
 from tigas_render.scenes.sog_files import META
@@ -80,7 +80,7 @@ def add_scene(source: str, directory: Path, id: str | None, listener: Listener, 
 
 def check_free(directory: Path, id: str) -> None:
     """Whether a scene can be called so. Raises NotAdded."""
-    if not SAFE_NAME.fullmatch(id):
+    if not is_safe_name(id):
         raise NotAdded(f"{id[:100]!r} cannot be a scene's name: use only letters, digits, spaces and _.()+-.")
     if (size := len(id.encode())) > MAX_ID_BYTES:
         raise NotAdded(f"A scene's name has at most {MAX_ID_BYTES} bytes in UTF-8, and this one has {size}.")

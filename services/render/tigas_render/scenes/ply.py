@@ -46,8 +46,10 @@ REQUIRED = (
 )
 
 _END = re.compile(rb"^end_header *\r?\n", re.MULTILINE)
-_LINE = re.compile(rb" *|[!-~][ -~]*|(comment|obj_info)[\t -~]*")
+_LINE = re.compile(rb" *|[!-~][ -~]*|(comment|obj_info)[\t -~\x80-\xff]*")
 """Without its end. plyfile takes more for white space, and would see elements where `_ELEMENT` sees none."""
+_NOT_ASCII = re.compile(rb"[\x80-\xff]")
+"""Possible in comments only, such as names and paths, and not read by plyfile."""
 _ELEMENT = re.compile(rb"^(element +([!-~]+) +)([0-9]+) *(\r?)$", re.MULTILINE)
 
 
@@ -123,7 +125,7 @@ def read_layout(path: Path) -> Layout:
     header, counts = _header_and_counts(path.name, start, file_bytes)
     try:
         # plyfile would continue with the elements, so it gets an empty file
-        ply = PlyData.read(io.BytesIO(_ELEMENT.sub(rb"\g<1>0\4", header)))
+        ply = PlyData.read(io.BytesIO(_ELEMENT.sub(rb"\g<1>0\4", _NOT_ASCII.sub(b"?", header))))
     except (PlyParseError, ValueError, UnicodeDecodeError) as error:
         reason = textwrap.shorten(str(error), 120, placeholder=" …").rstrip(".")
         raise BrokenScene(f"{path.name} has a broken PLY header: {reason}.") from None

@@ -79,15 +79,18 @@ class SceneRegistry:
     async def scan(self) -> None:
         """Rescan the models directory: adds and removes scenes, and retries changed and broken ones.
 
-        Loaded scenes with an unchanged file stay loaded. Scans run one at a time, so that an older listing never
-        replaces a newer one; concurrent callers share the next scan.
+        Loaded scenes with an unchanged file stay loaded, and all scenes stay if the directory cannot be read. Scans run
+        one at a time, so that an older listing never replaces a newer one; concurrent callers share the next scan.
         """
         self._scans_asked += 1
         asked = self._scans_asked
         async with self._scanning:
             if self._scans_done < asked:
                 started = self._scans_asked
-                self._apply(*await asyncio.to_thread(self._scan))
+                try:
+                    self._apply(*await asyncio.to_thread(self._scan))
+                except OSError as error:
+                    _log.warning("%s cannot be read: %s", self._directory, error.strerror or error)
                 self._scans_done = started
 
     def _scan(self) -> tuple[Mapping[str, SceneSource], Mapping[str, StartView]]:
@@ -262,7 +265,10 @@ class SceneRegistry:
         except Exception as error:
             return self._failed(entry, error)
         else:
-            entry.loaded, entry.view, entry.last_used = loaded, loaded.view, self._clock()
+            # by a scan meanwhile, the metadata may be other
+            view = given_view(entry.source.metadata) or _turned(loaded.view, entry.source) or loaded.view
+            entry.loaded = replace(loaded, source=entry.source, view=view)
+            entry.view, entry.last_used = view, self._clock()
             _log.info("Loaded %s: %d Gaussians, %.1f MB", source.id, loaded.gaussians, loaded.prepared.nbytes / 1e6)
             return None
         finally:

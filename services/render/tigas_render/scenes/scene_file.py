@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+import mmap
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -160,6 +161,8 @@ class Table:
     """Bytes before the first."""
     count: int
     dtype: np.dtype[np.void]
+    step: int = 1
+    """Rows of the file for each row of the table."""
 
     @property
     def end(self) -> int:
@@ -167,20 +170,24 @@ class Table:
 
     def every(self, step: int) -> Table:
         """Every nth row, as a table."""
-        fields = {name: field[:2] for name, field in (self.dtype.fields or {}).items()}
-        spread = np.dtype(
-            {
-                "names": list(fields),
-                "formats": [kind for kind, _ in fields.values()],
-                "offsets": [offset for _, offset in fields.values()],
-                "itemsize": step * self.dtype.itemsize,
-            }
-        )
-        return Table(self.offset, self.count // step, spread)
+        return replace(self, count=self.count // step, step=step)
 
     def rows(self, file: io.BufferedReader, start: int, stop: int) -> Rows:
-        # a mapping each time: pages of earlier ones do not stay resident, as they would with one mapping of the file
-        return np.memmap(file, self.dtype, "r", self.offset + start * self.dtype.itemsize, (stop - start,))
+        """Read rows. Raises OSError, and BrokenScene if the file has become shorter.
+
+        The file is not mapped: whoever shortens a mapped file ends the process (SIGBUS).
+        """
+        size, fd = self.dtype.itemsize, file.fileno()
+        stride = self.step * size
+        begin = self.offset + start * stride
+        if stride <= mmap.PAGESIZE:  # the system reads every page anyway
+            data = os.pread(fd, (stop - start - 1) * stride + size, begin)
+        else:
+            data = b"".join([os.pread(fd, size, begin + row * stride) for row in range(stop - start)])
+            stride = size
+        if len(data) < (stop - start - 1) * stride + size:
+            raise _changed(Path(file.name))
+        return np.ndarray((stop - start,), self.dtype, data, strides=(stride,))
 
 
 def blocks(count: int, listener: Listener) -> Iterator[slice]:
@@ -198,8 +205,12 @@ def blocks_of_file(
     with open_regular(path) as file:
         for rows in blocks(count, listener):
             if os.fstat(file.fileno()).st_size != file_bytes:
-                raise BrokenScene(f"{path.name} changed while it was being read; load it again.")
+                raise _changed(path)
             yield file, rows
+
+
+def _changed(path: Path) -> BrokenScene:
+    return BrokenScene(f"{path.name} changed while it was being read; load it again.")
 
 
 def read_start(path: Path, limit: int) -> tuple[bytes, int]:

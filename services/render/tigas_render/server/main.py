@@ -30,6 +30,8 @@ logger = logging.getLogger(__name__)
 
 LOST_GRACE_S = 5.0
 """Seconds that a process has to exit once its device is lost."""
+MOST_BROKEN = 20
+"""Broken scenes that the start message names."""
 SWITCH_S = 0.0001
 """How often Python's threads take turns, in seconds: at the default, 5 ms, a busy event loop makes each frame late."""
 
@@ -128,9 +130,10 @@ def announcement(service: RenderService, http_port: int, devices: Sequence[str])
     service.url = f"http://{http.reachable_host}:{http.port}"
     lines = []
     scenes = service.registry.infos()
-    for scene in scenes:
-        if scene.state == "broken":
-            lines.append(printable(f"  {scene.id} is left out: {scene.error}"))
+    broken = [scene for scene in scenes if scene.state == "broken"]
+    lines += [printable(f"  {scene.id} is left out: {scene.error}") for scene in broken[:MOST_BROKEN]]
+    if len(broken) > MOST_BROKEN:
+        lines.append(f"  {len(broken) - MOST_BROKEN} more are left out.")
     usable = sum(scene.state != "broken" for scene in scenes)
     lines.append(f"{usable} {'scene' if usable == 1 else 'scenes'} ready on {', '.join(devices)}.")
     folder = service.settings.scenes

@@ -50,7 +50,13 @@ async def public_servers(
     async with AsyncExitStack() as stack:
         app = await stack.enter_async_context(Upstreams.around(app, settings.upstreams, origins, edges))
         app = LoopShare(app, limits.loop_share_per_address, origins)
-        if quic is not None:
+        if https is not None:
+            tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+            certificate.load_into(tls)
+            users.append(lambda renewed: renewed.load_into(tls))
+            await stack.enter_async_context(serve_listener(app, https, limits, tls, websockets=True))
+        await stack.enter_async_context(serve_listener(app, http, limits, websockets=True))
+        if quic is not None:  # closed first: viewers are told, while HTTP/1.1 may wait for long answers
             server = Http3Server(
                 app,
                 certificate=certificate,
@@ -64,12 +70,6 @@ async def public_servers(
             )
             await stack.enter_async_context(server)
             users.append(server.replace_certificate)
-        if https is not None:
-            tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-            certificate.load_into(tls)
-            users.append(lambda renewed: renewed.load_into(tls))
-            await stack.enter_async_context(serve_listener(app, https, limits, tls, websockets=True))
-        await stack.enter_async_context(serve_listener(app, http, limits, websockets=True))
 
         def renew(renewed: Certificate) -> None:
             for use in users:

@@ -149,7 +149,7 @@ class Channel:
     async def __aiter__(self) -> AsyncIterator[Message]:
         """The messages from the other side, until it ends."""
         try:
-            while line := await self._reader.readline():
+            while (line := await self._reader.readline()).endswith(b"\n"):  # not cut off by its sender's end
                 yield _MESSAGE.validate_json(line)
         except ConnectionError:
             pass
