@@ -98,7 +98,7 @@ def check_rights() -> None:
 def find_interface(text: str) -> Interface:
     """An interface by its name, or by an IPv4 network that it has an address in. Raises StartError."""
     try:
-        network = ipaddress.IPv4Network(text)
+        network = ipaddress.IPv4Network(text, strict=False)
     except ValueError:
         try:
             interface = Interface(text)
