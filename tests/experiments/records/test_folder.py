@@ -31,6 +31,7 @@ from tigas_experiments.records.samples import (
     write_sample_file,
     write_samples,
 )
+from tigas_experiments.records.statistics import IN_TIME
 from tigas_experiments.records.summary import summarise
 from tigas_experiments.wire.recording import Input, Reply, Sample, ShownFrame, Traffic
 
@@ -51,9 +52,10 @@ def test_what_is_written_comes_back(tmp_path: Path) -> None:
     assert stored.read(CaptureQuality)[0].seen == Quality(psnr_db=18.0, ssim=0.5)
     figures = summarise(tmp_path / "run").figures
     assert figures is not None
-    assert (figures.latencies.p50, figures.latencies.share_interactive) == (40, 1.0)
-    assert (figures.received_kbps, figures.delivered_kbps, figures.target_kbps) == (1000, 5000, 20_000)
-    assert figures.trace_start_ms == 12
+    assert (figures.values["motion_to_photon_p50_ms"], figures.values[IN_TIME]) == (40, 100)
+    rates = ("received_mbit_s", "over_link_mbit_s", "link_mbit_s")
+    assert [figures.values[name] for name in rates] == [1, 5, 20]
+    assert figures.values["trace_began_s"] == 0.012
 
 
 def test_replies_come_back_and_may_be_missing(tmp_path: Path) -> None:
@@ -116,7 +118,7 @@ def test_a_file_that_breaks_off_costs_its_run_alone(tmp_path: Path, length: int)
     summary = summarise(tmp_path / "run")
     if length == 0:  # no frame was ever shown
         assert summary.figures
-        assert summary.figures.latencies.p50 is None
+        assert summary.figures.values["motion_to_photon_p50_ms"] == math.inf
         return
     assert summary.figures is None
     assert summary.problem is not None

@@ -12,9 +12,10 @@ from tests.experiments.made_up import configuration
 from tests.experiments.report.synthetic_results import download, groups, write_run
 from tigas_common.errors import StartError
 from tigas_experiments.records.folder import ExperimentRecord
+from tigas_experiments.records.statistics import IN_TIME
 from tigas_experiments.report.estimates import Estimate
 from tigas_experiments.report.groups import Groups, choose_baseline, runs_behind
-from tigas_experiments.report.metrics import IN_TIME, METRICS
+from tigas_experiments.report.metrics import METRICS
 from tigas_experiments.report.run_table import Block, load
 from tigas_experiments.report.tables import overall_markdown
 from tigas_experiments.report.warnings import warnings

@@ -412,5 +412,4 @@ def test_what_they_say_is_a_figure_of_the_run(tmp_path: Path) -> None:
     write_scores(run, [*seen, Score(seq=1, picture="original", digest="x", lpips=0.9)])
     figures = summarise(run).figures
     assert figures is not None
-    assert figures.quality is not None
-    assert figures.quality.seen_lpips == pytest.approx(0.3)
+    assert figures.values["seen_lpips"] == pytest.approx(0.3)

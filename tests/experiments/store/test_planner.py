@@ -18,7 +18,7 @@ from tigas_common.errors import StartError
 from tigas_common.offload import Limit
 from tigas_common.wire.render import SceneInfo, ServerConfig
 from tigas_experiments.quality.ground_truth import GroundTruth
-from tigas_experiments.quality.picture import decode
+from tigas_experiments.quality.picture import CaptureQuality, decode
 from tigas_experiments.records.folder import StoredRun, read_snapshot
 from tigas_experiments.run.experiment import GIVE_UP_AFTER
 from tigas_experiments.store import planner
@@ -361,10 +361,12 @@ async def test_captures_are_compared_with_ground_truth(store: Running, monkeypat
     first = asyncio.create_task(store.http.post(f"{run}/complete"))
     again = await store.http.post(f"{run}/complete")  # as by a page that lost its connection meanwhile
     row = (await first).json()
-    assert (row["status"], row["figures"]["quality"]["pictures"]) == ("complete", 1)
+    assert row["status"] == "complete"
     assert again.json() == row
     assert (await store.http.post(f"{run}/complete")).json() == row
-    assert row["figures"]["quality"]["seen_psnr_db"] == 100
+    (compared,) = StoredRun(folder).read(CaptureQuality)
+    assert compared.seen is not None
+    assert compared.seen.psnr_db == 100
     assert read_snapshot(folder) is not None
     late = await store.http.put(f"{run}/captures/0000.png", content=png())
     assert (late.status_code, late.json()["type"]) == (409, "tigas:run-complete")

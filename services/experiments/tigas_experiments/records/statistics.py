@@ -1,5 +1,8 @@
 """Figures of a run from its records, as defined in docs/experiments.md. All functions are pure.
 
+Functions of several figures return them by the names of `report.metrics.METRICS`: None if there is nothing to measure,
+inf if too many inputs were never answered.
+
 Every mode is measured from the same two lists, the sampled poses and the displayed frames, independently of a player's
 own notion of latency or stalls. A reprojected frame has two poses: `content`, the pose of its pixels, and `view`, the
 displayed pose. Latency, ages and new views refer to contents by default.
@@ -14,26 +17,14 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from typing import TypeVar, get_args
 
-from tigas_experiments.wire.figures import (
-    AGE_EVERY_MS,
-    INTERACTIVE_MS,
-    USUAL_INTERVAL_MS,
-    ContentAges,
-    FrameAges,
-    Freezes,
-    Latencies,
-    Rates,
-    RenderTimes,
-    Requests,
-    ResponseTimes,
-    Rungs,
-    ViewLatencies,
-    WarpTimes,
-)
+from tigas_experiments.wire.figures import AGE_EVERY_MS, INTERACTIVE_MS, USUAL_INTERVAL_MS
 from tigas_experiments.wire.recording import Fate, Input, Reply, Request, ShownFrame, Traffic
 
 FREEZE_MS, FREEZE_HISTORY = 150.0, 30
 """Constants of W3C webrtc-stats."""
+IN_TIME = f"inputs_within_{INTERACTIVE_MS:g}ms_pct"
+"""Name of the share of the inputs that were shown at once."""
+Values = dict[str, float | None]
 PoseOf = Callable[[ShownFrame], int]
 T = TypeVar("T")
 
@@ -65,29 +56,32 @@ def answers(inputs: Sequence[Input], frames: Sequence[ShownFrame], of: PoseOf = 
     return latencies
 
 
-def latencies(
-    inputs: Sequence[Input], frames: Sequence[ShownFrame], interval_ms: float = USUAL_INTERVAL_MS
-) -> Latencies:
-    """Percentiles over all inputs, unanswered ones counted as slower than any; `interval_ms` is the display's."""
+def latencies(inputs: Sequence[Input], frames: Sequence[ShownFrame], interval_ms: float = USUAL_INTERVAL_MS) -> Values:
+    """Motion-to-photon latency of the content: until pixels of a pose or of a later one were on screen.
+
+    Over all inputs, unanswered ones counted as slower than any; `interval_ms` is the display's.
+    """
     values = answers(inputs, frames)
 
-    def share(limit: float) -> float | None:
-        return sum(value <= limit for value in values) / len(values) if values else None
+    def within(limit: float) -> float | None:
+        return sum(value <= limit for value in values) / len(values) * 100 if values else None
 
-    return Latencies(
-        inputs=len(values),
-        missed=sum(entry.missed for entry in inputs),
-        unanswered=sum(map(math.isinf, values)),
-        **_percentiles(values, 50, 90, 95, 99),
-        share_interactive=share(INTERACTIVE_MS),
-        share_frame_less=share(INTERACTIVE_MS - interval_ms),
-        share_frame_more=share(INTERACTIVE_MS + interval_ms),
-    )
+    return {
+        "inputs": len(values),
+        "inputs_missed": sum(entry.missed for entry in inputs),
+        "inputs_unanswered": sum(map(math.isinf, values)),
+        **_percentiles("motion_to_photon", values, 50, 90, 95, 99),
+        IN_TIME: within(INTERACTIVE_MS),
+        "inputs_within_a_frame_less_pct": within(INTERACTIVE_MS - interval_ms),
+        "inputs_within_a_frame_more_pct": within(INTERACTIVE_MS + interval_ms),
+    }
 
 
-def view_latencies(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> ViewLatencies:
-    values = answers(inputs, frames, view)
-    return ViewLatencies(unanswered=sum(map(math.isinf, values)), **_percentiles(values, 50, 90, 95, 99))
+def view_latencies(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> Values:
+    """Time until the picture on screen was warped to a pose or to a later one, whatever the age of its pixels; without
+    warping, motion-to-photon latency.
+    """
+    return _percentiles("view_latency", answers(inputs, frames, view), 50, 90, 95, 99)
 
 
 def new_views(frames: Sequence[ShownFrame], of: PoseOf = content) -> list[ShownFrame]:
@@ -105,10 +99,9 @@ def ages_when_new(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> list
     return [(frame.at, frame.at - sampled[frame.pose]) for frame in new_views(frames) if frame.pose in sampled]
 
 
-def frame_ages(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> FrameAges:
+def frame_ages(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> Values:
     """Ages over the frames, where `latencies` is over the inputs: inputs without a request do not count here."""
-    values = [ms for _, ms in ages_when_new(inputs, frames)]
-    return FrameAges(frames=len(values), mean=mean(values), **_percentiles(values, 50, 95))
+    return _times("frame_age", [ms for _, ms in ages_when_new(inputs, frames)], 50, 95)
 
 
 def age_parts(inputs: Sequence[Input], frames: Sequence[ShownFrame], replies: Sequence[Reply]) -> dict[str, float]:
@@ -141,8 +134,10 @@ def age_parts(inputs: Sequence[Input], frames: Sequence[ShownFrame], replies: Se
 
 def content_ages(
     inputs: Sequence[Input], frames: Sequence[ShownFrame], duration_ms: float, interval_ms: float = USUAL_INTERVAL_MS
-) -> ContentAges:
-    """At ticks of AGE_EVERY_MS until the movement's end. 0 while the picture is from the viewer's current pose;
+) -> Values:
+    """How long ago the viewer was last where the picture on the screen is from; None if the viewer did not move.
+
+    At ticks of AGE_EVERY_MS until the movement's end. 0 while the picture is from the viewer's current pose;
     otherwise the time since the last frame of the display, one every `interval_ms`, at which it still was.
     """
     poses = [entry.pose for entry in inputs]
@@ -155,29 +150,33 @@ def content_ages(
         newer = bisect_right(poses, shown)
         left = newer < len(inputs) and inputs[newer].at <= at
         ages.append(at - inputs[newer].at + interval_ms if left else 0.0)
-    return ContentAges(mean=mean(ages), **_percentiles(ages, 50, 95))
+    return _times("content_age", ages, 50, 95)
 
 
-def response_times(replies: Sequence[Reply]) -> ResponseTimes:
-    """Without the page's part: its wait for a request, decoding and the screen."""
-    values = [reply.time_ms for reply in replies if reply.asked_at >= 0]
-    return ResponseTimes(replies=len(values), mean=mean(values), **_percentiles(values, 50, 95))
+def response_times(replies: Sequence[Reply]) -> Values:
+    """From sending a request to the last byte of its frame, as the paper has it.
+
+    Without the page's part: its wait for a request, decoding and the screen.
+    """
+    return _times("response_time", [reply.time_ms for reply in replies if reply.asked_at >= 0], 50, 95)
 
 
-def requests(sent: Sequence[Request]) -> Requests | None:
+def requests(sent: Sequence[Request]) -> Values:
+    """Numbers of requests by their fate; none of DASH, and of early recordings."""
     fates = Counter(request.fate for request in sent)
-    return Requests(sent=len(sent), **{fate: fates[fate] for fate in get_args(Fate)}) if sent else None
+    return {"requests_sent": len(sent), **{f"requests_{fate}": fates[fate] for fate in get_args(Fate)}} if sent else {}
 
 
-def render_times(replies: Sequence[Reply]) -> RenderTimes:
+def render_times(replies: Sequence[Reply]) -> Values:
+    """Server times of received frames."""
     values = [reply.server.render for reply in replies if reply.asked_at >= 0 and reply.server is not None]
-    return RenderTimes(mean=mean(values), **_percentiles(values, 50))
+    return _times("render", values, 50)
 
 
-def freezes(inputs: Sequence[Input], frames: Sequence[ShownFrame], ended_ms: float) -> Freezes:
-    """Gaps in which the picture was neither new nor turned, and that W3C webrtc-stats would count in `freezeCount`: at
-    least max(3δ, δ + 150 ms) long, δ the mean of the last 30 gaps. Time in which the viewer stood still does not count;
-    nor does constant latency.
+def freezes(inputs: Sequence[Input], frames: Sequence[ShownFrame], ended_ms: float) -> list[float]:
+    """Gaps, in ms, in which the picture was neither new nor turned, and that W3C webrtc-stats would count in
+    `freezeCount`: at least max(3δ, δ + 150 ms) long, δ the mean of the last 30 gaps. Time in which the viewer stood
+    still does not count; nor does constant latency.
     """
     gaps: deque[float] = deque(maxlen=FREEZE_HISTORY)
     long: list[float] = []
@@ -186,7 +185,7 @@ def freezes(inputs: Sequence[Input], frames: Sequence[ShownFrame], ended_ms: flo
         if gap >= max(3 * usual, usual + FREEZE_MS):
             long.append(gap)
         gaps.append(gap)
-    return Freezes(count=len(long), total_ms=sum(long), longest_ms=max(long, default=0.0))
+    return long
 
 
 def _gaps(inputs: Sequence[Input], views: Sequence[ShownFrame], ended_ms: float) -> Iterator[float]:
@@ -205,12 +204,11 @@ def _gaps(inputs: Sequence[Input], views: Sequence[ShownFrame], ended_ms: float)
         yield ended_ms - inputs[0].at
 
 
-def rates(frames: Sequence[ShownFrame], duration_ms: float) -> Rates:
-    """Numbers of frames and of new views during the movement."""
+def rates(frames: Sequence[ShownFrame], duration_ms: float) -> Values:
+    """Frames and new views during the movement."""
     during = [frame for frame in frames if 0 <= frame.at <= duration_ms]
-    new = len(new_views(during))
     seconds = duration_ms / 1000
-    return Rates(shown=len(during), per_s=len(during) / seconds, new_views=new, new_views_per_s=new / seconds)
+    return {"frames_per_s": len(during) / seconds, "new_views_per_s": len(new_views(during)) / seconds}
 
 
 def _lasting(
@@ -222,17 +220,19 @@ def _lasting(
     return [(value, until - at) for (at, value), until in zip(known, ends, strict=False)]
 
 
-def rungs(frames: Sequence[ShownFrame], duration_ms: float) -> Rungs:
+def rungs(frames: Sequence[ShownFrame], duration_ms: float) -> dict[int, float]:
     """Each rung's share of the time that a frame of a known rung was on the screen, until the movement's end."""
-    spans = _lasting(frames, duration_ms, lambda frame: frame.rung)
     lasted: dict[int, float] = {}
-    for rung, time in spans:
+    for rung, time in _lasting(frames, duration_ms, lambda frame: frame.rung):
         lasted[rung] = lasted.get(rung, 0.0) + time
     total = sum(lasted.values())
-    return Rungs(
-        share={rung: time / total for rung, time in sorted(lasted.items())} if total > 0 else {},
-        switches=sum(before != after for (before, _), (after, _) in pairwise(spans)),
-    )
+    return {rung: time / total for rung, time in sorted(lasted.items())} if total > 0 else {}
+
+
+def rung_changes(frames: Sequence[ShownFrame], duration_ms: float) -> int:
+    """How often the known rung on the screen changed."""
+    spans = _lasting(frames, duration_ms, lambda frame: frame.rung)
+    return sum(before != after for (before, _), (after, _) in pairwise(spans))
 
 
 def mean_height(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
@@ -258,10 +258,10 @@ def filled(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
     return _weighted_mean(_lasting(frames, duration_ms, lambda frame: frame.filled))
 
 
-def warp_times(frames: Sequence[ShownFrame], duration_ms: float) -> WarpTimes:
-    """Times of the pictures that the page reprojected until the movement's end."""
+def warp_times(frames: Sequence[ShownFrame], duration_ms: float) -> Values:
+    """How long turning a picture kept the page's main thread, until the movement's end."""
     values = [frame.warp_ms for frame in frames if frame.warp_ms is not None and 0 <= frame.at <= duration_ms]
-    return WarpTimes(mean=mean(values), **_percentiles(values, 95))
+    return _times("warp", values, 95)
 
 
 def received_kbps(traffic: Sequence[Traffic], duration_ms: float) -> float | None:
@@ -286,7 +286,10 @@ def mean(values: Sequence[float]) -> float | None:
     return sum(values) / len(values) if values else None
 
 
-def _percentiles(values: Sequence[float], *ranks: int) -> dict[str, float | None]:
-    """Fields such as p50; None for infinite percentiles."""
-    found = {rank: percentile(values, rank / 100) for rank in ranks}
-    return {f"p{rank}": None if value is None or math.isinf(value) else value for rank, value in found.items()}
+def _times(name: str, values: Sequence[float], *ranks: int) -> Values:
+    """Mean and percentiles of times in ms."""
+    return {f"{name}_mean_ms": mean(values), **_percentiles(name, values, *ranks)}
+
+
+def _percentiles(name: str, values: Sequence[float], *ranks: int) -> Values:
+    return {f"{name}_p{rank}_ms": percentile(values, rank / 100) for rank in ranks}

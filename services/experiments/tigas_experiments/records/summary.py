@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+from pydantic import BaseModel
 
 from tigas_common.wire.model import WireModel
 from tigas_experiments.quality.picture import CaptureQuality
@@ -12,8 +15,17 @@ from tigas_experiments.records import statistics
 from tigas_experiments.records.files import BrokenRecording
 from tigas_experiments.records.folder import RunRecord, StoredRun
 from tigas_experiments.records.scores import Score, read_scores
-from tigas_experiments.wire.figures import USUAL_INTERVAL_MS, Figures, QualityFigures
+from tigas_experiments.wire.figures import USUAL_INTERVAL_MS
 from tigas_experiments.wire.recording import Input, LinkSample, Recording, Reply, Request, ShownFrame, Traffic
+
+
+class Figures(BaseModel):
+    """Figures of a complete run."""
+
+    values: dict[str, float | None]
+    """By the names of `report.metrics.METRICS`; those that were not measured are None or missing."""
+    rungs: dict[int, float]
+    """Each rung's share of the time on the screen."""
 
 
 class Summary(WireModel):
@@ -83,44 +95,61 @@ def read(folder: Path) -> tuple[Summary, Records | None]:
 def figures(records: Records) -> Figures:
     recording, link = records.recording, records.link
     inputs, frames, duration = recording.inputs, recording.frames, recording.duration_ms
-    interval = recording.display_interval_ms or USUAL_INTERVAL_MS
-    start = next((sample for sample in link if sample.position_ms is not None), None)
-    return Figures(
-        latencies=statistics.latencies(inputs, frames, interval),
-        view_latencies=statistics.view_latencies(inputs, frames),
-        frame_ages=statistics.frame_ages(inputs, frames),
-        content_ages=statistics.content_ages(inputs, frames, duration, interval),
-        response_times=statistics.response_times(recording.replies),
-        requests=statistics.requests(recording.requests),
-        render_times=statistics.render_times(recording.replies),
-        frames=statistics.rates(frames, duration),
-        freezes=statistics.freezes(inputs, frames, recording.ended_ms),
-        rungs=statistics.rungs(frames, duration),
-        mean_height=statistics.mean_height(frames, duration),
-        median_height=statistics.median_height(frames, duration),
-        filled=statistics.filled(frames, duration),
-        warp_times=statistics.warp_times(frames, duration),
-        received_kbps=statistics.received_kbps(recording.traffic, duration),
-        delivered_kbps=statistics.mean_over_time([(sample.at, sample.delivered_kbps) for sample in link]),
-        sent_kbps=statistics.mean_over_time([(sample.at, sample.up_delivered_kbps) for sample in link]),
-        target_kbps=statistics.mean_over_time([(sample.at, sample.target_kbps) for sample in link]),
-        trace_start_ms=None if start is None or start.position_ms is None else start.position_ms - start.at,
-        drops=link[-1].drops - link[0].drops if link else None,
-        quality=_quality(records.quality, records.scores) if records.quality else None,
-    )
+    interval, minutes = recording.display_interval_ms or USUAL_INTERVAL_MS, duration / 60_000
+    parts = statistics.age_parts(inputs, frames, recording.replies)
+    frozen = statistics.freezes(inputs, frames, recording.ended_ms)
+    rungs = statistics.rungs(frames, duration)
+    values: statistics.Values = {
+        **statistics.latencies(inputs, frames, interval),
+        **statistics.view_latencies(inputs, frames),
+        **statistics.frame_ages(inputs, frames),
+        **{f"age_{part}_ms": ms for part, ms in parts.items()},
+        **statistics.content_ages(inputs, frames, duration, interval),
+        **statistics.response_times(recording.replies),
+        **statistics.requests(recording.requests),
+        **statistics.render_times(recording.replies),
+        **statistics.rates(frames, duration),
+        "freezes_per_min": len(frozen) / minutes,
+        "frozen_s": sum(frozen) * 1e-3,
+        "mean_height_px": statistics.mean_height(frames, duration),
+        "median_height_px": statistics.median_height(frames, duration),
+        "border_filled_pct": _scaled(statistics.filled(frames, duration), 100),
+        **statistics.warp_times(frames, duration),
+        "received_mbit_s": _scaled(statistics.received_kbps(recording.traffic, duration), 1e-3),
+        **_link(link),
+        **(_quality(records.quality, records.scores) if records.quality else {}),
+    }
+    if rungs:
+        values["mean_profile"] = sum(rung * share for rung, share in rungs.items())
+        values["profile_changes_per_min"] = statistics.rung_changes(frames, duration) / minutes
+    if (local := recording.local) is not None:
+        for name, ms in (("first_picture_s", local.first_picture_ms), ("whole_scene_s", local.complete_ms)):
+            values[name] = math.inf if ms is None else (local.began_ms + ms) / 1000
+    return Figures(values=values, rungs=rungs)
 
 
-def _quality(entries: Sequence[CaptureQuality], scores: Sequence[Score]) -> QualityFigures:
-    means: dict[str, float | None] = {}
+def _link(samples: Sequence[LinkSample]) -> statistics.Values:
+    delivered = statistics.mean_over_time([(sample.at, sample.delivered_kbps) for sample in samples])
+    target = statistics.mean_over_time([(sample.at, sample.target_kbps) for sample in samples])
+    began = next((sample.position_ms - sample.at for sample in samples if sample.position_ms is not None), None)
+    return {
+        "over_link_mbit_s": _scaled(delivered, 1e-3),
+        "link_mbit_s": _scaled(target, 1e-3),
+        "trace_began_s": _scaled(began, 1e-3),
+        "lost_packets": samples[-1].drops - samples[0].drops if samples else None,
+    }
+
+
+def _quality(entries: Sequence[CaptureQuality], scores: Sequence[Score]) -> statistics.Values:
+    means: statistics.Values = {}
     for name in ("picture", "view", "seen"):
         known = [quality for entry in entries if (quality := getattr(entry, name)) is not None]
         means[f"{name}_psnr_db"] = statistics.mean([quality.psnr_db for quality in known])
         means[f"{name}_ssim"] = statistics.mean([quality.ssim for quality in known])
-    return QualityFigures(
-        pictures=len(entries),
-        **means,
-        uncovered=statistics.mean([entry.uncovered for entry in entries if entry.uncovered is not None]),
-        seen_lpips=statistics.mean(
-            [score.lpips for score in scores if score.picture == "seen" and score.lpips is not None]
-        ),
-    )
+    uncovered = statistics.mean([entry.uncovered for entry in entries if entry.uncovered is not None])
+    lpips = [score.lpips for score in scores if score.picture == "seen" and score.lpips is not None]
+    return {**means, "border_never_seen_pct": _scaled(uncovered, 100), "seen_lpips": statistics.mean(lpips)}
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor

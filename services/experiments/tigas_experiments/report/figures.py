@@ -16,9 +16,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from tigas_experiments.records.statistics import IN_TIME
 from tigas_experiments.report.controllers import Controller, Look
 from tigas_experiments.report.groups import Group, Groups, runs_behind
-from tigas_experiments.report.metrics import IN_TIME, PART_TITLES, Metric, chosen
+from tigas_experiments.report.metrics import PART_TITLES, Metric, chosen
 from tigas_experiments.report.plot import (
     MOST_COLUMNS,
     PAPER,

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
-from tigas_experiments.wire.figures import INTERACTIVE_MS, USUAL_INTERVAL_MS, Figures
-from tigas_experiments.wire.recording import RecordingHead
+from tigas_experiments.records.statistics import IN_TIME
+from tigas_experiments.wire.figures import INTERACTIVE_MS, USUAL_INTERVAL_MS
 
 Value = float | None
 NEVER = "never"
@@ -35,20 +34,8 @@ class Metric:
     unit: str
     digits: int
     better: Literal["low", "high"] | None
-    source: str = ""
-    """Attribute path below `Figures`; empty for a figure that `values_of` computes."""
-    scale: float = 1.0
     at_frames: bool = False
     """Whether values are times of display frames."""
-
-    def of(self, figures: Figures) -> Value:
-        """Value at the source; None if it was not measured."""
-        found: Any = figures
-        for name in self.source.split("."):
-            parent, found = found, getattr(found, name)
-            if found is None:
-                return math.inf if getattr(parent, "unanswered", 0) else None
-        return float(found) * self.scale
 
     @property
     def step(self) -> float:
@@ -65,21 +52,7 @@ class Metric:
         return NEVER if math.isinf(value) else f"{value:,.{self.digits}f}"
 
 
-def values_of(head: RecordingHead, figures: Figures, age_parts: Mapping[str, float]) -> dict[str, Value]:
-    minutes = head.duration_ms / 60_000
-    computed: dict[str, Value] = {f"age_{part}_ms": ms for part, ms in age_parts.items()}
-    computed["freezes_per_min"] = figures.freezes.count / minutes
-    if figures.rungs.share:
-        computed["profile_changes_per_min"] = figures.rungs.switches / minutes
-    if (local := head.local) is not None:
-        for name, ms in (("first_picture_s", local.first_picture_ms), ("whole_scene_s", local.complete_ms)):
-            computed[name] = math.inf if ms is None else (local.began_ms + ms) / 1000
-    return {name: metric.of(figures) if metric.source else computed.get(name) for name, metric in METRICS.items()}
-
-
-def _times(
-    name: str, title: str, source: str, *statistics: str, digits: int = 0, at_frames: bool = False
-) -> tuple[Metric, ...]:
+def _times(name: str, title: str, *statistics: str, digits: int = 0, at_frames: bool = False) -> tuple[Metric, ...]:
     """Mean and percentiles of one kind of time."""
     return tuple(
         Metric(
@@ -88,7 +61,6 @@ def _times(
             "ms",
             digits,
             "low",
-            f"{source}.{statistic}",
             at_frames=at_frames and statistic != "mean",
         )
         for statistic in statistics
@@ -96,53 +68,49 @@ def _times(
 
 
 _PERCENTILES = ("p50", "p90", "p95", "p99")
-IN_TIME = f"inputs_within_{INTERACTIVE_MS:g}ms_pct"
-_WITHIN = (
-    (IN_TIME, f"{INTERACTIVE_MS:g} ms", "share_interactive"),
-    ("inputs_within_a_frame_less_pct", "a frame less", "share_frame_less"),
-    ("inputs_within_a_frame_more_pct", "a frame more", "share_frame_more"),
-)
 _TABLE = (
-    *_times("view_latency", "View latency", "view_latencies", *_PERCENTILES, at_frames=True),
-    *_times("motion_to_photon", "Motion-to-photon", "latencies", *_PERCENTILES, at_frames=True),
-    *(Metric(name, f"Inputs within {of}", "%", 1, "high", f"latencies.{share}", 100) for name, of, share in _WITHIN),
-    Metric("inputs", "Inputs", "", 0, None, "latencies.inputs"),
-    Metric("inputs_missed", "Inputs missed by the page", "", 0, "low", "latencies.missed"),
-    Metric("inputs_unanswered", "Unanswered inputs", "", 0, "low", "latencies.unanswered"),
-    *_times("content_age", "Content age", "content_ages", "mean", "p50", "p95", at_frames=True),
-    *_times("frame_age", "Frame age", "frame_ages", "mean", "p50", "p95", at_frames=True),
+    *_times("view_latency", "View latency", *_PERCENTILES, at_frames=True),
+    *_times("motion_to_photon", "Motion-to-photon", *_PERCENTILES, at_frames=True),
+    Metric(IN_TIME, f"Inputs within {INTERACTIVE_MS:g} ms", "%", 1, "high"),
+    Metric("inputs_within_a_frame_less_pct", "Inputs within a frame less", "%", 1, "high"),
+    Metric("inputs_within_a_frame_more_pct", "Inputs within a frame more", "%", 1, "high"),
+    Metric("inputs", "Inputs", "", 0, None),
+    Metric("inputs_missed", "Inputs missed by the page", "", 0, "low"),
+    Metric("inputs_unanswered", "Unanswered inputs", "", 0, "low"),
+    *_times("content_age", "Content age", "mean", "p50", "p95", at_frames=True),
+    *_times("frame_age", "Frame age", "mean", "p50", "p95", at_frames=True),
     *(Metric(f"age_{part}_ms", title, "ms", 1, "low") for part, title in PART_TITLES.items()),
-    *_times("response_time", "Response time", "response_times", "mean", "p50", "p95"),
-    *_times("render", "Rendering time", "render_times", "mean", "p50", digits=1),
-    Metric("requests_sent", "Requests", "", 0, None, "requests.sent"),
-    Metric("requests_shown", "Requests shown", "", 0, None, "requests.shown"),
-    Metric("requests_overtaken", "Requests overtaken", "", 0, "low", "requests.overtaken"),
-    Metric("requests_cancelled", "Requests cancelled", "", 0, "low", "requests.cancelled"),
-    Metric("requests_dropped", "Requests dropped", "", 0, "low", "requests.dropped"),
-    Metric("requests_unanswered", "Requests unanswered", "", 0, "low", "requests.unanswered"),
-    Metric("new_views_per_s", "New views", "/s", 1, "high", "frames.new_views_per_s"),
-    Metric("frames_per_s", "Frames", "/s", 1, None, "frames.per_s"),
+    *_times("response_time", "Response time", "mean", "p50", "p95"),
+    *_times("render", "Rendering time", "mean", "p50", digits=1),
+    Metric("requests_sent", "Requests", "", 0, None),
+    Metric("requests_shown", "Requests shown", "", 0, None),
+    Metric("requests_overtaken", "Requests overtaken", "", 0, "low"),
+    Metric("requests_cancelled", "Requests cancelled", "", 0, "low"),
+    Metric("requests_dropped", "Requests dropped", "", 0, "low"),
+    Metric("requests_unanswered", "Requests unanswered", "", 0, "low"),
+    Metric("new_views_per_s", "New views", "/s", 1, "high"),
+    Metric("frames_per_s", "Frames", "/s", 1, None),
     Metric("freezes_per_min", "Freezes", "/min", 1, "low"),
-    Metric("frozen_s", "Frozen", "s", 1, "low", "freezes.total_ms", 1e-3),
-    Metric("mean_height_px", "Mean height", "px", 0, "high", "mean_height"),
-    Metric("median_height_px", "Median height", "px", 0, "high", "median_height"),
-    Metric("mean_profile", "Mean profile (0 is best)", "", 2, "low", "rungs.mean"),
+    Metric("frozen_s", "Frozen", "s", 1, "low"),
+    Metric("mean_height_px", "Mean height", "px", 0, "high"),
+    Metric("median_height_px", "Median height", "px", 0, "high"),
+    Metric("mean_profile", "Mean profile (0 is best)", "", 2, "low"),
     Metric("profile_changes_per_min", "Profile changes", "/min", 1, "low"),
-    Metric("received_mbit_s", "Received", "Mbit/s", 1, None, "received_kbps", 1e-3),
-    Metric("over_link_mbit_s", "Over the link", "Mbit/s", 1, None, "delivered_kbps", 1e-3),
-    Metric("link_mbit_s", "Link rate", "Mbit/s", 1, None, "target_kbps", 1e-3),
-    Metric("trace_began_s", "Start position in the trace", "s", 1, None, "trace_start_ms", 1e-3),
-    Metric("lost_packets", "Lost packets", "", 0, None, "drops"),
-    Metric("picture_ssim", "SSIM of the picture", "", 3, "high", "quality.picture_ssim"),
-    Metric("picture_psnr_db", "PSNR of the picture", "dB", 1, "high", "quality.picture_psnr_db"),
-    Metric("view_ssim", "SSIM of the view", "", 3, "high", "quality.view_ssim"),
-    Metric("view_psnr_db", "PSNR of the view", "dB", 1, "high", "quality.view_psnr_db"),
-    Metric("seen_ssim", "SSIM at display time", "", 3, "high", "quality.seen_ssim"),
-    Metric("seen_psnr_db", "PSNR at display time", "dB", 1, "high", "quality.seen_psnr_db"),
-    Metric("seen_lpips", "LPIPS at display time", "", 3, "low", "quality.seen_lpips"),
-    Metric("border_never_seen_pct", "Border never covered", "%", 1, "low", "quality.uncovered", 100),
-    Metric("border_filled_pct", "Border outside the newest frame", "%", 1, "low", "filled", 100),
-    *_times("warp", "Main thread per reprojected picture", "warp_times", "mean", "p95", digits=2),
+    Metric("received_mbit_s", "Received", "Mbit/s", 1, None),
+    Metric("over_link_mbit_s", "Over the link", "Mbit/s", 1, None),
+    Metric("link_mbit_s", "Link rate", "Mbit/s", 1, None),
+    Metric("trace_began_s", "Start position in the trace", "s", 1, None),
+    Metric("lost_packets", "Lost packets", "", 0, None),
+    Metric("picture_ssim", "SSIM of the picture", "", 3, "high"),
+    Metric("picture_psnr_db", "PSNR of the picture", "dB", 1, "high"),
+    Metric("view_ssim", "SSIM of the view", "", 3, "high"),
+    Metric("view_psnr_db", "PSNR of the view", "dB", 1, "high"),
+    Metric("seen_ssim", "SSIM at display time", "", 3, "high"),
+    Metric("seen_psnr_db", "PSNR at display time", "dB", 1, "high"),
+    Metric("seen_lpips", "LPIPS at display time", "", 3, "low"),
+    Metric("border_never_seen_pct", "Border never covered", "%", 1, "low"),
+    Metric("border_filled_pct", "Border outside the newest frame", "%", 1, "low"),
+    *_times("warp", "Main thread per reprojected picture", "mean", "p95", digits=2),
     Metric("first_picture_s", "First picture of the download", "s", 1, "low"),
     Metric("whole_scene_s", "Complete download on the screen", "s", 1, "low"),
 )

@@ -10,8 +10,9 @@ from pathlib import Path
 from rich.cells import cell_len
 from rich.table import Table
 
+from tigas_experiments.records.statistics import IN_TIME
 from tigas_experiments.report.controllers import Controller
-from tigas_experiments.report.metrics import IN_TIME, METRICS, NONE
+from tigas_experiments.report.metrics import METRICS, NONE
 from tigas_experiments.report.run_table import Run
 from tigas_experiments.report.tables import markdown_table
 from tigas_experiments.wire.figures import INTERACTIVE_MS

@@ -23,7 +23,7 @@ from tigas_experiments.records.samples import SampledRun, sampled_run
 from tigas_experiments.records.scores import Score
 from tigas_experiments.records.summary import Records, read
 from tigas_experiments.report.controllers import Controller
-from tigas_experiments.report.metrics import Value, values_of
+from tigas_experiments.report.metrics import METRICS, Value
 from tigas_experiments.wire.run import Configuration
 
 RUNS = "runs"
@@ -231,12 +231,10 @@ def _read(folder: Path, relative: Callable[[str], str]) -> Run:
     run = Run(folder, summary.record, Block.of(summary.record.configuration), sampled_run(folder))
     if summary.figures is None or records is None:
         return replace(run, problem=relative(summary.problem or ""))
-    recording = records.recording
-    parts = statistics.age_parts(recording.inputs, recording.frames, recording.replies)
     return replace(
         run,
-        values=values_of(recording, summary.figures, parts),
-        profile_shares=summary.figures.rungs.share,
+        values={name: summary.figures.values.get(name) for name in METRICS},
+        profile_shares=summary.figures.rungs,
         series=_series(records),
         scores=records.scores,
         scores_problem=relative(records.scores_problem or "") or None,

@@ -201,7 +201,6 @@ def _row_of(run: Path, _written: tuple[int, ...]) -> RunRow:
         status=record.status,
         problem=summary.problem,
         configuration=record.configuration,
-        figures=summary.figures,
         samples=count_samples(run),
         saturated_share=record.load.saturated_share if record.load is not None and record.load.saturated else None,
     )

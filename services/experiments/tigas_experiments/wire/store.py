@@ -11,7 +11,6 @@ from pydantic import AfterValidator, Field, JsonValue, StringConstraints, model_
 
 from tigas_common.wire.model import Entries, WireModel
 from tigas_common.wire.shaper import Backend
-from tigas_experiments.wire.figures import Figures
 from tigas_experiments.wire.movement import Anchor
 from tigas_experiments.wire.recording import LinkSample, Recording, Sample
 from tigas_experiments.wire.run import Configuration, RunPlan
@@ -217,7 +216,6 @@ class RunRow(WireModel):
     problem: str | None
     """Why there are no figures."""
     configuration: Configuration
-    figures: Figures | None
     samples: SampleCounts | None
     """null of a run without any."""
     saturated_share: float | None = None

@@ -300,7 +300,6 @@ export interface RunRow {
   status: "running" | "complete" | "failed";
   problem: string | null;
   configuration: Configuration;
-  figures: unknown;
   samples: SampleCounts | null;
   saturated_share?: number | null;
 }
