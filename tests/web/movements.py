@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -90,7 +91,12 @@ def expect_state(page: Page, state: str) -> None:
 
 def wait_for_pose(page: Page, poses: Poses, position: tuple[float, float, float]) -> None:
     """Wait until the camera is there, up to the difference between a movement's chords and its curve."""
+    wait_until_there(page, poses, lambda at: bool(np.abs(at - position).max() <= 1e-4))
+
+
+def wait_until_there(page: Page, poses: Poses, there: Callable[[NDArray[np.float64]], bool]) -> None:
+    """Wait until the camera's position is as wanted."""
     deadline = time.monotonic() + PATIENCE / 1000
-    while np.abs(poses.positions[-1] - position).max() > 1e-4:
-        assert time.monotonic() < deadline, f"the camera is at {poses.positions[-1]}"
+    while not len(poses) or not there(poses.positions[-1]):
+        assert time.monotonic() < deadline, f"the camera is at {poses.positions[-1:]}"
         page.wait_for_timeout(20)

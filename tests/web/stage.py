@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import io
+import time
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from playwright.sync_api import FloatRect, Page
+from playwright.sync_api import FloatRect, Locator, Page, ViewportSize
+
+from tests.web.conftest import PATIENCE
 
 SCENE = "#/scene/pebbles"
 OVERLAPPING = """(parts) => parts.flatMap((a, i) => parts.slice(i + 1).flatMap((b) => {
@@ -32,6 +35,39 @@ def wait_for_frames(page: Page, at_least: int = 1) -> None:
 def wait_until_settled(page: Page) -> None:
     """Until the newest view is on the screen."""
     page.wait_for_function("() => document.querySelector('.stage')?.dataset.settled === 'true'")
+
+
+def hold(page: Page, key: str, *, views: int = 5) -> None:
+    """Hold a key until the camera's way has been shown in so many views, however slow the machine is."""
+    shown = frames(page)
+    page.keyboard.down(key)
+    wait_for_frames(page, shown + views)
+    page.keyboard.up(key)
+
+
+def resize(page: Page, size: ViewportSize) -> None:
+    """Resize the window and wait until the page has drawn itself anew."""
+    page.set_viewport_size(size)
+    frames_pass(page, 2)
+
+
+def frames_pass(page: Page, count: int) -> None:
+    """Until so many animation frames have come."""
+    page.evaluate(
+        """count => new Promise((resolve) => {
+          const next = () => (count-- > 0 ? requestAnimationFrame(next) : resolve());
+          next();
+        })""",
+        count,
+    )
+
+
+def expect_apart(parts: Locator) -> None:
+    """Wait until no two of the elements overlap."""
+    deadline = time.monotonic() + PATIENCE / 1000
+    while overlapping := parts.evaluate_all(OVERLAPPING):
+        assert time.monotonic() < deadline, overlapping
+        frames_pass(parts.page, 1)
 
 
 def stat(page: Page, name: str) -> str:

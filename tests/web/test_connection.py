@@ -12,7 +12,7 @@ from playwright.sync_api import Route, expect
 
 from tests.web.conftest import OpenPage
 from tests.web.server import RenderServer
-from tests.web.stage import SCENE, changes, frames, picture, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, changes, frames, hold, picture, wait_for_frames, wait_until_settled
 
 pytestmark = pytest.mark.alone
 
@@ -36,7 +36,7 @@ def test_falls_back_to_fetch_where_quic_does_not_get_through(open_page: OpenPage
     expect(page.locator("[data-stat=fallback]")).to_contain_text("QUIC")
     wait_for_frames(page)
     wait_until_settled(page)
-    assert changes(page, lambda: page.keyboard.press("ArrowRight", delay=200)) > 1
+    assert changes(page, lambda: hold(page, "ArrowRight")) > 1
 
 
 def test_a_page_over_plain_http_works_and_names_the_secure_one(open_page: OpenPage, server: RenderServer) -> None:

@@ -49,7 +49,7 @@ def test_segments_come_over_the_chosen_transport(
         plan = {"points": turning(), "duration_ms": 1500, "capture_every_ms": 0}
         run = page.evaluate("plan => tigas.run(plan)", plan)
     assert run["dash"]["protocols"] == [protocol]
-    assert len({frame["pose"] for frame in run["frames"]}) > 3
+    assert len({frame["pose"] for frame in run["frames"]}) > 1
 
 
 def test_a_browser_that_does_not_trust_the_server_says_so(open_page: OpenPage, url: str) -> None:

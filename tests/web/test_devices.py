@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Page, ViewportSize, expect
 
 from tests.web.conftest import OpenPage
-from tests.web.stage import OVERLAPPING, SCENE, changes, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, changes, expect_apart, resize, wait_for_frames, wait_until_settled
 
 PHONE: dict[str, Any] = {
     "viewport": {"width": 390, "height": 844},
@@ -44,7 +44,7 @@ def test_a_phone_shows_everything_without_scrolling_sideways(open_page: OpenPage
     page = open_page(**PHONE)
     expect(page.locator("[data-scene=pebbles]")).to_be_visible()
     for width in (390, 360):
-        page.set_viewport_size({"width": width, "height": 780})
+        resize(page, {"width": width, "height": 780})
         assert page.evaluate("document.documentElement.scrollWidth") <= width
     page.get_by_role("link", name="Pebbles").tap()
     wait_for_frames(page)
@@ -55,14 +55,14 @@ def test_a_phone_shows_everything_without_scrolling_sideways(open_page: OpenPage
     expect(page.locator(".sidebar")).to_be_in_viewport()
     # a tablet in portrait and landscape, and a phone in landscape
     for width, height in (1024, 768), (768, 1024), (844, 390):
-        page.set_viewport_size({"width": width, "height": height})
+        resize(page, {"width": width, "height": height})
         assert page.evaluate("document.documentElement.scrollHeight") <= height
-        assert page.locator(".title, [role=toolbar], .hud, .status-line, .pad, .rise").evaluate_all(OVERLAPPING) == []
+        expect_apart(page.locator(".title, [role=toolbar], .hud, .status-line, .pad, .rise"))
     page.get_by_role("button", name="Close lab").tap()
     page.evaluate("tigas.settings({ hudDetails: true })")
     for width, height in (360, 640), (640, 360), (390, 844), (844, 390):
-        page.set_viewport_size({"width": width, "height": height})
-        assert page.locator(".title, [role=toolbar], .hud, .status-line, .pad, .rise").evaluate_all(OVERLAPPING) == []
+        resize(page, {"width": width, "height": height})
+        expect_apart(page.locator(".title, [role=toolbar], .hud, .status-line, .pad, .rise"))
         assert page.locator("h1").evaluate("title => title.scrollWidth <= title.clientWidth"), "the title is cut"
 
 
@@ -72,10 +72,10 @@ def test_a_phone_shows_pictures_rather_than_figures(open_page: OpenPage, compare
     floating = page.locator(".hud, .side-hud, .status-line, .title, [role=toolbar], .pad, .rise")
     sizes: list[ViewportSize] = [{"width": 390, "height": 844}, {"width": 844, "height": 390}]
     for size in sizes:
-        page.set_viewport_size(size)
+        resize(page, size)
         expect(page.locator("[data-stat=status]")).to_have_count(2 if compared else 1)
         expect(page.locator(".sidebar")).to_have_count(0)
-        assert floating.evaluate_all(OVERLAPPING) == []
+        expect_apart(floating)
         areas = floating.evaluate_all("parts => parts.map((part) => part.clientWidth * part.clientHeight)")
         assert sum(areas) < 0.4 * size["width"] * size["height"]
     page.get_by_role("button", name="Lab", exact=True).tap()
@@ -83,8 +83,8 @@ def test_a_phone_shows_pictures_rather_than_figures(open_page: OpenPage, compare
     page.get_by_role("button", name="Close lab").tap()
     expect(page.locator(".hud-details")).to_have_count(2 if compared else 1)
     for size in reversed(sizes):
-        page.set_viewport_size(size)
-        assert floating.evaluate_all(OVERLAPPING) == []
+        resize(page, size)
+        expect_apart(floating)
 
 
 def test_fingers_look_around_pinch_and_walk(open_page: OpenPage) -> None:
@@ -125,7 +125,9 @@ def test_every_control_has_a_name_and_the_tab_key_reaches_it(open_page: OpenPage
     page = open_page(path)
     if path:
         wait_for_frames(page)
-    page.wait_for_selector(".sidebar" if path else ".card[data-scene]")
+        expect(page.get_by_role("heading", name="Lens")).to_be_visible()
+    else:
+        page.wait_for_selector(".card[data-scene]")
     controls = page.locator(CONTROLS)
     assert controls.evaluate_all(NAMELESS) == []
     expected = controls.evaluate_all(REACHABLE)

@@ -292,6 +292,7 @@ def test_a_window_that_is_resized_while_walking_stays_enhanced(open_page: OpenPa
         page.set_viewport_size({"width": width, "height": 90})
         wait_for_frames(page, frames(page) + 1)
     page.keyboard.up("ArrowRight")
+    page.wait_for_function(ENHANCED_TO, arg=[175, 90])
     wait_until_settled(page)
     expect(page.locator(NOTE)).to_have_count(0)
     assert shown(page).shape == (90, 175, 3)

@@ -18,6 +18,7 @@ from tests.web.conftest import LOOPBACK, OpenPage
 from tests.web.server import RenderServer
 
 OpenExample = Callable[[str], Page]
+POSITION = "document.querySelector('tigas-viewer').viewer.camera.position"
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +66,7 @@ def shows_frames(viewer: Locator) -> None:
 
 def position(page: Page) -> list[float]:
     """Where the first viewer's camera is."""
-    found: list[float] = page.evaluate("document.querySelector('tigas-viewer').viewer.camera.position")
+    found: list[float] = page.evaluate(POSITION)
     return found
 
 
@@ -77,12 +78,11 @@ def test_one_element(open_example: OpenExample) -> None:
     page.keyboard.press("w", delay=200)
     assert position(page) == start  # the page has the focus
     viewer.locator(".stage").focus()
-    page.keyboard.press("w", delay=200)
-    assert position(page) != start
+    page.keyboard.down("w")
+    page.wait_for_function(f"start => String({POSITION}) !== String(start)", arg=start)
+    page.keyboard.up("w")
     viewer.get_by_role("button", name="Back to the start").click()
-    page.wait_for_function(
-        "start => String(document.querySelector('tigas-viewer').viewer.camera.position) === String(start)", arg=start
-    )
+    page.wait_for_function(f"start => String({POSITION}) === String(start)", arg=start)
 
 
 def test_two_viewers(open_example: OpenExample) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from playwright.sync_api import expect
 
 from tests.web.conftest import OpenPage
-from tests.web.stage import OVERLAPPING, SCENE, changes, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, changes, expect_apart, hold, resize, wait_for_frames, wait_until_settled
 
 HINT = "Drag to look · WASD or wheel to move · double-click to go there"
 CHUNKS = "() => performance.getEntriesByType('resource').map(({ name }) => name.split('/').at(-1))"
@@ -18,7 +18,7 @@ def test_a_newcomer_sees_the_scene_one_line_and_how_to_move(open_page: OpenPage)
     expect(page.get_by_text(HINT)).to_be_visible()
     expect(page.get_by_role("region", name="Status")).to_contain_text("Live")
     expect(page.get_by_role("complementary")).to_have_count(0)
-    assert changes(page, lambda: page.keyboard.press("ArrowRight", delay=200)) > 1
+    assert changes(page, lambda: hold(page, "ArrowRight")) > 1
     expect(page.get_by_text(HINT)).to_have_count(0)
     expect(page.locator(".status-line [data-stat=motion-to-photon]")).to_be_visible()
     page.reload()
@@ -40,8 +40,8 @@ def test_the_lab_is_loaded_when_it_is_opened_and_stays_open(open_page: OpenPage)
     expect(page.get_by_role("region", name="Measurements")).to_be_visible()
     expect(page.get_by_text(HINT)).to_be_visible()
     for width, height in (1000, 640), (1440, 900), (1920, 1080):
-        page.set_viewport_size({"width": width, "height": height})
-        assert page.locator(".hud, .hint-line").evaluate_all(OVERLAPPING) == []
+        resize(page, {"width": width, "height": height})
+        expect_apart(page.locator(".hud, .hint-line"))
     page.reload()
     wait_for_frames(page)
     expect(page.get_by_role("heading", name="Lens")).to_be_visible()

@@ -21,7 +21,7 @@ from tests.web.conftest import PATIENCE, OpenPage
 from tests.web.modes import with_settings
 from tests.web.scenes import write_antialiased_scene
 from tests.web.server import RenderServer
-from tests.web.stage import SCENE, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, hold, wait_for_frames, wait_until_settled
 from tests.web.warp.views import psnr
 from tigas_experiments.wire.recording import Recording
 
@@ -67,7 +67,7 @@ def test_a_downloaded_scene_is_drawn_as_the_server_draws_it(open_page: OpenPage,
     wait_for_frames(page)
     wait_until_settled(page)
     wait_until_like(page, drawn)
-    page.keyboard.press("ArrowRight", delay=300)
+    hold(page, "ArrowRight")
     wait_until_settled(page)
     assert psnr(drawn, shown(page)) < ANOTHER_DB
 

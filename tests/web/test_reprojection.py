@@ -17,7 +17,7 @@ from playwright.sync_api import Page, ViewportSize, expect
 from tests.web.conftest import OpenPage
 from tests.web.modes import with_settings
 from tests.web.server import RenderServer
-from tests.web.stage import SCENE, frames, picture, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, frames, frames_pass, picture, wait_for_frames, wait_until_settled
 
 SMALL: ViewportSize = {"width": 320, "height": 180}
 DELAY_MS = 300
@@ -114,7 +114,7 @@ def test_the_picture_turns_at_once_however_late_frames_are(slow: Callable[..., P
     page = slow()
     run = play(page, (0, 0), (TURN_MS, 30))
     moving = [one for one in run["frames"] if one["latencies"]]
-    assert len(moving) > 5
+    assert len(moving) > 1
     for one in moving:
         # Counted in animation frames of any length: no sample waited for another one.
         assert len(one["latencies"]) == 1, "the picture does not turn with the camera"
@@ -232,17 +232,6 @@ def turned_in_an_outage(page: Page) -> NDArray[np.int16]:
     page.evaluate("() => (window.outage = true)")
     run = play(page, (0, 0), (3 * TURN_MS, 80), (4 * TURN_MS, 80), capture_every_ms=TURN_MS / 4)
     return capture(page, len(run["captures"]) - 1)
-
-
-def frames_pass(page: Page, count: int) -> None:
-    """Until so many animation frames have come."""
-    page.evaluate(
-        """count => new Promise((resolve) => {
-          const next = () => (count-- > 0 ? requestAnimationFrame(next) : resolve());
-          next();
-        })""",
-        count,
-    )
 
 
 def view_at(page: Page, degrees: float) -> NDArray[np.int16]:

@@ -14,7 +14,7 @@ from tests.web.conftest import OpenPage
 from tests.web.movements import Poses, opened, press, wait_for_pose
 from tests.web.scenes import SMALL
 from tests.web.server import RenderServer
-from tests.web.stage import wait_for_frames, wait_until_settled
+from tests.web.stage import hold, wait_for_frames, wait_until_settled
 
 
 @pytest.fixture
@@ -28,9 +28,9 @@ def visit(server: RenderServer, models: Path, open_page: OpenPage) -> Iterator[t
 
 
 def walk(page: Page, poses: Poses, key: str) -> tuple[float, float, float]:
-    """Hold a key for a while; where the camera is then."""
+    """Hold a key for some views; where the camera is then."""
     page.locator(".stage").focus()
-    page.keyboard.press(key, delay=400)
+    hold(page, key)
     wait_until_settled(page)
     x, y, z = poses.positions[-1]
     return x, y, z
@@ -56,13 +56,15 @@ def test_a_view_and_a_path_are_saved_and_there_after_a_reload(visit: tuple[Page,
     press(page, "Corner")
     wait_for_pose(page, poses, corner)
     page.get_by_role("radio", name="Way in").check()
-    page.get_by_label("Duration").fill("1")
+    page.get_by_label("Duration").fill("60")
     page.keyboard.press("Enter")
-    poses.clear()
     press(page, "Play path")
     press(page, "Stop path")
+    page.get_by_label("Duration").fill("2")
+    page.keyboard.press("Enter")
+    poses.clear()
     press(page, "Play path")
     wait_for_pose(page, poses, door)
     expect(page.get_by_role("button", name="Play path", exact=True)).to_be_visible()
     along = (poses.positions - corner) @ np.subtract(door, corner)
-    assert len(np.unique(along)) > 5, "the camera jumped"
+    assert len(np.unique(along)) > 2, "the camera jumped"

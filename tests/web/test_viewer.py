@@ -13,7 +13,7 @@ from playwright.sync_api import Page, Request, expect
 from tests.web.conftest import OpenPage
 from tests.web.modes import with_settings
 from tests.web.server import RenderServer
-from tests.web.stage import SCENE, changes, frames, picture, stat, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, changes, hold, picture, stat, wait_for_frames, wait_until_settled
 
 ONE_RUNG = {"controller": "fixed", "profile": 0, "refine": False, "webp": False}
 AS_THEY_COME = {"reprojection": False, "prediction": "off"}
@@ -55,14 +55,8 @@ def test_saves_a_picture_of_the_view_without_loss(viewer: Page) -> None:
 
 
 def test_keys_move_the_camera(viewer: Page) -> None:
-    def hold(key: str) -> None:
-        shown = frames(viewer)
-        viewer.keyboard.down(key)
-        wait_for_frames(viewer, shown + 2)
-        viewer.keyboard.up(key)
-
     for key in ("KeyW", "KeyS", "KeyA", "KeyD", "Space", "ShiftLeft", "ArrowLeft", "ArrowUp"):
-        assert changes(viewer, partial(hold, key)) > 1, key
+        assert changes(viewer, partial(hold, viewer, key, views=2)) > 1, key
 
 
 def test_r_goes_back_to_the_start(open_page: OpenPage, server: RenderServer) -> None:
@@ -83,7 +77,7 @@ def test_r_goes_back_to_the_start(open_page: OpenPage, server: RenderServer) -> 
     viewer.goto(server.url + SCENE)
     with_a_frame(viewer)
     start = picture(viewer)
-    assert changes(viewer, lambda: viewer.keyboard.press("ArrowRight", delay=300)) > 1
+    assert changes(viewer, lambda: hold(viewer, "ArrowRight")) > 1
     assert changes(viewer, lambda: viewer.keyboard.press("r")) > 1
     first, *_, last = asked
     assert last == first | {"seq": last["seq"]}
@@ -93,7 +87,7 @@ def test_r_goes_back_to_the_start(open_page: OpenPage, server: RenderServer) -> 
 def test_the_address_follows_the_camera_at_rest(open_page: OpenPage, server: RenderServer) -> None:
     page = with_a_frame(open_page(SCENE, **with_settings(server.url, **ONE_RUNG, **AS_THEY_COME)))
     start = picture(page)
-    page.keyboard.press("ArrowRight", delay=400)
+    hold(page, "ArrowRight")
     page.wait_for_function("() => location.hash.includes('at=')")
     wait_until_settled(page)
     turned = picture(page)
@@ -147,7 +141,7 @@ def test_other_transports_carry_frames_too(viewer: Page) -> None:
     for choice, name in (("fetch", "HTTP fetch"), ("webtransport-datagrams", "WebTransport datagrams")):
         viewer.get_by_label("Transport").select_option(choice)
         expect(viewer.locator("[data-stat=transport]")).to_have_text(name)
-        assert changes(viewer, lambda: viewer.keyboard.press("ArrowRight", delay=200)) > 1, name
+        assert changes(viewer, lambda: hold(viewer, "ArrowRight")) > 1, name
 
 
 def test_an_unknown_scene_is_one_sentence_and_a_way_back(open_page: OpenPage) -> None:
@@ -162,4 +156,4 @@ def test_the_built_in_scene_can_be_walked_through(open_page: OpenPage) -> None:
     wait_for_frames(page)
     wait_until_settled(page)
     assert picture(page).std() > 10, "the picture is blank"
-    assert changes(page, lambda: page.keyboard.press("KeyW", delay=300)) > 0.5
+    assert changes(page, lambda: hold(page, "KeyW")) > 0.5
