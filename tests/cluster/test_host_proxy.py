@@ -152,7 +152,7 @@ async def test_a_scene_is_loaded_if_it_is_anywhere(client: httpx.AsyncClient, ho
 async def test_a_host_that_does_not_answer_is_left_out(
     client: httpx.AsyncClient, hosts: Hosts, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(host_proxy, "ANSWER_S", 0.05)
+    monkeypatch.setattr(host_proxy, "ANSWER_S", 0.5)
     hosts.silent = {"b"}
     assert await listed(client) == {"garden": "loaded", "pond": "unloaded", "wood": "loading"}
     hosts.silent = {"a", "b"}

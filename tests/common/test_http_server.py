@@ -161,7 +161,7 @@ async def test_a_connection_on_which_nothing_was_said_ends_without_a_word() -> N
 
 @pytest.mark.parametrize("number", [1, 2])
 async def test_headers_that_never_end_are_given_up_of_the_first_request_and_the_second(number: int) -> None:
-    limits = HttpLimits(header_s=0.3, idle_s=LONG_S)
+    limits = HttpLimits(header_s=1, idle_s=LONG_S)
     async with serve_http(Response("ok"), HERE, limits) as port, connected(port) as client:
         for _ in range(number - 1):
             client.say(ASK)
@@ -200,7 +200,7 @@ async def test_a_client_that_reads_nothing_loses_its_connection() -> None:
 
 
 async def test_an_answer_may_take_longer_than_its_request() -> None:
-    limits = HttpLimits(header_s=0.2, body_s=0.2, idle_s=1)
+    limits = HttpLimits(header_s=1, body_s=1, idle_s=1)
     go_on = asyncio.Event()
 
     async def parts() -> AsyncIterator[bytes]:
@@ -264,7 +264,7 @@ async def test_a_broken_chunk_after_the_answer_ends_the_connection(caplog: pytes
 
 async def test_a_websocket_has_to_complete_its_handshake_and_then_may_stay() -> None:
     async with (
-        serve_http(echo, HERE, HttpLimits(header_s=0.3, body_s=0.3, idle_s=1), websockets=True) as port,
+        serve_http(echo, HERE, HttpLimits(header_s=1, body_s=1, idle_s=1), websockets=True) as port,
         connect(f"ws://127.0.0.1:{port}/") as complete,
         connected(port) as client,
     ):

@@ -223,7 +223,7 @@ async def test_an_engine_that_says_nothing_any_more_is_given_up(host: Host, monk
     assert silent.server is not None
     for edge in silent.server.edges:
         monkeypatch.setattr(edge, "send", lambda message: None)
-    await asyncio.wait_for(host.ask(), engines_module.SILENT_S + 1)
+    await asyncio.wait_for(host.ask(), engines_module.SILENT_S + 20)
     assert other.asked()["courtyard"] == 1
 
 

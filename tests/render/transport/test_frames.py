@@ -302,7 +302,7 @@ async def test_a_client_that_reads_no_frame_holds_none_and_nobody_up(
 ) -> None:
     source = LentFrames(bytes(1_500_000))
     async with (
-        in_session(source, Limits(stall_timeout=0.3)) as (server, client, session),
+        in_session(source, Limits(stall_timeout=1)) as (server, client, session),
         connect(server.port, **{limit: 50_000}) as deaf,  # type: ignore[arg-type]  # aioquic's
     ):
         for name in ("_write_stream_limits", "_write_connection_limits"):

@@ -210,7 +210,7 @@ async def test_two_hundred_connections_that_are_dropped_are_forgotten(monkeypatc
 
 
 async def test_a_handshake_that_is_never_finished_is_forgotten() -> None:
-    async with served(Limits(handshake_timeout=0.05)) as server, connect(server.port, wait=False) as client:
+    async with served(Limits(handshake_timeout=0.5)) as server, connect(server.port, wait=False) as client:
         client.datagram_received = lambda *_: None  # type: ignore[method-assign]  # deaf to the answer
         client.transmit()
         await eventually(lambda: server.connections == 1)
