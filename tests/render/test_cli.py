@@ -26,6 +26,7 @@ from tests.render import losing_device
 from tests.render.fakes import render_request
 from tests.render.scenes import plys
 from tests.render.transport.client import connect
+from tigas_common.processes import STOP_S
 from tigas_render.settings import RenderSettings
 
 ROOT = Path(__file__).parents[2]
@@ -94,8 +95,8 @@ def test_the_server_says_what_it_serves_and_stops_at_once_when_told(tmp_path: Pa
         assert httpx.get(https_url + "healthz", verify=context).json() == {"status": "ok"}
         stopping = time.monotonic()
         process.send_signal(signal.SIGTERM)
-        assert process.wait(5) == 0
-        assert time.monotonic() - stopping < 2
+        assert process.wait(20) == 0
+        assert time.monotonic() - stopping < STOP_S, "others end it by force after that"
 
 
 @pytest.mark.slow

@@ -55,7 +55,7 @@ def test_after_a_kill_nothing_passes_and_the_next_start_cleans_up(own_lab: Lab) 
             assert answers(own_lab)
             first.process.kill()
             first.process.wait()
-            wait_until(lambda: not answers(own_lab), 2)
+            wait_until(lambda: not answers(own_lab))
         with shaper(own_lab) as second:
             second.post("/link", down_kbps=5_000, up_kbps=5_000)
             assert answers(own_lab)

@@ -31,7 +31,7 @@ def wait_for_stream(page: Page, at_least: int = 1) -> None:
 
 def wait_for_sessions(packager: Packager, wanted: Callable[[list[dict[str, Any]]], bool]) -> None:
     """Wait until the packager's streams are as wanted."""
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 90  # a page that did not say goodbye has a stream for a minute
     while not wanted(packager.sessions()):
         assert time.monotonic() < deadline, f"the packager has {packager.sessions()}"
         time.sleep(0.1)

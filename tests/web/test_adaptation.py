@@ -21,5 +21,5 @@ def test_a_controller_starts_low_and_climbs_while_the_link_allows(open_page: Ope
     wait_until_settled(page)
     expect(page.locator("[data-stat=profile]")).to_have_text("Low")
     page.keyboard.down("ArrowRight")
-    expect(page.locator("[data-stat=profile]")).to_have_text("High", timeout=20_000)
+    expect(page.locator("[data-stat=profile]")).to_have_text("High", timeout=60_000)
     page.keyboard.up("ArrowRight")

@@ -18,6 +18,11 @@ from tests.web.stage import SCENE, hold, part, wait_for_frames, wait_until_settl
 WINDOW = {"width": 1000, "height": 700}
 ALIKE = 10
 """Two pictures of one view, encoded differently, differ by less (0 to 255)."""
+BOTH_SHOWN = """() => {
+  const shown = document.querySelector(".stage")?.dataset.shown?.split(" ") ?? [];
+  return shown.length === 2 && shown.every(Number);
+}"""
+"""Whether each side has shown a picture."""
 
 
 def test_switching_the_mode_keeps_the_pose(open_page: OpenPage, viewer_url: str) -> None:
@@ -47,9 +52,8 @@ def test_switching_the_mode_keeps_the_pose(open_page: OpenPage, viewer_url: str)
     assert a["width"] == pytest.approx(b["width"], abs=1)
     assert a["height"] == pytest.approx(b["height"], abs=1)
     assert a["x"] + a["width"] <= b["x"] + 1
-    page.wait_for_function(
-        "() => document.querySelector('.stage').dataset.sources !== 'playing playing'"
-    )  # the panes are smaller
+    page.wait_for_function(BOTH_SHOWN)
+    wait_until_settled(page)
     wait_for_stream(page, at_least=10)
     wait_until_shown(page, ".pane:nth-child(2) video", shown(page, ".pane:nth-child(1) canvas"))
 
@@ -107,7 +111,7 @@ def test_any_two_modes_are_compared_and_held_against_the_truth(open_page: OpenPa
     chosen = with_settings(viewer_url, left="video", right="stateless", reprojection=False, hud=False, sidebar=True)
     page = open_page(f"{SCENE}?mode=side-by-side", url=viewer_url, viewport={"width": 860, "height": 180}, **chosen)
     # A walk begins anew when a side shows its first picture, and lasts for three seconds at least.
-    page.wait_for_function("() => document.querySelector('.stage')?.dataset.shown?.split(' ').every(Number)")
+    page.wait_for_function(BOTH_SHOWN)
     page.keyboard.press("ArrowRight", delay=5000)
     for side in ("left", "right"):
         expect(page.locator(f".last-walk [data-side={side}][data-stat=psnr]")).to_contain_text("dB")

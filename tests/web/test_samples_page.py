@@ -62,7 +62,6 @@ def test_samples_are_rendered_again_and_shown_beside_ground_truth(lab: Lab, open
     gallery = page.get_by_role("region", name="Samples")
     expect(gallery.get_by_role("combobox", name="Right")).to_have_value("truth")
     expect(gallery.get_by_role("img", name="Ground truth")).to_have_count(2)
-    page.screenshot(path=lab.runs / "gallery.png")
     wipe, at = gallery.locator(".wipe"), gallery.get_by_role("slider")
     at.fill("0")
     truth = pixels(wipe)
