@@ -24,7 +24,7 @@ TURN = "# anchor: start\nt_ms,x,y,z,qx,qy,qz,qw\n" + "".join(
 WALK = "# anchor: start\nt_ms,x,y,z,qx,qy,qz,qw\n" + "".join(
     f"{t},{t / 8000:.4f},0,{t / 8000:.4f},0,0,0,1\n" for t in range(0, 2001, 50)
 )
-MOVEMENTS = {"walk": WALK, "long": WALK + "4000,0.5,0,0.5,0,0,0,1\n", "turn": TURN}
+MOVEMENTS = {"walk": WALK, "turn": TURN}
 
 
 @dataclass(frozen=True)

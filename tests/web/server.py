@@ -79,10 +79,6 @@ class _Service:
             seen += line
         self.url = found[1]
 
-    def extend(self, *arguments: str) -> None:
-        """Give it more arguments when it is started again."""
-        self._arguments += arguments
-
     def kill(self) -> None:
         """As a machine that loses its power: no connection is closed."""
         self._process.kill()

@@ -1,4 +1,4 @@
-"""Experiments from the page: planned by the store, performed here, interrupted, resumed; and the command's twin."""
+"""Experiments from the page: planned by the store and performed here; and the command's twin."""
 
 from __future__ import annotations
 
@@ -85,45 +85,6 @@ def test_a_file_of_this_visit_and_what_makes_no_sense(open_page: OpenPage, lab: 
     start(page)
     expect(dialog(page).get_by_role("alert")).to_contain_text("lasts 2.0 s, less than a run's 3 s")
     assert list(lab.results.glob("Pebbles-*")) == []
-
-
-@pytest.mark.extended
-def test_cancelling_keeps_what_was_finished_and_gives_the_link_back(open_page: OpenPage, lab: PageLab) -> None:
-    page = open_page(SCENE, url=lab.url)
-    wait_for_frames(page)
-    fill(page, name="Cancelled", movement="store/walk", seconds="1.5", network="stairs")
-    start(page)
-    expect(progress(page)).to_contain_text("Run 2 of 2")
-    expect(progress(page)).to_contain_text("Playing the movement")
-    page.get_by_role("button", name="Cancel").click()
-    expect(outcome(page)).to_contain_text("It was cancelled.", timeout=STORED_MS)
-    assert len(lab.runs("Cancelled-*")) == 1
-    expect(page.locator(".run-stage .stage")).to_have_count(0)
-    assert lab.shaper.asked[-1] == ("/stop", {}), "the link was not given back"
-    outcome(page).get_by_role("button", name="Continue").click()
-    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
-    assert {run["status"] for run in lab.runs("Cancelled-*").values()} == {"complete"}
-
-
-@pytest.mark.slow
-@pytest.mark.extended
-def test_an_experiment_whose_page_was_closed_is_resumed_by_another(open_page: OpenPage, lab: PageLab) -> None:
-    page = open_page(SCENE, url=lab.url)
-    wait_for_frames(page)
-    fill(page, name="Closed", movement="store/walk", seconds="1.5", network="stairs")
-    start(page)
-    expect(progress(page)).to_contain_text("Run 2 of 2")
-    page.close()
-    page = open_page("#/experiments", url=lab.url)
-    row = page.get_by_role("row", name="Closed")
-    expect(row.get_by_role("cell").first).to_have_text("1 of 2, incomplete")
-    row.get_by_role("link", name="Continue").click()
-    expect(progress(page)).to_contain_text("Run 2 of 2")
-    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
-    assert {run["status"] for run in lab.runs("Closed-*").values()} == {"complete"}
-    page.get_by_role("link", name="Experiments").click()
-    expect(row.get_by_role("cell").first).to_have_text("2")
-    expect(row.get_by_role("link", name="Continue")).to_have_count(0)
 
 
 FILE = """name = "Twin"
