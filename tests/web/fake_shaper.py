@@ -31,7 +31,7 @@ from tigas_common.wire.shaper import (
 )
 from tigas_shaper.player import Player
 from tigas_shaper.service import Shaper
-from tigas_shaper.traces.library import TraceLibrary, points, summary
+from tigas_shaper.traces.library import TraceLibrary, UnknownTrace, points, summary
 from tigas_shaper.traces.trace import NetworkTrace
 
 TRACES = {
@@ -113,6 +113,8 @@ class FakeShaper:
         match path:
             case "/start":
                 wanted = parse(StartRequest, body)
+                if wanted.trace not in TRACES:
+                    raise UnknownTrace("There is no such trace.")
                 trace = TRACES[wanted.trace]
                 if wanted.delay_ms is not None:
                     trace = trace.with_delay(wanted.delay_ms)

@@ -29,8 +29,8 @@ def test_two_controllers_are_compared_and_kept(open_page: OpenPage, lab: PageLab
     expect(dialog(page).locator("[data-experiment=estimate]")).to_have_text("2 runs, about 13 seconds.")
     lab.shaper.asked.clear()
     start(page)
+    expect(progress(page)).to_contain_text("Warms up", timeout=STORED_MS)
     expect(progress(page)).to_contain_text("Run 1 of 2")
-    expect(progress(page)).to_contain_text("Warms up")
     expect(page.locator(".run-stage .stage")).to_have_css("width", "1000px")
     expect(progress(page)).to_contain_text("Run 2 of 2")
     expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
@@ -113,6 +113,7 @@ def test_page_and_command_write_identical_folders(open_page: OpenPage, lab: Page
     dialog(page).get_by_label("Experiment’s file").fill(FILE)
     start(page)
     expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
+    expect(outcome(page).get_by_role("link", name="Samples")).to_be_visible()
     (performed,) = lab.results.glob("Twin-*")
     (command,), (uploaded,) = out.glob("runs/*"), performed.glob("runs/*")
     assert command.name == uploaded.name

@@ -14,7 +14,6 @@ from tests.web.experiments import STORED_MS, PageLab, dialog, fill, outcome, pro
 from tests.web.stage import SCENE, wait_for_frames
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.samples import read_sample_file, read_samples, sample_path
-from tigas_experiments.wire.recording import ShownFrame
 
 PICTURES = "**/samples/*.jpg"
 EVERY = 5
@@ -59,21 +58,6 @@ def check(lab: PageLab, run: StoredRun) -> None:
     assert answer.content == read_sample_file(sample_path(run.folder, samples[0].seq, "jpg"))
 
 
-def test_samples_follow_their_run_to_the_store(open_page: OpenPage, lab: PageLab) -> None:
-    page = open_page(SCENE, url=lab.url)
-    begin(page, "Followed")
-    expect(outcome(page)).to_contain_text("All runs are complete.", timeout=STORED_MS)
-    expect(remarks(page)).to_have_count(0)
-    expect(outcome(page).get_by_role("link", name="Samples")).to_be_visible()
-    run = the_run(lab, "Followed")
-    assert run.record.configuration.sample_stride == EVERY
-    assert [sample.at for sample in read_samples(run.folder)] == [frame.at for frame in run.read(ShownFrame)][::EVERY]
-    check(lab, run)
-    page.goto(f"{lab.url}#/experiments")
-    expect(page.get_by_role("row", name="Followed")).to_be_visible()
-    expect(left(page)).to_have_count(0)
-
-
 def test_an_upload_that_is_cut_off_survives_a_reload_and_sends_only_the_rest(open_page: OpenPage, lab: PageLab) -> None:
     page = open_page(SCENE, url=lab.url, expected_errors="ERR_")
     sent: list[str] = []
@@ -87,7 +71,7 @@ def test_an_upload_that_is_cut_off_survives_a_reload_and_sends_only_the_rest(ope
     page.route(PICTURES, cut_off_after_two)
     begin(page, "Cut off")
     remark = remarks(page)
-    expect(remark).to_contain_text("Its samples are in this browser only. The store at")
+    expect(remark).to_contain_text("Its samples are in this browser only. The store at", timeout=STORED_MS)
     assert read_samples(the_run(lab, "Cut-off").folder) == []
     page.unroute(PICTURES)
     page.goto(f"{lab.url}#/experiments")

@@ -183,23 +183,6 @@ def test_who_ends_it_ends_everything_and_keeps_what_was_finished(
     assert second["problem"] == "The run was stopped before its end."
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("wrong", "sentence"),
-    [
-        ({"networks": ["no-such-trace"]}, "The shaper refused /start: "),
-        ({"controllers": ["magic"]}, "The controller 'magic' cannot be measured: The viewer failed"),
-    ],
-)
-def test_what_cannot_be_had_is_said_before_anything_is_measured(
-    services: Services, out: Path, wrong: dict[str, Any], sentence: str
-) -> None:
-    status, _, errors = finished(run(services.url, out.with_suffix(".toml"), **wrong))
-    assert status == 1
-    assert sentence in " ".join(errors.split())
-    assert not out.exists()
-
-
 def test_services_that_do_not_answer_get_one_sentence(out: Path) -> None:
     status, _, errors = finished(run("http://127.0.0.1:9", out.with_suffix(".toml")))
     assert status == 1

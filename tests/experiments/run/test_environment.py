@@ -14,6 +14,7 @@ import pytest
 
 from tests.experiments.made_up import MACHINE, SERVER, configuration
 from tests.scenes import scene
+from tests.web.fake_shaper import FakeShaper
 from tigas_common.errors import StartError
 from tigas_common.wire.render import LadderName, Rung
 from tigas_experiments.errors import RunFailed
@@ -174,6 +175,12 @@ def test_what_the_services_do_not_have_is_said_before_the_first_run(
     with pytest.raises(StartError) as error:
         World(monkeypatch).check(unshaped(), unshaped(**changes))
     assert str(error.value) == sentence
+
+
+def test_a_network_that_the_shaper_refuses_is_told_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    refused = pytest.raises(StartError, match=r"^The shaper refused /start: There is no such trace\.$")
+    with FakeShaper() as shaper, refused:
+        World(monkeypatch, shaper=shaper.url).check(configuration(network=Network(trace="no-such-trace")))
 
 
 def test_dash_over_http3_needs_services_that_offer_it(monkeypatch: pytest.MonkeyPatch) -> None:
