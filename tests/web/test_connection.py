@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import socket
 import time
 
@@ -57,40 +56,6 @@ def test_a_page_over_plain_http_works_and_names_the_secure_one(open_page: OpenPa
     expect(page.locator("[data-stat=fallback]")).to_contain_text("secure context")
     wait_for_frames(page)
     assert picture(page).std() > 10, "the picture is blank"
-
-
-def test_a_server_that_falls_silent_is_named_and_keeps_its_viewers(open_page: OpenPage, server: RenderServer) -> None:
-    page = open_page(SCENE, turn=True)
-    wait_for_frames(page)
-    page.keyboard.down("ArrowRight")
-    frozen, age = page.locator("[data-stat=frozen]"), page.locator("[data-stat=content-age]")
-    with server.held():
-        expect(frozen).to_contain_text(re.compile(r"no new picture for (1\.[1-9]|[2-9])"))
-        assert float(age.inner_text()) >= 1000, "pixels grow old while nothing is answered"
-        expect(page.locator("[data-stat=silence]")).to_contain_text("no answer")
-    expect(page.locator("[data-stat=silence]")).to_have_count(0)
-    expect(frozen).to_have_count(0)
-    wait_for_frames(page, frames(page) + 5)
-    page.keyboard.up("ArrowRight")
-    wait_until_settled(page)
-
-
-def test_a_full_server_is_said_to_be_full_and_the_visit_begins_by_itself(open_page: OpenPage) -> None:
-    full = True
-
-    def say_so(route: Route) -> None:
-        answer = route.fetch()
-        route.fulfill(response=answer, json=answer.json() | ({"retry_after_s": 0.5} if full else {}))
-
-    page = open_page()
-    page.route("**/config.json?*", say_so)
-    page.get_by_role("link", name="Pebbles").click()
-    expect(page.locator(".stage-message")).to_contain_text("The server is full")
-    expect(page.locator(".stage")).to_have_attribute("data-phase", "full")
-    full = False
-    wait_for_frames(page)
-    expect(page.locator(".stage-message")).to_have_text("")
-    expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams")
 
 
 def test_a_lost_server_is_announced_and_found_again_within_seconds(open_page: OpenPage, server: RenderServer) -> None:

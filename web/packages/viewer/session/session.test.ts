@@ -252,6 +252,14 @@ test("whoever stands still hears that the scene was deleted, and can come back o
   expect(requests()).toBeGreaterThan(before);
 });
 
+test("a full server is called full, and the visit begins by itself once there is room", async () => {
+  vi.mocked(fetchConfig).mockResolvedValueOnce({ ...serverConfig(SERVICES), retry_after_s: 5 });
+  await visit();
+  expect(phase()).toEqual({ kind: "full" });
+  await vi.advanceTimersByTimeAsync(10_000);
+  expect(phase()).toEqual({ kind: "playing" });
+});
+
 test("a lost server is announced, and the visit goes on with the same pose when it is back", async () => {
   await visit();
   await drawn(3);
