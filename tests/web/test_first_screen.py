@@ -33,7 +33,8 @@ def test_the_lab_is_loaded_when_it_is_opened_and_stays_open(open_page: OpenPage)
     def loaded(chunk: str) -> bool:
         return any(name.startswith(f"{chunk}-") for name in page.evaluate(CHUNKS))
 
-    parts = ("panels", "side-figures", "view-menu", "help", "experiment-dialog", "plots", "streamed-source", "packager")
+    lab = ("panels", "side-figures", "help", "experiment-dialog", "plots")
+    parts = (*lab, "view-menu", "streamed-source", "packager", "renderer")
     assert not any(loaded(chunk) for chunk in parts)
     page.get_by_role("button", name="Lab", exact=True).click()
     expect(page.get_by_role("heading", name="Lens")).to_be_visible()

@@ -119,22 +119,6 @@ def test_an_antialiased_scene_that_arrives_in_parts_is_drawn_with_its_filter(
     wait_until_like(page, drawn)
 
 
-def test_a_scene_that_is_too_large_for_the_browser_leaves_the_other_modes(open_page: OpenPage) -> None:
-    page = open_page(viewport=SMALL)
-    page.add_init_script("Object.defineProperty(navigator, 'deviceMemory', { value: 1e-6 })")
-    asked: list[str] = []
-    page.on("request", lambda request: asked.append(request.url))
-    page.goto(page.url + SCENE)
-    page.reload()
-    wait_for_frames(page)
-    assert not [url for url in asked if "renderer" in url], "the renderer was loaded before it was needed"
-    page.evaluate("tigas.settings({ mode: 'local' })")
-    expect(page.locator(".stage-message")).to_contain_text("too large for this browser")
-    assert not [url for url in asked if "/download/" in url]
-    page.evaluate("tigas.settings({ mode: 'stateless' })")
-    expect(page.locator(".stage-message")).to_have_text("")
-
-
 def recorded(page: Page, **changes: object) -> Recording:
     """The movement, played in the page."""
     plan = {"points": MOVEMENT, "duration_ms": 1000, "capture_every_ms": 400, "sample_stride": 0, **changes}

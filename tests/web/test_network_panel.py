@@ -35,7 +35,7 @@ def page_url(models: Path, shaper: FakeShaper, monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_the_network_panel(shaper: FakeShaper, page_url: str, open_page: OpenPage) -> None:
-    page = open_page(SCENE, url=page_url, viewport=WINDOW, expected_errors="ERR_")
+    page = open_page(SCENE, url=page_url, viewport=WINDOW)
     wait_for_frames(page)
 
     expect(page.get_by_role("radio", name="stairs")).to_be_checked()
@@ -50,22 +50,7 @@ def test_the_network_panel(shaper: FakeShaper, page_url: str, open_page: OpenPag
     panel.get_by_label("Start again at the end").uncheck()
     panel.get_by_role("button", name="Play").press("Enter")
     expect(page.locator("[data-network=mode]")).to_contain_text(re.compile(r"Plays tunnel, 0:0\d of 0:08"))
-    panel.get_by_role("button", name="Pause").click()
-    panel.get_by_role("button", name="Resume").click()
-    panel.get_by_role("button", name="Stop").click()
-    expect(page.locator("[data-network=mode]")).to_contain_text("A constant link")
-    expected = [("/start", {"trace": "tunnel", "loop": False}), ("/pause", {}), ("/resume", {}), ("/stop", {})]
-    assert shaper.asked == expected
-
-    page.get_by_role("textbox", name="Down").fill("2,5")
-    page.get_by_role("textbox", name="Round trip").fill("50")
-    page.get_by_role("textbox", name="Round trip").press("Enter")
-    expect(page.get_by_role("figure", name="Rate towards this page")).to_contain_text("Target 2.5 Mbit/s")
-    link = {"down_kbps": 2500, "up_kbps": 50_000, "delay_ms": 25, "jitter_ms": 0, "loss_pct": 0}
-    assert shaper.asked[-1] == ("/link", link)
-
-    shaper.stop()
-    expect(page.locator(".notice")).to_contain_text(f"The shaper at {shaper.url} does not answer")
+    assert shaper.asked == [("/start", {"trace": "tunnel", "loop": False})]
 
 
 def inked(page: Page) -> bool:

@@ -17,7 +17,7 @@ from playwright.sync_api import Page, ViewportSize, expect
 from tests.web.conftest import OpenPage
 from tests.web.modes import with_settings
 from tests.web.server import RenderServer
-from tests.web.stage import SCENE, frames, frames_pass, picture, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, frames_pass, hold, picture, wait_for_frames, wait_until_settled
 
 SMALL: ViewportSize = {"width": 320, "height": 180}
 DELAY_MS = 300
@@ -165,21 +165,6 @@ def test_at_rest_the_picture_is_the_frame_itself(slow: Callable[..., Page]) -> N
     assert np.array_equal(view_at(turned, 20), view_at(plain, 20))
 
 
-def test_a_lost_graphics_processor_leaves_frames_as_they_come_and_says_so(slow: Callable[..., Page]) -> None:
-    page = slow(hud=True)
-    page.evaluate(LOSE)
-    expect(page.locator("[data-stat=reprojection-note]")).to_contain_text("graphics processor was lost")
-    expect(page.locator("canvas.reprojected")).to_have_count(0)
-    assert picture(page).std() > 10, "the picture is blank"
-    before = frames(page)
-    page.keyboard.press("ArrowRight", delay=200)
-    wait_for_frames(page, before + 1)
-    page.evaluate("() => window.loss.restoreContext()")
-    expect(page.locator("[data-stat=reprojection-note]")).to_have_count(0)
-    page.keyboard.press("ArrowRight", delay=200)
-    expect(page.locator("canvas.reprojected")).to_have_count(1)
-
-
 def test_a_lost_graphics_processor_leaves_the_view_as_large_as_it_was(slow: Callable[..., Page]) -> None:
     """The frame below has margins, which must be hidden."""
     page = slow(hud=False, overscan=0.25)
@@ -203,26 +188,15 @@ def test_a_resized_window_and_a_turned_phone_show_the_whole_view(slow: Callable[
         assert picture(page).std() > 10
 
 
-def test_without_graphics_acceleration_nothing_is_turned_unless_the_link_says_so(
-    open_page: OpenPage, server: RenderServer
-) -> None:
+def test_without_graphics_acceleration_nothing_is_turned(open_page: OpenPage, server: RenderServer) -> None:
     """Browsers under test draw in software, which would freeze a page of usual size."""
     page = open_page(SCENE, **with_settings(server.url, **(SETTINGS | {"sidebar": True})))
     wait_for_frames(page)
     expect(page.locator("[data-stat=reprojection-note]")).to_have_text(
         "This browser draws without the graphics processor: smooth turning is off."
     )
-    shown = frames(page)
-    page.keyboard.press("ArrowRight", delay=300)
-    wait_for_frames(page, shown + 2)
+    hold(page, "ArrowRight")
     expect(page.locator("canvas.reprojected")).to_have_count(0)
-
-    page.goto("about:blank")
-    page.goto(f"{server.url}{SCENE}?reprojection=on")
-    wait_for_frames(page)
-    page.keyboard.press("ArrowRight", delay=300)
-    expect(page.locator("canvas.reprojected")).to_have_count(1)
-    expect(page.locator("[data-stat=reprojection-note]")).to_have_count(0)
 
 
 def turned_in_an_outage(page: Page) -> NDArray[np.int16]:
