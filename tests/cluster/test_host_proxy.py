@@ -12,6 +12,7 @@ from tests.cluster.hosts import FakeFleet, FakeHosts, asking_director, host
 from tests.eventually import eventually
 from tests.render.fakes import render_request
 from tests.scenes import scene
+from tests.visitor import Visitor
 from tigas_cluster import host_proxy
 from tigas_cluster.host_proxy import MOST_PER_ADDRESS, HostProxy, HostsBusy
 from tigas_common.errors import SceneInUse, problem
@@ -179,34 +180,20 @@ async def test_one_address_does_not_take_all_requests_and_one_that_leaves_frees_
     fleet: FakeFleet, hosts: Hosts
 ) -> None:
     hosts.silent = {"a", "b"}
-    proxy, left = HostProxy(fleet, hosts), asyncio.Event()
+    proxy = HostProxy(fleet, hosts)
 
-    async def ask(address: str) -> None:
-        body = iter([{"type": "http.request", "body": b"", "more_body": False}])
+    def ask(address: str) -> Visitor:
+        return Visitor(proxy, "POST", "/scenes/garden/load", address)
 
-        async def receive() -> dict[str, object]:
-            for message in body:
-                return message
-            await left.wait()
-            return {"type": "http.disconnect"}
-
-        async def send(message: object) -> None:
-            raise AssertionError(message)
-
-        scope = {"type": "http", "scheme": "http", "method": "POST", "query_string": b"", "headers": []}
-        await proxy(
-            scope | {"path": "/scenes/garden/load", "raw_path": b"/scenes/garden/load", "client": (address, 1)},
-            receive,
-            send,
-        )
-
-    first = [asyncio.create_task(ask("192.0.2.1")) for _ in range(MOST_PER_ADDRESS)]
+    visitors = [ask("192.0.2.1") for _ in range(MOST_PER_ADDRESS)]
     await eventually(lambda: len(hosts.asked) == MOST_PER_ADDRESS)
     with pytest.raises(HostsBusy):
-        await ask("192.0.2.1")
-    other = asyncio.create_task(ask("192.0.2.2"))
+        await ask("192.0.2.1").asking
+    visitors.append(ask("192.0.2.2"))
     await eventually(lambda: len(hosts.asked) == MOST_PER_ADDRESS + 1)
-    left.set()
-    await asyncio.gather(*first, other)
+    for visitor in visitors:
+        visitor.left.set()
+        await visitor.asking
+        assert visitor.got == []
     hosts.silent = set()
     await proxy.close()

@@ -18,6 +18,7 @@ from websockets.typing import Origin
 
 from tests.dash.boxes import contents
 from tests.dash.conftest import Packager, announcement, pose, session_request
+from tests.visitor import Visitor
 from tigas_common.origins import OriginPolicy
 from tigas_dash.app import create_app
 from tigas_dash.webrtc.stream import WebRtc
@@ -146,18 +147,10 @@ async def test_a_reader_that_stops_reading_holds_up_nobody(packager: Packager) -
 
 
 async def test_a_client_that_left_while_its_stream_was_opened_leaves_none_behind(packager: Packager) -> None:
-    body = json.dumps(session_request()).encode()
-    messages = [{"type": "http.request", "body": body}, {"type": "http.disconnect"}]
-
-    async def receive() -> Any:
-        return messages.pop(0)
-
-    async def send(_: Any) -> None:
-        pass
-
-    scope = {"type": "http", "method": "POST", "path": "/sessions", "query_string": b""}
-    scope["headers"] = [(b"host", b"localhost")]
-    await create_app(packager.sessions, OriginPolicy(), Mock(spec=WebRtc))(scope, receive, send)
+    app = create_app(packager.sessions, OriginPolicy(), Mock(spec=WebRtc))
+    visitor = Visitor(app, "POST", "/sessions", body=json.dumps(session_request()).encode())
+    visitor.left.set()
+    await visitor.asking
     assert len(packager.render.requests) == 1
     assert packager.sessions.all() == []
 

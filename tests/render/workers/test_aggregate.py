@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from starlette.types import ASGIApp, Message
 
 from tests.eventually import eventually
+from tests.visitor import Visitor
 from tigas_common.origins import OriginPolicy
 from tigas_common.wire.render import SceneInfo, Training
 from tigas_render.pipe.engines import Engines
@@ -129,38 +129,6 @@ class FakeEngine:
             writer.close()
 
 
-class Visitor:
-    """A client with one request, which it gives up when it is told to."""
-
-    def __init__(self, app: ASGIApp, method: str, path: str, address: str = "192.0.2.1") -> None:
-        self.left = asyncio.Event()
-        self.got: list[Message] = []
-        scope = {
-            "type": "http",
-            "scheme": "http",
-            "method": method,
-            "query_string": b"",
-            "headers": [(b"host", b"localhost")],
-        }
-        self._body = iter([{"type": "http.request", "body": b"", "more_body": False}])
-        self.asking = asyncio.ensure_future(
-            app(scope | {"path": path, "raw_path": path.encode(), "client": (address, 1)}, self._receive, self._send)
-        )
-
-    @property
-    def status(self) -> int | None:
-        return self.got[0]["status"] if self.got else None
-
-    async def _receive(self) -> Message:
-        for message in self._body:
-            return message
-        await self.left.wait()
-        return {"type": "http.disconnect"}
-
-    async def _send(self, message: Message) -> None:
-        self.got.append(message)
-
-
 async def leave(visitors: Sequence[Visitor]) -> None:
     for visitor in visitors:
         visitor.left.set()
@@ -193,13 +161,12 @@ async def test_a_change_reaches_all_engines_although_its_client_has_left(tmp_pat
     frames = Engines({engine.path.name: engine.path for engine in engines}, 0, lambda *_: None, lambda: 0.0)
     other.may_answer.set()
     async with one.serving() as first, other.serving() as second:
-        visitor = Visitor(
-            Aggregate(frames, {"one": first, "other": second}, OriginPolicy()), "DELETE", "/scenes/garden"
-        )
+        app = Aggregate(frames, {"one": first, "other": second}, OriginPolicy())
+        visitor = Visitor(app, "DELETE", "/scenes/garden")
         await eventually(lambda: one.asked)
         await leave([visitor])
         one.may_answer.set()
-        await eventually(lambda: one.asked[1:] and other.asked)
+        await eventually(lambda: not app._changing._running)
     assert (one.asked, other.asked) == (["DELETE /scenes/garden", "GET /scenes?scan=1"], ["GET /scenes?scan=1"])
 
 
@@ -215,5 +182,5 @@ async def test_changes_whose_clients_have_left_do_not_take_all_connections(tmp_p
             await leave(visitors)
         await eventually(lambda: engine.connections == MOST_CHANGES_PER_ADDRESS)
         engine.may_answer.set()
-        await eventually(lambda: engine.asked.count("GET /scenes?scan=1") == MOST_CHANGES_PER_ADDRESS)
-        await eventually(lambda: engine.connections == 0)
+        await eventually(lambda: not app._changing._running)
+        assert engine.asked.count("GET /scenes?scan=1") == MOST_CHANGES_PER_ADDRESS
