@@ -101,6 +101,7 @@ sample_stride = 5
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(300)  # two experiments, and the store's first check
 def test_page_and_command_write_identical_folders(open_page: OpenPage, lab: PageLab, tmp_path: Path) -> None:
     file, out = tmp_path / "twin.toml", tmp_path / "out"
     file.write_text(FILE)
