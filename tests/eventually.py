@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable
 from inspect import iscoroutine
 
@@ -17,3 +18,11 @@ async def eventually(condition: Callable[[], object]) -> None:
             if await result if iscoroutine(result) else result:
                 return
             await asyncio.sleep(0.002)
+
+
+def wait_until(condition: Callable[[], object], limit_s: float = LIMIT_S) -> None:
+    """The same without an event loop: an AssertionError if the condition does not hold in time."""
+    end = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < end, f"{condition} was not true after {limit_s} s"
+        time.sleep(0.02)

@@ -17,7 +17,7 @@ import psutil
 import pytest
 
 from tests.command import tigas
-from tests.testbed.inside import wait_until
+from tests.eventually import wait_until
 from tigas_cluster import host as module
 from tigas_cluster.connection import AnotherUp, OwnRay, named_cluster
 from tigas_cluster.host import Host
@@ -48,7 +48,7 @@ def service() -> psutil.Process:
 
 
 def url_of(host: Host) -> str:
-    wait_until(lambda: host.facts()["url"] is not None, 30)
+    wait_until(lambda: host.facts()["url"] is not None)
     url = host.facts()["url"]
     assert url
     return url
@@ -68,7 +68,7 @@ def test_says_where_it_is_and_starts_its_service_again(tmp_path: Path, monkeypat
         assert empty.startswith("models has no scenes yet")
         killed = service()
         killed.kill()
-        wait_until(lambda: host.facts()["url"] not in (None, url), 30)
+        wait_until(lambda: host.facts()["url"] not in (None, url))
         again = service()
         assert httpx.get(f"{url_of(host)}/healthz").status_code == 200
     assert not again.is_running()
@@ -78,10 +78,10 @@ def test_says_where_it_is_and_starts_its_service_again(tmp_path: Path, monkeypat
 def test_says_why_it_cannot_serve_and_tries_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "RETRY_S", 0.05)
     with running("--scenes", "/nowhere") as host:
-        wait_until(lambda: host.facts()["failure"] is not None, 30)
+        wait_until(lambda: host.facts()["failure"] is not None)
         assert str(host.facts()["failure"]).startswith("The models directory /nowhere does not exist")
         assert host.facts()["url"] is None
-        wait_until(lambda: psutil.Process().children() != [], 30)
+        wait_until(lambda: psutil.Process().children() != [])
 
 
 @pytest.mark.slow

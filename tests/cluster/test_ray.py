@@ -10,8 +10,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ import httpx
 import psutil
 import pytest
 
+from tests.eventually import wait_until
 from tigas_cluster.connection import OwnRay
 from tigas_common.processes import tigas
 
@@ -67,7 +67,7 @@ def machines() -> Iterator[Machines]:
         address = ray / "ray_current_cluster"
         head = ("--head", "--port=0", f"--temp-dir={ray}", "--include-dashboard=false", "--no-monitor")
         first = stack.enter_context(running([*START_RAY, *NODE, *head]))
-        until(address.exists)
+        wait_until(address.exists)
         second = stack.enter_context(running([*START_RAY, *NODE, f"--address={address.read_text()}"]))
         yield Machines(address.read_text(), first, second)
 
@@ -84,7 +84,7 @@ def running(command: list[str]) -> Iterator[subprocess.Popen[bytes]]:
             left = descendants(started)
             process.terminate()
             process.wait(20)
-            until(lambda: not any(map(is_alive, left)))
+            wait_until(lambda: not any(map(is_alive, left)))
 
 
 @dataclass
@@ -133,13 +133,6 @@ def up(environment: dict[str, str], *options: str) -> Iterator[Up]:
             yield Up(process, opened[1], environment)
         finally:
             process.kill()
-
-
-def until(condition: Callable[[], object], limit_s: float = 30.0) -> None:
-    deadline = time.monotonic() + limit_s
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
 
 
 def descendants(process: psutil.Process) -> list[psutil.Process]:
@@ -200,19 +193,19 @@ def test_hosts_outlive_a_second_up_and_a_killed_one_and_the_next_finds_them_and_
 @pytest.mark.timeout(300)
 def test_a_host_or_a_machine_is_killed_and_the_others_serve(machines: Machines) -> None:
     with up(machines.environment | A_HOST, "--hosts=2") as cluster:
-        until(lambda: cluster.hosts() == {"host-1", "host-2"})
+        wait_until(lambda: cluster.hosts() == {"host-1", "host-2"})
         name, render = host_on(machines.other, cluster), service(machines.other)
         actor = named(machines.other, "ray::Host")
         assert actor
         actor.kill()
         # Its service lives slightly longer, and viewers stay with a host that answers.
-        until(lambda: cluster.place(silent=name)["host"] != name)
+        wait_until(lambda: cluster.place(silent=name)["host"] != name)
         render.wait(30)
-        until(lambda: cluster.hosts() == {"host-1", "host-2"}, 60)
+        wait_until(lambda: cluster.hosts() == {"host-1", "host-2"}, 60)
 
         render, left = service(machines.other), service(machines.head)
         os.killpg(machines.other.pid, signal.SIGKILL)
-        until(lambda: cluster.hosts() == {host_on(machines.head, cluster)})
+        wait_until(lambda: cluster.hosts() == {host_on(machines.head, cluster)})
         render.wait(10)
         cluster.interrupt()
         assert not is_alive(left)

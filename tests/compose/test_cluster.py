@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.compose.stack import MACHINES, Machine, Stack, docker
-from tests.testbed.inside import wait_until
+from tests.eventually import wait_until
 from tests.web.conftest import PATIENCE
 from tests.web.stage import SCENE, frames, wait_for_frames
 
@@ -99,7 +99,7 @@ def test_a_viewer_whose_host_is_killed_goes_on_within_two_seconds(cluster: Stack
 
 def test_hosts_and_viewers_outlive_the_director(cluster: Stack, walking: Page) -> None:
     before = sorted(host["since"] for host in status(cluster))
-    wait_until(lambda: len(directors(cluster)) == 1, 10)  # a process that it starts has its name for a moment
+    wait_until(lambda: len(directors(cluster)) == 1)  # a process that it starts has its name for a moment
     (killed,) = directors(cluster)
     cluster.inside("head", f"kill -KILL {killed}")
     wait_for_frames(walking, frames(walking) + 20)

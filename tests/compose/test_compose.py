@@ -9,8 +9,8 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.compose.stack import SERVICES, Service, Stack, answers, docker, download_kbps, round_trips_ms, store
+from tests.eventually import wait_until
 from tests.experiments.store.conftest import plan, slug, upload
-from tests.testbed.inside import wait_until
 from tests.web.conftest import PATIENCE
 from tests.web.modes import wait_for_stream
 from tests.web.scenes import SMALL
@@ -126,7 +126,7 @@ def test_nothing_flows_without_the_shaper(stack: Stack, page: Page) -> None:
 def test_a_service_that_ends_is_started_again(stack: Stack, service: Service) -> None:
     started = stack.inspect(service)["State"]["StartedAt"]
     stack.inside(service, "kill -TERM 1")
-    wait_until(lambda: stack.inspect(service)["State"]["StartedAt"] > started, 20)
+    wait_until(lambda: stack.inspect(service)["State"]["StartedAt"] > started)
     wait_until(answers, 60)
 
 

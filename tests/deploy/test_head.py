@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.testbed.inside import wait_until
+from tests.eventually import wait_until
 
 HEAD = Path(__file__).parents[2] / "deploy/head.sh"
 RAY = """#!/bin/sh

@@ -14,8 +14,9 @@ from typing import Any
 
 import pytest
 
+from tests.eventually import wait_until
 from tests.prerequisites import NAMESPACES
-from tests.testbed.inside import inside, wait_until
+from tests.testbed.inside import inside
 from tigas_common.errors import StartError
 from tigas_common.topology import PAGE_ORIGINS, SHAPER
 from tigas_common.wire.shaper import ShaperStatus
@@ -101,7 +102,7 @@ def shaper(lab: Lab, *more: str) -> Iterator[ShaperProcess]:
     ) as process:
         running = ShaperProcess(lab, process)
         try:
-            wait_until(running.is_up, 20)
+            wait_until(running.is_up)
             yield running
         finally:
             process.terminate()

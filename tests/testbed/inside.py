@@ -157,11 +157,3 @@ def retried_on_a_busy_machine(test: Callable[..., None]) -> Callable[..., None]:
         return test(*arguments, **named)
 
     return attempts
-
-
-def wait_until(condition: Callable[[], bool], timeout_s: float = 10.0) -> None:
-    """Wait for something that will be true soon; an AssertionError if it is not."""
-    end = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < end, f"{condition} was not true after {timeout_s} s"
-        time.sleep(0.02)

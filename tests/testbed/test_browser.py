@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect, sync_playwright
 
+from tests.eventually import wait_until
 from tests.prerequisites import BUILT_PAGE, CHROMIUM
 from tests.testbed.conftest import NOBODY, ShaperProcess
-from tests.testbed.inside import inside, wait_until
+from tests.testbed.inside import inside
 from tests.web.conftest import CHROMIUM_ARGS, DESKTOP, PATIENCE
 from tests.web.modes import wait_for_stream
 from tests.web.scenes import write_scenes

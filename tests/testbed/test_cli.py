@@ -15,10 +15,10 @@ from urllib.request import Request, urlopen
 import httpx
 import pytest
 
+from tests.eventually import wait_until
 from tests.prerequisites import FREE_LAB
 from tests.render.scenes import made_up
 from tests.render.uploads.client import begin, part
-from tests.testbed.inside import wait_until
 from tigas_common.processes import tigas
 from tigas_common.resources import CAP_NET_ADMIN
 from tigas_common.topology import DASH, PAGE, PAGE_HTTPS, PAGE_ORIGINS, SHAPER, STORE
@@ -87,7 +87,7 @@ def test_a_lab_comes_up_for_this_machine_and_goes_even_after_a_kill(
 ) -> None:
     exec_client = tigas("lab", "exec", "client", "ip", "-br", "link", "show", "access")
     assert "access@" in subprocess.run(exec_client, check=True, capture_output=True, text=True).stdout
-    wait_until(lambda: all(map(serves, (DASH.number, SHAPER.number, STORE.number))), 20)
+    wait_until(lambda: all(map(serves, (DASH.number, SHAPER.number, STORE.number))))
     assert (tmp_path / "results").is_dir()
     set_link(down_kbps=10_000, up_kbps=10_000, delay_ms=DELAY_MS)
     for service in ("dash", "store", "shaper"):
@@ -98,7 +98,7 @@ def test_a_lab_comes_up_for_this_machine_and_goes_even_after_a_kill(
     assert pids
     up.kill()
     up.wait()
-    wait_until(lambda: not any(LAB.processes(role) for role in ROLES), 5)
+    wait_until(lambda: not any(LAB.processes(role) for role in ROLES))
     assert not serves()
     subprocess.run(tigas("lab", "down"), check=True)
     assert left() == []
@@ -116,7 +116,7 @@ def statuses(role: Role) -> dict[int, dict[str, str]]:
 
 
 def test_services_are_nobody_in_particular_and_have_no_rights(up: subprocess.Popen[bytes], tmp_path: Path) -> None:
-    wait_until(lambda: all(map(serves, (DASH.number, SHAPER.number, STORE.number))), 20)
+    wait_until(lambda: all(map(serves, (DASH.number, SHAPER.number, STORE.number))))
     services, gateway = statuses("service"), statuses("gateway")
     for service in ("render", "dash", "store"):
         assert any(f"tigas_common {service} " in status["Command"] for status in services.values())

@@ -14,8 +14,9 @@ from pathlib import Path
 import psutil
 import pytest
 
+from tests.eventually import wait_until
 from tests.testbed.conftest import ip_forward, left_behind, remove_abandoned, shaper
-from tests.testbed.inside import GATEWAY, echo_server, udp, wait_until
+from tests.testbed.inside import GATEWAY, echo_server, udp
 from tigas_common.errors import StartError
 from tigas_common.processes import tigas
 from tigas_common.topology import SHAPER
@@ -86,7 +87,7 @@ def test_an_interface_that_disappears_closes_the_link(own_lab: Lab, interface: s
             reason: str | None = json.loads(answer)["closed"]
             return reason
 
-        wait_until(lambda: closed() is not None, 5)
+        wait_until(lambda: closed() is not None)
         print(closed())
         assert "nothing passes until the shaper is restarted" in (closed() or "")
         if interface == "tigas-down":
@@ -104,7 +105,7 @@ def test_shaping_that_another_program_removes_closes_the_link(own_lab: Lab, inte
         assert answers(own_lab)
         removal = ["tc", "qdisc", "del", "dev", interface, "clsact"]
         subprocess.run(own_lab.command("gateway", removal), check=True)
-        wait_until(lambda: not answers(own_lab), 5)
+        wait_until(lambda: not answers(own_lab))
 
 
 def test_packets_longer_than_the_link_takes_are_refused_from_the_start(own_lab: Lab) -> None:
@@ -199,13 +200,13 @@ def service(demo: subprocess.Popen[str], name: str) -> psutil.Process | None:
 
 
 def test_a_service_that_is_killed_comes_back_and_all_end_together(demo: subprocess.Popen[str]) -> None:
-    wait_until(lambda: all(service(demo, name) for name in ("render", "dash", "store")), 20)
+    wait_until(lambda: all(service(demo, name) for name in ("render", "dash", "store")))
     killed = service(demo, "store")
     assert killed
     killed.kill()
     assert demo.stderr
     assert demo.stderr.readline() == ("The experiment store exited (signal SIGKILL); restarting it in 0.5 s.\n")
-    wait_until(lambda: service(demo, "store") not in (None, killed), 20)
+    wait_until(lambda: service(demo, "store") not in (None, killed))
     services = psutil.Process(demo.pid).children()
     demo.terminate()
     assert demo.wait(20) == 0

@@ -12,6 +12,7 @@ from contextlib import suppress
 
 import pytest
 
+from tests.eventually import wait_until
 from tests.testbed.conftest import ShaperProcess
 from tests.testbed.inside import (
     GATEWAY,
@@ -22,7 +23,6 @@ from tests.testbed.inside import (
     retried_on_a_busy_machine,
     server_socket,
     udp,
-    wait_until,
 )
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.trace import NetworkTrace

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable
 from typing import Any
 
 from playwright.sync_api import Page
 
+from tests.eventually import wait_until
 from tests.web.server import Packager
 
 
@@ -31,7 +31,4 @@ def wait_for_stream(page: Page, at_least: int = 1) -> None:
 
 def wait_for_sessions(packager: Packager, wanted: Callable[[list[dict[str, Any]]], bool]) -> None:
     """Wait until the packager's streams are as wanted."""
-    deadline = time.monotonic() + 90  # a page that did not say goodbye has a stream for a minute
-    while not wanted(packager.sessions()):
-        assert time.monotonic() < deadline, f"the packager has {packager.sessions()}"
-        time.sleep(0.1)
+    wait_until(lambda: wanted(packager.sessions()), 90)  # a page that did not say goodbye has a stream for a minute

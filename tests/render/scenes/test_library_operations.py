@@ -18,6 +18,7 @@ from typing import Any
 
 import pytest
 
+from tests.eventually import wait_until
 from tests.render.scenes import made_up, plys
 from tigas_common.errors import BrokenScene
 from tigas_common.processes import tigas
@@ -182,7 +183,7 @@ def test_a_command_that_is_terminated_leaves_nothing(tmp_path: Path, site: str) 
     environment = os.environ | {"TIGAS_RENDER_SCENES": str(models)}
     command = tigas("scene", "add", f"{site}/trickle.ply")
     with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE) as process:
-        wait_for(lambda: models.is_dir() and list(models.glob(".*/trickle")))
+        wait_until(lambda: models.is_dir() and list(models.glob(".*/trickle")))
         process.terminate()
         _, said = process.communicate(timeout=30)
     assert b"Traceback" not in said
@@ -197,13 +198,6 @@ def test_what_a_command_that_was_killed_has_left_is_removed_by_the_next(tmp_path
     os.utime(left, (1e9, 1e9))
     add_scene(str(made_up.FILES / "shell.sog"), models, None, lambda _: None, LIMIT)
     assert [path.name for path in models.iterdir()] == ["shell.sog"]
-
-
-def wait_for(condition: Callable[[], object]) -> None:
-    deadline = time.monotonic() + 60
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 @pytest.mark.parametrize(
