@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Locator, Page, Route, expect
 
+from tests.eventually import wait_until
 from tests.prerequisites import NODE_MODULES
 from tests.web.bundle import ORIGIN, WEB
 from tests.web.conftest import LOOPBACK, OpenPage
@@ -101,8 +102,7 @@ def test_a_viewer_that_is_controlled_by_code(open_example: OpenExample) -> None:
     before = view.screenshot()
     assert contrast(view) > 10
     page.get_by_role("button", name="Fly around").click()
-    page.wait_for_timeout(1500)
-    assert view.screenshot() != before
+    wait_until(lambda: view.screenshot() != before)
     with page.expect_download() as download:
         page.get_by_role("button", name="Save a picture").click()
     with Image.open(download.value.path()) as picture:
