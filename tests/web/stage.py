@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import time
 from collections.abc import Callable
@@ -92,6 +93,12 @@ def part(page: Page, element: str, shares: tuple[float, float, float, float]) ->
         "height": box["height"] * height,
     }
     return Image.open(io.BytesIO(page.screenshot(clip=clip))).convert("RGB")
+
+
+def kept(page: Page, index: int) -> Image.Image:
+    """A picture that the page's last run has kept."""
+    png = page.evaluate("index => tigas.capture(index)", index)
+    return Image.open(io.BytesIO(base64.b64decode(png)))
 
 
 def changes(page: Page, act: Callable[[], object]) -> float:

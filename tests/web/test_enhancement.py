@@ -22,7 +22,7 @@ from tests.web.modes import with_settings
 from tests.web.scenes import SMALL as SMALL_SCENE
 from tests.web.scenes import write_scenes
 from tests.web.server import RenderServer
-from tests.web.stage import SCENE, frames, picture, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, frames, kept, picture, wait_for_frames, wait_until_settled
 
 WEBGPU_ARGS = [
     "--enable-unsafe-webgpu",
@@ -117,9 +117,8 @@ def shown(page: Page) -> NDArray[np.int16]:
         "duration_ms": 300,
         "capture_every_ms": 100,
     }
-    png = page.evaluate("async plan => { await tigas.run(plan); return tigas.capture(0); }", plan)
-    with Image.open(io.BytesIO(base64.b64decode(png))) as image:
-        return np.asarray(image.convert("RGB"), dtype=np.int16)
+    page.evaluate("plan => tigas.run(plan)", plan)
+    return np.asarray(kept(page, 0).convert("RGB"), dtype=np.int16)
 
 
 def pattern(width: int, height: int) -> Image.Image:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import io
 import json
 import math
@@ -21,7 +20,7 @@ from tests.web.conftest import PATIENCE, OpenPage
 from tests.web.modes import with_settings
 from tests.web.scenes import write_antialiased_scene
 from tests.web.server import RenderServer
-from tests.web.stage import SCENE, hold, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, hold, kept, wait_for_frames, wait_until_settled
 from tests.web.warp.views import psnr
 from tigas_experiments.wire.recording import Recording
 
@@ -57,9 +56,9 @@ def test_a_downloaded_scene_is_drawn_as_the_server_draws_it(open_page: OpenPage,
     assert {frame.side for frame in (*first.frames, *recording.frames)} == {"local"}
     assert recording.frames[-1].pose == recording.inputs[-1].pose
     assert len({frame.pose for frame in recording.frames}) == len(recording.frames)
-    kept = [captured(page, index) for index in range(len(recording.captures))]
-    assert len(kept) >= 2
-    assert all(picture.mean() > 20 for picture in kept), "a kept picture is empty"
+    captured = [np.asarray(kept(page, index).convert("RGB")) for index in range(len(recording.captures))]
+    assert len(captured) >= 2
+    assert all(picture.mean() > 20 for picture in captured), "a kept picture is empty"
 
     drawn = shown(page)
     page.evaluate("tigas.settings({ mode: 'stateless' })")
@@ -133,7 +132,8 @@ def wait_until_complete(page: Page) -> None:
 def shown(page: Page) -> NDArray[np.float64]:
     """The stage below its toolbar: [height, width, 3]."""
     clip: Any = {"x": 8, "y": 80, "width": SMALL["width"] - 16, "height": SMALL["height"] - 88}
-    return pixels(page.screenshot(clip=clip))
+    with Image.open(io.BytesIO(page.screenshot(clip=clip))) as image:
+        return np.asarray(image.convert("RGB"), dtype=np.float64)
 
 
 def wait_until_like(page: Page, picture: NDArray[np.float64]) -> None:
@@ -142,14 +142,3 @@ def wait_until_like(page: Page, picture: NDArray[np.float64]) -> None:
     while (similarity := psnr(picture, shown(page))) <= ALIKE_DB:
         assert time.monotonic() < deadline, f"PSNR is {similarity:.1f} dB"
         page.wait_for_timeout(100)
-
-
-def captured(page: Page, index: int) -> NDArray[np.float64]:
-    """A picture that the run kept: [height, width, 3]."""
-    return pixels(base64.b64decode(page.evaluate("index => tigas.capture(index)", index)))
-
-
-def pixels(encoded: bytes) -> NDArray[np.float64]:
-    """A picture's pixels, 0 to 255: [height, width, 3]."""
-    with Image.open(io.BytesIO(encoded)) as image:
-        return np.asarray(image.convert("RGB"), dtype=np.float64)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import math
 from collections.abc import Callable
 from typing import Any
@@ -17,7 +15,7 @@ from playwright.sync_api import Page, ViewportSize, expect
 from tests.web.conftest import OpenPage
 from tests.web.modes import with_settings
 from tests.web.server import RenderServer
-from tests.web.stage import SCENE, frames_pass, hold, picture, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, frames_pass, hold, kept, picture, wait_for_frames, wait_until_settled
 
 SMALL: ViewportSize = {"width": 320, "height": 180}
 DELAY_MS = 300
@@ -105,9 +103,7 @@ def degrees_of(quaternion: list[float]) -> float:
 
 def capture(page: Page, index: int) -> NDArray[np.int16]:
     """A kept picture: [height, width, 4]."""
-    png = page.evaluate("index => tigas.capture(index)", index)
-    with Image.open(io.BytesIO(base64.b64decode(png))) as image:
-        return np.asarray(image.convert("RGBA"), dtype=np.int16)
+    return np.asarray(kept(page, index).convert("RGBA"), dtype=np.int16)
 
 
 def test_the_picture_turns_at_once_however_late_frames_are(slow: Callable[..., Page]) -> None:
@@ -131,9 +127,9 @@ def test_what_is_seen_is_the_view_of_that_moment(slow: Callable[..., Page]) -> N
     for reprojection in (True, False):
         page = slow(reprojection=reprojection, overscan=0.25)
         run = play(page, (0, 0), (TURN_MS, 15), capture_every_ms=TURN_MS / 5)
-        kept = run["captures"][3]
-        known = [one for one in run["inputs"] if not one["missed"] and one["at"] < kept["at"]]
-        now = next((one for one in known if one["pose"] == kept["view"]), known[-1])
+        captured = run["captures"][3]
+        known = [one for one in run["inputs"] if not one["missed"] and one["at"] < captured["at"]]
+        now = next((one for one in known if one["pose"] == captured["view"]), known[-1])
         seen = capture(page, 3)
         truth = enlarged(view_at(page, degrees_of(now["quaternion"])), seen)
         height, width, _ = seen.shape
