@@ -77,8 +77,8 @@ ENTRYPOINT ["tigas", "render"]
 # A machine of a cluster, its head (tigas-head) or a host (ray start): compose.cluster.yaml and deploy/kuberay.yaml run it.
 FROM render AS cluster
 COPY --chmod=755 deploy/head.sh /usr/local/bin/tigas-head
-# Ray sends nobody statistics, keeps little of its logs, since they are in memory, and ends when it is told to: viewers need
-# no half minute to go elsewhere.
+# Ray reports no statistics, keeps few logs, because they are in memory, and stops at once when told to: viewers do not need
+# half a minute to move.
 ENV TIGAS_RENDER_HTTPS=off RAY_GRACEFUL_SHUTDOWN_DRAIN_TIMEOUT_S=0 \
     RAY_USAGE_STATS_ENABLED=0 RAY_ROTATION_MAX_BYTES=4000000 RAY_ROTATION_BACKUP_COUNT=1
 ENTRYPOINT []

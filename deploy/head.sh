@@ -1,6 +1,6 @@
 #!/bin/bash
-# The head of a cluster: Ray's head node, whose start command the arguments are, and `tigas cluster up`, which is started
-# again if it ends: hosts and viewers go on meanwhile. Ends with Ray, or when told to.
+# Runs the head of a cluster: Ray's head node (the arguments are its start command) and `tigas cluster up`, which is
+# restarted if it exits; hosts and viewers carry on in the meantime. Ends with Ray, or when told to.
 end() {
     kill $(jobs -p) 2>/dev/null
     wait

@@ -138,7 +138,10 @@ def _parser(model: type[BaseModel], prog: str) -> _Parser:
         if REST in field.metadata:
             metavar = _metavar(field.annotation, field.metadata) or name.upper()
             parser.epilog = "\n\n".join(filter(None, (f"{metavar}: {text}", parser.epilog)))
-            parser.usage = f"{prog} [options] … -- {metavar}"
+            fixed = [
+                _metavar(None, its.metadata) or n.upper() for n, its in parameters(model) if POSITIONAL in its.metadata
+            ]
+            parser.usage = " ".join((prog, "[options]", *fixed, "--", metavar))
         elif POSITIONAL in field.metadata:
             nargs = ("+" if field.is_required() else "*") if several else None if field.is_required() else "?"
             parser.add_argument(name, nargs=nargs, metavar=_metavar(None, field.metadata) or name.upper(), help=text)

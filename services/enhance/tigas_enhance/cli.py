@@ -32,7 +32,7 @@ class _EnhanceCommand(Command):
     render: Annotated[str | None, Metavar("URL")] = None
     """Running render service; without it, one is started."""
     device: Annotated[str, Metavar("auto|cpu|cuda[:N]")] = "auto"
-    """Device to train on, and to render on if a service is started."""
+    """Device to compute on, and to render on if a service is started."""
 
     def _file(self, name: str | None) -> Path:
         """Path of a scene's weights: next to its file, in the render service's models directory."""

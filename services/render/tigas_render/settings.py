@@ -90,7 +90,7 @@ class RenderSettings(ServiceSettings):
     downloads_gb: Annotated[float, NO_FLAG] = Field(default=8.0, ge=0, le=100_000)
     """Disk space for scene files for download, in gigabytes; 0 disables downloads."""
     edit_scenes: bool | None = None
-    """Let pages add, rename and delete scenes; by default only if the service is limited to this machine."""
+    """Let pages change scenes and train their networks; by default only if the service is limited to this machine."""
     services: Annotated[dict[str, str], NO_FLAG] = Field(default_factory=dict)
     """Base URLs of other services for the page, by name; a bare `:PORT` means the page's own host."""
     upstreams: Annotated[dict[ServiceName, Upstream], NO_FLAG] = Field(default_factory=dict)
