@@ -25,20 +25,16 @@ export async function exportVideo(
   const { width, height } = sizeFor(session.rig.viewport.peek(), wanted, 1);
   const size = { width: even(width), height: even(height) };
   const take = camera(session, size);
-  const { VideoFile } = await import("../export/video-file");
-  const file = await VideoFile.open({ ...size, framesPerSecond });
-  try {
-    const frames = Math.floor((path.duration * framesPerSecond) / 1000) + 1;
+  const frames = Math.floor((path.duration * framesPerSecond) / 1000) + 1;
+  async function* pictures() {
     for (let frame = 0; frame < frames; frame++) {
       signal.throwIfAborted();
-      await file.add(await createImageBitmap(await take(path.at((frame * 1000) / framesPerSecond), signal)));
+      yield await createImageBitmap(await take(path.at((frame * 1000) / framesPerSecond), signal));
       onProgress?.((frame + 1) / frames);
     }
-    return await file.finish();
-  } catch (error) {
-    await file.cancel();
-    throw error;
   }
+  const { videoFile } = await import("../export/video-file");
+  return videoFile({ ...size, framesPerSecond }, pictures());
 }
 
 function even(side: number): number {
