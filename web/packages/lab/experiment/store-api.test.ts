@@ -62,7 +62,10 @@ test("a large run may take long", async () => {
   expect(large - small).toBeGreaterThan(99_000);
 });
 
-test("a store that is away is named", async () => {
-  answer(() => Promise.reject(new TypeError("Failed to fetch")));
+test.each([
+  ["is away", () => Promise.reject(new TypeError("Failed to fetch"))],
+  ["is something else", () => new Response("<html>")],
+])("a store that %s is named", async (_, make) => {
+  answer(make);
   await expect(store.list()).rejects.toThrow("The store at http://lab:8091 does not answer");
 });

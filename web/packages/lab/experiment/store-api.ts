@@ -61,7 +61,7 @@ export class StoreApi {
 
   async addCapture(id: string, run: string, index: number, png: Blob): Promise<void> {
     const name = `${String(index).padStart(4, "0")}.png`;
-    await this.#ask(`${this.#run(id, run)}/captures/${name}`, { method: "PUT", body: png });
+    await this.#blob(`${this.#run(id, run)}/captures/${name}`, { method: "PUT", body: png });
   }
 
   /** Completes a run that has all its captures. */
@@ -75,12 +75,12 @@ export class StoreApi {
   }
 
   async addPicture(id: string, run: string, name: string, picture: Blob, signal: AbortSignal): Promise<void> {
-    await this.#ask(`${this.#run(id, run)}/samples/${name}`, { method: "PUT", body: picture, signal });
+    await this.#blob(`${this.#run(id, run)}/samples/${name}`, { method: "PUT", body: picture, signal });
   }
 
   /** Says which samples there are, once all of their pictures are. */
   async completeSamples(id: string, run: string, samples: readonly Sample[]): Promise<void> {
-    await this.#ask(`${this.#run(id, run)}/samples`, { method: "PUT", ...jsonBody({ samples }) });
+    await this.#blob(`${this.#run(id, run)}/samples`, { method: "PUT", content: { samples } });
   }
 
   samples(id: string, run: string): Promise<SampleList> {
@@ -88,7 +88,7 @@ export class StoreApi {
   }
 
   picture(id: string, run: string, name: string): Promise<Blob> {
-    return this.#ask(`${this.#run(id, run)}/samples/${encodeURIComponent(name)}`, {});
+    return this.#blob(`${this.#run(id, run)}/samples/${encodeURIComponent(name)}`);
   }
 
   /** How far rendering the samples again is; with POST it begins or goes on, with DELETE it stops and keeps the results so far. */
@@ -105,7 +105,7 @@ export class StoreApi {
   }
 
   async remove(id: string): Promise<void> {
-    await this.#ask(this.#path(id), { method: "DELETE" });
+    await this.#blob(this.#path(id), { method: "DELETE" });
   }
 
   zipUrl(id: string): string {
@@ -124,24 +124,25 @@ export class StoreApi {
     return `${this.#path(id)}/runs/${encodeURIComponent(run)}`;
   }
 
-  async #json<T>(path: string, { content, ...request }: Asked & { readonly content?: object } = {}): Promise<T> {
-    const answer = await this.#ask(path, { ...request, ...(content && jsonBody(content)) });
-    return JSON.parse(await answer.text()) as T;
+  #json<T>(path: string, request: Asked = {}): Promise<T> {
+    return this.#ask(path, (answer) => answer.json(), request);
   }
 
-  #ask(path: string, request: Asked): Promise<Blob> {
-    const { body, timeout = TIMEOUT } = request;
-    const bytes = typeof body === "string" ? body.length : (body?.size ?? 0);
-    const silence = () => storeUnreachable(this.base, location.href);
-    const limited = { ...request, timeout: timeout + bytes / SLOWEST };
-    return ask(`${this.base}/${path}`, (answer) => answer.blob(), silence, limited);
+  #blob(path: string, request: Asked = {}): Promise<Blob> {
+    return this.#ask(path, (answer) => answer.blob(), request);
+  }
+
+  #ask<T>(path: string, read: (answer: Response) => Promise<T>, { content, ...request }: Asked): Promise<T> {
+    const headers = { "Content-Type": "application/json" };
+    const asked: AskOptions = content ? { ...request, body: JSON.stringify(content), headers } : request;
+    const bytes = typeof asked.body === "string" ? asked.body.length : (request.body?.size ?? 0);
+    const timeout = (request.timeout ?? TIMEOUT) + bytes / SLOWEST;
+    return ask(`${this.base}/${path}`, read, () => storeUnreachable(this.base, location.href), { ...asked, timeout });
   }
 }
 
 interface Asked extends AskOptions {
-  readonly body?: string | Blob;
-}
-
-function jsonBody(content: object) {
-  return { body: JSON.stringify(content), headers: { "Content-Type": "application/json" } };
+  readonly body?: Blob;
+  /** Sent as JSON. */
+  readonly content?: object;
 }
