@@ -1,12 +1,22 @@
 import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
 import { FakeTransport, turn } from "#fakes/transport";
 import { deferred } from "../async/deferred";
+import { sleep } from "../async/retry";
 import type { ServerConfig } from "../wire/render";
 import { type ConnectionState, maintainConnection } from "./connection";
 import { ASK_DIRECTOR_EVERY, CHECK_EVERY, LOOK_ELSEWHERE_EVERY, LOOK_EVERY } from "./ending";
 import type { HostReport } from "./host-report";
 import { RequestProblem } from "./transport";
 
+/** Attempts are repeated at once. */
+vi.mock("../async/retry", async (original) => {
+  const { retry } = await original<typeof import("../async/retry")>();
+  const soon: typeof retry = (attempt, options) => retry(attempt, { ...options, minTimeout: 1, maxTimeout: 2 });
+  return { retry: soon, sleep: vi.fn() };
+});
+
+/** After a connection was lost, in milliseconds. */
+const PAUSE = 300;
 const UNKNOWN_SCENE = { type: "tigas:unknown-scene", title: "", status: 404, detail: "" };
 
 const config = (certificate: string): ServerConfig => ({
@@ -68,20 +78,19 @@ function start(): void {
       onSilence: (silent) => silence.push(silent),
       now: () => now,
       visible: () => visible(),
-      sleep: async (milliseconds, signal) => {
-        const checking = [CHECK_EVERY, ASK_DIRECTOR_EVERY].includes(milliseconds);
-        if (!checking && ![LOOK_EVERY, LOOK_ELSEWHERE_EVERY].includes(milliseconds)) waits.push(milliseconds);
-        if (milliseconds < 100 || full.length > 0) return;
-        const { promise, resolve, reject } = deferred<void>();
-        signal.addEventListener("abort", () => reject(signal.reason));
-        (checking ? checks : looks).push(() => resolve());
-        await promise;
-      },
-      retry: { minTimeout: 1, maxTimeout: 2 },
-      random: () => 0.5,
     },
     stop.signal,
   );
+}
+
+async function wait(milliseconds: number, signal: AbortSignal): Promise<void> {
+  const checking = [CHECK_EVERY, ASK_DIRECTOR_EVERY].includes(milliseconds);
+  if (!checking && ![LOOK_EVERY, LOOK_ELSEWHERE_EVERY].includes(milliseconds)) waits.push(milliseconds);
+  if (milliseconds === PAUSE || full.length > 0) return;
+  const { promise, resolve, reject } = deferred<void>();
+  signal.addEventListener("abort", () => reject(signal.reason));
+  (checking ? checks : looks).push(() => resolve());
+  await promise;
 }
 
 /** Connects for the first time. */
@@ -111,6 +120,8 @@ beforeEach(() => {
   reply = async () => undefined;
   visible = async () => undefined;
   stop = new AbortController();
+  vi.mocked(sleep).mockImplementation(wait);
+  vi.spyOn(Math, "random").mockReturnValue(0.5);
 });
 
 afterEach(async () => {
@@ -351,7 +362,7 @@ describe("in a cluster", () => {
     transports[0]?.lose("The connection to the server broke.");
     await reached("connected", 2);
     expect(hosts()).toEqual(["a", "lost instead", "a"]);
-    expect(waits).toEqual([1]);
+    expect(waits).toEqual([PAUSE]);
   });
 
   test("a host that cannot be got into is told of, and another one entered", async () => {

@@ -4,7 +4,7 @@
  * the server is full, since browsers do not report why a session failed. In a cluster it names the host to use,
  * including a replacement.
  */
-import { retry } from "../async/retry";
+import { retry, sleep } from "../async/retry";
 import type { ServerConfig } from "../wire/render";
 import type { Connected } from "./connect";
 import { ending, type WatchOptions } from "./ending";
@@ -24,12 +24,10 @@ export interface ConnectionOptions extends WatchOptions {
   readonly connect: (config: ServerConfig, signal: AbortSignal) => Promise<Connected>;
   readonly onState: (state: ConnectionState) => void;
   readonly now: Clock;
-  /** First and longest pause between attempts, in milliseconds. */
-  readonly retry?: { readonly minTimeout: number; readonly maxTimeout: number };
-  /** From 0 to 1. */
-  readonly random?: () => number;
 }
 
+/** First and longest pause between attempts, in milliseconds. */
+const PAUSES = { minTimeout: 300, maxTimeout: 2000 };
 /** Viewers of a full server retry at different times: up to this much later than announced, as a share of the delay. */
 const JITTER = 0.5;
 /** A connection that lasted for less, in milliseconds, is not replaced at once: something is wrong there. */
@@ -49,7 +47,7 @@ interface Known {
 
 /** Runs until the signal aborts, and then closes the transport. */
 export async function maintainConnection(options: ConnectionOptions, signal: AbortSignal): Promise<void> {
-  const { onState, sleep, now, retry: pauses = { minTimeout: 300, maxTimeout: 2000 }, random = Math.random } = options;
+  const { onState, now } = options;
   /**
    * Knowledge carried into the next attempt: the host that failed, the configuration that names another, or the last
    * configuration.
@@ -64,7 +62,7 @@ export async function maintainConnection(options: ConnectionOptions, signal: Abo
     try {
       const known = { report, next, last };
       const { config, connected } = await retry(() => attempt(options, known, signal), {
-        ...pauses,
+        ...PAUSES,
         factor: 1.6,
         signal,
         onFailedAttempt: () => {
@@ -76,7 +74,7 @@ export async function maintainConnection(options: ConnectionOptions, signal: Abo
       if (connected === null) {
         onState({ status: "full" });
         previous?.close();
-        await sleep(1000 * (config.retry_after_s ?? 0) * (1 + JITTER * random()), signal);
+        await sleep(1000 * (config.retry_after_s ?? 0) * (1 + JITTER * Math.random()), signal);
         continue;
       }
       const transport = new WatchedTransport(connected.transport, now);
@@ -92,7 +90,7 @@ export async function maintainConnection(options: ConnectionOptions, signal: Abo
       if (report !== undefined && now() - since >= LASTING) continue;
       transport.close();
       onState({ status: "lost", reason: end.reason });
-      await sleep(pauses.minTimeout, signal);
+      await sleep(PAUSES.minTimeout, signal);
     } catch (error) {
       if (!signal.aborted) throw error;
     }

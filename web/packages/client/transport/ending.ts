@@ -1,6 +1,7 @@
 /**
  * Waits for the end of a connection: it is lost, the server was replaced, or another host of the cluster takes over.
  */
+import { sleep } from "../async/retry";
 import type { ServerConfig } from "../wire/render";
 import { type HostReport, hostReport, sentElsewhere } from "./host-report";
 import type { WatchedTransport } from "./watched";
@@ -28,8 +29,6 @@ export interface WatchOptions {
   readonly fetchConfig: (signal: AbortSignal, report?: HostReport) => Promise<ServerConfig>;
   /** While connected: the server fell silent, or answers again. */
   readonly onSilence: (silent: boolean) => void;
-  /** Settles after this many milliseconds; rejects if aborted. */
-  readonly sleep: (milliseconds: number, signal: AbortSignal) => Promise<void>;
   /** Settles once the page is visible, because a hidden page sends no requests. Rejects if aborted. */
   readonly visible: (signal: AbortSignal) => Promise<void>;
 }
@@ -42,7 +41,7 @@ export interface WatchOptions {
 export async function ending(
   config: ServerConfig,
   transport: WatchedTransport,
-  { fetchConfig, sleep, visible, onSilence }: WatchOptions,
+  { fetchConfig, visible, onSilence }: WatchOptions,
   signal: AbortSignal,
 ): Promise<Ending> {
   const clustered = hostReport("at", config) !== undefined;
@@ -75,12 +74,12 @@ export async function ending(
       await visible(until);
       if (!transport.silent) continue;
       onSilence(true);
-      const probed = transport.probe(sleep, until);
+      const probed = transport.probe(until);
       probed.catch(() => undefined); // aborted; reported where it is awaited
       const end = await examine("silent");
       if (end !== null) return end;
       // It can be reached, maybe only since now.
-      if (!(await probed) && !(await transport.probe(sleep, until))) return { reason: "The connection fell silent." };
+      if (!(await probed) && !(await transport.probe(until))) return { reason: "The connection fell silent." };
       onSilence(false);
     }
   };

@@ -1,4 +1,5 @@
 /** A transport that detects a silent server: requests are outstanding and no answer arrives. */
+import { sleep } from "../async/retry";
 import type { RenderRequest } from "../wire/render";
 import type { Clock } from "./reception";
 import { type FrameReply, type FrameTransport, RequestProblem, type TransportKind } from "./transport";
@@ -62,10 +63,7 @@ export class WatchedTransport implements FrameTransport {
   }
 
   /** Probes the server; resolves to whether any answer arrived in time. */
-  async probe(
-    sleep: (milliseconds: number, signal: AbortSignal) => Promise<void>,
-    signal: AbortSignal,
-  ): Promise<boolean> {
+  async probe(signal: AbortSignal): Promise<boolean> {
     const enough = new AbortController();
     const before = this.#answers;
     const end = this.#now() + this.#patience;

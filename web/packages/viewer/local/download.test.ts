@@ -1,22 +1,28 @@
-import { expect, test, vi } from "vitest";
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "#client/http/problem";
 import { type DownloadOptions, download } from "./download";
 
 const FILE = Uint8Array.from({ length: 1000 }, (_, i) => i % 251);
 
-type Answer = (request: Headers, signal: AbortSignal) => Response | Error;
+type Answer = (request: Headers, signal: AbortSignal) => Response | Error | Promise<never>;
+
+/** Pauses take no time, but for the work of a turn. */
+beforeEach(() => {
+  vi.useFakeTimers({ toFake: ["setTimeout", "clearTimeout"] }).setTimerTickMode("nextTimerAsync");
+});
+afterEach(() => void vi.useRealTimers());
 
 /** A server that answers one request after another, with a log of its requests. */
 function server(...answers: Answer[]) {
   const asked: Headers[] = [];
-  const request = (async (_: string, { headers, signal }: { headers?: HeadersInit; signal: AbortSignal }) => {
+  vi.stubGlobal("fetch", async (_: string, { headers, signal }: { headers?: HeadersInit; signal: AbortSignal }) => {
     asked.push(new Headers(headers));
     const answer = answers[asked.length - 1]?.(asked.at(-1) as Headers, signal);
     if (answer === undefined) throw new Error("there was one request more than expected");
     if (answer instanceof Error) throw answer;
     return answer;
-  }) as unknown as typeof fetch;
-  return { request, asked };
+  });
+  return asked;
 }
 
 /** Of the file, from a byte on; `until` cuts it off. */
@@ -45,8 +51,12 @@ const silent: Answer = (_, signal) => {
   return new Response(body, { headers: { "content-length": "1000", etag: '"one"' } });
 };
 
+/** No answer at all. */
+const hangs: Answer = (_, signal) =>
+  new Promise((_, reject) => signal.addEventListener("abort", () => reject(signal.reason)));
+
 const fetched = (answers: Answer[], options: Partial<DownloadOptions> = {}) => {
-  const { request, asked } = server(...answers);
+  const asked = server(...answers);
   const onCut = vi.fn();
   const received: number[] = [];
   const file = download({
@@ -54,8 +64,6 @@ const fetched = (answers: Answer[], options: Partial<DownloadOptions> = {}) => {
     signal: new AbortController().signal,
     onBytes: (_, count) => received.push(count),
     onCut,
-    fetch: request,
-    firstRetry: 1,
     ...options,
   });
   return { file, asked, onCut, received };
@@ -78,14 +86,7 @@ test("an answer that is no file is not asked for again", async () => {
 });
 
 test("a request without any answer is made again", async () => {
-  const { request } = server(() => part());
-  let first = true;
-  const hangs = ((url: string, options: RequestInit) => {
-    if (!first) return request(url, options);
-    first = false;
-    return new Promise((_, reject) => options.signal?.addEventListener("abort", () => reject(options.signal?.reason)));
-  }) as typeof fetch;
-  const { file, onCut } = fetched([], { fetch: hangs, patience: 20 });
+  const { file, onCut } = fetched([hangs, () => part()]);
   expect(await file).toEqual(FILE);
   expect(onCut).toHaveBeenCalledWith("The server does not answer.");
 });
@@ -125,7 +126,7 @@ test("a full server is asked again; after a refusal it is not", async () => {
 });
 
 test("a server that falls silent is asked again for the rest", async () => {
-  const { file, asked } = fetched([silent, () => part({ from: 10 })], { patience: 5 });
+  const { file, asked } = fetched([silent, () => part({ from: 10 })]);
   expect(await file).toEqual(FILE);
   expect(asked[1]?.get("range")).toBe("bytes=10-");
 });

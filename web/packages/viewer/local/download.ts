@@ -11,17 +11,12 @@ export interface DownloadOptions {
   readonly onBytes: (file: Uint8Array<ArrayBuffer>, received: number) => void;
   /** The download was interrupted; it resumes automatically. */
   readonly onCut: (message: string) => void;
-  readonly fetch?: typeof fetch;
-  /** A download without a byte for this many milliseconds counts as interrupted. */
-  readonly patience?: number;
-  /** Before the first retry, in milliseconds. */
-  readonly firstRetry?: number;
 }
 
 /** Of the statuses that pass. */
 const BUSY = [408, 429, 502, 503, 504];
+/** A download without a byte for this many milliseconds counts as interrupted. */
 const PATIENCE = 20_000;
-const FIRST_RETRY = 300;
 
 /** The server ended its answer early, or was unreachable; the download is retried. */
 class CutOff extends Error {}
@@ -31,10 +26,10 @@ class CutOff extends Error {}
  * aborted.
  */
 export async function download(options: DownloadOptions): Promise<Uint8Array<ArrayBuffer>> {
-  const { signal, onCut, firstRetry = FIRST_RETRY } = options;
+  const { signal, onCut } = options;
   const file = new PartialFile(options);
   await retry(() => file.resume(), {
-    minTimeout: firstRetry,
+    minTimeout: 300,
     maxTimeout: 4000,
     factor: 1.6,
     signal,
@@ -59,17 +54,17 @@ class PartialFile {
 
   /** Requests the missing bytes. */
   async resume(): Promise<void> {
-    const { signal, patience = PATIENCE } = this.#options;
+    const { signal } = this.#options;
     const attempt = new AbortController();
     const either = AbortSignal.any([signal, attempt.signal]);
-    let timer = setTimeout(() => attempt.abort(), patience);
+    let timer = setTimeout(() => attempt.abort(), PATIENCE);
     try {
       const response = await this.#ask(either);
       this.#begin(response);
       const reader = response.body?.getReader();
       while (reader && this.#received < this.bytes.length) {
         clearTimeout(timer);
-        timer = setTimeout(() => attempt.abort(), patience);
+        timer = setTimeout(() => attempt.abort(), PATIENCE);
         const { value } = await reader.read().catch(() => ({ value: undefined }));
         if (value === undefined) break;
         this.#take(value);
@@ -83,12 +78,11 @@ class PartialFile {
   }
 
   async #ask(signal: AbortSignal): Promise<Response> {
-    const { url, fetch: request = fetch } = this.#options;
     const rest = { range: `bytes=${this.#received}-`, ...(this.#etag && { "if-range": this.#etag }) };
     const headers = this.#received > 0 ? rest : undefined;
     let response: Response;
     try {
-      response = await request(url(), { cache: "no-store", signal, ...(headers && { headers }) });
+      response = await fetch(this.#options.url(), { cache: "no-store", signal, ...(headers && { headers }) });
     } catch (error) {
       if (this.#options.signal.aborted) throw error;
       throw new CutOff("The server does not answer.");

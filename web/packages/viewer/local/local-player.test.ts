@@ -51,7 +51,7 @@ let received: number;
 let pane: HTMLElement;
 let player: LocalPlayer;
 
-const request = (async (_: string, { signal }: { signal: AbortSignal }) => {
+async function request(_: string, { signal }: { signal: AbortSignal }) {
   asked.push(signal);
   const body = new ReadableStream<Uint8Array>({
     start: (controller) => {
@@ -59,9 +59,10 @@ const request = (async (_: string, { signal }: { signal: AbortSignal }) => {
     },
   });
   return new Response(body, { headers: { "content-length": String(FILE.length), etag: '"one"' } });
-}) as unknown as typeof fetch;
+}
 
 beforeEach(() => {
+  vi.stubGlobal("fetch", request);
   now = 1000;
   asked = [];
   renderers = [];
@@ -93,7 +94,6 @@ function start(options: Partial<LocalOptions> = {}): Rig {
       renderers.push(new FakeRenderer(asks));
       return renderers.at(-1) as LocalRenderer;
     },
-    fetch: request,
     ...options,
   });
   return rig;

@@ -61,7 +61,6 @@ export interface LocalOptions {
   readonly now: () => number;
   readonly memory?: number | undefined;
   readonly create?: (options: RendererOptions) => Promise<LocalRenderer>;
-  readonly fetch?: typeof fetch;
 }
 
 /** The picture that was drawn last. */
@@ -223,7 +222,6 @@ export class LocalPlayer {
       onCut: (message) => {
         this.phase.value = { kind: "lost", message };
       },
-      ...(this.#options.fetch && { fetch: this.#options.fetch }),
     });
     await Promise.all([whole, this.#draw(signal)]);
   }

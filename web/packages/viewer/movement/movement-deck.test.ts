@@ -1,4 +1,4 @@
-import { beforeEach, expect, test } from "vitest";
+import { beforeEach, expect, test, vi } from "vitest";
 import { deferred } from "#client/async/deferred";
 import { STILL, steeredRig } from "#fakes/rig";
 import type { NumberedPose, Rig } from "../view/rig";
@@ -13,12 +13,13 @@ let rig: Rig;
 let deck: MovementDeck;
 
 beforeEach(() => {
+  vi.setSystemTime("2026-01-02T03:04:05Z");
   movements.value = [];
   unsaved.value = new Set();
   axes = STILL;
   rig = steeredRig(() => axes);
   rig.sample(0);
-  deck = new MovementDeck(rig, undefined, () => new Date("2026-01-02T03:04:05Z"));
+  deck = new MovementDeck(rig);
   deck.insert(addFile("walk.csv", WALK));
 });
 

@@ -40,7 +40,6 @@ export class MovementDeck {
   readonly busy: ReadonlySignal<boolean>;
   readonly #rig: Rig;
   readonly #chosen: Signal<NamedMovement | null>;
-  readonly #today: () => Date;
   readonly #state = signal<DeckState>("stopped");
   readonly #position = signal(0);
   readonly #cleanups: (() => void)[];
@@ -55,10 +54,9 @@ export class MovementDeck {
   #sampledAt: number | null = null;
 
   /** `chosen`: the loaded movement. */
-  constructor(rig: Rig, chosen: Signal<NamedMovement | null> = signal(null), today: () => Date = () => new Date()) {
+  constructor(rig: Rig, chosen: Signal<NamedMovement | null> = signal(null)) {
     this.#rig = rig;
     this.#chosen = chosen;
-    this.#today = today;
     this.busy = computed(() => rig.source.value !== null && rig.source.value !== this.#source);
     this.#cleanups = [
       rig.onSample((pose, at) => this.#sampled(pose, at)),
@@ -216,7 +214,7 @@ export class MovementDeck {
     const comments = new Map([
       ["description", `Recorded in the page, in the scene ${scene}`],
       ["scene", scene],
-      ["recorded", this.#today().toISOString()],
+      ["recorded", new Date().toISOString()],
     ]);
     const trace: MovementTrace = { anchor: "scene", unit: "scene", comments, points, duration };
     const movement: NamedMovement = { name: `Recording ${number}`, origin: "recording", trace };

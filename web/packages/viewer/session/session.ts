@@ -329,7 +329,7 @@ export class ViewerSession {
       this.#attempt.value; // an effect runs again when its inputs change
       const connection = new AbortController();
       const { signal } = connection;
-      const common = { sleep, visible: this.presence.untilVisible, now };
+      const common = { visible: this.presence.untilVisible, now };
       void maintainConnection({ ...options(chosen, signal), ...common }, signal);
       return () => {
         connection.abort();
