@@ -2,6 +2,7 @@
  * For tests: a stateless player over fake transport, display and warp, with a clock and settings controlled by the
  * test.
  */
+import { vi } from "vitest";
 import type { Observation } from "#client/abr/controller";
 import type { VideoStep } from "#client/abr/video-ladder";
 import { Display } from "#viewer/enhance/display";
@@ -54,16 +55,12 @@ export class PlayerBench {
 
   /** `undecodable`: why this browser cannot decode video. */
   constructor(display?: Display<DecodedFrame>, undecodable: string | null = null) {
+    vi.spyOn(performance, "now").mockImplementation(() => this.now);
     const { videoDecoder } = this;
-    this.video = new VideoFrames(
-      () => videoDecoder,
-      () => this.now,
-      Promise.resolve(undecodable),
-    );
+    this.video = new VideoFrames(() => videoDecoder, Promise.resolve(undecodable));
     this.reprojector = new Reprojector({
       below: { after: () => undefined, ownerDocument: { createElement: fakeCanvas } } as unknown as HTMLElement,
       size: () => this.size,
-      now: () => this.now,
       create: (canvas, options) => {
         this.warp = new FakeWarp(canvas, options);
         return this.warp;
@@ -85,7 +82,6 @@ export class PlayerBench {
       onSent: () => undefined,
       onReplied: (reply) => this.replies.push(reply),
       onReceived: () => undefined,
-      now: () => this.now,
     });
     this.resize(SIZE.width, SIZE.height);
     this.connect();
@@ -122,7 +118,7 @@ export class PlayerBench {
     const context = { transferFromImageBitmap: (bitmap: unknown) => this.drawn.push(bitmap) };
     const canvas = { style: {}, getContext: () => context } as unknown as HTMLCanvasElement;
     const overlay = new Overlay(canvas);
-    const enhancement = new Enhancement({ overlay, now: () => this.now });
+    const enhancement = new Enhancement({ overlay });
     return new Display({ canvas, overlay, enhancement, size: () => this.size });
   }
 }

@@ -45,7 +45,7 @@ function Performing({ id, store: base, shaper: shaperBase }: PerformingProps) {
   /** Counts attempts; the second and later ones accept changed versions. */
   const attempt = useSignal(0);
   useEffect(() => {
-    const shaper = shaperBase === undefined ? null : new Shaper(shaperBase, location.href, () => performance.now());
+    const shaper = shaperBase === undefined ? null : new Shaper(shaperBase, location.href);
     const current = new Conductor(id, {
       store: new StoreApi(base),
       perform: (job, say, signal) => performOn(stage.current, { job, shaper, experiment: id, say, signal }),

@@ -7,7 +7,7 @@ export function useShaper(base: string | undefined, wanted: boolean, plotted = f
   const shaper = useSignal<Shaper | null>(null);
   useEffect(() => {
     if (base === undefined || !wanted) return undefined;
-    const current = new Shaper(base, location.href, () => performance.now(), { plotted });
+    const current = new Shaper(base, location.href, { plotted });
     shaper.value = current;
     return () => {
       shaper.value = null;

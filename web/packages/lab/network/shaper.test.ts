@@ -20,6 +20,7 @@ class FakeEvents {
 
 beforeEach(() => {
   vi.useFakeTimers();
+  vi.spyOn(performance, "now").mockReturnValue(1000);
   FakeEvents.all = [];
   vi.stubGlobal("EventSource", FakeEvents);
 });
@@ -29,7 +30,7 @@ afterEach(() => {
 });
 
 function watched() {
-  const subject = new Shaper("http://lab:8090", "http://lab:8080/", () => 1000);
+  const subject = new Shaper("http://lab:8090", "http://lab:8080/");
   const [events] = FakeEvents.all;
   if (!events) throw new Error("nobody watches");
   return { subject, events };

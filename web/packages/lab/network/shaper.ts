@@ -47,17 +47,15 @@ export class Shaper {
   readonly connectionError = signal<string | null>(null);
   /** Reason why the user's last action failed. */
   readonly actionError = signal<string | null>(null);
-  readonly #now: () => number;
   readonly #plotted: boolean;
   #events: EventSource | undefined;
   #retry: ReturnType<typeof setTimeout> | undefined;
   #disposed = false;
 
   /** `page` is the page's own URL, `now` a clock in milliseconds, `plotted` whether `plots` are wanted. */
-  constructor(base: string, page: string, now: () => number, { plotted = false } = {}) {
+  constructor(base: string, page: string, { plotted = false } = {}) {
     this.#plotted = plotted;
     this.api = new ShaperApi(base);
-    this.#now = now;
     this.connectionError.value = shaperObstacle(base, page);
     if (this.connectionError.value === null) this.#watch();
   }
@@ -103,7 +101,7 @@ export class Shaper {
     events.onmessage = ({ data }: MessageEvent<string>) => {
       const status = JSON.parse(data) as ShaperStatus;
       this.status.value = status;
-      this.rates.value = append(this.rates.value, this.#now() / 1000, rates(status));
+      this.rates.value = append(this.rates.value, performance.now() / 1000, rates(status));
     };
     events.onerror = () => {
       this.status.value = null;

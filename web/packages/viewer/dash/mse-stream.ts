@@ -79,7 +79,6 @@ class MsePlayer {
     const feed = new SegmentFeed({
       manifest,
       live: () => this.#live(),
-      now,
       onBytes: (bytes) => buffer.append(bytes),
       onInterrupted: () => buffer.interrupt(),
       onReceived: (bytes) => this.#events.received(bytes),

@@ -61,7 +61,6 @@ async function watch(age: number): Promise<void> {
   const feed = new SegmentFeed({
     manifest: MANIFEST,
     live: () => performance.now() / 1000,
-    now: () => performance.now(),
     onBytes: (bytes) => heard.push(bytes.length === 1 ? "header" : "bytes"),
     onInterrupted: () => heard.push("interrupted"),
     onReceived: () => undefined,

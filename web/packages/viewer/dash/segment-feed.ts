@@ -14,7 +14,6 @@ export interface FeedOptions {
   readonly manifest: Manifest;
   /** The server's place on the media timeline, in seconds. */
   readonly live: () => number;
-  readonly now: () => number;
   readonly onBytes: (bytes: Uint8Array<ArrayBuffer>) => void;
   /** The rest of the present segment will not come; another one follows. */
   readonly onInterrupted: () => void;
@@ -57,7 +56,7 @@ export class SegmentFeed {
 
   /** From the segment that grows at present, until it is too far behind. */
   async #follow(signal: AbortSignal): Promise<void> {
-    const { onBytes, onReceived, now } = this.#options;
+    const { onBytes, onReceived } = this.#options;
     let shown: Representation | undefined;
     let number = this.#growing();
     for (let next = this.#open(number, signal); ; number++) {
@@ -69,7 +68,7 @@ export class SegmentFeed {
       this.#rate.begin();
       for (let read = await body.read(); !read.done; read = await body.read()) {
         this.#failures = 0;
-        this.#rate.received(read.value, now());
+        this.#rate.received(read.value, performance.now());
         onReceived(read.value.length);
         onBytes(read.value);
         if (this.#growing() > number + 1) return;
@@ -91,8 +90,8 @@ export class SegmentFeed {
   }
 
   async #open(number: number, signal: AbortSignal): Promise<Opened> {
-    const { manifest, now } = this.#options;
-    const representation = affordable(manifest.representations, this.#rate.bitsPerSecond(now()));
+    const { manifest } = this.#options;
+    const representation = affordable(manifest.representations, this.#rate.bitsPerSecond(performance.now()));
     const { body } = await fetched(manifest.segmentUrl(representation, number), signal);
     if (body === null) throw new StreamEnded("The DASH stream is empty.");
     return { representation, body: body.getReader() };

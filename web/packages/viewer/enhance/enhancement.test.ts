@@ -23,7 +23,7 @@ beforeEach(() => {
     devices.push(new FakeDevice());
     return devices.at(-1) as unknown as GPUDevice;
   };
-  subject = new Enhancement({ overlay: { canvas: {} } as Overlay, now: () => 0, open: () => open() });
+  subject = new Enhancement({ overlay: { canvas: {} } as Overlay, open: () => open() });
   subject.onChange = () => changes.push(subject.active?.chain.label ?? null);
 });
 

@@ -25,7 +25,6 @@ export interface Active {
 export interface EnhancementOptions {
   /** Where enhanced frames are drawn. */
   readonly overlay: Overlay;
-  readonly now: () => number;
   readonly open?: () => Promise<GPUDevice>;
 }
 
@@ -137,9 +136,9 @@ export class Enhancement {
       if (mine()) this.giveUp(`${this.#label()} failed: ${firstLine(event.error.message)}`);
     });
     try {
-      const { overlay, now } = this.#options;
+      const { overlay } = this.#options;
       const { Renderer } = await import("./renderer");
-      return { device, renderer: new Renderer(device, overlay.canvas, now) };
+      return { device, renderer: new Renderer(device, overlay.canvas) };
     } catch (error) {
       device.destroy();
       throw error;

@@ -33,7 +33,6 @@ interface Slot {
 
 export class Renderer {
   readonly #device: GPUDevice;
-  readonly #now: () => number;
   readonly #canvas: HTMLCanvasElement;
   readonly #context: GPUCanvasContext;
   readonly #copies = new OffscreenCanvas(1, 1);
@@ -44,10 +43,9 @@ export class Renderer {
   #doneAt = 0;
 
   /** Throws an EnhancementError if WebGPU cannot draw here. */
-  constructor(device: GPUDevice, canvas: HTMLCanvasElement, now: () => number) {
+  constructor(device: GPUDevice, canvas: HTMLCanvasElement) {
     this.#device = device;
     this.#canvas = canvas;
-    this.#now = now;
     this.#context = configured(canvas.getContext("webgpu") as GPUCanvasContext | null, device);
     this.#copyContext = configured(this.#copies.getContext("webgpu") as GPUCanvasContext | null, device);
     this.#resampler = new Resampler(device);
@@ -85,7 +83,7 @@ export class Renderer {
     const slot = this.#free.pop();
     if (slot === undefined) throw new Error("too many frames are in the making");
     const { width, height } = this.#fitting(display);
-    const begun = this.#now();
+    const begun = performance.now();
     try {
       const input = chain.input(bitmap);
       this.#device.queue.copyExternalImageToTexture({ source: bitmap }, { texture: input }, [
@@ -155,7 +153,7 @@ export class Renderer {
     slot.done = false;
     try {
       await this.#device.queue.onSubmittedWorkDone();
-      const ended = this.#now();
+      const ended = performance.now();
       // Frames are done one after the other: none begins before the one ahead of it has ended.
       const waited = ended - Math.max(begun, this.#doneAt);
       this.#doneAt = ended;

@@ -64,6 +64,7 @@ async function request(_: string, { signal }: { signal: AbortSignal }) {
 beforeEach(() => {
   vi.stubGlobal("fetch", request);
   now = 1000;
+  vi.spyOn(performance, "now").mockImplementation(() => now);
   asked = [];
   renderers = [];
   presented = [];
@@ -88,7 +89,6 @@ function start(options: Partial<LocalOptions> = {}): Rig {
     onReceived: (bytes) => {
       received += bytes;
     },
-    now: () => now,
     memory: 8,
     create: async (asks) => {
       renderers.push(new FakeRenderer(asks));

@@ -58,7 +58,6 @@ export interface LocalOptions {
   readonly size: () => Size;
   readonly onPresented: (frame: PresentedFrame) => void;
   readonly onReceived: (bytes: number) => void;
-  readonly now: () => number;
   readonly memory?: number | undefined;
   readonly create?: (options: RendererOptions) => Promise<LocalRenderer>;
 }
@@ -108,7 +107,7 @@ export class LocalPlayer {
     this.#options = options;
     this.#meter = new Meter("local", options.onPresented);
     this.#canvas.className = "local";
-    this.#beganAt = options.now();
+    this.#beganAt = performance.now();
     this.#run(this.#visit.signal).catch((error: unknown) => this.#failed(error));
   }
 
@@ -138,7 +137,7 @@ export class LocalPlayer {
     if (this.#drawn === null || this.#renderer === null) return null;
     const { pose, lens, ...size } = this.#drawn;
     // The browser has taken the picture away to show it.
-    this.#renderer.draw({ pose, lens, size, now: this.#options.now(), again: true });
+    this.#renderer.draw({ pose, lens, size, now: performance.now(), again: true });
     return createImageBitmap(this.#canvas);
   }
 
@@ -229,7 +228,7 @@ export class LocalPlayer {
   #got(bytes: number): void {
     this.#received += bytes;
     this.#options.onReceived(bytes);
-    this.#meter.received(bytes, this.#options.now());
+    this.#meter.received(bytes, performance.now());
   }
 
   #came(file: Uint8Array<ArrayBuffer>, received: number): void {

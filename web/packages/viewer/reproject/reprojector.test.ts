@@ -1,5 +1,5 @@
 // @vitest-environment happy-dom
-import { beforeEach, expect, test } from "vitest";
+import { beforeEach, expect, test, vi } from "vitest";
 import { FakeWarp } from "#fakes/warp";
 import { orientation } from "../view/camera";
 import type { NumberedPose } from "../view/rig";
@@ -20,6 +20,7 @@ let warp: FakeWarp;
 beforeEach(() => {
   turning.value = null;
   now = 0;
+  vi.spyOn(performance, "now").mockImplementation(() => now++);
   size = { width: 2560, height: 1440 };
   pane = document.createElement("div");
   const below = document.createElement("video");
@@ -27,7 +28,6 @@ beforeEach(() => {
   reprojector = new Reprojector({
     below,
     size: () => size,
-    now: () => now++,
     create: (canvas, options) => {
       warp = new FakeWarp(canvas, options);
       return warp;
@@ -162,7 +162,6 @@ function plainly(browser: Partial<ConstructorParameters<typeof Reprojector>[0]>)
   const plain = new Reprojector<string>({
     below: document.createElement("video"),
     size: () => size,
-    now: () => now,
     ...browser,
   });
   plain.on(10);

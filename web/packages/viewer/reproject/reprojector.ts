@@ -67,7 +67,6 @@ export type Warper = Pick<Warp, "working" | "gpuMs" | "take" | "surround" | "dra
 export interface ReprojectorOptions {
   readonly below: HTMLElement;
   readonly size: () => Size;
-  readonly now: () => number;
   /** The browser gives the pictures away; it always does, unless they are a video's. */
   readonly readable?: boolean;
   readonly create?: (canvas: HTMLCanvasElement, options: WarpOptions) => Warper;
@@ -191,10 +190,10 @@ export class Reprojector<Frame> {
       this.#surround.clear();
     }
     this.#cut = undefined;
-    const begun = this.#options.now();
+    const begun = performance.now();
     const depth = content.depth ?? knownDepth(content, this.#content);
     this.#warp?.take(source, content.view, depth);
-    this.#spent += this.#options.now() - begun;
+    this.#spent += performance.now() - begun;
     this.#fresh ||= fresh;
     this.#content = { ...content, depth };
     this.#changed = true;
@@ -203,9 +202,9 @@ export class Reprojector<Frame> {
   /** Adds a side of the surround, requested at a pose's number; it is copied. Sides from before a cut are ignored. */
   takeSide(source: TexImageSource, side: number, view: View, pose: number): void {
     if (!this.working || this.#cut !== undefined || pose < this.#begun) return;
-    const begun = this.#options.now();
+    const begun = performance.now();
     this.#warp?.surround(source, view);
-    this.#spent += this.#options.now() - begun;
+    this.#spent += performance.now() - begun;
     this.#surround.set(side, view);
     this.#changed ||= this.#filled > 0;
   }
@@ -228,7 +227,7 @@ export class Reprojector<Frame> {
       this.#pace.rested();
       return;
     }
-    const begun = this.#options.now();
+    const begun = performance.now();
     if (!this.#pace.drawn(begun)) {
       turning.value = "slow";
       this.off();
@@ -236,7 +235,7 @@ export class Reprojector<Frame> {
       return;
     }
     this.#draw(now);
-    const ended = this.#options.now();
+    const ended = performance.now();
     const warpMs = this.#spent + ended - begun;
     this.#times.add(warpMs, ended);
     this.#spent = 0;

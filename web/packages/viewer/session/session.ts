@@ -184,7 +184,6 @@ export class ViewerSession {
       onShown: this.#shown.tell,
       onSent: this.#sent.tell,
       onReplied: this.#replied.tell,
-      now,
     });
     side.onPresented(this.#presented.tell);
     return side;

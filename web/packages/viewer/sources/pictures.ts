@@ -46,13 +46,13 @@ export class Pictures implements Source {
 
   /** `video`: null if each answer is an independent picture. */
   constructor(context: SourceContext, video: VideoFrames | null) {
-    const { pane, rig, settings, scene, config, ladder, connection, seed, pixelRatio, size, now } = context;
+    const { pane, rig, settings, scene, config, ladder, connection, seed, pixelRatio, size } = context;
     const canvas = document.createElement("canvas");
     pane.append(canvas);
     const overlay = new Overlay(canvas);
-    this.enhancement = new Enhancement({ overlay, now });
+    this.enhancement = new Enhancement({ overlay });
     const display = new Display<DecodedFrame>({ canvas, overlay, enhancement: this.enhancement, size });
-    this.#reprojector = new Reprojector({ below: canvas, size, now });
+    this.#reprojector = new Reprojector({ below: canvas, size });
     this.reprojection = this.#reprojector.status;
     const pixels = computed(() => {
       const { width, height } = rig.viewport.value;

@@ -42,10 +42,10 @@ class Streamed<Plan> implements Source {
   readonly #cleanups: readonly (() => void)[];
 
   constructor(context: SourceContext, { kind, planOf, adaptive, open }: Delivery<Plan>) {
-    const { pane, rig, settings, scene, config, size, now } = context;
+    const { pane, rig, settings, scene, config, size } = context;
     const video = silentVideo();
     pane.append(video);
-    const reprojector = new Reprojector<StreamedFrame>({ below: video, size, now, readable: TurnedVideo.supported });
+    const reprojector = new Reprojector<StreamedFrame>({ below: video, size, readable: TurnedVideo.supported });
     this.reprojection = reprojector.status;
     this.phase = computed(() => {
       const phase = this.#player.value?.phase.value ?? { kind: "connecting" };

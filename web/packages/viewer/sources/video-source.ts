@@ -6,5 +6,5 @@ import type { OpenSource } from "./source";
 export const openVideo: OpenSource = (context) => {
   const worker = () =>
     new Worker(new URL("../video/video.worker.ts", import.meta.url), { type: "module", name: "video decoder" });
-  return new Pictures(context, new VideoFrames(worker, context.now, videoProblem()));
+  return new Pictures(context, new VideoFrames(worker, videoProblem()));
 };

@@ -58,7 +58,6 @@ export interface Visit {
   readonly onReplied: (reply: Reply) => void;
   /** Bytes of pictures or of the scene were received. */
   readonly onReceived: (bytes: number) => void;
-  readonly now: () => number;
 }
 
 export interface StatelessPlayerOptions extends Visit {
@@ -129,7 +128,8 @@ export class StatelessPlayer {
     this.#foresight.reset();
     this.#surround.reset();
     this.#connected = connected ?? undefined;
-    const { display, now, video } = this.#options;
+    const { display, video } = this.#options;
+    const now = () => performance.now();
     display.forget();
     video?.reset();
     this.#pipeline =
@@ -251,7 +251,7 @@ export class StatelessPlayer {
   }
 
   #received(bytes: number): void {
-    this.#meter.received(bytes, this.#options.now());
+    this.#meter.received(bytes, performance.now());
     this.#options.onReceived(bytes);
   }
 

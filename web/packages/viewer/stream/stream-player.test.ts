@@ -50,6 +50,7 @@ let present: (mediaTime: number, expectedDisplayTime: number) => void;
 
 beforeEach(() => {
   vi.useFakeTimers();
+  vi.spyOn(performance, "now").mockImplementation(() => now);
   tab = Object.assign(new EventTarget(), { hidden: false });
   vi.stubGlobal("document", tab);
   now = 0;
@@ -135,7 +136,6 @@ function open(overscan: number | null = null): void {
     overscan,
     onPresented: (frame) => shown.push(frame),
     onReceived: () => undefined,
-    now: () => now,
   });
 }
 

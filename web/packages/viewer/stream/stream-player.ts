@@ -58,7 +58,6 @@ export interface StreamOptions {
   readonly overscan: number | null;
   readonly onPresented: (frame: PresentedFrame) => void;
   readonly onReceived: (bytes: number) => void;
-  readonly now: () => number;
 }
 
 /** A frame of the video, as reported by the browser. */
@@ -198,7 +197,7 @@ export class StreamPlayer {
 
   /** Opens a stream; resolves when its first frame is on the screen. */
   async #start(signal: AbortSignal): Promise<Playing> {
-    const { video, open, adaptive, now, onReceived } = this.#options;
+    const { video, open, adaptive, onReceived } = this.#options;
     const playing = deferred<undefined>();
     const ended = deferred<string>();
     const attempt = new AbortController();
@@ -208,12 +207,12 @@ export class StreamPlayer {
     const events = {
       told: (frame: number, pose: number) => frames.told(frame, pose),
       received: (bytes: number) => {
-        this.#meter.received(bytes, now());
+        this.#meter.received(bytes, performance.now());
         onReceived(bytes);
       },
       failed: ended.resolve,
     };
-    const stream = await open(video, this.#feed.open(now()), events, signal).catch((error: unknown) => {
+    const stream = await open(video, this.#feed.open(performance.now()), events, signal).catch((error: unknown) => {
       attempt.abort();
       throw error;
     });

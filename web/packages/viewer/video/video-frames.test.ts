@@ -17,12 +17,9 @@ let over: FrameTransport;
 
 beforeEach(() => {
   now = 0;
+  vi.spyOn(performance, "now").mockImplementation(() => now);
   worker = new FakeDecoder();
-  frames = new VideoFrames(
-    () => worker,
-    () => now,
-    Promise.resolve(null),
-  );
+  frames = new VideoFrames(() => worker, Promise.resolve(null));
   transport = new FakeTransport(() => now, { kind: "webtransport-streams" });
   over = frames.over(transport);
 });

@@ -48,7 +48,6 @@ export class VideoFrames {
   readonly #undecodable = signal<string | null>(null);
   readonly #uncarried = signal<string | null>(null);
   readonly #startWorker: () => CalledWorker;
-  readonly #now: () => number;
   #worker: WorkerCalls<EncodedFrame, ImageBitmap> | undefined;
   #chain = new Chain<Arrived>();
   /** Requests in flight, each aborted once frames of the present transport are useless. */
@@ -57,9 +56,8 @@ export class VideoFrames {
   #failures: readonly number[] = [];
 
   /** `problem` says whether this browser can decode video. */
-  constructor(startWorker: () => CalledWorker, now: () => number, problem: Promise<string | null>) {
+  constructor(startWorker: () => CalledWorker, problem: Promise<string | null>) {
     this.#startWorker = startWorker;
-    this.#now = now;
     void problem.then((sentence) => {
       this.#undecodable.value ??= sentence;
     });
@@ -115,7 +113,7 @@ export class VideoFrames {
     if (video.key) this.keyFrames++;
     const picture = deferred<ImageBitmap>();
     const frame = { seq, key: video.key, after: video.after ?? null, codec: video.codec, image, picture };
-    const { ready, lost } = this.#chain.add(frame, this.#now());
+    const { ready, lost } = this.#chain.add(frame, performance.now());
     this.#drop(lost);
     for (const one of ready) void this.#feed(one, this.#chain);
     const bitmap = await picture.promise;
@@ -126,7 +124,7 @@ export class VideoFrames {
 
   /** Once per animation frame: waits no longer than `patience` for a frame that others refer to, in milliseconds. */
   tick(patience: number): void {
-    this.#drop(this.#chain.expired(this.#now(), patience));
+    this.#drop(this.#chain.expired(performance.now(), patience));
   }
 
   dispose(): void {
@@ -149,7 +147,7 @@ export class VideoFrames {
   #failed(chain: Chain<Arrived>, error: unknown): void {
     if (chain.broken || chain !== this.#chain) return;
     this.#drop(chain.break());
-    const now = this.#now();
+    const now = performance.now();
     this.#failures = [...this.#failures.filter((at) => now - at < SPAN), now];
     if (this.#failures.length < FAILURES) return;
     const why = error instanceof Error && error.message ? ` (${error.message.replace(/\.$/, "")})` : "";
