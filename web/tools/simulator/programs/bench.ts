@@ -1,9 +1,21 @@
-// Compares controllers in the simulator over many different trace segments (docs/adaptation.md): paired differences with intervals.
+/** Compares controllers in the simulator over many different trace segments (docs/adaptation.md): paired differences with intervals. */
 import { readFileSync, writeFileSync } from "node:fs";
 import { basename } from "node:path";
 import { parseArgs } from "node:util";
-import { number, runScript, SERVER, serverOptions } from "./arguments.mjs";
-import { load } from "./page-module.mjs";
+import { seeded } from "#client/abr/random";
+import { CONTROLLER_NAMES } from "#client/abr/registry";
+import { INTERACTIVE_MS } from "#client/wire/figures";
+import { readMovement } from "#viewer/movement/movement-file";
+import { bootstrap } from "../bootstrap";
+import { controllerFactory } from "../controllers";
+import { segments } from "../cuts";
+import { PaperEndpoints } from "../endpoints";
+import { Head } from "../head";
+import type { Run } from "../report";
+import { simulate } from "../simulate";
+import type { Figures } from "../tally";
+import { parseTrace } from "../trace";
+import { number, SHARED, shared } from "./options";
 
 const USAGE = `npm run abr-bench -- [options] TRACE.csv...
   --controller NAME   as abr-sim has them, and hindsight, which is each segment's best fixed rung by the PSNR of
@@ -24,8 +36,8 @@ const USAGE = `npm run abr-bench -- [options] TRACE.csv...
 
 const HINDSIGHT = "hindsight";
 
-const figuresWithin = (limit) => [
-  [`poses ≤ ${limit} ms, %`, (f) => 100 * f.inTime, 1],
+const COLUMNS: readonly (readonly [title: string, value: (figures: Figures) => number, digits: number])[] = [
+  [`poses ≤ ${INTERACTIVE_MS} ms, %`, (f) => 100 * f.inTime, 1],
   ["photon mean, ms", (f) => f.photonMean, 1],
   ["photon p95, ms", (f) => f.photonP95, 0],
   ["view, dB", (f) => f.viewPsnr, 2],
@@ -37,67 +49,29 @@ const figuresWithin = (limit) => [
   ["frames/s", (f) => f.framesPerSecond, 1],
   ["switches/min", (f) => f.switches, 1],
   ["Mbit/s", (f) => f.bandwidth, 1],
-  ...[500, 1000, 2000, 5000].map((ms) => [`lines at ${ms / 1000} s`, (f) => f[`linesAt${ms}`], 0]),
+  ["lines at 0.5 s", (f) => f.linesAt500, 0],
+  ["lines at 1 s", (f) => f.linesAt1000, 0],
+  ["lines at 2 s", (f) => f.linesAt2000, 0],
+  ["lines at 5 s", (f) => f.linesAt5000, 0],
 ];
 
-async function main() {
+async function main(): Promise<void> {
   const { values, positionals } = parseArgs({
     allowPositionals: true,
     options: {
-      controller: { type: "string", multiple: true },
+      ...SHARED,
       of: { type: "string", default: "seen" },
       segments: { type: "string", default: "48" },
       seconds: { type: "string", default: "30" },
       rtt: { type: "string", multiple: true, default: ["20", "50", "100"] },
       jitter: { type: "string", default: "0" },
-      ...SERVER,
       movement: { type: "string", multiple: true, default: [] },
-      ladder: { type: "string" },
-      way: { type: "string", default: "predicted" },
-      seed: { type: "string", default: "1" },
-      json: { type: "string" },
-      help: { type: "boolean", default: false },
     },
   });
-  if (values.help || positionals.length === 0) return process.stdout.write(USAGE);
-  const [
-    { simulate },
-    { parseTrace },
-    { segments },
-    { bootstrap },
-    { controllerFactory },
-    { PaperEndpoints },
-    { PAPER_LADDER },
-    { CONTROLLER_NAMES },
-    { seeded },
-    { INTERACTIVE_MS },
-    { WAYS },
-    { Head },
-    { readMovement },
-  ] = await Promise.all(
-    [
-      "tools/simulator/simulate",
-      "tools/simulator/trace",
-      "tools/simulator/cuts",
-      "tools/simulator/bootstrap",
-      "tools/simulator/controllers",
-      "tools/simulator/endpoints",
-      "packages/client/abr/ladder",
-      "packages/client/abr/registry",
-      "packages/client/abr/random",
-      "packages/client/wire/figures",
-      "packages/client/abr/controller",
-      "tools/simulator/head",
-      "packages/viewer/movement/movement-file",
-    ].map(load),
-  );
-  const columns = figuresWithin(INTERACTIVE_MS);
-  const ladder = values.ladder === undefined ? PAPER_LADDER : JSON.parse(readFileSync(values.ladder, "utf8")).rungs;
-  if (!WAYS.includes(values.way)) throw new Error(`--way is one of ${WAYS.join(", ")}, not "${values.way}".`);
-  const seed = number("--seed", values.seed);
+  if (values.help || positionals.length === 0) return void process.stdout.write(USAGE);
+  const { way, ladder, server, seed } = shared(values);
   const jitter_ms = number("--jitter", values.jitter);
   const duration = number("--seconds", values.seconds) * 1000;
-  const options = serverOptions(values);
   const fixed = ladder.map((_, rung) => `fixed:${rung}`);
   const names = values.controller ?? [...CONTROLLER_NAMES, ...fixed, HINDSIGHT];
   if (names.includes(HINDSIGHT)) names.push(...fixed.filter((name) => !names.includes(name)));
@@ -108,7 +82,7 @@ async function main() {
     trace: parseTrace(readFileSync(path, "utf8")),
   }));
   const blocks = segments(traces, number("--segments", values.segments), duration, seeded(seed));
-  const runs = [];
+  const runs: (Run & { readonly block: number; readonly start: number })[] = [];
   for (const [block, { name, start, trace: part }] of blocks.entries()) {
     const movement = movements[block % movements.length];
     const from = seeded(seed + block)() * Math.max(0, (movement?.duration ?? 0) - duration);
@@ -122,8 +96,8 @@ async function main() {
           ladder,
           duration,
           roundTrip: null,
-          endpoints: new PaperEndpoints(ladder, seed + block, options),
-          way: values.way,
+          endpoints: new PaperEndpoints(ladder, seed + block, server),
+          way,
           ...(head && { head }),
           seed: seed + block,
         });
@@ -140,22 +114,22 @@ async function main() {
   const different = new Set(blocks.map(({ name }) => name)).size;
   process.stdout.write(`${blocks.length} segments of ${values.seconds} s from ${different} traces\n`);
   for (const roundTrip of values.rtt.map((text) => number("--rtt", text))) {
-    const of = (controller) =>
+    const of = (controller: string) =>
       runs.filter((run) => run.roundTrip === roundTrip && run.controller === controller).map(({ figures }) => figures);
-    process.stdout.write(`\n| RTT ${roundTrip} ms | ${columns.map(([title]) => title).join(" | ")} |\n`);
-    process.stdout.write(`|---|${columns.map(() => "---:|").join("")}\n`);
+    process.stdout.write(`\n| RTT ${roundTrip} ms | ${COLUMNS.map(([title]) => title).join(" | ")} |\n`);
+    process.stdout.write(`|---|${COLUMNS.map(() => "---:|").join("")}\n`);
     for (const controller of names) {
-      const cells = columns.map(([, value, digits]) => {
+      const cells = COLUMNS.map(([, value, digits]) => {
         const all = of(controller).map(value);
         return (all.reduce((sum, each) => sum + each, 0) / all.length).toFixed(digits);
       });
       process.stdout.write(`| ${controller} | ${cells.join(" | ")} |\n`);
     }
     for (const controller of names.filter((name) => name !== values.of)) {
-      const cells = columns.map(([, value, digits]) => {
+      const cells = COLUMNS.map(([, value, digits]) => {
         const [ours, theirs] = [of(values.of), of(controller)];
         const { mean, low, high } = bootstrap(
-          ours.map((figures, i) => value(figures) - value(theirs[i])),
+          ours.map((figures, i) => value(figures) - value(theirs[i] as Figures)),
           seeded(seed),
         );
         return `${mean.toFixed(digits)} (${low.toFixed(digits)} to ${high.toFixed(digits)})`;
@@ -166,4 +140,4 @@ async function main() {
   if (values.json !== undefined) writeFileSync(values.json, `${JSON.stringify({ options: values, runs }, null, 1)}\n`);
 }
 
-await runScript(main);
+await main();

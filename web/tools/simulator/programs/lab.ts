@@ -1,29 +1,23 @@
-// Compares the simulator with runs of the lab (docs/adaptation.md), and prints how far the two agree.
+/** Compares the simulator with runs of the lab (docs/adaptation.md), and prints how far the two agree. */
 import { existsSync, readdirSync, readFileSync } from "node:fs";
 import { join } from "node:path";
 import { read as csv } from "vega";
-import { runScript } from "./arguments.mjs";
-import { load } from "./page-module.mjs";
+import { controllerFactory } from "../controllers";
+import { agreement, conditionOf, conditions, type LabRun, MeasuredEndpoints, offered, PAIRS } from "../lab";
+import { simulate } from "../simulate";
 
 const USAGE = `npm run abr-lab -- EXPERIMENT
   the folder of an experiment in the mode stateless, without reprojection and prediction, with its report
 `;
 
-async function main() {
+async function main(): Promise<void> {
   const [folder] = process.argv.slice(2);
-  if (folder === undefined || folder.startsWith("-")) return process.stdout.write(USAGE);
-  const [
-    { agreement, conditionOf, conditions, MeasuredEndpoints, offered, PAIRS },
-    { simulate },
-    { controllerFactory },
-  ] = await Promise.all(["lab", "simulate", "controllers"].map((name) => load(`tools/simulator/${name}`)));
-  const figures = reported(
-    folder,
-    PAIRS.map(([name]) => name),
-  );
-  const runs = readdirSync(join(folder, "runs"))
-    .filter((name) => figures.has(name))
-    .map((name) => ({ ...read(join(folder, "runs", name)), figures: figures.get(name) }));
+  if (folder === undefined || folder.startsWith("-")) return void process.stdout.write(USAGE);
+  const figures = reported(folder);
+  const runs = readdirSync(join(folder, "runs")).flatMap((name) => {
+    const known = figures.get(name);
+    return known === undefined ? [] : [{ ...read(join(folder, "runs", name)), figures: known }];
+  });
   if (runs.length === 0) throw new Error(`${folder} has no complete runs in its runs.csv: make its report first.`);
   const simulated = [];
   for (const [i, run] of runs.entries()) {
@@ -42,7 +36,7 @@ async function main() {
       }),
     });
   }
-  const cell = (value) => value.toFixed(Math.abs(value) < 10 ? 2 : 0);
+  const cell = (value: number) => value.toFixed(Math.abs(value) < 10 ? 2 : 0);
   const rows = agreement(simulated).map(({ title, lab, simulated, error, runs, controllers }) =>
     [title, cell(lab), cell(simulated), cell(error), runs.toFixed(2), controllers.toFixed(2)].join(" | "),
   );
@@ -52,19 +46,17 @@ async function main() {
 }
 
 /** The report's figures of complete runs, by the name of their folder. */
-function reported(folder, names) {
+function reported(folder: string): Map<string, LabRun["figures"]> {
   const path = join(folder, "runs.csv");
   if (!existsSync(path)) throw new Error(`There is no ${path}: make the report with tigas report ${folder}.`);
-  const rows = csv(readFileSync(path, "utf8"), { type: "csv" });
-  return new Map(
-    rows
-      .filter(({ status }) => status === "complete")
-      .map((row) => [row.folder, Object.fromEntries(names.map((name) => [name, Number(row[name] || Number.NaN)]))]),
-  );
+  const rows = csv(readFileSync(path, "utf8"), { type: "csv" }) as Record<string, string>[];
+  const figures = (row: Record<string, string>) =>
+    Object.fromEntries(PAIRS.map(([name]) => [name, Number(row[name] || Number.NaN)]));
+  return new Map(rows.filter(({ status }) => status === "complete").map((row) => [row.folder ?? "", figures(row)]));
 }
 
-function read(folder) {
-  const lines = (name) =>
+function read(folder: string): Omit<LabRun, "figures"> {
+  const lines = (name: string) =>
     readFileSync(join(folder, `${name}.ndjson`), "utf8")
       .split("\n")
       .filter(Boolean)
@@ -94,4 +86,4 @@ function read(folder) {
   };
 }
 
-await runScript(main);
+await main();

@@ -1,9 +1,16 @@
-// Runs controllers over network traces in the simulator (docs/adaptation.md) and prints a table; --json and --plot write files.
+/** Runs controllers over network traces in the simulator (docs/adaptation.md) and prints a table; --json and --plot write files. */
 import { readFileSync, writeFileSync } from "node:fs";
 import { basename, resolve } from "node:path";
 import { parseArgs } from "node:util";
-import { number, runScript, SERVER, serverOptions } from "./arguments.mjs";
-import { load, run } from "./page-module.mjs";
+import type { TopLevelSpec } from "vega-lite";
+import { CONTROLLER_NAMES } from "#client/abr/registry";
+import { INTERACTIVE_MS } from "#client/wire/figures";
+import { controllerFactory } from "../controllers";
+import { PaperEndpoints } from "../endpoints";
+import { overTraces, type Run, table } from "../report";
+import { simulate } from "../simulate";
+import { parseTrace } from "../trace";
+import { number, SHARED, shared } from "./options";
 
 const USAGE = `npm run abr-sim -- [options] TRACE.csv...
   --controller NAME   seen, latency, latency-transfer, lol+, l2a, fixed:RUNG, one with other parameters (as in
@@ -23,72 +30,40 @@ const USAGE = `npm run abr-sim -- [options] TRACE.csv...
   --json FILE, --plot FILE.svg
 `;
 
-async function main() {
+async function main(): Promise<void> {
   const { values, positionals } = parseArgs({
     allowPositionals: true,
     options: {
-      controller: { type: "string", multiple: true },
+      ...SHARED,
       rtt: { type: "string", multiple: true },
       seconds: { type: "string" },
-      ...SERVER,
-      ladder: { type: "string" },
-      way: { type: "string", default: "predicted" },
-      seed: { type: "string", default: "1" },
       each: { type: "boolean", default: false },
-      json: { type: "string" },
       plot: { type: "string" },
-      help: { type: "boolean", default: false },
     },
   });
-  if (values.help || positionals.length === 0) return process.stdout.write(USAGE);
-  const [
-    { simulate },
-    { parseTrace },
-    { controllerFactory },
-    { table, overTraces },
-    { PAPER_LADDER },
-    { PaperEndpoints },
-    { INTERACTIVE_MS },
-    { WAYS },
-    { CONTROLLER_NAMES },
-  ] = await Promise.all(
-    [
-      "tools/simulator/simulate",
-      "tools/simulator/trace",
-      "tools/simulator/controllers",
-      "tools/simulator/report",
-      "packages/client/abr/ladder",
-      "tools/simulator/endpoints",
-      "packages/client/wire/figures",
-      "packages/client/abr/controller",
-      "packages/client/abr/registry",
-    ].map(load),
-  );
-  const seed = number("--seed", values.seed);
-  const ladder = values.ladder === undefined ? PAPER_LADDER : JSON.parse(readFileSync(values.ladder, "utf8")).rungs;
-  if (!WAYS.includes(values.way)) throw new Error(`--way is one of ${WAYS.join(", ")}, not "${values.way}".`);
-  const paper = serverOptions(values);
+  if (values.help || positionals.length === 0) return void process.stdout.write(USAGE);
+  const { way, ladder, server, seed } = shared(values);
   const factories = await Promise.all(
     (values.controller ?? CONTROLLER_NAMES).map(async (name) =>
       name.endsWith(".ts")
-        ? [basename(name, ".ts"), (await run(resolve(name))).default]
-        : [name, controllerFactory(name)],
+        ? { controller: basename(name, ".ts"), create: (await import(resolve(name))).default }
+        : { controller: name, create: controllerFactory(name) },
     ),
   );
   const roundTrips = values.rtt?.map((text) => number("--rtt", text)) ?? [null];
-  const runs = [];
+  const runs: Run[] = [];
   for (const path of positionals) {
     const trace = parseTrace(readFileSync(path, "utf8"));
     for (const roundTrip of roundTrips) {
-      for (const [controller, create] of factories) {
+      for (const { controller, create } of factories) {
         const figures = await simulate({
           controller: create,
           trace,
           ladder,
           duration: values.seconds === undefined ? trace.duration : number("--seconds", values.seconds) * 1000,
           roundTrip,
-          endpoints: new PaperEndpoints(ladder, seed + 2, paper),
-          way: values.way,
+          endpoints: new PaperEndpoints(ladder, seed + 2, server),
+          way,
           seed,
         });
         runs.push({ trace: basename(path, ".csv"), controller, roundTrip, figures });
@@ -99,23 +74,23 @@ async function main() {
   process.stdout.write(`${table(values.each || positionals.length === 1 ? runs : means)}\n`);
   if (values.each && positionals.length > 1) process.stdout.write(`\n${table(means)}\n`);
   if (values.json !== undefined) writeFileSync(values.json, `${JSON.stringify({ options: values, runs }, null, 1)}\n`);
-  if (values.plot !== undefined) writeFileSync(values.plot, await plot(runs, INTERACTIVE_MS));
+  if (values.plot !== undefined) writeFileSync(values.plot, await plot(runs));
 }
 
 /** Figures against the round trip, or for each trace where there is only one. */
-async function plot(runs, interactive) {
+async function plot(runs: readonly Run[]): Promise<string> {
   const [{ parse, View }, { compile }] = await Promise.all([import("vega"), import("vega-lite")]);
   const byTrip = new Set(runs.map(({ roundTrip }) => roundTrip)).size > 1;
   const values = runs.flatMap(({ figures, roundTrip, ...rest }) =>
     [
-      [`poses within ${interactive} ms, %`, figures.inTime * 100],
+      [`poses within ${INTERACTIVE_MS} ms, %`, figures.inTime * 100],
       ["response time p95, ms", figures.responseP95],
       ["mean rung (0 is the best)", figures.rungOverTime],
       ["switches a minute", figures.switches],
       ["frames a second", figures.framesPerSecond],
     ].map(([figure, value]) => ({ ...rest, roundTrip: roundTrip ?? "", figure, value })),
   );
-  const specification = {
+  const specification: TopLevelSpec = {
     data: { values },
     facet: { field: "figure", title: null, sort: null },
     columns: 1,
@@ -137,4 +112,4 @@ async function plot(runs, interactive) {
   return await new View(parse(compile(specification).spec), { renderer: "none" }).toSVG();
 }
 
-await runScript(main);
+await main();
