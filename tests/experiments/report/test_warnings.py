@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from tests.experiments.report.synthetic_results import change, write_run
-from tigas_experiments.records.folder import ExperimentRecord, write_experiment
+from tigas_experiments.records.folder import ExperimentRecord, RunWriter, StoredRun, write_experiment
 from tigas_experiments.records.scores import SCORES, Score, write_scores
 from tigas_experiments.report.run_table import load
 from tigas_experiments.report.warnings import FEW, warnings
+from tigas_experiments.wire.recording import ShownFrame
 
 RUN = "bus,20ms-rtt, Stateless, latency"
 
@@ -43,6 +44,15 @@ def test_runs_without_all_of_their_samples_are_counted(tmp_path: Path) -> None:
     _, run = repeats(tmp_path, 2)
     change(run, sampling_problem="The browser’s storage is full. Nothing was sampled.")
     assert f"{RUN} (2): The browser’s storage is full. Nothing was sampled." in warned(tmp_path)
+
+
+def test_runs_without_frames_are_named_as_means_over_frames_lack_them(tmp_path: Path) -> None:
+    _, run = repeats(tmp_path, 2)
+    RunWriter.resumed(StoredRun(run)).write(ShownFrame, [])
+    assert (
+        f"{RUN} (2): no frame was shown, so means over frames, such as of their age, are of the other runs."
+        in warned(tmp_path)
+    )
 
 
 def test_broken_scores_cost_a_run_its_scores_alone(tmp_path: Path) -> None:

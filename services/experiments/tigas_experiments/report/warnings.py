@@ -58,6 +58,10 @@ def _runs(runs: Sequence[Run]) -> list[str]:
             "services ran on another machine, without monitoring of its load.": load and load.services == "elsewhere",
             "the services' threads were not monitored.": load and load.services == "processors",
             "threads were not monitored.": load and load.pegged is None,
+            "no frame was shown, so means over frames, such as of their age, are of the other runs.": run.values[
+                "frame_age_mean_ms"
+            ]
+            is None,
         }
         for sentence, applies in kinds.items():
             if applies:
