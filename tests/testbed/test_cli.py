@@ -19,12 +19,12 @@ from tests.eventually import wait_until
 from tests.prerequisites import FREE_LAB
 from tests.render.scenes import made_up
 from tests.render.uploads.client import begin, part
+from tigas_common.files import NOBODY
 from tigas_common.processes import tigas
 from tigas_common.resources import CAP_NET_ADMIN
 from tigas_common.topology import DASH, PAGE, PAGE_HTTPS, PAGE_ORIGINS, SHAPER, STORE
 from tigas_testbed.namespaces import ROLES, Lab, Role
 from tigas_testbed.services import NAME
-from tigas_testbed.user import NOBODY
 
 pytestmark = pytest.mark.alone
 

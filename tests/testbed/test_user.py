@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from tigas_common.errors import StartError
-from tigas_testbed.user import NOBODY, User, own_code, reaching
+from tigas_common.files import NOBODY
+from tigas_testbed.user import User, own_code, reaching
 
 ALICE = User(1234, 1234)
 

@@ -20,6 +20,10 @@ NO_HARD_LINKS = {errno.EPERM, errno.EMLINK, errno.ENOSYS, errno.ENOTSUP, errno.E
 """How file systems refuse hard links that they do not have."""
 
 
+NOBODY = 65534
+"""The system's user without rights."""
+
+
 def open_regular(path: Path, *, follow: bool = True) -> BufferedReader:
     """Open a file for reading, through links by default.
 
@@ -88,6 +92,24 @@ def replace_file(path: Path, content: bytes) -> None:
     finally:
         temporary.unlink(missing_ok=True)
     names_to_disk(path.parent)
+
+
+def give(folder: Path, uid: int, gid: int) -> None:
+    """Make a user the owner of a folder and of all in it that is root's or nobody's, except for files that have another
+    name, which may be elsewhere. Raises OSError.
+    """
+    for _, folders, files, parent in os.fwalk(folder):  # by descriptors, so that links cannot interfere
+        for name in (".", *folders, *files):
+            state = os.stat(name, dir_fd=parent, follow_symlinks=False)
+            has_one_name = stat.S_ISDIR(state.st_mode) or state.st_nlink == 1
+            if has_one_name and state.st_uid in (0, NOBODY):
+                os.chown(name, uid, gid, dir_fd=parent, follow_symlinks=False)
+
+
+def give_to_caller(folder: Path) -> None:
+    """Make the user that invoked sudo, if any, the owner of a folder that a command has written. Raises OSError."""
+    if "SUDO_UID" in os.environ:
+        give(folder, int(os.environ["SUDO_UID"]), int(os.environ["SUDO_GID"]))
 
 
 @contextmanager

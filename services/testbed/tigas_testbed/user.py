@@ -17,10 +17,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tigas_common.errors import StartError
+from tigas_common.files import NOBODY, give
 
 CACHE = Path("/var/cache")
 """Parent of home directories for users without one."""
-NOBODY = 65534
 _SPARE = "/mnt"
 """Where mounts are prepared."""
 
@@ -61,19 +61,10 @@ class User:
         return {"HOME": str(home), "USER": name, "LOGNAME": name}
 
     def give(self, folder: Path) -> None:
-        """Make them the owner of a folder, which is made if it is missing, and of all in it that is root's or nobody's,
-        except for files that have another name, which may be elsewhere.
-
-        Raises StartError.
-        """
+        """Make them the owner of a folder, which is made if it is missing, as `give` does. Raises StartError."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            for _, folders, files, parent in os.fwalk(folder):  # by descriptors, so that links cannot interfere
-                for name in (".", *folders, *files):
-                    state = os.stat(name, dir_fd=parent, follow_symlinks=False)
-                    has_one_name = stat.S_ISDIR(state.st_mode) or state.st_nlink == 1
-                    if has_one_name and state.st_uid in (0, NOBODY):
-                        os.chown(name, self.uid, self.gid, dir_fd=parent, follow_symlinks=False)
+            give(folder, self.uid, self.gid)
         except OSError as error:
             raise StartError(f"{folder} cannot be given to user {self.uid}: {error.strerror or error}.") from None
 

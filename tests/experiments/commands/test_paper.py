@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from tests.command import Result, tigas
 from tests.experiments.conftest import Stub, fails
 from tests.experiments.run.test_plan import EXPERIMENTS
+from tests.prerequisites import ROOT_RIGHTS
 from tigas_experiments.commands.paper import Evaluation
 
 FILE = """
@@ -82,6 +84,16 @@ def test_a_part_is_made_once_and_listed_as_done(stub: Stub) -> None:
     assert len(stub.reported) == 1
     (listed,) = [line for line in paper().output.splitlines() if "short" in line]
     assert listed.split("│")[-2].strip() == "yes"
+
+
+def test_what_sudo_made_belongs_to_its_caller(stub: Stub, monkeypatch: pytest.MonkeyPatch) -> None:
+    if os.geteuid() != 0:
+        ROOT_RIGHTS.skip()
+    monkeypatch.setenv("SUDO_UID", "1234")
+    monkeypatch.setenv("SUDO_GID", "1234")
+    assert paper("short").exit_code == 0
+    made = Path("results", "paper", "short")
+    assert {path.stat().st_uid for path in (made, *made.rglob("*"))} == {1234}
 
 
 def test_a_part_that_broke_off_is_continued(stub: Stub) -> None:

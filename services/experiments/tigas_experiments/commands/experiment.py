@@ -12,6 +12,7 @@ from pydantic import Field
 
 from tigas_common.command import POSITIONAL, Command, Group, Metavar
 from tigas_common.errors import StartError
+from tigas_common.files import give_to_caller
 from tigas_common.processes import end_as_ctrl_c
 from tigas_common.terminal import make_console
 from tigas_experiments.commands.rerender import Rerender
@@ -72,6 +73,13 @@ def command_as_typed() -> str:
 
 def perform(made: Experiment, url: str | None = None, *, labs: int, allow_changes: bool) -> None:
     """Make the missing runs of an experiment and its report. Raises StartError, OSError, and SystemExit if any lack."""
+    try:
+        _perform(made, url, labs, allow_changes)
+    finally:
+        give_to_caller(made.out)
+
+
+def _perform(made: Experiment, url: str | None, labs: int, allow_changes: bool) -> None:
     from tigas_experiments.report.cli import Report
     from tigas_experiments.report.controllers import run_names
     from tigas_experiments.run.experiment import reserved

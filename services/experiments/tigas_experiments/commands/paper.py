@@ -20,6 +20,7 @@ from rich.table import Table
 
 from tigas_common.command import POSITIONAL, Command, Metavar
 from tigas_common.errors import StartError
+from tigas_common.files import give_to_caller
 from tigas_common.parsing import sentence
 from tigas_common.processes import end_as_ctrl_c
 from tigas_common.terminal import make_console
@@ -146,6 +147,7 @@ class Paper(Command):
             done = True
         finally:
             Progress(seconds=before.seconds + time.monotonic() - began, done=done).write(making.out)
+            give_to_caller(making.out)
 
     def _make(self, making: _Making, plan: ExperimentPlan | None, then: Sequence[str], before: Progress) -> None:
         from tigas_experiments.report.cli import Report
