@@ -17,7 +17,7 @@ from tigas_cluster.fleet import Fleet
 from tigas_cluster.policy import Scaler
 from tigas_cluster.ray_fleet import RayFleet
 from tigas_cluster.settings import ClusterSettings
-from tigas_common.address import Address, bracketed, say_if_open
+from tigas_common.address import bracketed, say_if_open
 from tigas_common.limits import HttpLimits
 from tigas_common.loop_share import LoopShare
 from tigas_common.origins import OriginPolicy
@@ -107,7 +107,7 @@ async def _serve(settings: ClusterSettings, cluster: RayCluster, listener: socke
                 if hosts.began.done():
                     hosts.began.result()
                     say_if_open([settings.http])
-                    _say(f"Open http://{Address(settings.http.reachable_host, port)}/")
+                    _say(f"Open http://{settings.http.reachable_host}:{port}/")
                 await stopped
         finally:
             stopped.cancel()

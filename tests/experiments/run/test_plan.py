@@ -108,7 +108,7 @@ def traces(directory: Path, *, seconds: int = 180) -> dict[str, Any]:
     [
         ("t_ms,down_kbps\n0,1\n20000,2\n30000,\n", 30),
         ("t_ms,down_kbps\n0,1\n20000,2\n", 40),
-        ("down_kbps, t_ms\n1, 0\n2, 24000\n", 48),
+        ("\ndown_kbps,\tt_ms\n1, 0\n2, 24000\n", 48),
         ("t_ms,down_kbps\n0,1\n", 1),
     ],
     ids=["with an end", "without one", "columns in another order", "one row"],

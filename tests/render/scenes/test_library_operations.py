@@ -241,3 +241,18 @@ def test_a_folder_that_cannot_be_deleted_is_an_error_but_no_longer_a_scene(
     with pytest.raises(OSError, match="Input/output error"):
         remove_scene(tmp_path, "attic")
     assert not (tmp_path / "attic").exists()
+
+
+def test_a_name_changes_its_case_where_the_disk_ignores_that(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "garden.ply").write_bytes(plys.binary_ply())
+    (tmp_path / "garden.scene.json").write_text('{"background": [0, 0, 1]}')
+
+    def taken(*_: Path) -> None:
+        raise FileExistsError(errno.EEXIST, "File exists")
+
+    monkeypatch.setattr(Path, "exists", lambda _: True)  # as on such a disk
+    monkeypatch.setattr(Path, "samefile", lambda *_: True)
+    monkeypatch.setattr(library_operations, "move_new", taken)
+    rename_scene(tmp_path, "garden", "Garden")
+    assert (tmp_path / "Garden.ply").is_file()
+    assert (tmp_path / "Garden.scene.json").read_text() == '{"background": [0, 0, 1]}'

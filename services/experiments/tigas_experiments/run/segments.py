@@ -85,7 +85,7 @@ def _trace_duration_s(path: Path) -> float:
         text = read_regular(path, MAX_UPLOAD_BYTES).decode("utf-8-sig", errors="replace")
     except OSError as error:
         raise StartError(f"{path} cannot be read: {error.strerror or error}.") from None
-    rows = list(csv.DictReader(text.replace(" ", "").splitlines()))
+    rows = list(csv.DictReader(filter(None, map(_compact, text.splitlines()))))
     times = [row.pop("t_ms", None) or "" for row in rows]
     if not rows or "down_kbps" not in rows[0] or not all(map(_TIME.fullmatch, times)):
         raise StartError(f"{path} is not a TIGAS trace, which segments need; convert it with `tigas trace import`.")
@@ -93,3 +93,7 @@ def _trace_duration_s(path: Path) -> float:
     if any(rows[-1].values()):
         end_ms += end_ms - int(times[-2]) if len(times) > 1 else ONLY_STEP_MS
     return end_ms / 1000
+
+
+def _compact(line: str) -> str:
+    return "".join(line.split())

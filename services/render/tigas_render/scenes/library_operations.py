@@ -229,15 +229,20 @@ def _rename(directory: Path, path: Path, name: str) -> None:
             _write_metadata(target, after)
         elif metadata_path(path).exists():  # also if it is not valid
             replace_file(metadata_path(target), read_regular(metadata_path(path), MAX_METADATA))
+    same = target.exists() and target.samefile(path)  # the disk ignores case, and only that changes
     try:
-        move_new(path, target)
+        if same:
+            path.rename(target)
+        else:
+            move_new(path, target)
     except OSError:
-        if not path.is_dir():
+        if path.is_dir():
+            if after != before:
+                _write_metadata(path, before)
+        elif not same:
             metadata_path(target).unlink(missing_ok=True)
-        elif after != before:
-            _write_metadata(path, before)
         raise
-    if not target.is_dir():
+    if not (same or target.is_dir()):
         metadata_path(path).unlink(missing_ok=True)
 
 
