@@ -50,10 +50,10 @@ def test_the_page_shows_frames_over_webtransport(stack: Stack, page: Page) -> No
     assert picture(page).std() > 10, "the picture is blank"
 
 
-def test_without_pytorch_page_and_command_say_what_training_needs(stack: Stack, page: Page) -> None:
+def test_the_page_says_why_it_does_not_train_and_the_command_what_it_needs(stack: Stack, page: Page) -> None:
     walk(page)
     page.keyboard.press("p")  # opens the lab
-    expect(page.locator(".scene-training")).to_contain_text("Training needs PyTorch")
+    expect(page.locator(".scene-training")).to_contain_text("Pages may not change this service")
     expect(page.locator(".scene-training button")).to_have_count(0)
     said = stack.inside("render", "tigas enhance train courtyard --out /tmp/networks")
     assert said == "torch is not installed: pip install 'tigas[lab]'\n"

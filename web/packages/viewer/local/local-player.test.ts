@@ -121,6 +121,17 @@ function frame(rig: Rig, after = 1000 / 60): void {
   player.tick(now, rig.sample(now));
 }
 
+test("a first picture that takes seconds to draw, as if the page had been hidden, is told of", async () => {
+  const rig = await downloading();
+  await come(0, 16_000);
+  frame(rig);
+  now += 5000;
+  player.resumed(5000);
+  frame(rig);
+  expect([player.phase.value.kind, presented.length]).toEqual(["playing", 1]);
+  expect(player.stats.value.settled).toBe(true);
+});
+
 test("a first part is drawn long before the whole has come, and both times are told", async () => {
   const rig = await downloading();
   frame(rig);

@@ -151,9 +151,9 @@ export class LocalPlayer {
     this.#meter.presented({ at: now, pose: pose.seq, rung: null, width, height });
   }
 
+  /** A picture that was drawn before the gap counts: at rest there is no other, and the first one may cause the gap. */
   resumed(gap: number): void {
     this.#meter.resumed(gap);
-    this.#untold = false;
   }
 
   tick(now: number, moved: boolean): void {
