@@ -23,7 +23,7 @@ class Figures(BaseModel):
     """Figures of a complete run."""
 
     values: dict[str, float | None]
-    """By the names of `report.metrics.METRICS`; those that were not measured are None or missing."""
+    """By the names of `report.metrics.METRICS`; None or missing if not measured."""
     rungs: dict[int, float]
     """Each rung's share of the time on the screen."""
 

@@ -74,7 +74,7 @@ def _still_there(experiment: str) -> Iterator[None]:
 
 
 def draw(folder: Path, out: Path) -> None:
-    """Write the files of an experiment's report into a folder, and remove those of an earlier one from its own.
+    """Write the files of an experiment's report into a folder, and remove an earlier report's from its own.
 
     Raises NothingToReport and DiskFull.
     """

@@ -64,13 +64,14 @@ class Shelf:
         """Keep a scene's own weights when it gets another id: those in its folder have moved with it."""
         if source.folder is None:
             place = self.place(source)
-            with suppress(FileNotFoundError):  # most scenes have none
+            with suppress(OSError):  # most scenes have none
                 place.replace(place.with_name(f"{id}.safetensors"))
 
     def remove(self, source: SceneSource) -> None:
         """Remove the own weights of a scene that is removed: those in its folder are gone with it."""
         if source.folder is None:
-            self.place(source).unlink(missing_ok=True)
+            with suppress(OSError):  # the scene is gone already
+                self.place(source).unlink()
 
     def kind(self, source: SceneSource) -> Literal["scene", "general"] | None:
         """Networks that can enhance a scene's frames."""

@@ -265,7 +265,7 @@ class SceneRegistry:
         except Exception as error:
             return self._failed(entry, error)
         else:
-            # by a scan meanwhile, the metadata may be other
+            # a scan may have changed the metadata meanwhile
             view = given_view(entry.source.metadata) or _turned(loaded.view, entry.source) or loaded.view
             entry.loaded = replace(loaded, source=entry.source, view=view)
             entry.view, entry.last_used = view, self._clock()
