@@ -65,7 +65,7 @@ class Service:
 
 
 def megabytes_of(pid: int) -> float:
-    """Resident memory of a process and those that it has started, as far as they have not ended."""
+    """Resident memory of a process and its descendants that still run."""
     return _of_tree(pid, lambda process: process.memory_info().rss) / 1e6
 
 

@@ -28,7 +28,7 @@ SMALL: ViewportSize = {"width": 320, "height": 240}
 ALONE = {"sidebar": False, "hud": False, "refine": False, "reprojection": False, "prediction": "off"}
 SLOW_NETWORK = {"offline": False, "latency": 0, "downloadThroughput": 300_000, "uploadThroughput": -1}
 ALIKE_DB, ANOTHER_DB = 28.0, 16.0
-"""Minimum similarity of two renderers' pictures of one view; those of two views are less similar."""
+"""Minimum similarity of two renderers' pictures of one view; two views are less similar."""
 MOVEMENT = [
     {"t_ms": t, "position": [t / 5000, 0, 0], "quaternion": [0, math.sin(t / 4000), 0, math.cos(t / 4000)]}
     for t in range(0, 1001, 50)

@@ -74,8 +74,8 @@ NO_IPV6 = (errno.EAFNOSUPPORT, errno.EADDRNOTAVAIL)
 
 
 def bind_all(host: str, port: int) -> list[socket.socket]:
-    """The sockets of a port: for `localhost` those of 127.0.0.1 and, if there is IPv6, ::1, since QUIC does not fall
-    back from one to the other; otherwise the result of `bind`.
+    """The sockets of a port: the result of `bind`, except that `localhost` has one for 127.0.0.1 and, if there is IPv6,
+    one for ::1, since QUIC does not fall back from one to the other.
     """
     if host != "localhost":
         return [bind(host, port)]

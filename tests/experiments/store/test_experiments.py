@@ -1,4 +1,4 @@
-"""Experiments of the page: begun, extended, listed, removed; and those of commands in the same store."""
+"""Experiments of the page, begun, extended, listed and removed, next to experiments of commands."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ class Columns:
         return some
 
     def gaussians(self, *, antialiased: bool) -> Gaussians:
-        """The drawable Gaussians: those that are not finite, extend beyond FARTHEST, or lack a rotation are dropped."""
+        """The drawable Gaussians, without any that is not finite, extends beyond FARTHEST, or lacks a rotation."""
         usable = np.isfinite(self.quaternions).all(1) & np.isfinite(self.opacities)
         usable &= np.isfinite(self.sh).all((1, 2))
         with np.errstate(invalid="ignore"):

@@ -247,7 +247,7 @@ def merge_load(bodies: Bodies) -> bytes:
 
 
 def merge_metrics(bodies: Bodies, engines: Sequence[RemoteEngine]) -> bytes:
-    """Merge Prometheus' text format: metrics of engines get a label `device`, and those of edges appear once."""
+    """Merge Prometheus' text format: metrics of engines get a label `device`, and metrics of edges appear once."""
     registry = CollectorRegistry()
     registry.register(_Metrics(bodies, engines))
     return generate_latest(registry)

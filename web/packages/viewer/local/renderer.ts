@@ -153,7 +153,7 @@ export class Renderer {
 
   /**
    * Shows the scene with the lod-meta.json at a URL: the levels of detail that the view needs, of at most a million
-   * Gaussians together (PlayCanvas' default). Resolves when those of the present view are in the picture; throws if
+   * Gaussians together (PlayCanvas' default). Resolves when the present view's are in the picture; throws if
    * there are none.
    */
   async stream(url: string): Promise<void> {

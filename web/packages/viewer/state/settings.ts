@@ -226,7 +226,7 @@ export interface SideSettings
 const NAMES = Object.keys(SETTINGS) as (keyof Settings)[];
 const about = (name: keyof Settings): About => SETTINGS[name] as About;
 
-/** Settings from outside; those that make no sense have their usual values. */
+/** Settings from outside; nonsense is replaced by the usual values. */
 function parse(stored: Readonly<Record<string, unknown>>): Settings {
   const read = (name: keyof Settings) => {
     const { schema, usual }: { schema: Schema<unknown>; usual: unknown } = SETTINGS[name];

@@ -29,7 +29,7 @@ interface Arrived extends Link, Pick<EncodedFrame, "codec" | "image"> {
   readonly picture: Deferred<ImageBitmap>;
 }
 
-/** A picture like those of other decoders, without depth. The recipient closes its bitmap. */
+/** A picture as other decoders give it, without depth. The recipient closes its bitmap. */
 export interface DecodedPicture {
   readonly bitmap: ImageBitmap;
   readonly depth: null;
