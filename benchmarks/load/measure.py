@@ -11,7 +11,7 @@ from scipy.stats import t as student
 
 from benchmarks.load.crowd import Crowds
 from benchmarks.load.server import Server
-from benchmarks.load.step import Interval, Step
+from benchmarks.load.step import Interval, ServerUse, Step
 
 LEAST_PAIRS = 6
 """Minimum pairs of steps for an interval."""
@@ -48,16 +48,19 @@ class Subject:
 
     def step(self, viewers: int, timing: Timing, wait: Waits) -> Step:
         """Measure this number of viewers once. Raises RuntimeError if a process of viewers ends."""
-        cpu: list[float | None] = []
+        service, cpu_s = self.server.service, []
 
         def measured(until: float) -> None:
             wait(f"{viewers} viewers", until)
-            cpu.append(self.server.cpu_s)
+            if service is not None:
+                cpu_s.append(service.cpu_s)
 
         observed = self.crowds.measure(viewers, timing.warm_up_s, timing.seconds, measured)
-        before, after = cpu
-        spent = None if before is None or after is None else after - before
-        return Step.of(viewers, timing.seconds, observed, spent)
+        use = None
+        if service is not None:
+            before, after = cpu_s
+            use = ServerUse((after - before) / timing.seconds, service.megabytes, service.open_files)
+        return Step.of(viewers, timing.seconds, observed, use)
 
 
 @dataclass(slots=True)

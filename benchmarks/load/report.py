@@ -16,7 +16,10 @@ from benchmarks.load.measure import Capacity, Comparison
 from benchmarks.load.step import Interval, Step
 from tigas_experiments.report.plot import INK, QUIET, panel_grid, plain_log, style, svg
 
-COLUMNS = ("viewers", "frames/s", "served", "p50, ms", "p95, ms", "Mbit/s", "kB", "server, cores", "viewers' processes")
+COLUMNS = (
+    "viewers", "frames/s", "served", "p50, ms", "p95, ms", "Mbit/s", "kB", "server, cores", "MB", "files",
+    "viewers' processes",
+)  # fmt: skip
 FIGURES: dict[str, Callable[[Step], float]] = {
     "p50": lambda step: step.p50_ms,
     "p95": lambda step: step.p95_ms,
@@ -45,7 +48,10 @@ def table(steps: Sequence[Step], title: str) -> Table:
 
 
 def _cells(step: Step) -> list[str]:
-    generator = step.generator
+    generator, server = step.generator, step.server
+    used = (
+        ["", "", ""] if server is None else [f"{server.cores:.2f}", f"{server.megabytes:.0f}", f"{server.open_files}"]
+    )
     return [
         str(step.viewers),
         f"{step.frames_per_s:,.0f} {_interval(step.frames_interval, 0)}",
@@ -54,7 +60,7 @@ def _cells(step: Step) -> list[str]:
         f"{step.p95_ms:.1f} {_interval(step.p95_interval, 1)}",
         f"{step.mbit_per_s:.0f}",
         f"{step.kilobytes:.1f}",
-        "" if step.server_cores is None else f"{step.server_cores:.2f}",
+        *used,
         f"{100 * generator.cpu:.0f} %, {generator.cpu_ms:.2f} ms a frame, {generator.lag_p95_ms:.1f} ms late",
     ]
 

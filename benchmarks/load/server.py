@@ -59,11 +59,6 @@ class Server:
             loaded = http.post(f"/scenes/{quote(scene_id)}/load").raise_for_status()
             return SceneInfo.model_validate_json(loaded.content)
 
-    @property
-    def cpu_s(self) -> float | None:
-        """Seconds that its processes have computed; None if it runs elsewhere."""
-        return None if self.service is None else self.service.cpu_s
-
 
 @contextmanager
 def started(name: str, options: Sequence[str]) -> Iterator[Server]:

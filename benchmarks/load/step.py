@@ -108,6 +108,18 @@ class Generator:
 
 
 @dataclass(frozen=True, slots=True)
+class ServerUse:
+    """Resources that the service and its processes use."""
+
+    cores: float
+    """Processor time over time."""
+    megabytes: float
+    """Resident memory at the end."""
+    open_files: int
+    """At the end."""
+
+
+@dataclass(frozen=True, slots=True)
 class Step:
     """Figures of a number of viewers."""
 
@@ -130,8 +142,8 @@ class Step:
     kilobytes: float
     """Of a frame."""
     generator: Generator
-    server_cores: float | None
-    """Processor time of the service over time; None where that is not known."""
+    server: ServerUse | None
+    """None if it runs elsewhere."""
 
     @property
     def served(self) -> float:
@@ -153,7 +165,7 @@ class Step:
         return None
 
     @classmethod
-    def of(cls, viewers: int, seconds: float, observed: Observed, server_cpu_s: float | None) -> Self:
+    def of(cls, viewers: int, seconds: float, observed: Observed, server: ServerUse | None) -> Self:
         """From observations over this many seconds."""
         spans = max(1, round(1000 * seconds / SPAN_MS))
         due = sum(observed.fates.values())
@@ -179,7 +191,7 @@ class Step:
                 1000 * sum(observed.cpu) / served if served else math.nan,
                 float(np.percentile(observed.lags, 95)) if served else 0.0,
             ),
-            server_cores=None if server_cpu_s is None else server_cpu_s / seconds,
+            server=server,
         )
 
 

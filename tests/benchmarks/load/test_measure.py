@@ -9,9 +9,12 @@ import pytest
 
 from benchmarks.load.measure import Capacity, Subject, Timing, compare, measure_capacity, search
 from benchmarks.load.report import comparison_lines, verdict
-from benchmarks.load.step import Generator, Step
+from benchmarks.load.step import Generator, ServerUse, Step
 
-GOOD = Step(1, 0, 300, {"served": 300}, 10, (9, 11), 20, (19, 21), 30, (29, 31), 5.5, 23, Generator(0.1, 0.5, 1), 1.0)
+GOOD = Step(
+    1, 0, 300, {"served": 300}, 10, (9, 11), 20, (19, 21), 30, (29, 31), 5.5, 23, Generator(0.1, 0.5, 1),
+    ServerUse(1.0, 210.0, 42),
+)  # fmt: skip
 TIMING = Timing(5, 1)
 
 

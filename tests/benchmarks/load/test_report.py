@@ -15,7 +15,7 @@ from tests.benchmarks.load.test_measure import GOOD
 
 NOTHING = replace(
     GOOD, viewers=9, outside=9, fates={"outside": 300}, p50_ms=math.nan, p95_ms=math.nan, frames_per_s=0.0,
-    kilobytes=math.nan, server_cores=None,
+    kilobytes=math.nan, server=None,
 )  # fmt: skip
 SLOW = replace(GOOD, viewers=60, fates={"served": 200, "superseded": 90, "late": 10}, p50_ms=90, p95_ms=900)
 
@@ -31,6 +31,11 @@ def test_the_table_has_a_row_for_each_step() -> None:
     with console.capture() as capture:
         console.print(table([GOOD, SLOW, NOTHING], "webtransport"))
     assert [row.split()[0] for row in capture.get().splitlines() if "%" in row] == ["1", "60", "9"]
+    assert [" ".join(row.split()).count(" 1.00 210 42 ") for row in capture.get().splitlines() if "%" in row] == [
+        1,
+        1,
+        0,
+    ]
 
 
 def test_json_has_null_for_what_is_unknown(tmp_path: Path) -> None:

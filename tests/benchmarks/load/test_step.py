@@ -7,7 +7,7 @@ import math
 import pytest
 
 from benchmarks.load.measure import Capacity, Ratio
-from benchmarks.load.step import Observed, Step
+from benchmarks.load.step import Observed, ServerUse, Step
 from benchmarks.load.viewer import Due
 
 
@@ -17,7 +17,7 @@ def frames(count: int = 300, took: float = 0.02, lag: float = 0.0) -> list[Due]:
 
 
 def step(ended: list[Due], waiting: list[float] | None = None, outside: int = 0, cpu: float = 1.0) -> Step:
-    return Step.of(1, 10.0, Observed.of(ended, waiting or [], (100.0, 110.0), outside, cpu), 5.0)
+    return Step.of(1, 10.0, Observed.of(ended, waiting or [], (100.0, 110.0), outside, cpu), ServerUse(0.5, 210.0, 40))
 
 
 def test_figures_of_a_service_that_keeps_up() -> None:
@@ -26,7 +26,7 @@ def test_figures_of_a_service_that_keeps_up() -> None:
     assert (one.p50_ms, one.p95_ms) == (20.0, 20.0)
     assert one.frames_per_s == pytest.approx(30, abs=0.2)
     assert one.mbit_per_s == pytest.approx(300 * 23_000 * 8 / 10 / 1e6)
-    assert (one.kilobytes, one.server_cores) == (23.0, 0.5)
+    assert one.kilobytes == 23.0
     assert one.generator.cpu == 0.1
     assert one.generator.cpu_ms == pytest.approx(1000 / 300)
     assert one.bottleneck is None
@@ -71,7 +71,6 @@ def test_several_processes_count_together() -> None:
     both = Step.of(2, 10.0, Observed.together([Observed.from_json(part.to_json()) for part in parts]), None)
     assert (both.due, both.outside, both.lost) == (301, 1, {"reset": 1})
     assert both.generator.cpu == 0.9
-    assert both.server_cores is None
 
 
 @pytest.mark.parametrize(
