@@ -52,10 +52,8 @@ class Limits(QuicLimits):
     be reset at once. The client may open others in their place no faster than this."""
     sessions: int = 4
     """WebTransport sessions per connection; further ones are answered 429."""
-    unread: int = 256 * 1024
-    """Bytes of one request body that wait for the application; a client that sends more is cut."""
     stream_window: int = 64 * 1024
-    """Bytes that a client may send on one stream ahead of the data received in order (QUIC flow control)."""
+    """Bytes that a client may send on one stream ahead of the data that was read (QUIC flow control)."""
     unsent: int = 256 * 1024
     """Bytes of a connection's answers that wait in QUIC for the network; more waits in the writer."""
     unread_answers: int = 2 * 1024 * 1024

@@ -62,7 +62,7 @@ class HttpRequest:
         self._scope = scope
         self._app = app
         self._body = bytearray()
-        """Not read by the application yet."""
+        """Not read by the application yet, and at most QUIC's window of a stream."""
         self._ended = False
         self._end_delivered = False
         self._disconnected = False
@@ -76,16 +76,18 @@ class HttpRequest:
         self._scope["state"][ARRIVED] = arrived
         if data and not self._disconnected and not self._complete:
             self._body += data
-            if len(self._body) > self.outlet.limits.unread:
-                self.outlet.abort(ErrorCode.H3_EXCESSIVE_LOAD)
-                self.cancelled()
+            self.outlet.set_unread(len(self._body))
         self._news.set()
 
     def cancelled(self) -> None:
         """The client has cancelled the request or disconnected."""
         self._disconnected = True
-        self._body.clear()
+        self._clear_body()
         self._news.set()
+
+    def _clear_body(self) -> None:
+        self._body.clear()
+        self.outlet.set_unread(0)
 
     def start(self, ended: Callable[[], None]) -> None:
         """Let the application answer in a task; `ended` is called when that is done."""
@@ -111,7 +113,7 @@ class HttpRequest:
             self._news.clear()
             if self._body or (self._ended and not self._end_delivered):
                 body = bytes(self._body)
-                self._body.clear()
+                self._clear_body()
                 self._end_delivered = self._ended
                 return {"type": "http.request", "body": body, "more_body": not self._ended}
             timeout = None if self._ended else self.outlet.limits.request_timeout
@@ -152,6 +154,7 @@ class HttpRequest:
             self.outlet.end()
             self.outlet.stop_reading(ErrorCode.H3_NO_ERROR)
             self._complete = True  # from now on `receive` reports the disconnect
+            self._clear_body()
             self._news.set()
 
 

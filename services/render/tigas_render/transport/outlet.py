@@ -156,6 +156,12 @@ class Outlet:
             self.writer.h3.finished(self.stream_id)
             self.writer.transmit_soon()
 
+    def set_unread(self, size: int) -> None:
+        """Count received bytes that wait for the application; the client may send more once they are read."""
+        self.writer.quic.set_unread(self.stream_id, size)
+        if not size and self.writer.quic.is_receiving(self.stream_id):
+            self.writer.transmit_soon()
+
     def stop_reading(self, error_code: int) -> None:
         """Ask the client to send no more."""
         if self.writer.quic.is_receiving(self.stream_id):

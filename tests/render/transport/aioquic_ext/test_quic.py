@@ -43,6 +43,18 @@ def test_bytes_at_high_offsets_open_no_window() -> None:
     assert max(promised) <= 64 * 1024
 
 
+def test_the_window_opens_when_data_is_read() -> None:
+    simulation = Simulation()
+    stream_id = simulation.open(300_000)
+    simulation.run(step=lambda: simulation.server.set_unread(stream_id, len(simulation.uploads[stream_id])))
+    assert len(simulation.uploads[stream_id]) == 64 * 1024
+    simulation.drop = lambda sender, data: simulation.now < read + 0.01
+    read = simulation.now
+    simulation.server.set_unread(stream_id, 0)  # nothing arrives in the meantime, and the announcement is lost
+    simulation.run()
+    assert len(simulation.uploads[stream_id]) == 300_000
+
+
 def test_the_largest_datagram_goes_through() -> None:
     simulation = Simulation()
     size = simulation.server.max_datagram_payload

@@ -88,6 +88,8 @@ class ServerQuicConnection(BulkQuicConnection):
         self._finish_connection_ids()
         self.host_cid = self._local_initial_source_connection_id = self._host_cids[0].cid
         self._begun: set[int] = set()
+        self._unread: dict[int, int] = {}
+        """Bytes of streams that were received in order and wait for the application."""
         self._raise_at = math.inf
         """When to try the full datagram size again."""
         self._reset_delay = reset_delay
@@ -108,6 +110,7 @@ class ServerQuicConnection(BulkQuicConnection):
 
     def _finished(self, stream_id: int, stream: QuicStream) -> None:
         """Streams without a whole answer, which cost more than they are worth, are replaced at a limited rate."""
+        self._unread.pop(stream_id, None)
         if stream.sender._reset_error_code is None and stream_id % 4 == 0:
             super()._finished(stream_id, stream)
         else:
@@ -146,14 +149,26 @@ class ServerQuicConnection(BulkQuicConnection):
         stream = self._streams.get(stream_id)
         return stream is not None and not stream.receiver.starting_offset() and not stream.receiver.is_finished
 
+    def set_unread(self, stream_id: int, size: int) -> None:
+        """Count bytes of a stream that wait for the application: the client's window opens when they are read."""
+        if size:
+            self._unread[stream_id] = size
+        else:
+            self._unread.pop(stream_id, None)
+
     def _has_control_frames(self, stream: QuicStream) -> bool:
         return super()._has_control_frames(stream) or (
             self._window_to_announce(stream) != stream.max_stream_data_local_sent
         )
 
     def _window_to_announce(self, stream: QuicStream) -> int:
-        """A client may be one window ahead of the data received in order."""
-        limit = stream.receiver.starting_offset() + (window := self._configuration.max_stream_data)
+        """A client may be one window ahead of the data that the application has read.
+
+        Only streams are limited so: a window of the connection would let uploads that wait hold up requests for frames.
+        """
+        window = self._configuration.max_stream_data
+        assert stream.stream_id is not None
+        limit = stream.receiver.starting_offset() + window - self._unread.get(stream.stream_id, 0)
         if (
             stream.max_stream_data_local
             and not stream.receiver.is_finished
