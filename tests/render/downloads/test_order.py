@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import torch
 
 from tests.render.arrays import gaussians_of
 from tests.render.scenes import plys
+from tigas_common.errors import Overloaded
 from tigas_render.downloads.order import MULTIPLE, SHARES, download_order
 from tigas_render.gaussians import Gaussians
 
@@ -29,6 +31,18 @@ def share_of_even(gaussians: Gaussians) -> float:
     """How many of the first tenth have an even number."""
     first = download_order(gaussians, (0, 0, 0)).indices[: N // 10]
     return float(np.mean(first % 2 == 0))
+
+
+@pytest.mark.parametrize("done", range(len(SHARES) + 3))
+def test_sorting_can_be_stopped_before_each_step(done: int) -> None:
+    steps = iter(range(done))
+
+    def check() -> None:
+        if next(steps, None) is None:
+            raise Overloaded("The service is stopping.")
+
+    with pytest.raises(Overloaded):
+        download_order(wall(), (0, 0, 0), check)
 
 
 def test_every_gaussian_is_there_once_and_always_at_the_same_place() -> None:

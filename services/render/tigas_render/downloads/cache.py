@@ -80,7 +80,7 @@ def make(source: SceneSource, path: Path, check: Check) -> SceneDownload:
     """
     gaussians = source.read(lambda _: check()).gathered()
     camera = SceneStatistics.of(gaussians).view(source.metadata).camera
-    order = download_order(gaussians, camera.position)
+    order = download_order(gaussians, camera.position, check)
     comments = [*(part.comment for part in order.parts), *([ANTIALIASED] if gaussians.antialiased else ())]
     write_compressed_ply(path, gaussians, order.indices, comments, check=check)
     with path.open("rb") as file:

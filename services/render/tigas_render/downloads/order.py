@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,24 +41,33 @@ class Order:
     parts: tuple[Part, ...]
 
 
-def download_order(gaussians: Gaussians, viewpoint: Point) -> Order:
+def download_order(gaussians: Gaussians, viewpoint: Point, check: Callable[[], None] = lambda: None) -> Order:
     """A random permutation weighted by the square root of each Gaussian's importance to a viewer near `viewpoint`.
 
     Importance is opacity × area / squared distance: the covered area of the picture. In a strictly sorted order, the
     small Gaussians of some surfaces would all be missing for a long time, and leave holes. Weighted sampling assigns
     each Gaussian an exponential arrival time divided by its weight and sorts by it (Efraimidis and Spirakis 2006,
     "Weighted random sampling with a reservoir"). The seed is fixed. Within a part, neighbours in space are neighbours.
+
+    check: called between the steps, of which a sort takes longest; it may raise.
     """
     importance = _importance(gaussians, viewpoint)
+    check()
     arrivals = np.random.default_rng(0).exponential(size=len(gaussians))
     indices = np.argsort(arrivals / np.sqrt(importance), kind="stable")
+    check()
     covered = np.cumsum(importance[indices])
     counts = sorted({round(share * len(indices) / MULTIPLE) * MULTIPLE for share in SHARES} - {0})
     parts = [Part(count, float(growth(covered[-1] / covered[count - 1]))) for count in counts]
     parts = [part for part in parts if part.count < len(indices)]
     codes = morton_codes(gaussians.means)
     runs = np.split(indices, [part.count for part in parts])
-    return Order(np.concatenate([run[np.argsort(codes[run], kind="stable")] for run in runs]), tuple(parts))
+    return Order(np.concatenate([_sorted(run, codes, check) for run in runs]), tuple(parts))
+
+
+def _sorted(run: NDArray[np.int64], codes: NDArray[np.int64], check: Callable[[], None]) -> NDArray[np.int64]:
+    check()
+    return run[np.argsort(codes[run], kind="stable")]
 
 
 def _importance(gaussians: Gaussians, viewpoint: Point) -> NDArray[np.float64]:
