@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -42,4 +43,28 @@ async def test_the_store_says_so_before_it_makes_its_directory(taken: Address, t
 def test_the_lab_says_so_before_it_is_built(taken: Address) -> None:
     with pytest.raises(StartError, match=f"needs tcp port {taken} "):
         check_free([Port("tcp", taken.port)])
+    check_free([Port("udp", taken.port)])
+
+
+def test_the_lab_says_so_if_only_a_browser_s_first_choice_is_taken() -> None:
+    try:
+        listener = socket.create_server(("::1", 0), family=socket.AF_INET6)
+    except OSError:
+        pytest.skip("There is no IPv6.")
+    with listener:
+        port = Port("tcp", listener.getsockname()[1])
+        with pytest.raises(StartError, match=rf"needs tcp port \[::1\]:{port.number} \(Address already in use\)"):
+            check_free([port])
+        check_free([Port("udp", port.number)])
+
+
+def test_the_lab_does_without_ipv6(monkeypatch: pytest.MonkeyPatch, taken: Address) -> None:
+    make_socket = socket.socket
+
+    def ipv4_only(family: int, kind: int) -> socket.socket:
+        if family == socket.AF_INET6:
+            raise OSError(errno.EAFNOSUPPORT, "Address family not supported by protocol")
+        return make_socket(family, kind)
+
+    monkeypatch.setattr(socket, "socket", ipv4_only)
     check_free([Port("udp", taken.port)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import socket
@@ -121,15 +122,20 @@ def https_port(address: Address | None) -> Port | None:
 
 
 def check_free(ports: Sequence[Port]) -> None:
-    """Raise StartError if a program on this machine has one of the ports that lead to the lab."""
+    """Raise StartError if a program on this machine has one of the ports that lead to the lab.
+
+    `localhost` is ::1 for a browser if a program listens there, so that counts too where there is IPv6.
+    """
     for port in ports:
         kind = socket.SOCK_STREAM if port.protocol == "tcp" else socket.SOCK_DGRAM
-        with socket.socket(socket.AF_INET, kind) as sock:
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, int(port.protocol == "tcp"))
+        for family, address in ((socket.AF_INET, port.loopback), (socket.AF_INET6, Address("::1", port.number))):
             try:
-                sock.bind((port.loopback.host, port.number))
+                with socket.socket(family, kind) as sock:
+                    sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, int(port.protocol == "tcp"))
+                    sock.bind((address.host, address.port))
             except OSError as error:
-                raise StartError(f"The lab needs {port.protocol} port {port.loopback} ({error.strerror}).") from None
+                if family == socket.AF_INET or error.errno == errno.EADDRINUSE:
+                    raise StartError(f"The lab needs {port.protocol} port {address} ({error.strerror}).") from None
 
 
 def run_lab(*, https: Address | None, store: bool, stop: threading.Event) -> None:
