@@ -10,7 +10,8 @@ import shutil
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import Any, NoReturn
 
 import pytest
 
@@ -22,6 +23,7 @@ from tigas_common.errors import BrokenScene, Overloaded, UnknownScene
 from tigas_common.wire.render import StartCamera
 from tigas_render.scenes import directory as directory_module
 from tigas_render.scenes import registry as registry_module
+from tigas_render.scenes import scene_file
 from tigas_render.scenes.directory import scan_directory
 from tigas_render.scenes.source import SceneMetadata, SceneSource
 from tigas_render.scenes.start_view.view import KeptViews
@@ -165,6 +167,54 @@ async def test_scenes_stay_while_their_directory_cannot_be_read(
     assert states(registry) == {"garden": "loaded"}
     async with registry.use("garden"):
         pass
+
+
+def break_reading(monkeypatch: pytest.MonkeyPatch, module: ModuleType, function: str) -> None:
+    def broken(path: Path) -> NoReturn:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(module, function, broken)
+
+
+@pytest.mark.parametrize(
+    ("module", "function"),
+    [(scene_file, "open_regular"), (directory_module, "find_scene_file"), (directory_module, "_version")],
+)
+async def test_a_loaded_scene_stays_while_its_file_cannot_be_read(
+    module: ModuleType,
+    function: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    for name in ("garden", "unloaded"):
+        make_scene(tmp_path / name)
+    registry = Bench(budget=10**6).registry(tmp_path)
+    await registry.scan()
+    await registry.load("garden")
+    with monkeypatch.context() as patched:
+        break_reading(patched, module, function)
+        await registry.scan()
+    assert states(registry) == {"garden": "loaded", "unloaded": "broken"}
+    assert "garden stays loaded as it was: " in caplog.text
+    await registry.scan()
+    assert states(registry) == {"garden": "loaded", "unloaded": "unloaded"}
+
+
+async def test_a_loaded_scene_does_not_stay_if_its_file_was_changed_or_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("changed", "removed"):
+        make_scene(tmp_path / name)
+    registry = Bench(budget=10**6).registry(tmp_path)
+    await registry.scan()
+    for name in ("changed", "removed"):
+        await registry.load(name)
+    make_scene(tmp_path / "changed", count=7)
+    (tmp_path / "removed" / "scene.ply").unlink()
+    break_reading(monkeypatch, scene_file, "open_regular")
+    await registry.scan()
+    assert states(registry) == {"changed": "broken", "removed": "broken"}
 
 
 async def test_a_scene_has_the_digest_of_the_file_that_was_loaded(tmp_path: Path) -> None:

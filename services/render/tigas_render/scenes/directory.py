@@ -23,7 +23,7 @@ from tigas_common.errors import BrokenScene
 from tigas_common.wire.render import Rung
 from tigas_render.scenes.compressed_ply import is_compressed, read_compressed_ply
 from tigas_render.scenes.ply import MAX_HEADER, read_ply
-from tigas_render.scenes.scene_file import SceneFile, explained, read_start
+from tigas_render.scenes.scene_file import SceneFile, UnreadScene, explained, read_start
 from tigas_render.scenes.sog import read_sog
 from tigas_render.scenes.sog_files import META, ZIP
 from tigas_render.scenes.source import SceneMetadata, SceneSource, read_ladder, read_metadata, scene_id
@@ -100,9 +100,10 @@ def read_source(path: Path) -> SceneSource:
         version = ",".join(map(_version, file.files))
         preview = next(filter(Path.is_file, (path / f"preview.{end}" for end in ("jpg", "jpeg", "png"))), None)
     except BrokenScene as error:
-        return SceneSource(id, metadata, version, None, error.detail)
+        return SceneSource(id, metadata, version, None, error.detail, is_unread=isinstance(error, UnreadScene))
     except OSError as error:
-        return SceneSource(id, metadata, version, None, f"{id} cannot be read: {error.strerror or error}.")
+        is_unread, reason = not isinstance(error, FileNotFoundError), error.strerror or error
+        return SceneSource(id, metadata, version, None, f"{id} cannot be read: {reason}.", is_unread=is_unread)
     except Exception:  # so that a faulty scene does not hide the others
         _log.exception("The scene %s was not read", id)
         return SceneSource(id, metadata, version, None, f"{id} could not be read; the server's log says why.")

@@ -79,8 +79,9 @@ class SceneRegistry:
     async def scan(self) -> None:
         """Rescan the models directory: adds and removes scenes, and retries changed and broken ones.
 
-        Loaded scenes with an unchanged file stay loaded, and all scenes stay if the directory cannot be read. Scans run
-        one at a time, so that an older listing never replaces a newer one; concurrent callers share the next scan.
+        Loaded scenes with an unchanged file stay loaded, also while it cannot be read, and all scenes stay if the
+        directory cannot be read. Scans run one at a time, so that an older listing never replaces a newer one;
+        concurrent callers share the next scan.
         """
         self._scans_asked += 1
         asked = self._scans_asked
@@ -112,6 +113,10 @@ class SceneRegistry:
                 entry.source, entry.view = source, views.get(id) or _turned(entry.view, source)
                 if entry.loaded is not None:
                     entry.loaded = replace(entry.loaded, source=source, view=entry.view or entry.loaded.view)
+                self._entries[id] = entry
+                continue
+            if entry is not None and entry.loaded is not None and _may_be_same(entry.source, source):
+                _log.warning("%s stays loaded as it was: %s", id, source.error)
                 self._entries[id] = entry
                 continue
             if entry is not None:
@@ -430,6 +435,11 @@ class SceneUse:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.leave()
+
+
+def _may_be_same(before: SceneSource, now: SceneSource) -> bool:
+    """Whether a scene that cannot be read now is unchanged as far as that is known: by its main file, if at all."""
+    return now.is_unread and before.version.startswith(now.version)
 
 
 def _turned(view: StartView | None, source: SceneSource) -> StartView | None:

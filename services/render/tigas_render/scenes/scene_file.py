@@ -219,13 +219,18 @@ def read_start(path: Path, limit: int) -> tuple[bytes, int]:
         return file.read(limit), os.fstat(file.fileno()).st_size
 
 
+class UnreadScene(BrokenScene):
+    """A scene with a file that is there, but could not be read this time."""
+
+
 @contextmanager
 def explained(path: Path) -> Iterator[None]:
     """Turns the system's errors into a BrokenScene."""
     try:
         yield
     except OSError as error:
-        raise BrokenScene(f"{path.name} cannot be read: {error.strerror or error}.") from None
+        kind = BrokenScene if isinstance(error, FileNotFoundError) else UnreadScene
+        raise kind(f"{path.name} cannot be read: {error.strerror or error}.") from None
 
 
 def check_packed_count(name: str, count: int, file_bytes: int) -> None:

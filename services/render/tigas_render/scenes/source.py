@@ -145,6 +145,8 @@ class SceneSource:
     """
     error: str | None = None
     """One sentence, if the scene is broken."""
+    is_unread: bool = False
+    """Whether that is because a file that is there could not be read this time."""
     gaussians: int | None = None
     sh_degree: int | None = None
     file_bytes: int = 0
