@@ -15,8 +15,8 @@
  * user feels as latency, so it also costs LATENCY · age(ℓ).
  *
  * Rungs with longer intervals than LONGEST are worse than all others. It goes down as far as needed once that is better
- * by MARGIN_DOWN, and up by one rung once that has been better by MARGIN_UP for a while even on a link with CAUTION times
- * the rate; reverting an upgrade early doubles the wait before the next one. It starts with a rung whose frames fit
+ * by MARGIN, and up by one rung once that has been better by as much for a while even on a link with CAUTION times the
+ * rate; reverting an upgrade early doubles the wait before the next one. It starts with a rung whose frames fit
  * into QUIC's first window, and goes up with the first frame of each rung during BEGINNING.
  */
 import {
@@ -61,17 +61,16 @@ export class TurningSpeeds {
 
 /** Decibels that an SSIM of 1 is worth. */
 const WEIGHT = 150;
-/** Minimum gain of a lower rung, and of a better one, in decibels. */
-const MARGIN_DOWN = 0.5;
-const MARGIN_UP = 1.4;
+/** Minimum gain of another rung, in decibels. */
+const MARGIN = 0.8;
 /** Decibels that a millisecond is worth where frames are shown as they came. */
 const LATENCY = 0.02;
 /** Share of the rate that an upgrade may count on. */
-const CAUTION = 0.55;
+const CAUTION = 0.75;
 /** Decoding and display, in milliseconds. */
 const PAGE = 25;
 /** Rungs with a longer interval between frames are avoided, in milliseconds: pictures would stutter. */
-const LONGEST = 150;
+const LONGEST = 250;
 /** Largest share of a frame's link time that is attributed to jitter. */
 const MOST_JITTER = 0.75;
 /** A rung is left only after this many of its frames, or milliseconds of them on the link, except in the beginning. */
@@ -165,7 +164,7 @@ export class SeenController implements Controller {
   /** Goes to the best of the lesser rungs if that is better; whether it did. */
   #lower(utility: Utility, now: number): boolean {
     const own = utility(this.#rung);
-    let best = { rung: this.#rung, value: own + MARGIN_DOWN };
+    let best = { rung: this.#rung, value: own + MARGIN };
     for (let rung = this.#rung + 1; rung < this.#pictures.length; rung++) {
       const value = utility(rung);
       if (value > best.value) best = { rung, value };
@@ -180,7 +179,7 @@ export class SeenController implements Controller {
 
   /** Goes up by a rung if that has been better for long enough. */
   #raise(utility: Utility, now: number): void {
-    if (this.#rung === 0 || utility(this.#rung - 1) <= utility(this.#rung) + MARGIN_UP) {
+    if (this.#rung === 0 || utility(this.#rung - 1) <= utility(this.#rung) + MARGIN) {
       this.#possibleSince = undefined;
       return;
     }
