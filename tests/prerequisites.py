@@ -6,6 +6,7 @@ import functools
 import os
 import platform
 import shutil
+import socket
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -108,6 +109,14 @@ def _metric_weights() -> bool:
     return all(source.cached.exists() for source in SOURCES)
 
 
+def _ipv6() -> bool:
+    try:
+        with socket.create_server(("::1", 0), family=socket.AF_INET6):
+            return True
+    except OSError:
+        return False
+
+
 def _whole_history() -> bool:
     return _output("git", "rev-parse", "--is-shallow-repository") == "false"
 
@@ -124,6 +133,7 @@ LINUX = Prerequisite("Linux with glibc", "run the tests there", lambda: platform
 SCHEDSTAT = Prerequisite(
     "run-queue delays of threads", "run the tests on Linux with CONFIG_SCHED_INFO", Path("/proc/self/schedstat").exists
 )
+IPV6 = Prerequisite("IPv6", "run the tests on a machine with the address ::1", _ipv6)
 ROOT_RIGHTS = Prerequisite("root", "run the tests as root", lambda: os.geteuid() == 0)
 NAMESPACES = Prerequisite(
     "network namespaces", f"run the tests as root after {_APT} iproute2 nftables ethtool procps", functools.cache(_lab)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.prerequisites import IPV6
 from tigas_common.address import Address
 from tigas_common.errors import StartError
 from tigas_common.topology import Port
@@ -46,12 +47,9 @@ def test_the_lab_says_so_before_it_is_built(taken: Address) -> None:
     check_free([Port("udp", taken.port)])
 
 
+@IPV6.mark
 def test_the_lab_says_so_if_only_a_browser_s_first_choice_is_taken() -> None:
-    try:
-        listener = socket.create_server(("::1", 0), family=socket.AF_INET6)
-    except OSError:
-        pytest.skip("There is no IPv6.")
-    with listener:
+    with socket.create_server(("::1", 0), family=socket.AF_INET6) as listener:
         port = Port("tcp", listener.getsockname()[1])
         with pytest.raises(StartError, match=rf"needs tcp port \[::1\]:{port.number} \(Address already in use\)"):
             check_free([port])
