@@ -59,8 +59,9 @@ def captures(run: Path) -> Iterator[tuple[float, float, float, float]]:
             continue
         cosine = abs(float(np.dot(poses[one["pose"]], latest["quaternion"])))
         angle = 2 * float(np.degrees(np.arccos(min(1.0, cosine))))
-        rung = record["server"]["ladder"][one["rung"]]
-        yield angle, rung["psnr_db"], one["seen"]["psnr_db"], one["seen"]["ssim"]
+        psnr_db = record["server"]["ladder"][one["rung"]]["psnr_db"]
+        if psnr_db is not None:  # the paper's ladder has none
+            yield angle, psnr_db, one["seen"]["psnr_db"], one["seen"]["ssim"]
 
 
 def _lines(path: Path) -> list[dict[str, Any]]:
@@ -121,7 +122,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folders", type=Path, nargs="+", help="of experiments")
     parser.add_argument("--check", type=Path, nargs="+", default=[], help="of experiments that are not fitted")
-    parser.add_argument("--write", type=Path, help="table whose entry is replaced")
+    parser.add_argument("--write", type=Path, help="table to replace the entry of")
     options = parser.parse_args()
     table = json.loads(TABLE.read_text())
     rungs = np.array(sorted((one["psnr_db"], one["ssim"]) for one in table["rungs"]))

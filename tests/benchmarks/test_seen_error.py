@@ -16,7 +16,7 @@ LAW = np.array([0.8, 30.0, 1.5, 0.9, 0.06, 0.8])
 
 
 def write_run(folder: Path, **configuration: object) -> None:
-    """A run whose camera turns by ten degrees from input to input, with a capture of each frame two inputs late."""
+    """A run with ten degrees of turn from input to input, and a capture of each frame two inputs late."""
     folder.mkdir(parents=True)
     made = {"mode": "stateless", "reprojection": True, "prediction": "linear", **configuration}
     ladder = [{"psnr_db": 32.0}]

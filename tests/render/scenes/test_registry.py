@@ -299,7 +299,7 @@ async def test_a_load_that_nobody_waits_for_can_be_ended(bench: Bench, end: Call
     reading.go_on.set()
     await asyncio.gather(*(task for task in asyncio.all_tasks() if task.get_name() == "load slow"))
     assert registry.info("slow").state == "unloaded"
-    assert reading.closed.is_set(), "what was open is closed"
+    assert reading.closed.is_set(), "the open file is closed"
 
 
 async def test_one_who_comes_before_an_unloaded_scene_has_stopped_loading_gets_it(bench: Bench) -> None:

@@ -1,4 +1,4 @@
-"""The registry follows the models directory, and keeps what is loaded."""
+"""The registry follows the models directory, and keeps loaded scenes."""
 
 from __future__ import annotations
 
@@ -196,7 +196,7 @@ async def test_a_loaded_scene_stays_while_its_file_cannot_be_read(
         break_reading(patched, module, function)
         await registry.scan()
     assert states(registry) == {"garden": "loaded", "unloaded": "broken"}
-    assert "garden stays loaded as it was: " in caplog.text
+    assert "garden stays loaded, unchanged: " in caplog.text
     await registry.scan()
     assert states(registry) == {"garden": "loaded", "unloaded": "unloaded"}
 

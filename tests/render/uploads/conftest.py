@@ -1,4 +1,4 @@
-"""A service whose models directory pages may change."""
+"""A service that lets pages change its models directory."""
 
 from __future__ import annotations
 

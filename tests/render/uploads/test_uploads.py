@@ -111,7 +111,7 @@ async def test_a_file_that_takes_too_much_to_check_ends_nothing_but_its_own_proc
         assert problem(refused) == (422, "too-costly")
         assert (await upload(client, "good.spz", SHELL)).status_code == 201
         assert await ids(client) == ["attic", "courtyard", "good"]
-    assert len(left(models)) == 1, "what the good one has become"
+    assert len(left(models)) == 1, "the scene of the good one"
 
 
 @pytest.mark.parametrize(

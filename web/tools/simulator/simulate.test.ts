@@ -57,7 +57,7 @@ test("on a fast link a frame takes the round trip, the server's time and its tra
   expect(rungOverTime).toBeCloseTo(3, 9);
 });
 
-test("a link carries what it can, and waiting grows with what is asked of it", async () => {
+test("a link carries up to its rate, and waiting grows with the load", async () => {
   const { bandwidth, framesPerSecond, responseP50 } = await visit("fixed:0", 20);
   expect(bandwidth).toBeLessThan(20);
   expect(bandwidth).toBeGreaterThan(15);
@@ -118,7 +118,7 @@ test("2 kB frames, a round trip of 50 ms and a page that hears of packets every 
   expect(photonP95).toBeLessThan(140);
 });
 
-test("what is seen gets worse the later it is and the worse frames are shown when they are late", async () => {
+test("a picture gets worse the later it is and the worse late frames are shown", async () => {
   const [near, far] = await Promise.all([visit("fixed:3", 100), visit("fixed:3", 100, { roundTrip: 200 })]);
   expect(far.contentAge - near.contentAge).toBeCloseTo(180, -1);
   expect(near.contentAge).toBeGreaterThan(near.age);
@@ -148,7 +148,7 @@ describe("the demo scene's ladder", () => {
 
   // 640×360 in 30 ms, 1280×720 in 102: roughly the speed of two cores
   test.each(["stale", "predicted"] as const)(
-    "a processor that renders near by is asked for what it can do: %s",
+    "a processor that renders near by is asked for as much as it can do: %s",
     async (way) => {
       const paper = { render: 6, renderBest: 102 };
       const kept = await visit("seen", 1000, { ladder: LADDER, roundTrip: 1, paper, way });

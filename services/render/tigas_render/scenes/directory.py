@@ -54,8 +54,8 @@ def scene_paths(directory: Path) -> dict[str, Path]:
     for path in sorted((path for path in entries if _is_folder(path) or _is_scene_file(path)), key=_rank):
         id = path.name if _is_folder(path) else scene_id(path)
         if not is_safe_name(id):
-            what = "folder" if _is_folder(path) else "file"
-            _log.warning("Skipped the %s %r: its name has characters that an id may not have", what, path.name)
+            kind = "folder" if _is_folder(path) else "file"
+            _log.warning("Skipped the %s %r: its name has characters that an id may not have", kind, path.name)
         elif id in paths:
             _log.warning("Skipped the file %s: there is another scene %s", path.name, id)
         else:

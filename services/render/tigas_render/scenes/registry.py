@@ -116,7 +116,7 @@ class SceneRegistry:
                 self._entries[id] = entry
                 continue
             if entry is not None and entry.loaded is not None and _may_be_same(entry.source, source):
-                _log.warning("%s stays loaded as it was: %s", id, source.error)
+                _log.warning("%s stays loaded, unchanged: %s", id, source.error)
                 self._entries[id] = entry
                 continue
             if entry is not None:

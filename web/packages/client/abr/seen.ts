@@ -11,8 +11,8 @@
  * `S` is the estimated size of a rung's frames, `k` the rung in use, `r` the rate at which frames get through
  * (link-rate.ts), `delay` and `queue` the time that frames spend outside the server without their own transmission,
  * `stage` the time in the server's slowest stage, `f` an animation frame and `j` the link's jitter, which spreads the
- * packets of a frame equally whether there are two or twenty. Where frames are shown as they came, their age is what the
- * user feels as latency, so it also costs LATENCY · age(ℓ).
+ * packets of a frame equally whether there are two or twenty. Without reprojection the user feels the age of frames as
+ * latency, so it also costs LATENCY · age(ℓ).
  *
  * Rungs with longer intervals than LONGEST are worse than all others. It goes down as far as needed once that is better
  * by MARGIN, and up by one rung once that has been better by as much for a while even on a link with CAUTION times the
@@ -63,7 +63,7 @@ export class TurningSpeeds {
 const WEIGHT = 150;
 /** Minimum gain of another rung, in decibels. */
 const MARGIN = 0.8;
-/** Decibels that a millisecond is worth where frames are shown as they came. */
+/** Decibels that a millisecond is worth without reprojection. */
 const LATENCY = 0.02;
 /** Share of the rate that an upgrade may count on. */
 const CAUTION = 0.75;

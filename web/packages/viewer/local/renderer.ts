@@ -207,7 +207,7 @@ export class Renderer {
       this.#app.graphicsDevice.resizeCanvas(width, height);
     }
     this.#changed = false;
-    const starting = this.#pending !== null && this.#mostWaiting === 0; // later, what has arrived asks for frames
+    const starting = this.#pending !== null && this.#mostWaiting === 0; // later, arriving data asks for frames
     if (changed || again || starting) this.#app.renderNextFrame = true;
     this.#app.tick(now);
     cancelAnimationFrame(this.#app.frameRequestId);
