@@ -201,6 +201,27 @@ async def test_a_loaded_scene_stays_while_its_file_cannot_be_read(
     assert states(registry) == {"garden": "loaded", "unloaded": "unloaded"}
 
 
+async def test_a_loaded_single_file_stays_while_it_cannot_be_looked_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "garden.ply"
+    write_ply(file, plys.gaussians(5))
+    registry = Bench(budget=10**6).registry(tmp_path)
+    await registry.scan()
+    await registry.load("garden")
+    stat = Path.stat
+
+    def broken(path: Path, **options: bool) -> os.stat_result:
+        if path == file:
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return stat(path, **options)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "stat", broken)
+        await registry.scan()
+    assert states(registry) == {"garden": "loaded"}
+
+
 async def test_a_loaded_scene_does_not_stay_if_its_file_was_changed_or_removed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

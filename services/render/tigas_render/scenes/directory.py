@@ -77,15 +77,16 @@ def _rank(path: Path) -> tuple[int, str]:
 def _is_scene_file(path: Path) -> bool:
     try:
         return path.suffix.lower() in ENDINGS and path.is_file()
-    except OSError:
-        return False
+    except OSError:  # it cannot be read now: a scene that `read_source` finds broken
+        return True
 
 
 def _is_folder(path: Path) -> bool:
+    """For an unreadable path, such as a link to an unreadable place, the name decides."""
     try:
         return path.is_dir()
-    except OSError:  # a link to an unreadable place: a scene that `read_source` finds broken
-        return True
+    except OSError:
+        return path.suffix.lower() not in ENDINGS
 
 
 def read_source(path: Path) -> SceneSource:
