@@ -7,6 +7,7 @@ import errno
 import json
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any, TypeVar, TypeVarTuple
 
 import pytest
@@ -21,7 +22,7 @@ from tigas_experiments.quality.ground_truth import GroundTruth
 from tigas_experiments.quality.picture import CaptureQuality, decode
 from tigas_experiments.records.folder import StoredRun, read_snapshot
 from tigas_experiments.run.experiment import GIVE_UP_AFTER
-from tigas_experiments.store import planner
+from tigas_experiments.store import app, planner
 from tigas_experiments.store.planner import LEASE_S
 from tigas_experiments.wire.recording import Input
 from tigas_experiments.wire.run import Configuration
@@ -256,11 +257,15 @@ async def test_many_failures_in_a_row_end_it(store: Running) -> None:
     assert job_of(await store.next(experiment, begin=True)) is not None
 
 
-async def test_a_full_disk_fails_its_run_and_many_end_it(store: Running, monkeypatch: pytest.MonkeyPatch) -> None:
+# While the body is received, and while the run is moved to its place.
+@pytest.mark.parametrize(("module", "function"), [(app, "_receive"), (planner, "_place")])
+async def test_a_full_disk_fails_its_run_and_many_end_it(
+    store: Running, module: ModuleType, function: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(planner, "_place", full)
+    monkeypatch.setattr(module, function, full)
     experiment = await store.create(repeats=GIVE_UP_AFTER)
     tried = set()
     for _ in range(GIVE_UP_AFTER):
@@ -268,9 +273,12 @@ async def test_a_full_disk_fails_its_run_and_many_end_it(store: Running, monkeyp
         assert run is not None
         tried.add(run)
         body = {"problem": "The store's disk is full."}
-        assert (await store.http.put(f"/experiments/{experiment}/runs/{run}", json=body)).status_code == 507
+        for _ in range(2):  # it is counted once
+            assert (await store.http.put(f"/experiments/{experiment}/runs/{run}", json=body)).status_code == 507
     assert len(tried) == GIVE_UP_AFTER
-    assert "5 runs in a row failed" in (await store.next(experiment))["problem"]
+    told = (await store.next(experiment))["problem"]
+    assert "5 runs in a row failed" in told
+    assert told.endswith("The disk that holds the results is full.")
 
 
 async def test_one_that_was_ended_by_failures_begins_anew_after_a_page_has_died(timed: Running, clock: Clock) -> None:

@@ -183,12 +183,12 @@ async def remove(request: Request) -> Response:
 @described(takes=RunUpload)
 async def add_run(request: Request) -> ModelResponse[RunRow]:
     """Keep a performed run; it is incomplete until its captures are there."""
-    store, parameters = _store(request), request.path_params
-    await asyncio.to_thread(store.experiments.find_page, parameters["id"])  # before hundreds of megabytes are received
-    with storage_explained(), store.workspace.folder() as folder:
+    store, experiment, run = _store(request), request.path_params["id"], request.path_params["run"]
+    await asyncio.to_thread(store.experiments.find_page, experiment)  # before hundreds of megabytes are received
+    with store.planner.failing(experiment, run), storage_explained(), store.workspace.folder() as folder:
         body = folder / "body.json"
         size = await _receive(request, body, MAX_BYTES)
-        row = await store.planner.add(parameters["id"], parameters["run"], body, size, folder / "run")
+        row = await store.planner.add(experiment, run, body, size, folder / "run")
         _metrics(request).runs += 1
     return json_response(row)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -97,7 +98,7 @@ class _Session:
         if problem is None:
             self.missing.pop(run, None)
             self.failures = 0
-        else:
+        elif run not in self.failed:  # a page may report a failure that is known already
             self.failed.add(run)
             self.failures += 1
             self.last_problem = problem
@@ -208,6 +209,17 @@ class Planner:
         if session is not None and (lease := session.leases.get(run)) is not None:
             lease.until = max(lease.until, self._clock() + seconds)
 
+    @contextmanager
+    def failing(self, experiment: str, run: str) -> Iterator[None]:
+        """Count a run that the disk refuses as failed: the page could not report that either."""
+        try:
+            yield
+        except (DiskFull, StorageFailed) as error:
+            session = self._sessions.get(experiment)
+            if session is not None and run in session.missing:
+                session.ended(run, error.detail)
+            raise
+
     async def add(self, experiment: str, run: str, body: Path, size: int, made: Path) -> RunRow:
         """Keep a performed run from a body of `size` bytes; it is incomplete until `complete`.
 
@@ -219,21 +231,17 @@ class Planner:
         configuration = self._missing(session, run)
         self.extend(experiment, run)
         made_from = session.made_from.get(run) or (await self._made_from(session, configuration))[0]
-        try:
-            async with self.checks:
-                limit, load = check_limit(size), tuple(self._load)
-                record = await self._offload(
-                    keep_upload, body, made, configuration, made_from, load, self._machine, limit=limit
-                )
-            self._missing(session, run)  # another page may have completed it meanwhile
-            with storage_explained():
-                try:
-                    await asyncio.to_thread(_place, made, session.experiment, configuration)
-                except FileNotFoundError:
-                    raise UnknownExperiment(f"The experiment {experiment} has been removed.") from None
-        except (DiskFull, StorageFailed) as error:
-            session.ended(run, error.detail)  # the page cannot report a failure either
-            raise
+        async with self.checks:
+            limit, load = check_limit(size), tuple(self._load)
+            record = await self._offload(
+                keep_upload, body, made, configuration, made_from, load, self._machine, limit=limit
+            )
+        self._missing(session, run)  # another page may have completed it meanwhile
+        with storage_explained():
+            try:
+                await asyncio.to_thread(_place, made, session.experiment, configuration)
+            except FileNotFoundError:
+                raise UnknownExperiment(f"The experiment {experiment} has been removed.") from None
         if record.status == "failed":
             session.ended(run, record.problem)
         return await asyncio.to_thread(self._experiments.row, experiment, run)
