@@ -13,7 +13,7 @@ from playwright.sync_api import Page, expect
 from tests.web.conftest import PATIENCE, OpenPage
 from tests.web.modes import wait_for_sessions, wait_for_stream, with_settings
 from tests.web.server import Packager
-from tests.web.stage import SCENE, hold, part, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, expect_apart, hold, part, resize, wait_for_frames, wait_until_settled
 
 WINDOW = {"width": 1000, "height": 700}
 ALIKE = 10
@@ -23,6 +23,11 @@ BOTH_SHOWN = """() => {
   return shown.length === 2 && shown.every(Number);
 }"""
 """Whether each side has shown a picture."""
+ADD_FREEZE = """(stage) => stage.insertAdjacentHTML(
+  "beforeend",
+  '<p class="floating freeze row small">Stateless: frozen, no new picture for 12.3 s</p>',
+)"""
+"""A notice as of a picture that stands still, without the wait for one."""
 
 
 def test_switching_the_mode_keeps_the_pose(open_page: OpenPage, viewer_url: str) -> None:
@@ -88,6 +93,20 @@ def test_any_two_modes_are_compared_and_held_against_the_truth(open_page: OpenPa
         expect(page.get_by_role("figure", name=name).locator("canvas")).to_be_visible()
     wait_until_settled(page)
     wait_until_shown(page, ".pane:nth-child(2) canvas", shown(page, ".pane:nth-child(1) canvas"))
+
+
+@pytest.mark.parametrize("mode", ["stateless", "side-by-side"])
+def test_a_frozen_picture_is_told_clear_of_the_figures(open_page: OpenPage, mode: str) -> None:
+    page = open_page(f"{SCENE}?mode={mode}&left=stateless&right=video")
+    wait_for_frames(page)
+    page.locator(".stage-area").evaluate(ADD_FREEZE)
+    for details in (True, False):
+        page.evaluate("hudDetails => tigas.settings({ hudDetails })", details)
+        figures = ".status-line" if not details else ".side-hud" if mode == "side-by-side" else ".hud"
+        expect(page.locator(figures)).to_have_count(2 if mode == "side-by-side" else 1)
+        for width, height in (1000, 640), (1440, 900), (1920, 1080):
+            resize(page, {"width": width, "height": height})
+            expect_apart(page.locator(f"{figures}, .freeze, .title, [role=toolbar]"))
 
 
 def switch(page: Page, mode: str) -> None:
