@@ -9,6 +9,7 @@ import pytest
 from tigas_common.wire.shaper import LinkSetting
 from tigas_experiments.run.parsing import parse_network, parse_viewport
 from tigas_experiments.wire.run import Network
+from tigas_shaper.traces.formats import trace_name
 
 
 @pytest.mark.parametrize(
@@ -47,6 +48,13 @@ def test_traces_by_name_and_by_file(tmp_path: Path) -> None:
     assert parse_network(f"{path},50ms-rtt") == Network(trace="bus.json", trace_file=path, rtt_ms=50)
     assert parse_network("20mbit,50ms-rtt").round_trip_ms == parse_network("4g-bus,50ms-rtt").round_trip_ms == 50
     assert not parse_network("unshaped").shaped
+
+
+@pytest.mark.parametrize("stem", ["5mbit", "5mbit-up", "800kbit-lte", "20ms-rtt", "2ms-jitter", "unshaped", "4g-bus"])
+def test_the_shapers_traces_have_names_of_no_other_network(stem: str) -> None:
+    name = trace_name(f"{stem}.csv")
+    assert name in (stem, f"trace-{stem}")
+    assert parse_network(name) == Network(trace=name)
 
 
 def test_a_file_s_path_is_relative_to_where_it_was_written(tmp_path: Path) -> None:

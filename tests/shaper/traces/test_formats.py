@@ -62,6 +62,8 @@ def test_any_bytes_become_a_trace_or_one_sentence(data: bytes) -> None:
         ("..", "trace"),
         ("my trace (1).csv", "my-trace-1-"),
         ("é.csv", "trace"),
+        ("5mbit.csv", "trace-5mbit"),
+        ("unshaped.csv", "trace-unshaped"),
         ("x" * 300 + ".csv", "x" * 100),
     ],
 )

@@ -23,6 +23,8 @@ FORMATS: dict[str, Callable[[str, str, float], NetworkTrace]] = {
 """Parsers by the name of their format; each takes a trace's name, the text, and the uplink where none is recorded."""
 
 _SUFFIXES = {".gz", ".csv", ".json", ".txt", ".log"}
+_LINK = re.compile(r"\d+(\.\d+)?(mbit|kbit|ms-rtt|ms-jitter)|unshaped$")
+"""Begins a network that is no trace, such as `5mbit`, in an experiment's file."""
 
 
 def load_trace(path: Path, *, up_kbps: float = DEFAULT_UP_KBPS, format: str | None = None) -> NetworkTrace:
@@ -62,8 +64,12 @@ def recognise(text: str) -> str:
 
 
 def trace_name(filename: str) -> str:
-    """A valid trace name for a file: no folder, no suffix, and a hyphen for invalid characters."""
+    """A valid trace name for a file: no folder, no suffix, and a hyphen for invalid characters.
+
+    A name that an experiment's file would take for another network follows `trace-`.
+    """
     path = PurePath(PurePath(filename).name)
     while path.suffix.lower() in _SUFFIXES:
         path = path.with_suffix("")
-    return re.sub(r"[^A-Za-z0-9._+=-]+", "-", path.name).lstrip("._+=-")[:100] or "trace"
+    name = re.sub(r"[^A-Za-z0-9._+=-]+", "-", path.name).lstrip("._+=-") or "trace"
+    return (f"trace-{name}" if _LINK.match(name) else name)[:100]
