@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from collections.abc import AsyncIterator
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
 
 import pytest
 
@@ -21,6 +23,9 @@ from tigas_shaper.main import check_ports
 pytestmark = pytest.mark.anyio
 
 DEVICE = Interface("tigas-down")
+ROOT = {"kind": "htb", "handle": "2:", "root": True}
+CLSACT = {"kind": "clsact", "handle": "ffff:", "parent": "ffff:fff1"}
+REMOVED = pytest.raises(CommandError, match=r"^another program has removed the delay stage of eth0\.$")
 
 
 class Recorder:
@@ -101,6 +106,33 @@ def test_netem_gets_microseconds_keeps_the_order_and_loses_everything_in_an_outa
     stage.set(state, blocked=True)
     change = "qdisc change dev eth0 parent 2:1 handle 20: netem limit 100000 delay 12500us 250us loss {}% rate 100gbit"
     assert tc.take() == [change.format("1.5000"), change.format("100.0000")]
+
+
+class Answering:
+    """In place of tc, with one answer."""
+
+    def __init__(self, answer: str) -> None:
+        self._answer = answer
+
+    async def ask(self, _line: str, _begin: str) -> str:
+        return self._answer
+
+
+@pytest.mark.parametrize(
+    ("qdiscs", "refused"),
+    [
+        ([ROOT, {"kind": "netem", "handle": "20:", "parent": "2:1"}, CLSACT], nullcontext()),
+        ([ROOT, CLSACT], REMOVED),
+        ([{"kind": "netem", "handle": "8001:", "root": True}, CLSACT], REMOVED),
+        ([], REMOVED),
+    ],
+)
+async def test_a_netem_that_another_program_has_removed_or_replaced_is_noticed(
+    qdiscs: list[dict[str, Any]], refused: AbstractContextManager[Any]
+) -> None:
+    stage = NetemStage(Answering(json.dumps(qdiscs)), Interface("eth0"))  # type: ignore[arg-type]
+    with refused:
+        await stage.check()
 
 
 TOOL = """

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import sys
 from abc import ABC, abstractmethod
 from asyncio.subprocess import PIPE, Process
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from tigas_common.wire.shaper import Backend, LinkSetting
 from tigas_shaper.link.commands import EVERYTHING, MARKED, Channel, CommandError, Interface, attempt, run
@@ -27,7 +28,7 @@ class DelayStage(ABC):
         """Change delay, jitter and loss; when blocked, no packet passes. Raises CommandError."""
 
     @abstractmethod
-    def check(self) -> None:
+    async def check(self) -> None:
         """Raises CommandError if the stage no longer works."""
 
 
@@ -68,8 +69,10 @@ class NetemStage(DelayStage):
             f"delay {_us(state.delay_ms)}us {_us(state.jitter_ms)}us loss {loss:.4f}% rate 100gbit"
         )
 
-    def check(self) -> None:
-        pass  # tc's channel reports missing objects
+    async def check(self) -> None:
+        qdiscs: list[dict[str, Any]] = json.loads(await self._tc.ask(f"qdisc show dev {self._interface}", "["))
+        if not any(entry["kind"] == "netem" and entry["handle"] == "20:" for entry in qdiscs):
+            raise CommandError(f"another program has removed the delay stage of {self._interface}.")
 
 
 class RelayStage(DelayStage):
@@ -106,12 +109,15 @@ class RelayStage(DelayStage):
             await process.wait()
 
     def set(self, state: LinkSetting, *, blocked: bool) -> None:
-        self.check()
+        self._check_running()
         assert self._process.stdin
         packed = RelayState(state.delay_ms / 1e3, state.jitter_ms / 1e3, state.loss_pct / 100, blocked).pack()
         self._process.stdin.write(packed)
 
-    def check(self) -> None:
+    async def check(self) -> None:
+        self._check_running()
+
+    def _check_running(self) -> None:
         if self._process.returncode is not None:
             raise CommandError("The relay exited.")
 

@@ -189,7 +189,7 @@ class Direction:
         """tc's counters; also reports errors since the last call."""
         if self._interface.number != self._number:
             raise CommandError(f"the interface {self._interface} has disappeared.")
-        self._stage.check()
+        await self._stage.check()
         answer: list[dict[str, Any]] = json.loads(await self._tc.ask(f"qdisc show dev {self._device}", "["))
         root = next((entry for entry in answer if entry.get("root") and entry["kind"] == "htb"), None)
         if root is None:
