@@ -12,6 +12,8 @@ from tests.prerequisites import ROOT
 
 SLOW_FOLDERS = tuple(f"{ROOT}/tests/{name}/" for name in ("compose", "testbed", "web"))
 """Containers, network namespaces and browsers: all tests there are slow."""
+BROWSERS = f"{ROOT}/tests/web/"
+"""A process that has driven browsers here runs no asyncio tests any more."""
 
 
 def pytest_configure() -> None:
@@ -26,10 +28,11 @@ def pytest_configure() -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark whole folders as slow, before `-m` selects."""
+    """Mark whole folders as slow, before `-m` selects, and put browsers last."""
     for item in items:
         if str(item.path).startswith(SLOW_FOLDERS):
             item.add_marker(pytest.mark.slow)
+    items.sort(key=lambda item: str(item.path).startswith(BROWSERS))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
