@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from playwright.sync_api import Page, ViewportSize, expect
+from playwright.sync_api import Page, Route, ViewportSize, expect
 
 from tests.render.scenes import made_up
 from tests.web.conftest import PATIENCE, OpenPage
 from tests.web.modes import with_settings
 from tests.web.scenes import write_antialiased_scene
 from tests.web.server import RenderServer
-from tests.web.stage import SCENE, hold, kept, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, frames_pass, hold, kept, wait_for_frames, wait_until_settled
 from tests.web.warp.views import psnr
 from tigas_experiments.wire.recording import Recording
 
@@ -104,6 +104,30 @@ def test_levels_of_detail_are_streamed_and_drawn_as_the_server_draws_them(
     wait_until_like(page, drawn)
     assert any("/download/streamed/" in url and url.endswith(".webp") for url in asked)
     assert not any("/download/compressed" in url for url in asked)
+
+
+def test_the_coarsest_level_is_in_the_picture_before_a_finer_one_loads(
+    renderer: RenderServer, open_page: OpenPage
+) -> None:
+    page, drawn = drawn_by(renderer, "levels", open_page)
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    held: dict[str, Route] = {}
+    page.route("**/1_0/sh0.webp", lambda route: held.update(coarsest=route))
+    page.route("**/0_0/meta.json", lambda route: held.update(finer=route))
+    with page.expect_event("requestfinished", lambda request: request.url.endswith("/env/sh0.webp")):
+        page.evaluate("tigas.settings({ mode: 'local' })")
+    frames_pass(page, 20)
+    assert "coarsest" in held
+    assert not any("/0_0/" in url for url in asked), "a finer level loads at the same time"
+
+    with page.expect_request("**/0_0/meta.json"):
+        held["coarsest"].continue_()
+    expect(page.locator("canvas.local")).to_have_count(1)
+    assert psnr(drawn, shown(page)) > ANOTHER_DB
+    held["finer"].continue_()
+    wait_until_complete(page)
+    wait_until_like(page, drawn)
 
 
 def test_an_antialiased_scene_that_arrives_in_parts_is_drawn_with_its_filter(

@@ -54,6 +54,10 @@ const FAR = 10_000;
 const COLOUR_ANGLE = 2;
 /** Levels of detail that a streamed scene may be short of while better ones load: PlayCanvas would show nothing. */
 const ANY_LEVEL = 64;
+/** Gaussians of a streamed scene that are drawn at most: PlayCanvas' default. */
+const BUDGET = 1_000_000;
+/** A budget for which only the coarsest level is loaded. With more, the next level would load at the same time. */
+const COARSEST = 1;
 /** Retries of a file, at growing intervals: 17 seconds together, in which a service starts again. */
 const RETRIES = 7;
 /** Bytes that are copied at once. */
@@ -88,8 +92,11 @@ export class Renderer {
   /** Called once the newest scene is in the picture. */
   #pending: (() => void) | null = null;
   #streamed = false;
-  /** Files of a streamed scene that waited at once, at most. */
+  /** Files of a streamed scene that the view still needs, now and at most. */
+  #waiting = 0;
   #mostWaiting = 0;
+  /** The coarsest level of a streamed scene is in the picture, so that better ones may load. */
+  #refining = false;
   /** The picture shows another scene than the last one reported. */
   #changed = false;
   /** A scene is in the picture. */
@@ -153,11 +160,12 @@ export class Renderer {
 
   /**
    * Shows the scene with the lod-meta.json at a URL: the levels of detail that the view needs, of at most a million
-   * Gaussians together (PlayCanvas' default). Resolves when the present view's are in the picture; throws if
-   * there are none.
+   * Gaussians together, after the coarsest level of all. Resolves when the present view's are in the picture; throws
+   * if there are none.
    */
   async stream(url: string): Promise<void> {
     this.#streamed = true;
+    this.#app.scene.gsplat.splatBudget = COARSEST;
     await this.#enter({ url, filename: "lod-meta.json" });
   }
 
@@ -176,16 +184,24 @@ export class Renderer {
     await new Promise<void>((resolve, reject) => {
       this.#pending = resolve;
       // PlayCanvas waits for a file that has failed, and would show nothing.
-      this.#app.assets.on("error", (error: string) => this.#visible || reject(new Error(error)));
+      this.#app.assets.on("error", (error: string) => {
+        if (!this.#visible) reject(new Error(error));
+        this.#refining = true;
+      });
     });
   }
 
-  /** `waiting`: files of a streamed scene that the view still needs. Before the first has come, it shows nothing. */
+  /** Before the first file of a streamed scene has come, PlayCanvas shows nothing. */
   #frameReady(ready: boolean, waiting: number): void {
+    this.#waiting = waiting;
     this.#mostWaiting = Math.max(this.#mostWaiting, waiting);
     if (!ready || this.#pending === null || (this.#streamed && waiting === this.#mostWaiting)) return;
     this.#visible = this.#changed = true;
     if (waiting > 0) return;
+    if (this.#streamed && !this.#refining) {
+      this.#refining = true;
+      return;
+    }
     this.#pending();
     this.#pending = null;
   }
@@ -207,7 +223,8 @@ export class Renderer {
       this.#app.graphicsDevice.resizeCanvas(width, height);
     }
     this.#changed = false;
-    const starting = this.#pending !== null && this.#mostWaiting === 0; // later, arriving data asks for frames
+    if (this.#refining) this.#app.scene.gsplat.splatBudget = BUDGET; // not while PlayCanvas updates its levels
+    const starting = this.#pending !== null && this.#waiting === 0; // otherwise, arriving data asks for frames
     if (changed || again || starting) this.#app.renderNextFrame = true;
     this.#app.tick(now);
     cancelAnimationFrame(this.#app.frameRequestId);
