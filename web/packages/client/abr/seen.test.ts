@@ -185,6 +185,31 @@ test("on a link that wavers it changes less than ten times a minute", () => {
   expect(changes).toBeLessThan(10);
 });
 
+test("on a link that breaks down every twenty seconds it changes less than twelve times a minute", () => {
+  let changes = 0;
+  let last = hear(10_000, { throughput: 60e6 });
+  for (let tick = 0; tick < 1200; tick++) {
+    const rung = hear(50, { throughput: tick % 400 < 10 ? 1e6 : 60e6 });
+    if (rung !== last) changes++;
+    last = rung;
+  }
+  expect(changes).toBeLessThan(12);
+});
+
+test("a short dip of the throughput changes nothing", () => {
+  const before = hear(20_000, { throughput: 20e6, turning: 90 });
+  expect(hear(1500, { throughput: 6e6, turning: 90 })).toBe(before);
+});
+
+test("after a collapse of the link it goes back to its rung in one step", () => {
+  const before = hear(20_000, { throughput: 60e6 });
+  hear(500, { throughput: 1e6 });
+  const rungs = new Set<number>();
+  for (let i = 0; i < 200; i++) rungs.add(hear(50, { throughput: 60e6 }));
+  expect(rungs.size).toBeLessThanOrEqual(3);
+  expect([...rungs].at(-1)).toBe(before);
+});
+
 test("it begins with frames that fit into one round trip, and is at a good rung within a second", () => {
   expect(LADDER[subject.decide(0)]?.expected_kb).toBeLessThan(12);
   expect(hear(1000, { throughput: 100e6 })).toBeLessThan(3);

@@ -14,10 +14,11 @@
  * packets of a frame equally whether there are two or twenty. Without reprojection the user feels the age of frames as
  * latency, so it also costs LATENCY · age(ℓ).
  *
- * Rungs with longer intervals than LONGEST are worse than all others. It goes down as far as needed once that is better
- * by MARGIN, and up by one rung once that has been better by as much for a while even on a link with CAUTION times the
- * rate; reverting an upgrade early doubles the wait before the next one. It starts with a rung whose frames fit
- * into QUIC's first window, and goes up with the first frame of each rung during BEGINNING.
+ * Rungs with longer intervals than LONGEST are worse than all others. It goes down as far as needed, at once if that is
+ * better by URGENT, or else once it has been better by MARGIN for LASTING. It goes up once that has been better by
+ * MARGIN for a while even on a link with CAUTION times the rate: by one rung, or back to one that it had to leave;
+ * reverting an upgrade early doubles the wait before the next one. It starts with a rung whose frames fit into QUIC's
+ * first window, and goes up by as many as FIRST_STEP rungs after as many frames during BEGINNING.
  */
 import {
   type Controller,
@@ -63,6 +64,10 @@ export class TurningSpeeds {
 const WEIGHT = 150;
 /** Minimum gain of another rung, in decibels. */
 const MARGIN = 0.8;
+/** A gain that a downgrade does not wait for, in decibels. */
+const URGENT = 4;
+/** Lesser gains of a downgrade must have lasted for this many milliseconds. */
+const LASTING = 2000;
 /** Decibels that a millisecond is worth without reprojection. */
 const LATENCY = 0.02;
 /** Share of the rate that an upgrade may count on. */
@@ -78,6 +83,8 @@ const JUDGED = 5;
 const LONG = 500;
 /** Longest duration of the beginning, in milliseconds: QUIC needs several round trips to find the link's capacity. */
 const BEGINNING = 2000;
+/** Largest upgrade in the beginning, in rungs, and the frames before each. */
+const FIRST_STEP = 2;
 /** An upgrade must have been better for this long, in milliseconds; MAX_HOLD is the limit after failures. */
 const MIN_HOLD = 500;
 const MAX_HOLD = 8000;
@@ -100,6 +107,9 @@ export class SeenController implements Controller {
   #begunAt: number | undefined;
   #changedAt = Number.NEGATIVE_INFINITY;
   #upgradedAt = Number.NEGATIVE_INFINITY;
+  /** The best rung that it had to leave and has not come back to. */
+  #left = Number.POSITIVE_INFINITY;
+  #worseSince: number | undefined;
   #possibleSince: number | undefined;
   #hold = MIN_HOLD;
 
@@ -161,38 +171,54 @@ export class SeenController implements Controller {
     });
   }
 
-  /** Goes to the best of the lesser rungs if that is better; whether it did. */
-  #lower(utility: Utility, now: number): boolean {
-    const own = utility(this.#rung);
-    let best = { rung: this.#rung, value: own + MARGIN };
-    for (let rung = this.#rung + 1; rung < this.#pictures.length; rung++) {
+  /** The best rung from `first` to `last` if it is better than the one in use by MARGIN, or else the one in use. */
+  #best(utility: Utility, first: number, last: number): number {
+    let best = { rung: this.#rung, value: utility(this.#rung) + MARGIN };
+    for (let rung = first; rung <= last; rung++) {
       const value = utility(rung);
       if (value > best.value) best = { rung, value };
     }
-    if (best.rung === this.#rung) return false;
-    this.#change(best.rung, now);
+    return best.rung;
+  }
+
+  /** Goes to the best of the lesser rungs if that is much better, or has been better for long enough; whether it did. */
+  #lower(utility: Utility, now: number): boolean {
+    const best = this.#best(utility, this.#rung + 1, this.#pictures.length - 1);
+    if (best === this.#rung) {
+      this.#worseSince = undefined;
+      return false;
+    }
+    this.#worseSince ??= now;
+    if (now - this.#worseSince < LASTING && utility(best) - utility(this.#rung) < URGENT) return false;
+    this.#left = Math.min(this.#left, this.#rung);
+    this.#change(best, now);
     const failed = now - this.#upgradedAt < PROVEN;
     if (failed) this.#beginning = false;
     this.#hold = failed ? Math.min(MAX_HOLD, 2 * this.#hold) : Math.max(MIN_HOLD, this.#hold / 2);
     return true;
   }
 
-  /** Goes up by a rung if that has been better for long enough. */
+  /** Goes up if that has been better for long enough. */
   #raise(utility: Utility, now: number): void {
-    if (this.#rung === 0 || utility(this.#rung - 1) <= utility(this.#rung) + MARGIN) {
+    const next = this.#rung - 1;
+    const first = this.#beginning ? this.#rung - FIRST_STEP : Math.min(this.#left, next);
+    const best = this.#best(utility, Math.max(0, first), next);
+    if (best === this.#rung) {
       this.#possibleSince = undefined;
       return;
     }
     this.#possibleSince ??= now;
-    if (this.#beginning ? this.#delay.frames === 0 : now - this.#possibleSince < this.#hold) return;
-    this.#change(this.#rung - 1, now);
+    if (this.#beginning ? this.#delay.frames < FIRST_STEP : now - this.#possibleSince < this.#hold) return;
+    this.#change(best, now);
     this.#upgradedAt = now;
+    if (best <= this.#left) this.#left = Number.POSITIVE_INFINITY;
   }
 
   #change(rung: number, now: number): void {
     this.#rung = rung;
     this.#changedAt = now;
     this.#delay.restart();
+    this.#worseSince = undefined;
     this.#possibleSince = undefined;
   }
 }
