@@ -40,7 +40,7 @@ class World:
 
     def __init__(self) -> None:
         self.recording: dict[str, Any] = recording()
-        self.services_live = True
+        self.fault: str | None = None
         self.url = "http://127.0.0.1:9"
         self.scene = scene()
         self.enhances = True
@@ -78,11 +78,11 @@ def world(monkeypatch: pytest.MonkeyPatch) -> World:
     async def viewer(*_: object) -> AsyncIterator[World]:
         yield made
 
-    async def alive(_: object) -> bool:
-        return made.services_live
+    async def fault(_: object) -> str | None:
+        return made.fault
 
     monkeypatch.setattr(run_module, "viewer", viewer)
-    monkeypatch.setattr(run_module, "alive", alive)
+    monkeypatch.setattr(run_module, "fault", fault)
     return made
 
 
@@ -143,9 +143,9 @@ def test_a_download_begins_with_the_recording(world: World, tmp_path: Path) -> N
 
 
 def test_a_service_that_ended_meanwhile_costs_the_run(world: World, tmp_path: Path) -> None:
-    world.services_live = False
+    world.fault = "A service of the lab has ended: process 1."
     record = run(world, tmp_path / "run")
-    assert (record.status, record.problem) == ("failed", "A service ended or was restarted during the run.")
+    assert (record.status, record.problem) == ("failed", world.fault)
     assert StoredRun(tmp_path / "run").read(ShownFrame), "what was recorded is kept"
 
 

@@ -20,7 +20,7 @@ from tests.scenes import scene
 from tigas_common.errors import StartError
 from tigas_common.render_requests import RenderClient
 from tigas_common.wire.render import SceneDownload, SceneInfo
-from tigas_experiments.run.targets import Target, alive, load_scene, read_config, url_target
+from tigas_experiments.run.targets import Target, fault, load_scene, read_config, url_target
 from tigas_experiments.run.watched import is_here, process_name, watched
 
 
@@ -62,18 +62,18 @@ def services(monkeypatch: pytest.MonkeyPatch) -> Services:
     return made
 
 
-def test_services_that_are_what_they_were_live(services: Services) -> None:
+def test_a_fault_of_the_services_is_named(services: Services) -> None:
     target = Target(services.url, asyncio.run(read_config(services.url)))
-    assert asyncio.run(alive(target))
+    assert asyncio.run(fault(target)) is None
     services.retry_after_s = 5.0
-    assert asyncio.run(alive(target)), "it is only full"
+    assert asyncio.run(fault(target)) is None, "it is only full"
     services.shaper_status = 503
-    assert not asyncio.run(alive(target)), "its link is closed"
+    assert asyncio.run(fault(target)) == f"{services.url}/shaper did not answer, or does not work."
     services.shaper_status = 200
     services.certificate = "another"
-    assert not asyncio.run(alive(target)), "it was started again"
+    assert asyncio.run(fault(target)) == "The render service was restarted or changed: certificate_sha256."
     services.stopped = True
-    assert not asyncio.run(alive(target)), "it was killed"
+    assert asyncio.run(fault(target)) == f"No TIGAS render service answers at {services.url}."
 
 
 def test_a_lab_s_service_that_was_started_again_is_another_one(services: Services) -> None:
@@ -85,11 +85,12 @@ def test_a_lab_s_service_that_was_started_again_is_another_one(services: Service
         keeper = psutil.Process(lab.pid)
         config = asyncio.run(read_config(services.url))
         target = Target(services.url, config, keeper, frozenset(keeper.children()))
-        assert asyncio.run(alive(target))
+        assert asyncio.run(fault(target)) is None
+        [service] = target.processes
         lab.stdin.write(b"again\n")
         lab.stdin.flush()
         lab.stdout.readline()
-        assert not asyncio.run(alive(target))
+        assert asyncio.run(fault(target)) == f"A service of the lab has ended: process {service.pid}."
         lab.stdin.close()
 
 

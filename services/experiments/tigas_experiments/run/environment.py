@@ -22,7 +22,7 @@ from tigas_experiments.run.checks import MadeWith, check_services
 from tigas_experiments.run.inputs import Inputs, points_sha256
 from tigas_experiments.run.job import MadeFrom
 from tigas_experiments.run.link import link_for
-from tigas_experiments.run.targets import LAB_URL, Target, alive, lab_target, load_scene, url_target
+from tigas_experiments.run.targets import LAB_URL, Target, fault, lab_target, load_scene, url_target
 from tigas_experiments.wire.movement import TimedPose
 from tigas_experiments.wire.run import PER_VIEW, Configuration, Network
 
@@ -170,7 +170,7 @@ async def open_environment(
     where = url or LAB_URL
 
     with exclusive(services_lock(where), f"Another experiment uses the services at {where}; wait until it ends."):
-        target = Supervised(lambda: lab_target(ladder) if url is None else url_target(url), alive)
+        target = Supervised(lambda: lab_target(ladder) if url is None else url_target(url), _works)
         browser = Supervised(lambda: _browser_for(target, webgpu=webgpu), responds)
         try:
             yield Environment(target, browser, this_machine(), inputs, ladder)
@@ -179,6 +179,10 @@ async def open_environment(
                 await browser.close()
             finally:
                 await target.close()
+
+
+async def _works(target: Target) -> bool:
+    return await fault(target) is None
 
 
 @asynccontextmanager

@@ -20,7 +20,7 @@ from tigas_experiments.run.browser import Viewer, viewer
 from tigas_experiments.run.environment import Environment, Setup
 from tigas_experiments.run.job import complete, page_settings, run_plan, write_records
 from tigas_experiments.run.link import link_for, link_sample, watching_link
-from tigas_experiments.run.targets import alive
+from tigas_experiments.run.targets import fault
 from tigas_experiments.run.watched import watched
 from tigas_experiments.wire.recording import Recording
 from tigas_experiments.wire.run import Configuration
@@ -89,14 +89,14 @@ async def _measure(
                     await page.check()
         start = recording.started_unix_ms
         # A page that no longer receives frames still plays to the end.
-        ended = not await alive(setup.target)
+        problem = await fault(setup.target)
         sampled = configuration.sample_stride > 0
         upload = RunUpload(
-            problem="A service ended or was restarted during the run." if ended else None,
+            problem=problem,
             recording=recording,
             link=tuple(link_sample(status, at - start) for at, status in seen),
             backend=seen[-1][1].backend if seen else None,
-            sampling_problem=None if ended else await _keep_pictures(page, recording, writer, sampled=sampled),
+            sampling_problem=None if problem else await _keep_pictures(page, recording, writer, sampled=sampled),
         )
     record = write_records(
         writer, upload, load, setup.made_from, browser=setup.browser.version, services=watch.services

@@ -95,20 +95,30 @@ async def read_config(url: str) -> ServerConfig:
             raise StartError(f"No TIGAS render service answers at {url}.") from None
 
 
-async def alive(target: Target) -> bool:
-    """Whether all services answer, the shaper's link works, and none was restarted.
+async def fault(target: Target) -> str | None:
+    """One sentence if a service does not answer or was restarted, or the shaper's link is closed; otherwise None.
 
     A restarted render service has another certificate in its configuration, a restarted lab service another process.
     """
     try:
         config = await read_config(target.url)
-        if target.lab is not None and frozenset(target.lab.children()) != target.processes:
-            return False
-    except (StartError, psutil.Error):
-        return False
-    services = (target.url, target.shaper, target.dash)
+    except StartError as error:
+        return str(error)
     known = target.config.model_copy(update={"retry_after_s": config.retry_after_s})  # which tells how busy it is
-    return config == known and all([await _serves(url, ANSWER_S) for url in services if url is not None])
+    if config != known:
+        changed = [name for name in ServerConfig.model_fields if getattr(config, name) != getattr(known, name)]
+        return f"The render service was restarted or changed: {', '.join(changed)}."
+    if target.lab is not None:
+        try:
+            ended = target.processes.difference(target.lab.children())
+        except psutil.Error:
+            return "The lab has ended."
+        if ended:
+            return f"A service of the lab has ended: process {', '.join(str(one.pid) for one in ended)}."
+    services = [url for url in (target.url, target.shaper, target.dash) if url is not None]
+    answers = [await _serves(url, ANSWER_S) for url in services]
+    silent = [url for url, answer in zip(services, answers, strict=True) if not answer]
+    return f"{' and '.join(silent)} did not answer, or does not work." if silent else None
 
 
 async def load_scene(url: str, scene: str, *, download: bool = False) -> SceneInfo:
@@ -141,7 +151,7 @@ async def _ready(process: subprocess.Popen[bytes], log: asyncio.Task[str]) -> Ta
             raise StartError(f"The lab did not start: {await log or 'it gave no reason'}")
         if await _serves(LAB_URL):
             target = Target(LAB_URL, await read_config(LAB_URL))
-            if await alive(target):
+            if await fault(target) is None:
                 return target
         await asyncio.sleep(0.3)
     raise StartError(f"The lab's services did not answer within {START_S} s.")
