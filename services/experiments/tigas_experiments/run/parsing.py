@@ -6,7 +6,7 @@ import re
 from contextlib import suppress
 from pathlib import Path
 
-from tigas_common.wire.shaper import LinkSetting
+from tigas_common.wire.shaper import TRACE_SUFFIXES, LinkSetting
 from tigas_experiments.wire.run import LINK_TERMS, UNSHAPED, USUAL_UP_KBPS, Network
 
 MOST_PICTURES = 120
@@ -36,7 +36,7 @@ def parse_network(text: str, directory: Path = Path()) -> Network:
             return Network(trace=path.name[:100], trace_file=path, rtt_ms=rtt_ms)
     if _PART.match(text):
         return Network(link=_constant(text))
-    if path.name != trace or path.suffix:
+    if path.name != trace or path.suffix.lower() in TRACE_SUFFIXES:
         raise ValueError(f"there is no trace file {trace!r}")
     return Network(trace=trace, rtt_ms=rtt_ms)
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path, PurePath
 
+from tigas_common.wire.shaper import TRACE_SUFFIXES
 from tigas_shaper.traces import importers
 from tigas_shaper.traces.csv_format import parse_csv
 from tigas_shaper.traces.text import DEFAULT_UP_KBPS, decode, lines, quoted, read_bounded
@@ -22,7 +23,6 @@ FORMATS: dict[str, Callable[[str, str, float], NetworkTrace]] = {
 }
 """Parsers by the name of their format; each takes a trace's name, the text, and the uplink where none is recorded."""
 
-_SUFFIXES = {".gz", ".csv", ".json", ".txt", ".log"}
 _LINK = re.compile(r"\d+(\.\d+)?(mbit|kbit|ms-rtt|ms-jitter)|unshaped$")
 """Begins a network that is no trace, such as `5mbit`, in an experiment's file."""
 
@@ -69,7 +69,7 @@ def trace_name(filename: str) -> str:
     A name that an experiment's file would take for another network follows `trace-`.
     """
     path = PurePath(PurePath(filename).name)
-    while path.suffix.lower() in _SUFFIXES:
+    while path.suffix.lower() in TRACE_SUFFIXES:
         path = path.with_suffix("")
     name = re.sub(r"[^A-Za-z0-9._+=-]+", "-", path.name).lstrip("._+=-") or "trace"
     return (f"trace-{name}" if _LINK.match(name) else name)[:100]
