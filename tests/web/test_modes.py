@@ -96,7 +96,7 @@ def test_any_two_modes_are_compared_and_held_against_the_truth(open_page: OpenPa
 
 
 @pytest.mark.parametrize("mode", ["stateless", "side-by-side"])
-def test_a_frozen_picture_is_told_clear_of_the_figures(open_page: OpenPage, mode: str) -> None:
+def test_the_notice_of_a_frozen_picture_is_clear_of_the_figures(open_page: OpenPage, mode: str) -> None:
     page = open_page(f"{SCENE}?mode={mode}&left=stateless&right=video")
     wait_for_frames(page)
     page.locator(".stage-area").evaluate(ADD_FREEZE)

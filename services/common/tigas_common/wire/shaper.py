@@ -16,7 +16,7 @@ MAX_DURATION_MS = 30 * 24 * 3600 * 1000
 
 MAX_UPLOAD_BYTES = 16_000_000
 """Of a trace's file."""
-TRACE_SUFFIXES = {".gz", ".csv", ".json", ".txt", ".log"}
+TRACE_SUFFIXES = frozenset({".gz", ".csv", ".json", ".txt", ".log"})
 """Of trace files; a trace's name has none of them."""
 
 PlaybackMode = Literal["constant", "playing", "paused", "ended"]

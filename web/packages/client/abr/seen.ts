@@ -83,7 +83,7 @@ const JUDGED = 5;
 const LONG = 500;
 /** Longest duration of the beginning, in milliseconds: QUIC needs several round trips to find the link's capacity. */
 const BEGINNING = 2000;
-/** Largest upgrade in the beginning, in rungs, and the frames before each. */
+/** Largest upgrade in the beginning, in rungs; as many frames come before each. */
 const FIRST_STEP = 2;
 /** An upgrade must have been better for this long, in milliseconds; MAX_HOLD is the limit after failures. */
 const MIN_HOLD = 500;
