@@ -115,13 +115,14 @@ def test_the_browser_takes_http3_of_a_server_by_its_key() -> None:
 HARDWARE = {"--use-angle=vulkan", "--enable-features=Vulkan", "--ignore-gpu-blocklist"}
 SOFTWARE = {"--enable-features=Vulkan", "--use-vulkan=swiftshader", "--use-angle=swiftshader"}
 WEBGPU = {"--enable-unsafe-webgpu"}
+HARDWARE_WEBGPU = {*WEBGPU, "--disable-vulkan-surface"}
 
 
 @pytest.mark.parametrize(
     ("devices", "webgpu", "arguments"),
     [
         (["nvidia0"], False, HARDWARE),
-        (["dri/renderD128", "dri/card0"], True, HARDWARE | WEBGPU),
+        (["dri/renderD128", "dri/card0"], True, HARDWARE | HARDWARE_WEBGPU),
         (["dri/card0"], True, SOFTWARE | WEBGPU),
         (["nvidiactl"], False, set()),
     ],

@@ -44,6 +44,8 @@ HARDWARE_ARGUMENTS = ("--use-angle=vulkan", "--enable-features=Vulkan", "--ignor
 """Required for hardware WebGL in headless Chromium."""
 WEBGPU_ARGUMENT = "--enable-unsafe-webgpu"
 """Required for WebGPU in headless Chromium."""
+HARDWARE_WEBGPU_ARGUMENTS = (WEBGPU_ARGUMENT, "--disable-vulkan-surface")
+"""Headless Chromium has no Vulkan surface; as long as it looks for one, WebGPU falls back to software."""
 SOFTWARE_WEBGPU_ARGUMENTS = ("--enable-features=Vulkan", "--use-vulkan=swiftshader", "--use-angle=swiftshader")
 """Where there is no graphics processor: correct, and slow."""
 GRAPHICS_DEVICES = ("nvidia0", "dri/renderD*")
@@ -90,7 +92,7 @@ def graphics_arguments(*, webgpu: bool, devices: Path = Path("/dev")) -> tuple[s
     """Chromium's arguments for this machine's graphics; `devices` is the kernel's device directory."""
     hardware = any(True for pattern in GRAPHICS_DEVICES for _ in devices.glob(pattern))
     if hardware:
-        return (*HARDWARE_ARGUMENTS, WEBGPU_ARGUMENT) if webgpu else HARDWARE_ARGUMENTS
+        return (*HARDWARE_ARGUMENTS, *HARDWARE_WEBGPU_ARGUMENTS) if webgpu else HARDWARE_ARGUMENTS
     return (WEBGPU_ARGUMENT, *SOFTWARE_WEBGPU_ARGUMENTS) if webgpu else ()
 
 
