@@ -32,6 +32,7 @@ class Services:
     def __init__(self) -> None:
         self.certificate = "one"
         self.retry_after_s: float | None = None
+        self.free_bytes: int | None = None
         self.shaper_status = 200
         self.stopped = False
         self.asked: list[str] = []
@@ -50,6 +51,7 @@ class Services:
                 "certificate_sha256": self.certificate,
                 "services": services,
                 "retry_after_s": self.retry_after_s,
+                "max_upload_bytes": self.free_bytes,
             }
         )
         return httpx.Response(200, content=config.model_dump_json())
@@ -67,6 +69,8 @@ def test_a_fault_of_the_services_is_named(services: Services) -> None:
     assert asyncio.run(fault(target)) is None
     services.retry_after_s = 5.0
     assert asyncio.run(fault(target)) is None, "it is only full"
+    services.free_bytes = 1 << 20
+    assert asyncio.run(fault(target)) is None, "its disk is only fuller"
     services.shaper_status = 503
     assert asyncio.run(fault(target)) == f"{services.url}/shaper did not answer, or does not work."
     services.shaper_status = 200

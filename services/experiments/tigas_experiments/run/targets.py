@@ -28,6 +28,8 @@ START_S = 120
 STOP_S = 15
 ANSWER_S = 10
 """On a busy machine."""
+VARIABLE = {"retry_after_s", "max_upload_bytes"}
+"""Fields of a service's configuration that depend on its load and on the space on its disk."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,9 +106,8 @@ async def fault(target: Target) -> str | None:
         config = await read_config(target.url)
     except StartError as error:
         return str(error)
-    known = target.config.model_copy(update={"retry_after_s": config.retry_after_s})  # which tells how busy it is
-    if config != known:
-        changed = [name for name in ServerConfig.model_fields if getattr(config, name) != getattr(known, name)]
+    fixed = ServerConfig.model_fields.keys() - VARIABLE
+    if changed := sorted(name for name in fixed if getattr(config, name) != getattr(target.config, name)):
         return f"The render service was restarted or changed: {', '.join(changed)}."
     if target.lab is not None:
         try:
