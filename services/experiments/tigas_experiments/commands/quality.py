@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from tigas_common.cli import in_a_sentence
@@ -50,7 +51,7 @@ class Score(SamplesCommand):
 
 
 class Ladder(RenderCommand):
-    """Show one view of an experiment at each rung of the ladder, with its size: ladder.jpg and ladder.csv."""
+    """Show a view of an experiment at each rung of the ladder, with its size: ladder.jpg and ladder.csv."""
 
     folder: Annotated[Path, POSITIONAL, Metavar("DIR")]
     """Experiment's folder."""
@@ -58,14 +59,14 @@ class Ladder(RenderCommand):
     def run(self) -> None:
         from tigas_common.render_requests import RenderClient
         from tigas_experiments.quality.picture import BrokenPicture
-        from tigas_experiments.report.ladder import Step, middle_view, write_ladder
+        from tigas_experiments.report.ladder import Step, sample_views, write_ladder
         from tigas_experiments.report.ladder import ladder as steps
 
         async def asked(url: str) -> list[Step]:
             async with RenderClient.at(url) as renderer:
-                return await steps(renderer, *view)
+                return await steps(renderer, *views)
 
-        view = middle_view(self.folder)
+        views = sample_views(self.folder)
         with in_a_sentence(BrokenPicture), render_url(self.folder, self.render) as url:
             for path in write_ladder(asyncio.run(asked(url)), self.folder):
                 print(printable(str(path)))
@@ -219,23 +220,28 @@ def _runs(folder: Path) -> tuple[list[Path], Path]:
 
 
 def _table(rows: list[Row], asked: list[PictureMetric]) -> Table:
-    table = Table(title="Mean ± standard deviation over pictures", title_justify="left")
-    for heading in ("network", "controller", "picture", "model"):
-        table.add_column(heading, overflow="fold")
+    table = Table(
+        title="Mean ± standard deviation over pictures", title_justify="left", box=SIMPLE_HEAD, pad_edge=False
+    )
+    table.add_column("network, controller, picture", overflow="fold")
     table.add_column("pictures", justify="right")
     for metric in asked:
         table.add_column(metric.title + (f", {metric.unit}" if metric.unit else ""), justify="right", no_wrap=True)
     for row in rows:
         network, rtt, controller = row.condition or ("", None, None)
-        means = {metric: row.mean(metric) for metric in asked}
-        table.add_row(
-            network if rtt is None else f"{network}, {rtt:g} ms",
+        label = (
+            network,
+            f"{rtt:g} ms" if rtt is not None else "",
             controller.title if controller else "",
             row.kind,
             row.model or "",
+        )
+        means = {metric: row.mean(metric) for metric in asked}
+        table.add_row(
+            ", ".join(filter(None, label)),
             str(max((mean.pictures for mean in means.values() if mean is not None), default=0)),
             *(
-                "–" if mean is None else mean.text(metric, signed=row.kind == "difference")
+                "–" if mean is None else mean.text(metric, signed=row.kind == "difference").replace(" ±", "\n±")
                 for metric, mean in means.items()
             ),
         )

@@ -24,6 +24,8 @@ from tigas_experiments.wire.recording import Input, Lens
 PICTURE_IN = 3.2
 DPI = 150
 MOST_COLUMNS = 5
+SAMPLES = 9
+"""Views from which the shown one is chosen, as some people look at a bare wall."""
 DETAIL = 4
 """Magnification of the detail below each picture."""
 
@@ -44,13 +46,15 @@ class Step(NamedTuple):
     """Quality against a lossless rendering at that size."""
 
 
-async def ladder(renderer: RenderClient, scene: str, pose: Pose, lens: Lens) -> list[Step]:
-    """One view at every rung, best first, at the best rung's size and the viewport's aspect ratio.
+async def ladder(renderer: RenderClient, scene: str, poses: Sequence[Pose], lens: Lens) -> list[Step]:
+    """The most detailed of some views at every rung, best first, at the best rung's size and the viewport's shape.
 
-    Raises RenderUnavailable, RenderProblem and BrokenPicture.
+    Detail is measured by the size of the best rung's JPEG. Raises RenderUnavailable, RenderProblem and BrokenPicture.
     """
     rungs = (await renderer.load(scene)).ladder or (await renderer.config()).ladder
     view = lens.intrinsics.resized(*rungs[0].size_for(lens.width, lens.height))
+    sizes = [len(await renderer.frame(RenderRequest.at(scene, pose, view, profile=0))) for pose in poses]
+    pose = poses[sizes.index(max(sizes))]
     truth = decode(await renderer.frame(RenderRequest.at(scene, pose, view, format="png")))
     found = []
     for number, rung in enumerate(rungs):
@@ -62,8 +66,8 @@ async def ladder(renderer: RenderClient, scene: str, pose: Pose, lens: Lens) -> 
     return found
 
 
-def middle_view(folder: Path) -> tuple[str, Pose, Lens]:
-    """Scene, pose and lens in the middle of an experiment's first run that has poses. Raises StartError."""
+def sample_views(folder: Path) -> tuple[str, list[Pose], Lens]:
+    """Scene, evenly spaced poses and lens of an experiment's first run that has poses. Raises StartError."""
     for run in run_folders(folder):
         try:
             stored = StoredRun(run)
@@ -71,8 +75,8 @@ def middle_view(folder: Path) -> tuple[str, Pose, Lens]:
         except BrokenRecording:
             continue
         if stored.record.recording is not None and inputs:
-            middle = inputs[len(inputs) // 2]
-            return stored.record.configuration.scene, middle.camera, stored.record.recording.lens
+            chosen = inputs[:: math.ceil(len(inputs) / SAMPLES)]
+            return stored.record.configuration.scene, [each.camera for each in chosen], stored.record.recording.lens
     raise StartError(f"{folder} has no run with recorded poses.")
 
 
