@@ -16,7 +16,9 @@ export function webgpuProblem(): string | null {
 export async function openDevice(): Promise<GPUDevice> {
   const problem = webgpuProblem();
   if (problem !== null) throw new EnhancementError(problem);
-  const adapter = await navigator.gpu.requestAdapter({ powerPreference: "high-performance" });
+  const requested = () => navigator.gpu.requestAdapter({ powerPreference: "high-performance" });
+  // Headless Chromium answers the first request with null while it looks for the graphics processor.
+  const adapter = (await requested()) ?? (await requested());
   if (adapter === null) throw new EnhancementError("WebGPU finds no graphics processor here.");
   try {
     return await adapter.requestDevice({
