@@ -147,7 +147,7 @@ def test_nobody_there_is_told(tmp_path: Path) -> None:
 def test_a_server_that_never_stops_does_not_fill_the_disk(server: Server, client: httpx.Client, tmp_path: Path) -> None:
     server.say_length = False
     seen: list[int] = []
-    with pytest.raises(FetchError, match="has more than 100,000 bytes, so it was dropped"):
+    with pytest.raises(FetchError, match="has more than 100,000 bytes, so it was discarded"):
         download("http://server/set.bin", None, tmp_path / "a", 100_000, client, lambda done, _: seen.append(done))
     assert seen == [50_000, 100_000]
     assert names(tmp_path) == set()

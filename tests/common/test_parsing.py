@@ -110,7 +110,7 @@ def test_a_rung_keeps_its_resolution_for_its_own_shape_and_its_pixels_for_others
 
 def test_very_many_mistakes_are_counted_and_not_listed() -> None:
     raw = body(EULER, **{f"wheel{number}": 4 for number in range(5000)})
-    with pytest.raises(InvalidRequest, match="There are errors in 5,000 places"):
+    with pytest.raises(InvalidRequest, match="There are 5,000 errors"):
         parse(RenderRequest, raw, len(raw))
 
 

@@ -71,12 +71,12 @@ def test_a_named_file_is_read_instead(tmp_path: Path, monkeypatch: pytest.Monkey
         (b"[example]\nat = 80\n", r"^\[example\] at: '80' is not HOST:PORT, such as "),
         (b"[example\n", r"mine.toml is not TOML: Expected .*\.$"),
         (b"\xda", r"mine.toml is not TOML: 'utf-8' codec .*\.$"),
-        (None, r"^TIGAS_CONFIG: \S+mine.toml is no file\.$"),
+        (None, r"^TIGAS_CONFIG: \S+mine.toml is not a file\.$"),
         (
             b"[rendr]\nhttp = 1\n",
-            r"mine.toml: there is no table \[rendr\]; the tables are render, dash, shaper, store, cluster\.$",
+            r"mine.toml: unknown table \[rendr\]; the tables are render, dash, shaper, store, cluster\.$",
         ),
-        (b"example = 3\n", r"mine.toml: example is not a table, which begins with \[example\]\.$"),
+        (b"example = 3\n", r"mine.toml: example must be a table, which begins with \[example\]\.$"),
     ],
 )
 def test_a_wrong_file_is_explained(

@@ -1,6 +1,6 @@
-"""`python -m tigas_common`: the `tigas` command, run with this very Python."""
+"""The `tigas` command, run by the current interpreter: `python -m tigas_common`."""
 
 from tigas_common.cli import main
 
-if __name__ == "__main__":  # processes started by the command import this as well
+if __name__ == "__main__":  # child processes import this module too
     main()

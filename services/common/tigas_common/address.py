@@ -1,4 +1,4 @@
-"""Addresses and host names: where a server listens, and what `Host`, `Origin` and a peer's address mean."""
+"""Addresses and host names: where a server listens, and how to read `Host`, `Origin` and peer addresses."""
 
 from __future__ import annotations
 
@@ -11,15 +11,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 ISOLATED = "TIGAS_ISOLATED"
-"""Environment variable set for services in a private network namespace, where every address is local to this
-machine.
-"""
+"""Environment variable set for services in a private network namespace, where every address is local."""
 
 _NAME = r"(?P<name>\[[0-9a-f:.]+\]|[0-9a-z._-]+)(:[0-9]{1,5})?"
 _HOST = re.compile(_NAME, re.IGNORECASE | re.ASCII)
 _ORIGIN = re.compile(f"https?://{_NAME}", re.IGNORECASE | re.ASCII)
 NETWORK_SUFFIXES = (".local", ".internal", ".home.arpa")
-"""Names that no public server gives (RFC 6762, RFC 8375, ICANN's .internal)."""
+"""Suffixes that no public DNS server resolves (RFC 6762, RFC 8375, ICANN's .internal)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +46,12 @@ class Address:
 
     @property
     def is_loopback(self) -> bool:
-        """Whether only this machine reaches it."""
+        """Whether only this machine can reach the address."""
         return is_loopback(self.host)
 
     @property
     def reachable_host(self) -> str:
-        """A host name under which this machine reaches itself, for URLs shown to people."""
+        """The host name to use in URLs shown to people on this machine."""
         if self.is_loopback or self.host in ("0.0.0.0", "::"):
             return "localhost"
         return bracketed(self.host)
@@ -69,7 +67,7 @@ class Address:
         listener = socket.socket(family, kind, protocol)
         try:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            if hasattr(socket, "TCP_USER_TIMEOUT"):  # connections that are accepted inherit it
+            if hasattr(socket, "TCP_USER_TIMEOUT"):  # inherited by accepted connections
                 listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(unread_s * 1000))
             listener.bind(target)
             listener.listen(1024)
@@ -80,13 +78,13 @@ class Address:
 
 
 def say_if_open(addresses: Iterable[Address]) -> None:
-    """Print one line if others than this machine reach a service that listens here."""
+    """Print a warning if other machines can reach a service on these addresses."""
     if warning := warning_if_open(addresses):
         print(warning)
 
 
 def warning_if_open(addresses: Iterable[Address]) -> str | None:
-    """The line, if there is one to print."""
+    """The warning about a service that other machines can reach, or None."""
     opened = " and ".join(map(str, reached_by_others(addresses)))
     return (
         f"Open to the network on {opened}: any machine that reaches this one can use this service." if opened else None
@@ -94,46 +92,46 @@ def warning_if_open(addresses: Iterable[Address]) -> str | None:
 
 
 def reached_by_others(addresses: Iterable[Address]) -> list[Address]:
-    """The addresses of a service that other machines can reach."""
+    """The addresses that other machines can reach."""
     return [] if ISOLATED in os.environ else [address for address in addresses if not address.is_loopback]
 
 
 def bracketed(host: str) -> str:
-    """A host in the form used in URLs."""
+    """A host as written in URLs, with IPv6 addresses in brackets."""
     return f"[{host}]" if ":" in host else host
 
 
 def host_of(text: str) -> str | None:
-    """The name or address in `HOST` or `HOST:PORT`, in small letters and without brackets; None if it is neither."""
+    """The host of `HOST` or `HOST:PORT`, in lower case and without brackets; None if the text is neither."""
     return _name(_HOST, text)
 
 
 def host_of_origin(text: str) -> str | None:
-    """The same for an origin, `http://HOST:PORT`; None for `null` and other non-origins."""
+    """The host of an origin, `http://HOST:PORT`, as in `host_of`; None for `null` and other non-origins."""
     return _name(_ORIGIN, text)
 
 
 def is_address(host: str) -> bool:
-    """Whether a host is an address, which no name server can make lead elsewhere."""
+    """Whether a host is an IP address, which DNS cannot redirect."""
     return _address(host) is not None
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host is this machine to itself."""
+    """Whether a host name or address is the loopback interface."""
     address = _address(host)
     return host == "localhost" or host.endswith(".localhost") if address is None else address.is_loopback
 
 
 def is_network_name(host: str) -> bool:
-    """Whether only the own network can give this name."""
+    """Whether a host name can only be resolved on the local network."""
     return "." not in host or host.endswith(NETWORK_SUFFIXES)
 
 
 @lru_cache(maxsize=4096)
 def client_network(host: str) -> str:
-    """Key for counting a client's address: an IPv4 address itself, the /64 of an IPv6 address.
+    """Key under which to count a client: its IPv4 address, or the /64 network of its IPv6 address.
 
-    Other text, such as a test's placeholder, is its own key.
+    Other text, such as a placeholder in tests, is its own key.
     """
     address = _address(host.partition("%")[0])
     if isinstance(address, ipaddress.IPv6Address):

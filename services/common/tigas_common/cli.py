@@ -1,4 +1,4 @@
-"""The `tigas` command: finds each installed service's commands through entry points."""
+"""The `tigas` command, which finds the commands of installed services through entry points."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tigas_common.installation import PROJECT, explained
 from tigas_common.terminal import LogFormatter, printable
 
 COMMANDS = "tigas.commands"
-"""Entry-point group of commands and groups of commands. The extras of an entry are its command's dependencies."""
+"""Entry-point group of commands and command groups. An entry's extras are the command's dependencies."""
 HELP = "Walk through 3D Gaussian Splatting scenes, one JPEG per pose over HTTP/3."
 
 
@@ -25,7 +25,7 @@ def in_a_sentence(*expected: type[Exception]) -> Iterator[None]:
     """Print expected errors as one sentence and exit with status 1."""
     try:
         yield
-    except BrokenPipeError:  # of the output, which `main` handles
+    except BrokenPipeError:  # from writing output: `main` handles it
         raise
     except expected as error:
         print(printable(_sentence(error)), file=sys.stderr)
@@ -50,7 +50,7 @@ def entries() -> dict[str, EntryPoint]:
 
 
 def settings_of(service: str, /, **values: Any) -> Any:
-    """The settings that a service's command would have with these flags. Raises UsageError."""
+    """The settings that a service's command would use, given these flags. Raises UsageError."""
     return load(entries()[service].load(), values)
 
 
@@ -63,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         raise SystemExit(130) from None
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the flush at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # so that the flush at exit does not fail
         raise SystemExit(1) from None
 
 
@@ -82,7 +82,7 @@ def _run(arguments: Sequence[str]) -> None:
 
 
 def _run_entry(point: EntryPoint, arguments: Sequence[str]) -> None:
-    """Run a command; a package that is missing is reported with the extra that has it."""
+    """Run a command. If a package is missing, report the extra that installs it."""
     try:
         command: Group | type[Command] = point.load()
         prog = f"{PROJECT} {point.name}"

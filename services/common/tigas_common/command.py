@@ -1,4 +1,4 @@
-"""Commands with the fields of a model as options, which are settings keys and environment variables as well."""
+"""Commands with options from the fields of a model, which are also settings keys and environment variables."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 class Metavar(NamedTuple):
-    """Marker of a field: the placeholder of its value in --help."""
+    """Marker of a field: the placeholder for its value in --help."""
 
     text: str
 
@@ -30,19 +30,19 @@ class Metavar(NamedTuple):
 NO_FLAG: Final = "no flag"
 """Marker of a setting that only the settings file and the environment can set."""
 POSITIONAL: Final = "positional"
-"""Marker of a field that is given by its position instead of a flag."""
+"""Marker of a field given by position rather than by flag."""
 REST: Final = "rest"
-"""Marker of a list that takes all arguments after `--`, or after the positional ones, options included."""
+"""Marker of a list that takes all arguments after `--` or after the positional ones, including options."""
 
 
 class Command(BaseModel, ABC):
-    """A command of `tigas`. Its docstring and its fields' docstrings are the text of --help."""
+    """A command of `tigas`. The docstrings of the class and its fields are the text of --help."""
 
     model_config = SettingsConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
     @abstractmethod
     def run(self) -> None:
-        """Carry the command out."""
+        """Execute the command."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Group:
     help: str
     commands: Mapping[str, type[Command]]
     default: str | None = None
-    """The default command."""
+    """The command to run if none is named."""
 
     def select(self, prog: str, arguments: Sequence[str]) -> tuple[type[Command], str, Sequence[str]]:
         """The requested command, its full name and its arguments. Prints help and exits on request."""
@@ -78,7 +78,7 @@ def list_commands(prog: str, help: str, summaries: Mapping[str, str]) -> str:
 
 
 def parse(model: type[Model], prog: str, arguments: Sequence[str]) -> Model:
-    """The model of a command line. Raises UsageError with one sentence; prints help and exits on request."""
+    """Parse a command line into a model. Raises UsageError with one sentence; prints help and exits on request."""
     fields = dict(parameters(model))
     rest = next((name for name, field in fields.items() if REST in field.metadata), None)
     tail: Sequence[str] = ()
@@ -89,7 +89,7 @@ def parse(model: type[Model], prog: str, arguments: Sequence[str]) -> Model:
 
 
 def load(model: type[Model], values: Mapping[str, Any]) -> Model:
-    """A model with these values; settings have further ones from file and environment. Raises UsageError."""
+    """Build a model from these values, and settings also from file and environment. Raises UsageError."""
     try:
         return model(**values)
     except ValidationError as error:
@@ -105,7 +105,7 @@ def load(model: type[Model], values: Mapping[str, Any]) -> Model:
 
 
 def parameters(model: type[BaseModel]) -> Iterator[tuple[str, FieldInfo]]:
-    """The fields that a command line can set: all but nested models and those marked NO_FLAG."""
+    """The fields that a command line can set: all except nested models and fields marked NO_FLAG."""
     for name, field in model.model_fields.items():
         nested = isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)
         if NO_FLAG not in field.metadata and not nested:
@@ -113,7 +113,7 @@ def parameters(model: type[BaseModel]) -> Iterator[tuple[str, FieldInfo]]:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that reports a wrong command line in one sentence."""
+    """A parser that reports an invalid command line in one sentence."""
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(f"{message}; `{self.prog} --help` lists the options.")
@@ -146,7 +146,7 @@ def _parser(model: type[BaseModel], prog: str) -> _Parser:
             nargs = ("+" if field.is_required() else "*") if several else None if field.is_required() else "?"
             parser.add_argument(name, nargs=nargs, metavar=_metavar(None, field.metadata) or name.upper(), help=text)
         elif bool in _alternatives(field.annotation):
-            flag = issubclass(model, BaseSettings)  # where file or environment may say yes, a flag may have to say no
+            flag = issubclass(model, BaseSettings)  # a flag may override file or environment
             action: Any = argparse.BooleanOptionalAction if flag else "store_true"
             parser.add_argument(_name(name, field), dest=name, action=action, help=text)
         else:
@@ -161,7 +161,7 @@ def _parser(model: type[BaseModel], prog: str) -> _Parser:
 
 
 def _split(arguments: Sequence[str], positional: int) -> tuple[Sequence[str], Sequence[str]]:
-    """The arguments of a command, and the remaining ones."""
+    """Split a command's own arguments from the rest."""
     if positional:
         head, tail = arguments[:positional], arguments[positional:]
         return head, tail[1:] if tail[:1] == ["--"] else tail
@@ -170,7 +170,7 @@ def _split(arguments: Sequence[str], positional: int) -> tuple[Sequence[str], Se
 
 
 def _name(name: str, field: FieldInfo) -> str:
-    """A parameter as a user types it; a flag that can be repeated is a singular."""
+    """A parameter as the user types it; repeatable flags are in the singular."""
     if POSITIONAL in field.metadata or REST in field.metadata:
         return name.upper()
     return "--" + (name.removesuffix("s") if _is_several(field) else name.removesuffix("_")).replace("_", "-")
@@ -182,7 +182,7 @@ def _variable(model: type[BaseModel], name: str) -> str:
 
 
 def _place(model: type[BaseModel], loc: Sequence[str], values: Mapping[str, Any]) -> str:
-    """The flag, environment variable or key of the settings file that a value came from."""
+    """Where a value came from: a flag, an environment variable or a key in the settings file."""
     name, *keys = loc
     if name in values:
         return _name(name, model.model_fields[name])
@@ -215,7 +215,7 @@ def _epilog(model: type[BaseModel]) -> str | None:
 
 
 def _metavar(annotation: Any, metadata: Sequence[Any] = ()) -> str | None:
-    """The placeholder of a value in --help; None if neither a marker nor the type names one."""
+    """The placeholder for a value in --help; None if neither a marker nor the type defines one."""
     if found := next((each.text for each in metadata if isinstance(each, Metavar)), None):
         return found
     if get_origin(annotation) is Annotated:

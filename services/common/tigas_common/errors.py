@@ -1,4 +1,4 @@
-"""Typed errors, raised deep and mapped to an answer in one place: `problem` (RFC 9457)."""
+"""Typed errors, raised deep in the code and mapped to HTTP answers in one place: `problem` (RFC 9457)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from tigas_common.wire.render import Problem
 
 
 class TigasError(Exception):
-    """An error with one sentence that a person can act on. Subclasses fix the HTTP status and the stable type."""
+    """An error with one sentence that a person can act on. Subclasses define the HTTP status and a stable type."""
 
     status = 500
     type = "internal-error"
@@ -16,7 +16,7 @@ class TigasError(Exception):
         super().__init__(detail)
         self.detail = detail
         self.retry_after_s = retry_after_s
-        """When to try again, in seconds, if that is known."""
+        """When to try again, in seconds, if known."""
 
 
 class InvalidRequest(TigasError):
@@ -72,7 +72,7 @@ class Overloaded(TigasError):
 
 
 class NoRoom(Overloaded):
-    """Scenes that are in use leave no room for another on the device."""
+    """Scenes in use leave no room for another one on the device."""
 
 
 class ServerFull(Overloaded):
@@ -108,10 +108,10 @@ class StartError(Exception):
 
 
 class UsageError(Exception):
-    """A wrong command line or settings file, in one sentence."""
+    """An invalid command line or settings file, described in one sentence."""
 
 
 def problem(error: Exception) -> Problem:
-    """The answer to a failed request. Anything but a TigasError becomes a 500 without internal details."""
+    """The answer to a failed request. Any error but a TigasError becomes a 500 without internal details."""
     known = error if isinstance(error, TigasError) else TigasError("The server failed; its log says why.")
     return Problem(type=f"tigas:{known.type}", title=known.title, status=known.status, detail=known.detail)

@@ -1,4 +1,4 @@
-"""Files on disk: read only if they are regular, as a pipe or a device may never end; written whole and durably."""
+"""Safe file access: reads only regular files, as a pipe or device may never end, and writes atomically and durably."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from pathlib import Path
 from tigas_common.errors import DiskFull, StorageFailed
 
 SPARE_BYTES = 1 << 30
-"""Of a disk, that large files leave."""
+"""Disk space that large files must leave free."""
 NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
 NO_HARD_LINKS = {errno.EPERM, errno.EMLINK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP}
-"""How file systems refuse hard links that they do not have."""
+"""Errors of file systems without hard links."""
 
 
 NOBODY = 65534
-"""The system's user without rights."""
+"""The system's unprivileged user."""
 
 
 def open_regular(path: Path, *, follow: bool = True) -> BufferedReader:
-    """Open a file for reading, through links by default.
+    """Open a regular file for reading, following links by default.
 
-    Raises OSError, also for a pipe, a socket, a device or a folder, and for a link if links are not followed.
+    Raises OSError, also for a pipe, a socket, a device or a folder, and for a link if `follow` is false.
     """
     opener = _open if follow else _open_itself
     file = open(path, "rb", opener=opener)  # noqa: SIM115 - the caller's to close
@@ -38,22 +38,22 @@ def open_regular(path: Path, *, follow: bool = True) -> BufferedReader:
 
 
 def read_regular(path: Path, limit: int, *, follow: bool = True) -> bytes:
-    """All of a file. Raises OSError as `open_regular` does, and if it has more than `limit` bytes."""
+    """Read a whole file. Raises OSError as `open_regular` does, and if the file has more than `limit` bytes."""
     with open_regular(path, follow=follow) as file:
         size = os.fstat(file.fileno()).st_size
         if size > limit:
             raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
-        return file.read(size)  # memory for all that it asks for is taken at once
+        return file.read(size)  # `read` allocates all of this at once
 
 
 def check_room(directory: Path, needed: int) -> None:
-    """Whether a directory's disk has room for this many bytes and a reserve. Raises OSError."""
+    """Check that a disk has room for this many bytes and a reserve. Raises OSError."""
     if needed > shutil.disk_usage(directory).free - SPARE_BYTES:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(directory))
 
 
 def to_disk(path: Path) -> None:
-    """Flush a file, or a folder with all that is in it, so that it survives a power failure. Raises OSError."""
+    """Flush a file, or a folder with its contents, so that it survives a power failure. Raises OSError."""
     inside = (Path(parent, name) for parent, folders, names in os.walk(path) for name in (*names, *folders))
     for each in (*inside, path):
         handle = os.open(each, os.O_RDONLY | os.O_NOFOLLOW)
@@ -64,9 +64,9 @@ def to_disk(path: Path) -> None:
 
 
 def move_new(source: Path, target: Path) -> None:
-    """Move a file, a link or a folder to a free name on the same disk, atomically and durably.
+    """Move a file, link or folder to an unused name on the same disk, atomically and durably.
 
-    Raises OSError, such as FileExistsError if the name is taken; then nothing has changed.
+    Raises OSError, such as FileExistsError if the name is taken; nothing has changed then.
     """
     if stat.S_ISDIR(source.lstat().st_mode):
         source.rename(target)
@@ -83,7 +83,7 @@ def move_new(source: Path, target: Path) -> None:
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Write a file in one step that survives a power failure. Raises OSError; then the old file is still there."""
+    """Replace a file atomically and durably. Raises OSError, and then the old file is intact."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         temporary.write_bytes(content)
@@ -95,10 +95,11 @@ def replace_file(path: Path, content: bytes) -> None:
 
 
 def give(folder: Path, uid: int, gid: int) -> None:
-    """Make a user the owner of a folder and of all in it that is root's or nobody's, except for files that have another
-    name, which may be elsewhere. Raises OSError.
+    """Make a user the owner of a folder and of everything in it that belongs to root or nobody. Raises OSError.
+
+    Files with several hard links are left alone, as they may also be elsewhere.
     """
-    for _, folders, files, parent in os.fwalk(folder):  # by descriptors, so that links cannot interfere
+    for _, folders, files, parent in os.fwalk(folder):  # works on descriptors, so that links cannot interfere
         for name in (".", *folders, *files):
             state = os.stat(name, dir_fd=parent, follow_symlinks=False)
             has_one_name = stat.S_ISDIR(state.st_mode) or state.st_nlink == 1
@@ -107,14 +108,14 @@ def give(folder: Path, uid: int, gid: int) -> None:
 
 
 def give_to_caller(folder: Path) -> None:
-    """Make the user that invoked sudo, if any, the owner of a folder that a command has written. Raises OSError."""
+    """Make the user that invoked sudo, if any, the owner of a folder written by a command. Raises OSError."""
     if "SUDO_UID" in os.environ:
         give(folder, int(os.environ["SUDO_UID"]), int(os.environ["SUDO_GID"]))
 
 
 @contextmanager
 def storage_explained(what: str) -> Iterator[None]:
-    """Turns the system's errors into DiskFull and StorageFailed; `what` is kept."""
+    """Turn OSErrors into DiskFull and StorageFailed; `what` names the stored data."""
     try:
         yield
     except OSError as error:
@@ -133,7 +134,7 @@ def _replace_placeholder(source: Path, target: Path) -> None:
 
 
 def names_to_disk(folder: Path) -> None:
-    """Flush a folder's list of names; some network file systems cannot, and keep it safe by themselves."""
+    """Flush a folder's entries. Some network file systems cannot, and need not: they persist them anyway."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)
@@ -145,7 +146,7 @@ def names_to_disk(folder: Path) -> None:
 
 
 def _open(path: str, flags: int) -> int:
-    """Without waiting for a writer, and so that no terminal becomes this process' own."""
+    """Open without waiting for a pipe's writer and without acquiring a controlling terminal."""
     return os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
 
 

@@ -1,4 +1,4 @@
-"""uvicorn's HTTP/1.1 server with limits: on connections, in all and per address, and on slow requests."""
+"""uvicorn's HTTP/1.1 server with limits on connections, in total and per address, and on slow requests."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from tigas_common.limits import HttpLimits, IdleTimeout
 from tigas_common.web import ARRIVED
 
 BATCH = 32
-"""Connections accepted before others have their turn."""
+"""Connections accepted before other tasks get a turn."""
 EXHAUSTED = {errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM}
 EXHAUSTED_S = 0.5
-"""Pause in seconds before the next connection is accepted, after the system ran out of resources to accept one."""
+"""Seconds to wait before accepting another connection after the system ran out of resources."""
 
 
 def tcp_congestion_control() -> str | None:
-    """The kernel's for new TCP connections, such as `cubic`; None if it does not say (not Linux)."""
+    """The kernel's congestion control for new TCP connections, such as `cubic`; None if unknown (not Linux)."""
     if not hasattr(socket, "TCP_CONGESTION"):
         return None
     with socket.socket() as probe:
@@ -40,7 +40,7 @@ def tcp_congestion_control() -> str | None:
 
 
 class Server(uvicorn.Server):
-    """Leaves signals to its caller, so that several can share a process, and reports when it has started."""
+    """A server that leaves signals to its caller, so that several can share a process, and reports its start."""
 
     def __init__(self, config: uvicorn.Config) -> None:
         super().__init__(config)
@@ -52,14 +52,14 @@ class Server(uvicorn.Server):
 
 
 class LimitedServer(Server):
-    """Serves one listening socket, and accepts connections itself: a TLS handshake counts as a connection as well."""
+    """Serves one listening socket and accepts its connections itself, so that TLS handshakes count as well."""
 
     def __init__(self, config: uvicorn.Config, limits: HttpLimits, tls: ssl.SSLContext | None) -> None:
         super().__init__(config)
         self._limits = limits
         self._tls = tls
         self._opening: dict[asyncio.Task[None], str] = {}
-        """Addresses with connections being opened; uvicorn knows the open ones."""
+        """Client addresses of connections being opened; uvicorn knows the open ones."""
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         assert sockets is not None
@@ -77,7 +77,7 @@ class LimitedServer(Server):
         await super().shutdown(sockets)
 
     async def _accept(self, listener: socket.socket) -> None:
-        """Open or refuse connections, several at a time: refused ones must not delay others."""
+        """Accept or refuse connections in batches, so that refused ones do not delay others."""
         loop = asyncio.get_running_loop()
         while True:
             try:
@@ -89,9 +89,9 @@ class LimitedServer(Server):
                     self._take(connection, client_network(peer[0]), clients)
             except BlockingIOError:
                 pass
-            except OSError as error:  # else the client has left
+            except OSError as error:  # any other error means that the client has left
                 await asyncio.sleep(EXHAUSTED_S if error.errno in EXHAUSTED else 0)
-            await asyncio.sleep(0)  # accepting may not block, so other tasks get their turns here
+            await asyncio.sleep(0)  # accepting may not block, so give other tasks a turn
 
     def _count(self) -> Counter[str]:
         clients = Counter(self._opening.values())
@@ -143,20 +143,20 @@ class LimitedServer(Server):
 
 
 class LimitedProtocol(H11Protocol):
-    """One connection. uvicorn bounds how long it is idle, and this how long each request takes to arrive."""
+    """One connection. uvicorn limits how long it is idle; this class limits how long a request takes to arrive."""
 
     def __init__(
         self, config: uvicorn.Config, server_state: ServerState, limits: HttpLimits, opened: Callable[[], None]
     ) -> None:
-        """Calls `opened` once uvicorn knows of the connection."""
+        """opened: called once uvicorn counts the connection."""
         super().__init__(config, server_state, app_state={})
         self.timeout_keep_alive = limits.idle_s
         self._limits = limits
         self._opened = opened
         self._began = False
-        """Whether anything has ever come."""
+        """Whether any data has been received."""
         self._awaited: object = None
-        """The state of the client that `_timeout` is for."""
+        """The client state to which `_timeout` applies."""
         self._timeout: IdleTimeout | None = None
         self._timer: asyncio.TimerHandle | None = None
 
@@ -168,7 +168,7 @@ class LimitedProtocol(H11Protocol):
 
     def data_received(self, data: bytes) -> None:
         self._began = True
-        self.app_state[ARRIVED] = time.monotonic()  # every request's scope gets a copy when its head is complete
+        self.app_state[ARRIVED] = time.monotonic()  # copied to a request's scope when its headers are complete
         super().data_received(data)
         self._watch(len(data))
 
@@ -204,7 +204,7 @@ class LimitedProtocol(H11Protocol):
         self._timer = self.loop.call_at(self._timeout.until, self._expired)
 
     def _resumed(self) -> None:
-        """The application reads on: until now it was late, and not the client."""
+        """Restart the timeout, as the delay so far was the application's and not the client's."""
         if self._timeout is not None:
             self._begin(self._timeout.seconds, self._timeout.bytes_per_s)
 
@@ -218,7 +218,7 @@ class LimitedProtocol(H11Protocol):
             self._give_up(RequestTimeout(f"The request's {what} did not arrive in time."))
 
     def send_400_response(self, msg: str) -> None:
-        """uvicorn would answer even if the application has, and let the application answer even after that."""
+        """Close the connection; uvicorn would answer even after the application has, and let it answer again."""
         self._give_up(InvalidRequest("The request is not valid HTTP/1.1."))
 
     def _give_up(self, error: TigasError) -> None:
@@ -244,7 +244,7 @@ class _Flow(FlowControl):
 
 
 def last_answer(error: TigasError) -> bytes:
-    """A failure as the bytes of an HTTP/1.1 response after which the connection is closed."""
+    """An error as the bytes of an HTTP/1.1 response that closes the connection."""
     answer = problem(error)
     body = answer.model_dump_json().encode()
     lines = (

@@ -17,21 +17,19 @@ from tigas_common.errors import StartError
 
 PROJECT = "tigas"
 REQUIREMENT = re.compile(r"""(?P<name>[\w.-]+)[^;]*; extra == ['"](?P<extra>[\w-]+)['"]""")
-"""A package that the extra has on every platform, in wheel spelling."""
+"""A package that an extra requires on every platform, in the metadata of a wheel."""
 OF_MAKE = ("gpu", "lab")
-"""Extras that the Makefile installs into its environment, with the right build of PyTorch."""
+"""Extras that the Makefile installs into its own environment, with the right build of PyTorch."""
 COMMIT_VARIABLE = "TIGAS_COMMIT"
-"""Names the commit where there is no repository: images are built with it."""
+"""Environment variable with the commit, set when container images are built, as they have no repository."""
 
 
 def this_commit() -> str | None:
-    """The value of COMMIT_VARIABLE, or the working tree's commit, with `-dirty` if it was changed; None if both are
-    unavailable.
-    """
+    """The value of COMMIT_VARIABLE, or the working tree's commit, with `-dirty` if modified; None if neither exists."""
     if told := os.environ.get(COMMIT_VARIABLE):
         return told
     command = ("git", "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*")
-    alone = os.environ | {"GIT_OPTIONAL_LOCKS": "0"}  # so that the user's git configuration does not interfere
+    alone = os.environ | {"GIT_OPTIONAL_LOCKS": "0"}  # avoids taking locks in the user's repository
     try:
         run = subprocess.run(
             command, cwd=Path(__file__).parent, capture_output=True, text=True, timeout=10, env=alone, check=True
@@ -42,15 +40,15 @@ def this_commit() -> str | None:
 
 
 def check_versions(*packages: str) -> None:
-    """Raise StartError if an unsupported version of a package is installed. Call it before the package is imported.
+    """Raise StartError if an unsupported version of a package is installed. Call it before importing the package.
 
-    Another minor version of these packages may have renamed the private names that are used.
+    Another minor version of these packages may have renamed the private names in use.
     """
     for package in packages:
         try:
             installed = version(package)
         except PackageNotFoundError:
-            continue  # imports report missing packages
+            continue  # the import will report it
         first, end = _supported(package)
         if not _numbers(first) <= _numbers(installed) < _numbers(end):
             needed = f"{package}>={first},<{end}"
@@ -58,7 +56,7 @@ def check_versions(*packages: str) -> None:
 
 
 def install_command(*extras: str) -> str:
-    """The command that adds extras to this installation, from its own source: a checkout, a wheel or an index."""
+    """The command that adds extras to this installation from its source: a checkout, a wheel or an index."""
     named = f"{PROJECT}[{','.join(extras)}]"
     origin = _origin()
     url = origin.get("url", "")
@@ -79,7 +77,7 @@ def missing_packages(*extras: str) -> list[str]:
 
 
 def require(*extras: str) -> None:
-    """Raise StartError with the command that installs them if packages of these extras are missing."""
+    """Raise StartError, with the command to install them, if packages of these extras are missing."""
     if missing := missing_packages(*extras):
         named = ", ".join(missing[:3]) + (f" and {len(missing) - 3} more" if missing[3:] else "")
         are = "is" if len(missing) == 1 else "are"
@@ -87,7 +85,7 @@ def require(*extras: str) -> None:
 
 
 def explained(error: ModuleNotFoundError, extras: Sequence[str]) -> StartError | None:
-    """Install command for the missing modules of a command with these extras; None if that would not help."""
+    """Error with the install command for the missing module of a command; None if its extras would not help."""
     module = (error.name or "").partition(".")[0]
     if not module or module.startswith(PROJECT) or not extras:
         return None
@@ -95,7 +93,7 @@ def explained(error: ModuleNotFoundError, extras: Sequence[str]) -> StartError |
 
 
 def _supported(package: str) -> tuple[str, str]:
-    """The first version that is supported and the first that is not, by the narrowest requirement in pyproject.toml."""
+    """The first supported version and the first unsupported one, from the narrowest requirement in pyproject.toml."""
     pattern = re.compile(rf"{package}(?:\[\w+\])?([<>=][^;]*)")
     requirements = filter(None, map(pattern.match, distribution(PROJECT).requires or ()))
     found = (dict(re.findall(r"(>=|<)([\d.]+)", requirement[1])) for requirement in requirements)
@@ -115,7 +113,7 @@ def _is_installed(name: str) -> bool:
 
 
 def _origin() -> dict[str, Any]:
-    """The source of this installation (PEP 610); empty for an index."""
+    """The source of this installation (PEP 610); empty if it came from an index."""
     origin: dict[str, Any] = json.loads(distribution(PROJECT).read_text("direct_url.json") or "{}")
     return origin
 

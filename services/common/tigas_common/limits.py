@@ -1,4 +1,4 @@
-"""Limits: of HTTP/1.1 servers, on rates and concurrent work of clients, and on slow senders."""
+"""Limits for HTTP/1.1 servers, for clients' rates and concurrent work, and for slow senders."""
 
 from __future__ import annotations
 
@@ -14,65 +14,66 @@ from pydantic import BaseModel, ConfigDict, Field
 from tigas_common.errors import TigasError
 
 SLACK = 3.25
-"""Standard deviations above the mean that one process may take. Clients fall on processes at random: with the mean
-alone, the fullest process refuses them long before the limit. With this, 64 clients of one address are all admitted at
-6 or 12 processes in more than 99 % of cases, and no distribution admits more than two and a half times as many.
+"""Standard deviations above the mean that one process may serve. Clients are distributed over processes at random: with
+the mean alone, the fullest process would refuse clients long before the limit. With this slack, 64 clients of one
+address are all admitted by 6 or 12 processes in more than 99 % of cases, and no distribution admits more than two and a
+half times the limit.
 """
 
 Client = TypeVar("Client", bound=Hashable)
 
 
 def quota(total: int, processes: int) -> int:
-    """One process' part of a limit that several processes enforce separately."""
+    """One process's part of a limit that several processes enforce independently."""
     mean = total / processes
     return min(total, math.ceil(mean + SLACK * math.sqrt(mean)))
 
 
 class ServiceHttpLimits(BaseModel):
-    """The setting `http_limits` of every service, a table in its table of `tigas.toml`.
+    """The setting `http_limits` of every service, a sub-table of its table in `tigas.toml`.
 
-    The defaults suit some twenty viewers behind one address.
+    The defaults suit about twenty viewers behind one address.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     connections: int = Field(default=512, ge=1, le=100_000)
-    """Connections at once; further ones are answered 503."""
+    """Concurrent connections; further ones are answered with 503."""
     connections_per_address: int = Field(default=128, ge=1, le=100_000)
-    """The same of one IPv4 address, or one /64 of IPv6."""
+    """Concurrent connections of one IPv4 address or one /64 of IPv6."""
     loop_share_per_address: float = Field(default=0.2, gt=0, le=1)
-    """The share of the event loop's time that one address may use in the long run, frames aside."""
+    """Share of the event loop's time that one address may use in the long run, not counting frames."""
 
 
 class HttpLimits(ServiceHttpLimits):
-    """All limits of a server. Those below are no settings; they let an upload through at 50 kbit/s.
+    """All limits of a server. Those below are not configurable; they admit an upload at 50 kbit/s.
 
     Times are in seconds.
     """
 
     header_s: float = 10.0
-    """For a request's headers to be complete, and for TLS to begin and to end."""
+    """Until a request's headers are complete, and for each TLS handshake and shutdown."""
     body_s: float = 30.0
-    """For the next part of a request's body."""
+    """Until the next part of a request's body."""
     body_bytes_per_s: float = 500.0
-    """Lasting rate below which a body is given up although its parts arrive in time."""
+    """Sustained rate below which a body is abandoned even if its parts arrive in time."""
     idle_s: int = 5
-    """For the next request on a connection."""
+    """Until the next request on a connection."""
     unread_s: float = 30.0
-    """For a client that does not read its responses (on Linux)."""
+    """Until a client reads its responses (on Linux)."""
 
     @classmethod
     def of(cls, settings: ServiceHttpLimits) -> Self:
         return cls(**settings.model_dump())
 
     def of_each(self, processes: int) -> Self:
-        """The limits of each of several processes, which count by themselves."""
+        """The limits of each of several processes, which count independently."""
         counts = ("connections", "connections_per_address")
         return self.model_copy(update={name: quota(getattr(self, name), processes) for name in counts})
 
 
 class RateLimit(Generic[Client]):
-    """A token bucket for each client. Full buckets are dropped.
+    """A token bucket for each client. Full buckets are forgotten.
 
     `rate` is the amount per second in the long run, and `burst_s` the number of seconds' worth that may be used at
     once.
@@ -80,7 +81,7 @@ class RateLimit(Generic[Client]):
 
     def __init__(self) -> None:
         self._full_at: dict[Client, float] = {}
-        """The time at which each bucket is full again, the least recently used first."""
+        """When each bucket will be full again, least recently used first."""
 
     def __len__(self) -> int:
         return len(self._full_at)
@@ -90,14 +91,14 @@ class RateLimit(Generic[Client]):
         return max(0.0, max(now, self._full_at.get(client, now)) + amount / rate - (now + burst_s))
 
     def use(self, client: Client, now: float, rate: float, amount: float = 1.0) -> None:
-        """Count an amount, allowed or not; a negative one is given back."""
+        """Count an amount, whether allowed or not; a negative one is refunded."""
         full_at = max(now, self._full_at.pop(client, now)) + amount / rate
         self._full_at[client] = full_at
         while self._full_at and (first := next(iter(self._full_at.items())))[1] <= now:
             del self._full_at[first[0]]
 
     def allows(self, client: Client, now: float, rate: float, burst_s: float) -> bool:
-        """Return whether a client may act once more now, which is then counted."""
+        """Return whether a client may act once more now, and count it if so."""
         if self.delay(client, now, rate, burst_s) > 0:
             return False
         self.use(client, now, rate)
@@ -114,7 +115,7 @@ class ConcurrencyLimit:
 
     @contextmanager
     def one_more(self, client: str, refusal: TigasError) -> Iterator[None]:
-        """Count one item, as a context manager. Raises `refusal` above the limit."""
+        """Context manager that counts one item. Raises `refusal` above the limit."""
         if self._running.total() >= self._most or self._running[client] >= self._most_per_client:
             raise refusal
         self._running[client] += 1
@@ -130,15 +131,15 @@ class ConcurrencyLimit:
 class IdleTimeout:
     """Expires after `seconds` without progress, or below a sustained rate of `bytes_per_s`.
 
-    A higher rate does not add up: after any amount of data, silence is limited to `seconds`.
+    A higher rate earns no credit: after any amount of data, silence is limited to `seconds`.
     """
 
     seconds: float
     bytes_per_s: float
     now: float
-    """When it begins, on any clock that counts seconds."""
+    """Start, on any clock that counts seconds."""
     until: float = field(init=False)
-    """When it ends, on the same clock."""
+    """Expiry, on the same clock."""
 
     def __post_init__(self) -> None:
         self.until = self.now + self.seconds

@@ -1,4 +1,4 @@
-"""A share of the event loop for each address, so that no client's HTTP requests hold up the clients of others."""
+"""A share of the event loop for each address, so that one client's HTTP requests do not hold up those of others."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from tigas_common.origins import OriginPolicy
 from tigas_common.proxy import refuse
 
 BURST_S = 0.1
-"""Seconds of the loop that an address may use at once: more than it takes to open the page."""
+"""Seconds of the loop that an address may use at once: more than opening the page takes."""
 EXPECTED_S = 0.002
-"""Assumed use of a request until it ends."""
+"""Cost charged for a request in advance, in seconds."""
 OUTSIDE_S = 0.0005
-"""A request's use outside of the application: parsing, and writing the answer."""
+"""Seconds that a request costs outside the application, for parsing and for writing the answer."""
 MAX_WAIT_S = 2.0
-"""Seconds for which a request waits for its address's share before it is refused. Refusals are delayed by as much, to
-slow down clients that retry at once.
+"""Seconds for which a request waits for its address's share before it is refused. Refusals are delayed as long, to slow
+down clients that retry at once.
 """
 FRAMES = "/render"
 
@@ -45,7 +45,7 @@ class LoopShare:
         busy_clock: Callable[[], float] = time.thread_time,
         sleep: Callable[[float], Coroutine[Any, Any, None]] = asyncio.sleep,
     ) -> None:
-        """share: of the loop's time, 0 to 1. origins: which pages may read a refusal."""
+        """share: of the loop's time, 0 to 1. origins: pages that may read a refusal."""
         self._app = app
         self._share = share
         self._origins = origins
@@ -85,7 +85,7 @@ class LoopShare:
 
 
 class _Meter:
-    """Adds up how long a coroutine's steps take."""
+    """Measures how long a coroutine's steps take in total."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self.seconds = 0.0
@@ -93,7 +93,7 @@ class _Meter:
 
     @coroutine
     def run(self, work: Coroutine[Any, Any, None]) -> Generator[Any, Any, None]:
-        """Await the work, step by step."""
+        """Await the work, one step at a time."""
         step: Callable[[Any], Any] = work.send
         value: Any = None
         while True:

@@ -1,7 +1,7 @@
-"""Prometheus metrics of every service at `/metrics`: its build, its process, and its HTTP requests.
+"""Prometheus metrics at `/metrics`, in every service: its build, its process and its HTTP requests.
 
-A service adds its own collectors. They read its state on request, so that a frame costs an addition at most; labels are
-names known to the service, never text from a request.
+Services add their own collectors, which read their state on request, so that a frame costs an addition at most. Labels
+are names known to the service, never text from a request.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ from tigas_common.web import NO_STORE, TEXT, described
 
 METHODS = frozenset({"DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT"})
 OTHER = "other"
-"""The label of a path that no route has, of an unusual method, and of scenes beyond the first MOST_SCENES."""
+"""Label for paths without a route, unusual methods, and scenes beyond the first MOST_SCENES."""
 MOST_SCENES = 200
-"""Maximum number of scenes with figures of their own: files may appear and disappear during a service's lifetime."""
+"""Maximum number of scenes with their own metrics: files may appear and disappear during a service's lifetime."""
 Family = TypeVar("Family", CounterMetricFamily, GaugeMetricFamily)
 RESPONSE_BUCKETS = (0.005, 0.02, 0.1, 0.5, 2, 10)
-"""Seconds."""
+"""Histogram buckets of response times, in seconds."""
 
 disable_created_metrics()  # type: ignore[no-untyped-call]  # a time series for each counter, which Prometheus' own functions make no use of
 
 
 def new_registry(service: str, *collectors: Collector) -> CollectorRegistry:
-    """A registry with these collectors, and with the build and the process of a service."""
+    """A registry with these collectors and those for the service's build and process."""
     registry = CollectorRegistry()
     ProcessCollector(registry=registry)
     for collector in (_Build(service), *collectors):
@@ -56,14 +56,14 @@ def new_registry(service: str, *collectors: Collector) -> CollectorRegistry:
 def metrics_route(registry: CollectorRegistry) -> Route:
     @described(gives=(TEXT,))
     async def metrics(request: Request) -> Response:
-        """Figures for Prometheus, in its text format."""
+        """Metrics for Prometheus, in its text format."""
         return Response(generate_latest(registry), media_type=CONTENT_TYPE_LATEST, headers=NO_STORE)
 
     return Route("/metrics", metrics)
 
 
 def labelled_gauge(name: str, help: str, label: str, values: Mapping[str, float]) -> GaugeMetricFamily:
-    """A gauge with a value for each value of a label."""
+    """A gauge with one time series for each value of a label."""
     return _labelled(GaugeMetricFamily(name, help, labels=[label]), values)
 
 
@@ -78,13 +78,13 @@ def _labelled(family: Family, values: Mapping[str, float]) -> Family:
 
 
 class SceneNames:
-    """Names of scenes as labels, which are bounded in number."""
+    """Scene names as labels, limited in number."""
 
     def __init__(self) -> None:
         self._known: set[str] = set()
 
     def label(self, scene: str) -> str:
-        """Label of an existing scene."""
+        """The label of an existing scene."""
         if scene not in self._known:
             if len(self._known) >= MOST_SCENES:
                 return OTHER
@@ -93,12 +93,12 @@ class SceneNames:
 
 
 class CountedRequests:
-    """ASGI middleware around a whole application: counts HTTP requests by the route that answered them."""
+    """ASGI middleware around a whole application that counts HTTP requests by the route that answered them."""
 
     def __init__(
         self, app: ASGIApp, routes: Iterable[BaseRoute], registry: CollectorRegistry, besides: str | None = None
     ) -> None:
-        """routes: the application's; besides: a path counted elsewhere."""
+        """routes: the application's; besides: a path that is counted elsewhere."""
         self._app = app
         self._besides = besides
         self._paths: dict[object, str] = {

@@ -1,7 +1,7 @@
-"""Heavy work in another process, within limits: checking a file or drawing a report takes a processor for seconds.
+"""Heavy work in another process, within limits: checking a file or drawing a report keeps a processor busy for seconds.
 
-Python lets one thread compute at a time, so here it would stop the service. anyio keeps the worker process for the next
-piece of work and ends it with the service.
+Python computes in one thread at a time, so such work would stall the service. anyio keeps the worker process for
+further work and ends it with the service.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tigas_common.errors import Overloaded, TooCostly
 from tigas_common.resources import give_back
 
 NICE = 10
-"""The priority of work with a limit: frames go first."""
+"""Nice value of work with a limit, as frames take priority."""
 
 T = TypeVar("T")
 Ts = TypeVarTuple("Ts")
@@ -29,26 +29,28 @@ Ts = TypeVarTuple("Ts")
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """Memory and processor time that a piece of work may take in addition to the worker's present use."""
+    """Memory and processor time that a task may take beyond the worker's current use."""
 
     memory: int
     """Bytes."""
     cpu_s: int
-    """Of all its threads."""
+    """Seconds, of all its threads."""
 
 
 class Offload(Protocol):
-    """A function that does such work, in a process of its own or, in tests, in this one."""
+    """A function that runs such work in a separate process or, in tests, in this one."""
 
     async def __call__(self, function: Callable[[*Ts], T], *arguments: *Ts, limit: Limit | None = None) -> T:
-        """Call a module's function in the worker process, and return its result or raise its error, but no OSError."""
+        """Call a module's function in the worker process. Returns its result or raises its error, which must not be an
+        OSError.
+        """
 
 
 async def offload_to_process(function: Callable[[*Ts], T], *arguments: *Ts, limit: Limit | None = None) -> T:
-    """Run in another process; killed there if cancelled, or if it exceeds the limit.
+    """Run a function in another process, which is killed if cancelled or over the limit.
 
-    Raises TooCostly if it is ended under a limit; Overloaded if the process cannot be started, or is ended
-    without one.
+    Raises TooCostly if a process with a limit is killed; Overloaded if it cannot be started, or is killed without a
+    limit.
     """
     try:
         if limit:
@@ -67,14 +69,14 @@ async def offload_to_process(function: Callable[[*Ts], T], *arguments: *Ts, limi
 
 def _within(limit: Limit, function: Callable[[*Ts], T], *arguments: *Ts) -> T:
     os.setpriority(os.PRIO_PROCESS, 0, NICE)
-    with suppress(OSError):  # on low memory the system may end other processes at its own choice
+    with suppress(OSError):  # when memory is short, the system may choose other processes
         Path("/proc/self/oom_score_adj").write_text("1000")
     try:
         with _limited(limit):
             return function(*arguments)
     except (Exception, KeyboardInterrupt, SystemExit):
         raise
-    except BaseException:  # a panic in Rust code, which takes it for granted that small things can be allocated
+    except BaseException:  # a panic in Rust code, which expects small allocations to succeed
         raise MemoryError from None
     finally:
         give_back()
@@ -82,15 +84,15 @@ def _within(limit: Limit, function: Callable[[*Ts], T], *arguments: *Ts) -> T:
 
 @contextmanager
 def _limited(limit: Limit) -> Iterator[None]:
-    """Have the system end this process if it takes more meanwhile. Only Linux holds a process to its memory."""
+    """Have the system end this process if it exceeds the limit. Only Linux enforces the memory limit."""
     if sys.platform != "linux":
         yield
         return
     import resource
 
-    # Rust code would print where it was when memory ran out, which takes memory, and then waits for itself for ever.
+    # On running out of memory, Rust code would print a backtrace, which needs memory, and then deadlock.
     os.environ["RUST_BACKTRACE"] = "0"
-    # Limits written memory, not addresses: libraries reserve gigabytes of these for their threads.
+    # RLIMIT_DATA limits written memory, not addresses: libraries reserve gigabytes of these for their threads.
     kinds = {
         resource.RLIMIT_DATA: _data_bytes() + limit.memory,
         resource.RLIMIT_CPU: int(time.process_time()) + 1 + limit.cpu_s,
@@ -108,6 +110,6 @@ def _limited(limit: Limit) -> Iterator[None]:
 
 
 def _data_bytes() -> int:
-    """Private writable memory of the process, as counted by RLIMIT_DATA."""
+    """Private writable memory of the process in bytes, as counted by RLIMIT_DATA."""
     status = Path("/proc/self/status").read_text()
     return 1024 * int(next(line for line in status.splitlines() if line.startswith("VmData:")).split()[1])

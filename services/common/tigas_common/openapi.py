@@ -1,4 +1,4 @@
-"""Description of a service's API from its routes, docstrings and types: OpenAPI 3.1, and an index of paths."""
+"""A service's API description, from its routes, docstrings and types: OpenAPI 3.1, and an index of paths."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ REFERENCE = "#/components/schemas/{model}"
 
 Use = Literal["validation", "serialization"]
 Schema = tuple[type[BaseModel], Use]
-"""A model, as input or as output."""
+"""A model, as input or output."""
 PROBLEM: Schema = (Problem, "serialization")
 References: TypeAlias = "dict[Any, dict[str, Any]]"
 Content: TypeAlias = "type[BaseModel] | type[list[BaseModel]] | tuple[str, ...]"
-"""A body: a model, a list of a model's, or media types."""
+"""A body: a model, a list of models, or media types."""
 
 
 def openapi(name: str) -> Route:
-    """The route that describes the others of its application."""
+    """The route that describes the other routes of its application."""
 
     document: asyncio.Task[Tagged] | None = None
 
     @described(gives=(JSON,), also=HAS_IT_ALREADY)
     async def openapi(request: Request) -> Response:
-        """This service's requests and answers, as OpenAPI 3.1."""
+        """This service's requests and responses, as OpenAPI 3.1."""
         nonlocal document
-        if document is None:  # once, in a thread: it takes up to a tenth of a second
+        if document is None:  # once, in a thread, as it takes up to a tenth of a second
             document = asyncio.create_task(asyncio.to_thread(_encoded, name, request.app.routes))
         return (await asyncio.shield(document)).answer(request)
 
@@ -47,7 +47,7 @@ def openapi(name: str) -> Route:
 
 
 def index(name: str) -> Route:
-    """The index at `/` of a service without a page: its routes, each with the first line of its docstring."""
+    """The index at `/` for a service without a page: its routes, each with the first line of its docstring."""
 
     @described(gives=(TEXT,))
     async def listing(request: Request) -> Response:
@@ -126,7 +126,7 @@ def _methods(route: Route) -> list[str]:
 
 
 def _docstring(route: Route) -> tuple[str, str]:
-    """The first line, and the rest."""
+    """The first line of an endpoint's docstring, and the rest."""
     summary, _, rest = (inspect.getdoc(route.endpoint) or "").partition("\n")
     return summary, rest.strip()
 
@@ -136,12 +136,12 @@ def _documentation(route: Route) -> described:
 
 
 def _given(route: Route) -> Content:
-    """The body of its answers, if any."""
+    """The body of a route's responses, if any."""
     answer = get_type_hints(route.endpoint).get("return") if inspect.isroutine(route.endpoint) else None
     return get_args(answer)[0] if get_origin(answer) is ModelResponse else _documentation(route).gives
 
 
 def _model(content: Any) -> type[BaseModel]:
-    """A model itself, or that of a list."""
+    """The model itself, or the one in a list."""
     model: type[BaseModel] = get_args(content)[0] if get_origin(content) is list else content
     return model

@@ -1,7 +1,7 @@
-"""Access from browsers: the hosts that a service answers under, and the web pages that may use it.
+"""Access control for browsers: the host names that a service answers to, and the web pages that may use it.
 
-Without these checks, any visited page could use services on the visitor's machine: the browser sends its requests, and
-treats it as our own page once its name resolves to this machine (DNS rebinding).
+Without these checks, any page could use services on its visitor's machine: the browser sends the page's requests, and
+considers them same-origin once the page's name resolves to this machine (DNS rebinding).
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 """Safe methods (RFC 9110, 9.2.1)."""
 SECURITY_HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
-    # Not `no-referrer`, nor `same-origin`: beacons to a service on another port would say that they come from nowhere.
+    # Not `no-referrer` or `same-origin`: beacons to a service on another port would then have a null origin.
     "Referrer-Policy": "strict-origin",
     "X-Content-Type-Options": "nosniff",
 }
 NOTHING = "default-src 'none'"
-"""The content security policy of an answer that is no page."""
+"""Content security policy of answers that are not pages."""
 
 
 class ForeignHost(TigasError):
@@ -41,19 +41,19 @@ class ForeignOrigin(TigasError):
 
 @dataclass(frozen=True, slots=True)
 class OriginPolicy:
-    """Pages of the service's own host may use it, on any port; others if `pages` names them.
+    """Which pages may use a service: those of its own hosts, on any port, and those listed in `pages`.
 
-    Its own hosts are loopback, every address, since no name server can make one lead elsewhere, and the names below.
+    Its own hosts are loopback, every IP address, since DNS cannot redirect one, and the names below.
     """
 
     hosts: frozenset[str] = frozenset()
-    """Names, in small letters."""
+    """Host names, in lower case."""
     pages: tuple[str, ...] = ()
-    """Origins, as browsers name them. Origins of other machines may also embed the service's pages in a frame."""
+    """Origins, as browsers spell them. Origins of other machines may also embed the service's pages in a frame."""
     on_network: bool = False
-    """Names that only the local network can resolve (`labhost`, `lab.local`) count as own names."""
+    """Whether names that only the local network can resolve (`labhost`, `lab.local`) count as own names."""
     programs: bool = True
-    """Whether changes may be requested without an origin, as by programs other than browsers."""
+    """Whether requests without an origin, as from programs other than browsers, may change anything."""
 
     @classmethod
     def of(
@@ -64,14 +64,14 @@ class OriginPolicy:
         *,
         programs: bool = True,
     ) -> OriginPolicy:
-        """The policy of a service that listens on these addresses."""
+        """The policy for a service that listens on these addresses."""
         names = [address.host for address in listening]
         on_network = not all(map(is_loopback, names))
         own = [*names, socket.gethostname()] if on_network else names
         return cls(frozenset(name.lower() for name in (*own, *hosts)), tuple(pages), on_network, programs)
 
     def check(self, host: str, origin: str | None, *, changes: bool = True) -> None:
-        """Check a request with this Host and Origin; `changes`: it uses an unsafe method.
+        """Check a request's Host and Origin; `changes`: whether it uses an unsafe method.
 
         Raises ForeignHost and ForeignOrigin.
         """
@@ -85,7 +85,7 @@ class OriginPolicy:
             raise ForeignOrigin(f"Pages of {origin[:60]!r} may not use this service (setting allow_origins).")
 
     def check_request(self, method: str, headers: Headers) -> None:
-        """The same for an HTTP request, using the browser's other headers if it has no Origin."""
+        """Check an HTTP request in the same way, falling back on other headers of browsers if it has no Origin."""
         origin = headers.get("origin")
         self.check(headers.get("host", ""), origin, changes=method not in SAFE_METHODS)
         if origin is None and headers.get("sec-fetch-site") == "cross-site" and not self._is_visit(method, headers):
@@ -93,7 +93,7 @@ class OriginPolicy:
 
     @property
     def frame_ancestors(self) -> str:
-        """The directive with the origins that may embed an answer in a frame."""
+        """The directive that lists the origins allowed to embed an answer in a frame."""
         return "frame-ancestors " + (" ".join(self._embedders) or "'none'")
 
     @property
@@ -106,15 +106,15 @@ class OriginPolicy:
         )
 
     def _is_visit(self, method: str, headers: Headers) -> bool:
-        """Whether the request follows a link, or embeds us in a frame of an allowed page."""
+        """Whether the request follows a link, or embeds the service in a frame of an allowed page."""
         shown_in = {"document", "iframe"} if self._embedders else {"document"}
         navigates = method in SAFE_METHODS and headers.get("sec-fetch-mode") == "navigate"
         return navigates and headers.get("sec-fetch-dest") in shown_in
 
 
 class OriginCheck:
-    """ASGI middleware around a whole application: refuses requests against the policy, lets allowed pages read the
-    answers, and adds the headers that keep other pages from using them.
+    """ASGI middleware around a whole application. Refuses requests that violate the policy, lets allowed pages read the
+    answers, and adds headers that keep other pages from using them.
     """
 
     def __init__(self, app: ASGIApp, policy: OriginPolicy) -> None:
@@ -153,9 +153,9 @@ class OriginCheck:
 
 
 def _readable(app: ASGIApp, origin: str) -> ASGIApp:
-    """The application for an allowed page of another origin: to most services the page is one, by its port."""
+    """Wrap the application for an allowed page of another origin, such as the TIGAS page on its own port."""
     methods = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE"]
-    # of frames, and of parts of scenes, that a page of the cluster's asks a host for; and of uploads
+    # headers of frames, of parts of scenes that a cluster's page requests from a host, and of uploads
     exposed = ["Server-Timing", "Tigas-Frame", "Content-Range", "ETag", "Location", "Upload-Offset", "Upload-Length"]
     return CORSMiddleware(
         app, allow_origins=[origin], allow_methods=methods, allow_headers=["*"], expose_headers=exposed

@@ -1,4 +1,4 @@
-"""Parses bytes as wire models, with one sentence for any fault."""
+"""Parsing of bytes into wire models, with one sentence for any error."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from pydantic import TypeAdapter, ValidationError
 from tigas_common.errors import BodyTooLarge, InvalidRequest
 
 MAX_BODY = 16 * 1024
-"""The largest request body, in bytes, unless a service takes more."""
+"""Maximum size of a request body in bytes, unless a service accepts more."""
 
 MOST_ERRORS = 1000
-"""Of more, pydantic's account takes a hundred times as much memory as the text that has them."""
+"""Beyond this number, pydantic's report takes a hundred times as much memory as the text with the errors."""
 
 Message = TypeVar("Message")
 
 
 def parse(kind: type[Message], body: bytes, limit: int = MAX_BODY) -> Message:
-    """Read a message, a wire model or dataclass, from JSON.
+    """Parse a message, a wire model or dataclass, from JSON.
 
-    Raises BodyTooLarge over `limit` bytes, and InvalidRequest naming the first field that is wrong.
+    Raises BodyTooLarge over `limit` bytes, and InvalidRequest naming the first invalid field.
     """
     if len(body) > limit:
         raise BodyTooLarge(f"The body has {len(body)} bytes; the limit is {limit}.")
@@ -33,9 +33,9 @@ def parse(kind: type[Message], body: bytes, limit: int = MAX_BODY) -> Message:
 
 
 def sentence(error: ValidationError) -> str:
-    """The first thing that is wrong, with the field that it concerns; of very many, only how many they are."""
+    """Describe the first error and its field; of very many, only their number."""
     if error.error_count() > MOST_ERRORS:
-        return f"There are errors in {error.error_count():,} places."
+        return f"There are {error.error_count():,} errors."
     first = error.errors(include_url=False, include_input=False, include_context=False)[0]
     where = ".".join(legible(str(part), 60) for part in first["loc"])
     what = legible(first["msg"].removeprefix("Value error, "), 250)
@@ -44,9 +44,7 @@ def sentence(error: ValidationError) -> str:
 
 
 def legible(text: str, most: int) -> str:
-    """A client's text in quotable form on one line: cut to `most` characters, with console control sequences
-    escaped.
-    """
+    """A client's text, quotable on one line: cut to `most` characters, with control sequences escaped."""
     text = text if len(text) <= most else f"{text[: most - 1]}…"
     return text if text.isprintable() else ascii(text)[1:-1]
 

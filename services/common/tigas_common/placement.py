@@ -1,4 +1,4 @@
-"""Scenes on several servers, engines of a host or hosts of a cluster: which serve a scene, and their lists as one."""
+"""Placement of scenes on several servers, engines of a host or hosts of a cluster, and merging of their scene lists."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ WIDEN_S = 1.0
 NARROW_S = 30.0
 """Seconds of ease on all places of a scene before it loses one."""
 MOST_NARROW_S = 480.0
-"""The same after a premature reduction: it doubles each time."""
+"""Upper limit of that time, which doubles after each premature reduction."""
 MAX_NAME = 256
-"""Characters of a scene's id that count, as clients choose it; a real one has at most 128."""
+"""Significant characters of a scene's id, as clients choose it; real ones have at most 128."""
 MOST_SCENES = 1024
 """Maximum number of scenes remembered; the least recently requested one is dropped."""
 
 STATES = ("loaded", "loading", "unloaded", "broken")
-"""The states of a scene, the best first. The best one on any server counts."""
+"""The states of a scene, best first. The best one on any server counts."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A server of scenes: a device to an edge, a host to a director."""
+    """A server that can hold scenes: a device for an edge process, a host for a director."""
 
     name: str
     pressed: bool = False
-    """It reports full load."""
+    """Whether it reports full load."""
     at_ease: bool = True
-    """It reports capacity for at least as much again."""
+    """Whether it reports capacity for at least twice its load."""
 
 
 def ranked(scene: str, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -55,7 +55,7 @@ def _weight(key: str, name: str) -> bytes:
 
 @dataclass
 class _Width:
-    """How many places a scene has, and since when (by the clock) it would need more or fewer."""
+    """How many places a scene has, and since when it would need more or fewer."""
 
     asked: float
     places: int = 1
@@ -66,18 +66,18 @@ class _Width:
 
 
 class Placement:
-    """Orders places for each scene, and remembers how many it needs."""
+    """Orders the places of each scene, and remembers how many it needs."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         """clock: in seconds."""
         self._clock = clock
         self._widths: OrderedDict[str, _Width] = OrderedDict()
-        """For scenes that have, had lately, or may soon have more than one place."""
+        """Scenes that have, recently had, or may soon need more than one place."""
 
     def places(self, scene: str, up: Sequence[Candidate]) -> list[str]:
         """The names of the scene's available places, best first; empty if none is up.
 
-        Must be called for every request or new viewer: durations of pressure are measured between the calls.
+        Call this for every request or new viewer, as the duration of pressure is measured between calls.
         """
         if not up:
             return []
@@ -110,7 +110,7 @@ class Placement:
     def _width(self, scene: str, now: float) -> _Width:
         width = self._widths.setdefault(scene, _Width(now))
         self._widths.move_to_end(scene)
-        if now - width.asked > WIDEN_S:  # without requests meanwhile
+        if now - width.asked > WIDEN_S:  # no requests in the meantime
             width.pressed_since = None
             width.calm_since = width.asked if width.calm_since is None else width.calm_since
         width.asked = now
@@ -136,7 +136,7 @@ def _narrow(width: _Width, now: float) -> None:
 
 
 def merged_scenes(lists: Iterable[Sequence[SceneInfo]]) -> list[SceneInfo]:
-    """Merge several servers' lists into one, sorted by id."""
+    """Merge the scene lists of several servers into one, sorted by id."""
     found: dict[str, list[SceneInfo]] = {}
     for infos in lists:
         for info in infos:
@@ -145,7 +145,7 @@ def merged_scenes(lists: Iterable[Sequence[SceneInfo]]) -> list[SceneInfo]:
 
 
 def merged_scene(infos: Sequence[SceneInfo]) -> SceneInfo:
-    """Merge several servers' descriptions of a scene. Facts that are known after loading may come from any of them."""
+    """Merge several servers' descriptions of a scene. Facts known only after loading may come from any of them."""
     best = min(infos, key=lambda info: STATES.index(info.state))
     known = {
         name: next((value for info in infos if (value := getattr(info, name)) is not None), None)

@@ -1,4 +1,4 @@
-"""The camera's pose and intrinsics, in OpenCV's axes: x right, y down, z forward."""
+"""Camera pose and intrinsics, in OpenCV's axes: x right, y down, z forward."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Matrix3 = tuple[Vector3, Vector3, Vector3]
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where a camera is and how it is turned: the camera-to-world transform, in the scene's own frame and units."""
+    """A camera's position and orientation: the camera-to-world transform, in the scene's own frame and units."""
 
     position: Vector3
     """The camera's centre, in scene units."""
@@ -38,7 +38,7 @@ class Pose:
 
     @classmethod
     def from_quaternion(cls, position: Vector3, quaternion: tuple[float, float, float, float]) -> Pose:
-        """A pose from a camera-to-world quaternion [x, y, z, w] of any length but zero.
+        """Create a pose from a camera-to-world quaternion [x, y, z, w], which need not be normalised.
 
         Raises ValueError if the quaternion is zero.
         """
@@ -61,8 +61,8 @@ class Pose:
     def quaternion(self) -> tuple[float, float, float, float]:
         """The rotation as a unit quaternion [x, y, z, w], camera to world.
 
-        Shepperd's method: divide by the largest of the four, so that nothing cancels (J. Guidance and Control 1,
-        1978).
+        Shepperd's method divides by the largest of the four components, so that nothing cancels (J. Guidance and
+        Control 1, 1978).
         """
         (a, b, c), (d, e, f), (g, h, i) = self.rotation
         x, y, z, w = 1 + a - e - i, 1 - a + e - i, 1 - a - e + i, 1 + a + e + i
@@ -73,9 +73,10 @@ class Pose:
 
     @classmethod
     def look_at(cls, position: Vector3, target: Vector3, up: Vector3) -> Pose:
-        """A pose at `position` that sees `target` in its centre, with `up` pointing up in the picture.
+        """Create a pose at `position` with `target` in the centre of the image and `up` pointing up.
 
-        Raises ValueError if the target is the position itself. A direction along `up` gets any level right-hand axis.
+        Raises ValueError if the target equals the position. If the view is along `up`, any level right-hand axis is
+        used.
         """
         forward = _normalised(_minus(target, position))
         right = _cross(forward, up)
@@ -105,12 +106,12 @@ class Intrinsics:
     height: int
 
     def resized(self, width: int, height: int) -> Intrinsics:
-        """The same field of view and centre on an image of another size."""
+        """The same field of view and centre in an image of another size."""
         sx, sy = width / self.width, height / self.height
         return Intrinsics(self.fx * sx, self.fy * sy, self.cx * sx, self.cy * sy, width, height)
 
     def widened(self, margin_x: int, margin_y: int) -> Intrinsics:
-        """The same view with `margin_x` more pixels at the left and right, and `margin_y` at the top and bottom."""
+        """The same view with `margin_x` more pixels on the left and right, and `margin_y` at the top and bottom."""
         return Intrinsics(
             self.fx, self.fy, self.cx + margin_x, self.cy + margin_y,
             self.width + 2 * margin_x, self.height + 2 * margin_y,

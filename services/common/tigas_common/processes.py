@@ -1,4 +1,4 @@
-"""Child processes: command lines, orderly ends, and supervision with restarts."""
+"""Child processes: command lines, orderly shutdown, and supervision with restarts."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ POLL_S = 0.2
 STOP_S = 3
 """Seconds before a service that has not stopped is killed."""
 START_S = 30
-"""Seconds after the first start within which an exit with an error means wrong settings, so no restart would help."""
+"""Seconds after the first start within which an exit with an error means wrong settings, not worth a restart."""
 
 
 def tigas(*arguments: str) -> list[str]:
-    """Return the command line of a `tigas` command of this installation."""
+    """Return the command line for a `tigas` command of this installation."""
     return [sys.executable, "-m", "tigas_common", *arguments]
 
 
 def with_parent(argv: list[str]) -> list[str]:
-    """Return the command line of a process that gets SIGTERM when the thread that starts it ends.
+    """Return the command line for a process that gets SIGTERM when the thread that started it ends.
 
     Without setpriv (util-linux), the parent has to end it.
     """
@@ -39,7 +39,7 @@ def with_parent(argv: list[str]) -> list[str]:
 
 
 def end(process: subprocess.Popen[bytes], timeout_s: float) -> None:
-    """Terminate the leader of a session, and kill its whole process group if it takes longer than `timeout_s`."""
+    """Terminate the leader of a session; kill its whole process group if it takes longer than `timeout_s`."""
     process.terminate()
     try:
         process.wait(timeout_s)
@@ -49,7 +49,7 @@ def end(process: subprocess.Popen[bytes], timeout_s: float) -> None:
 
 
 async def wait_or_kill(process: asyncio.subprocess.Process, timeout_s: float) -> None:
-    """Wait until a process has ended, and kill it if that takes longer than `timeout_s`."""
+    """Wait until a process has ended; kill it if that takes longer than `timeout_s`."""
     try:
         async with asyncio.timeout(timeout_s):
             await process.wait()
@@ -60,9 +60,9 @@ async def wait_or_kill(process: asyncio.subprocess.Process, timeout_s: float) ->
 
 @contextmanager
 def running(argv: list[str], timeout_s: float, **options: Any) -> Iterator[subprocess.Popen[bytes]]:
-    """Run a process until the context ends, or this process is killed.
+    """Run a process until the context ends or this process is killed.
 
-    timeout_s: as of `end`. options: further arguments of Popen.
+    timeout_s: as in `end`. options: further arguments for Popen.
     """
     process = subprocess.Popen(with_parent(argv), start_new_session=True, **options)
     try:
@@ -76,7 +76,7 @@ def running(argv: list[str], timeout_s: float, **options: Any) -> Iterator[subpr
 
 @contextmanager
 def terminated_as_interrupted() -> Iterator[None]:
-    """Raise KeyboardInterrupt for SIGTERM as for Ctrl+C, so that contexts clean up; an event loop may take both."""
+    """Raise KeyboardInterrupt for SIGTERM as for Ctrl+C, so that contexts clean up. An event loop may override both."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield
@@ -85,24 +85,24 @@ def terminated_as_interrupted() -> Iterator[None]:
 
 
 def end_as_ctrl_c() -> None:
-    """Handle SIGTERM like Ctrl+C, and restore Ctrl+C in background jobs of scripts, so that every end cleans up."""
+    """Handle SIGTERM like Ctrl+C, and restore Ctrl+C in background jobs of scripts, so that any end cleans up."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
 
 
 class BackOff:
-    """The delay before each restart: doubled each time, unless the last end is WINDOW_S ago."""
+    """The delay before each restart, doubled for every exit within the last WINDOW_S seconds."""
 
     FIRST_S = 0.5
     ENDS = 5
-    """The number of ends within WINDOW_S that is too many."""
+    """The number of exits within WINDOW_S that is too many."""
     WINDOW_S = 60.0
 
     def __init__(self) -> None:
         self._ends: deque[float] = deque()
 
     def ended(self, now: float) -> float | None:
-        """Return the delay after an end at this time, in seconds, or None after too many ends."""
+        """Return the delay after an exit at this time, in seconds, or None after too many exits."""
         while self._ends and self._ends[0] <= now - self.WINDOW_S:
             self._ends.popleft()
         self._ends.append(now)
@@ -110,16 +110,16 @@ class BackOff:
 
 
 class Supervised(ABC):
-    """A process that is started again whenever it ends."""
+    """A process that is restarted whenever it exits."""
 
     def __init__(self, name: str) -> None:
-        """name: as it appears in a sentence."""
+        """name: as used in messages."""
         self.name = name
         self._stopping = asyncio.Event()
         self._ended = asyncio.Event()
 
     async def keep(self) -> None:
-        """Run it until `end`. Raises StartError if it is not to be started again."""
+        """Run the process until `end` is called. Raises StartError if it should not be restarted."""
         back_off = BackOff()
         try:
             while not self._stopping.is_set():
@@ -134,7 +134,7 @@ class Supervised(ABC):
             self._ended.set()
 
     async def end(self, timeout_s: float) -> None:
-        """Terminate a process that is being kept, and kill it if it takes longer than `timeout_s`."""
+        """Terminate the process and stop restarting it; kill it if it takes longer than `timeout_s`."""
         self._stopping.set()
         self._signal(signal.SIGTERM)
         with suppress(TimeoutError):
@@ -145,35 +145,35 @@ class Supervised(ABC):
 
     @abstractmethod
     async def _run(self) -> int | OSError:
-        """Run one process to its end, and return its exit status, or the error that kept it from starting."""
+        """Run one process to its end. Returns its exit status, or the error that kept it from starting."""
 
     @abstractmethod
     async def _pause(self, status: int | OSError, delay_s: float | None) -> float:
-        """Return the seconds until the next start. Raises StartError for the end of all attempts.
+        """Return the seconds until the next start. Raises StartError to give up.
 
-        delay_s: the delay of the BackOff; None after too many ends.
+        delay_s: from the BackOff; None after too many exits.
         """
 
     @abstractmethod
     def _signal(self, number: signal.Signals) -> None:
-        """Send a signal to the process, if there is one."""
+        """Send a signal to the process, if it is running."""
 
 
 class Service(Supervised):
-    """A service that others depend on: if it cannot be kept running, they end as well."""
+    """A service that others depend on: if it cannot be kept running, they are stopped too."""
 
     def __init__(self, name: str, start: Callable[[], subprocess.Popen[bytes]]) -> None:
-        """start: starts it as the leader of a session."""
+        """start: starts the process as the leader of a session."""
         super().__init__(name)
         self._start = start
         self._process: subprocess.Popen[bytes] | None = None
         self._first_start: float | None = None
-        """The time of the first start that succeeded."""
+        """Time of the first successful start."""
 
     async def _run(self) -> int | OSError:
         try:
-            process = self._process = self._start()  # not in a worker thread, with which it would end
-        except OSError as error:  # such as a fork for which there was no memory
+            process = self._process = self._start()  # not in a worker thread, as it would end with the thread
+        except OSError as error:  # such as a fork without enough memory
             return error
         if self._first_start is None:
             self._first_start = time.monotonic()
@@ -199,16 +199,16 @@ class Service(Supervised):
         if self._process is None:
             return
         if number == signal.SIGKILL:
-            with suppress(ProcessLookupError):  # it has just ended
+            with suppress(ProcessLookupError):  # it has just exited
                 os.killpg(self._process.pid, number)
         else:
             self._process.send_signal(number)
 
 
 def keep_running(services: Sequence[Service], stop: threading.Event) -> None:
-    """Run services until `stop` is set, then end them, the last one first.
+    """Run services until `stop` is set, then end them in reverse order.
 
-    Raises StartError if a service does not start or ends too often, after ending the others.
+    Raises StartError if a service does not start or exits too often, after ending the others.
     """
     asyncio.run(_keep_running(services, stop))
 

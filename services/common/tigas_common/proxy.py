@@ -1,4 +1,4 @@
-"""A streaming proxy: HTTP requests to another server of TIGAS, and its answers as they come."""
+"""A streaming proxy: forwards HTTP requests to another TIGAS server, and its answers as they arrive."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ HOP_BY_HOP = frozenset(
     (b"connection", b"expect", b"keep-alive", b"proxy-connection", b"te", b"transfer-encoding", b"upgrade")
 )
 OWN_WORDS = frozenset((b"forwarded", b"x-forwarded-for", b"x-forwarded-proto"))
-"""Fields about the client that are written anew, as a client may not choose them."""
+"""Headers about the client, which are rewritten so that clients cannot forge them."""
 TIMEOUTS_S = {"connect": 1.0, "write": 10.0, "pool": 5.0, "read": None}
-"""A large scene takes minutes to load before the answer begins."""
+"""No timeout on reading, as a large scene takes minutes to load before the answer begins."""
 
 
 async def ask(
@@ -34,9 +34,9 @@ async def ask(
     left_out: Collection[bytes] = (),
     silence_s: float | None = None,
 ) -> httpx.Response:
-    """Send a client's request to the server with the base URL `url`, and return the answer, for the caller to close.
+    """Forward a client's request to the server at the base URL `url`, and return the answer, which the caller closes.
 
-    body: whole, or in parts as they come. left_out: lower-case names of fields to leave out. silence_s: the longest
+    body: all of it, or its parts as they arrive. left_out: lower-case names of headers to omit. silence_s: the longest
     pause before and within the answer. The server gets the client's address. Raises httpx.TransportError.
     """
     written = HOP_BY_HOP | OWN_WORDS | ({b"content-length"} if isinstance(body, bytes) else frozenset())
@@ -57,7 +57,7 @@ async def ask(
 
 
 def forwarded(scope: Scope) -> Headers:
-    """Return the fields with the client's address and scheme."""
+    """The headers with the client's address and scheme."""
     headers = [(b"x-forwarded-proto", scope["scheme"].encode())]
     if scope["client"]:
         headers.append((b"x-forwarded-for", scope["client"][0].encode()))
@@ -65,18 +65,18 @@ def forwarded(scope: Scope) -> Headers:
 
 
 def headers_of(answer: httpx.Response) -> Headers:
-    """Return the headers of an answer to pass on, with lower-case names."""
+    """The headers of an answer to pass on, with lower-case names."""
     headers = [(name.lower(), value) for name, value in answer.headers.raw]
     return [each for each in headers if each[0] not in HOP_BY_HOP and each[0] != b"date"]
 
 
 async def hand_back(answer: httpx.Response, headers: Headers, receive: Receive, send: Send) -> None:
-    """Stream a response with these headers. If the client disconnects, drop the rest of the body."""
+    """Stream a response with these headers. If the client disconnects, discard the rest of the body."""
     leaving = asyncio.create_task(until_left(receive))
     try:
         await send({"type": "http.response.start", "status": answer.status_code, "headers": headers})
         async for part in answer.aiter_raw():
-            if leaving.done():  # from now on `send` takes anything at once, of which there may be gigabytes
+            if leaving.done():  # `send` no longer waits then, and the rest may be gigabytes
                 return
             await send({"type": "http.response.body", "body": part, "more_body": True})
         await send({"type": "http.response.body", "body": b""})
@@ -88,7 +88,7 @@ async def hand_back(answer: httpx.Response, headers: Headers, receive: Receive, 
 async def unless(end: Awaitable[object], work: Coroutine[Any, Any, Result]) -> Result | None:
     """Return the result of `work`, or cancel it and return None if `end` is done first.
 
-    A future as `end` is left alone; a coroutine is cancelled after the work.
+    If `end` is a future, it is left alone; a coroutine is cancelled after the work.
     """
     working, ending = asyncio.create_task(work), asyncio.ensure_future(end)
     try:
@@ -97,7 +97,7 @@ async def unless(end: Awaitable[object], work: Coroutine[Any, Any, Result]) -> R
     except asyncio.CancelledError:
         if working.done() and not working.cancelled() and working.exception() is None:
             result = working.result()
-            if isinstance(result, httpx.Response):  # which nobody else will close
+            if isinstance(result, httpx.Response):  # nothing else will close it
                 await result.aclose()
         raise
     finally:
@@ -107,16 +107,16 @@ async def unless(end: Awaitable[object], work: Coroutine[Any, Any, Result]) -> R
 
 
 def client_of(scope: Scope) -> str:
-    """The network of a request's client; empty if it is unknown."""
+    """The network of a request's client; empty if unknown."""
     return client_network(scope["client"][0]) if scope["client"] else ""
 
 
 async def until_left(receive: Receive) -> None:
-    """Wait until a client has left. The rest of its body is dropped."""
+    """Wait until the client has disconnected, and discard the rest of its body."""
     while (await receive())["type"] != "http.disconnect":
         pass
 
 
 async def refuse(error: TigasError, origins: OriginPolicy, scope: Scope, receive: Receive, send: Send) -> None:
-    """Answer with an error, which only allowed pages may read."""
+    """Answer with an error that only allowed pages may read."""
     await OriginCheck(error_response(error), origins)(scope, receive, send)

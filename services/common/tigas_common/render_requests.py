@@ -1,4 +1,4 @@
-"""Requests of programs to a render service, or to the director of a cluster, which names the host of each scene."""
+"""Requests to a render service, or to a cluster's director, which names the host of each scene."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ from tigas_common.wire.render import LadderName, Problem, RenderRequest, SceneIn
 
 TRIES: Final = 5
 LATER: Final = (409, 429, 503)
-"""Superseded by a newer request; rate limited; overloaded."""
+"""Statuses worth retrying: superseded by a newer request; rate limited; overloaded."""
 PAUSE_S: Final = 1.0
 LONGEST_PAUSE_S: Final = 10.0
-"""Default and maximum seconds between two tries."""
+"""Default and maximum pause between two tries, in seconds."""
 LOOK_S: Final = 3.0
-"""Interval of asking the director for a scene's host, in seconds."""
+"""Interval at which the director is asked for a scene's host, in seconds."""
 DOUBT_S: Final = 1.0
-"""Minimum interval of asking it about a host that has refused a request, in seconds."""
+"""Minimum interval at which it is asked about a host that has refused a request, in seconds."""
 ANSWER_S: Final = 1.0
-"""Timeout of its answer in seconds; after that the host is kept."""
+"""Timeout of its answer in seconds, after which the known host is kept."""
 MOST_SCENES: Final = 256
-"""Number of scenes with a known host."""
+"""Maximum number of scenes with a known host."""
 AT_ONCE: Final = 4
-"""Requests that are worth making at once: enough to keep a renderer and the encoders behind it busy."""
+"""Useful number of concurrent requests: enough to keep a renderer and the encoders behind it busy."""
 LOAD_S: Final = 300
 STOP_S: Final = 5
 FRAME_S: Final = 60
 MAX_LIST: Final = 10_000_000
-"""The longest list of scenes that is read, in bytes."""
+"""Maximum size of a scene list, in bytes."""
 
 Message = TypeVar("Message")
 
@@ -52,7 +52,7 @@ class RenderUnavailable(TigasError):
 
 
 class RenderProblem(TigasError):
-    """The render service refused; its own problem is passed on."""
+    """The render service refused a request; its own problem is passed on."""
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem.detail)
@@ -62,7 +62,7 @@ class RenderProblem(TigasError):
 
 
 async def retried(ask: Callable[[], Awaitable[httpx.Response]]) -> httpx.Response:
-    """The first answer that is not for later, or the last one. Raises as `ask` does."""
+    """Repeat a request while the answer's status is in LATER, up to TRIES times. Raises as `ask` does."""
     for _ in range(TRIES - 1):
         answer = await ask()
         if answer.status_code not in LATER:
@@ -75,14 +75,14 @@ async def retried(ask: Callable[[], Awaitable[httpx.Response]]) -> httpx.Respons
 @dataclass(frozen=True, slots=True)
 class _Host:
     name: str | None
-    """Its name; None: there is no cluster."""
+    """Name in the cluster; None outside a cluster."""
     base_url: str
-    """Empty: the service itself."""
+    """Empty for the service itself."""
     asked_at: float
 
 
 class SceneHosts:
-    """The hosts behind one service, which may be the only one."""
+    """The hosts behind one service, which may be its only host."""
 
     def __init__(self, http: httpx.AsyncClient, clock: Callable[[], float] = time.monotonic) -> None:
         """http: with the service's base URL; clock: in seconds."""
@@ -93,9 +93,9 @@ class SceneHosts:
     async def request(
         self, scene: str, method: str, path: str, *, content: str | None, timeout_s: float
     ) -> httpx.Response:
-        """Ask the scene's host; if it is down, full or draining, and the director names another, ask that one.
+        """Ask the scene's host; if it is down, full or draining and the director names another, ask that one.
 
-        timeout_s: for each of them. Raises httpx.HTTPError and httpx.InvalidURL.
+        timeout_s: for each host. Raises httpx.HTTPError and httpx.InvalidURL.
         """
         host = await self._host_of(scene)
         gone: httpx.TransportError | None = None
@@ -123,7 +123,7 @@ class SceneHosts:
         return known
 
     async def _another(self, scene: str, host: _Host, doubt: Literal["silent", "lost"]) -> _Host | None:
-        """Where else it may be, if the director thinks so."""
+        """Another host of the scene, if the director names one."""
         known = self._hosts.get(scene, host)
         if known.base_url == host.base_url and host.name is not None:
             if doubt == "silent" and self._clock() < known.asked_at + DOUBT_S:
@@ -132,9 +132,9 @@ class SceneHosts:
         return known if known.base_url != host.base_url else None
 
     async def _ask(self, scene: str, known: _Host, **about: str) -> _Host:
-        """The director's answer; without one, the previous answer."""
+        """The director's answer, or the known host if it does not answer."""
         if scene in self._hosts:
-            self._hosts[scene] = known = replace(known, asked_at=self._clock())  # so that it is asked once
+            self._hosts[scene] = known = replace(known, asked_at=self._clock())  # concurrent requests need not ask
         try:
             answer = await self._http.get("/config.json", params={"scene": scene, **about}, timeout=ANSWER_S)
             config = parse(ServerConfig, answer.raise_for_status().content, MAX_BODY)
@@ -147,10 +147,10 @@ class SceneHosts:
 
 
 class RenderClient:
-    """A render service, or a cluster's director. Methods raise RenderUnavailable and RenderProblem."""
+    """A client of a render service or a cluster's director. Methods raise RenderUnavailable and RenderProblem."""
 
     def __init__(self, http: httpx.AsyncClient, name: str = "The render service", *, patient: bool = False) -> None:
-        """name: as it appears in errors. patient: a busy service is asked again."""
+        """name: as used in errors. patient: retry while the service is busy."""
         self._http = http
         self._hosts = SceneHosts(http)
         self._name = name
@@ -159,7 +159,7 @@ class RenderClient:
     @classmethod
     @asynccontextmanager
     async def at(cls, url: str) -> AsyncIterator[Self]:
-        """A patient client of a URL during the context, which the caller asks for AT_ONCE frames at most."""
+        """Connect to a URL during the context, with retries. The caller may request AT_ONCE frames at a time."""
         limits = httpx.Limits(max_connections=AT_ONCE)
         async with httpx.AsyncClient(base_url=url, trust_env=False, verify=False, limits=limits) as http:
             yield cls(http, f"The render service at {url}", patient=True)
@@ -171,13 +171,13 @@ class RenderClient:
         return self._parsed(list[SceneInfo], await self._ask(lambda: self._http.get("/scenes", timeout=timeout_s)))
 
     async def load(self, scene: str) -> SceneInfo:
-        """A scene's description, once it is loaded."""
+        """Load a scene, and return its description."""
         path = f"/scenes/{quote(scene, safe='')}/load"
         ask = self._ask(lambda: self._hosts.request(scene, "POST", path, content=None, timeout_s=LOAD_S))
         return self._parsed(SceneInfo, await ask)
 
     async def prepare_download(self, scene: str) -> None:
-        """Have a scene's file made for download, which takes seconds for a large one."""
+        """Have a scene's download file made, which takes seconds for a large one."""
         path, first_byte = f"/scenes/{quote(scene, safe='')}/download/compressed", {"Range": "bytes=0-0"}
         await self._ask(lambda: self._http.get(path, headers=first_byte, timeout=LOAD_S))
 
@@ -211,7 +211,7 @@ class RenderClient:
 
 @contextmanager
 def render_service(device: str = "auto", *, ladder: LadderName = "scene") -> Iterator[str]:
-    """Run a render service on this machine until the context ends, and give its URL. Raises StartError."""
+    """Run a render service on this machine until the context ends, and yield its URL. Raises StartError."""
     options = ["--http", "127.0.0.1:0", "--quic", "off", "--device", device, "--ladder", ladder]
     with running(tigas("render", *options), STOP_S, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
         assert process.stdout is not None

@@ -1,4 +1,4 @@
-"""Resources of this process: processors within a container's quota, memory returned to the system, capabilities."""
+"""Resources of this process: processors within a container's quota, memory returned to the system, and capabilities."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from dataclasses import dataclass
 from pathlib import Path
 
 CAP_NET_ADMIN = 12
-"""Configure interfaces, filters and queues (capabilities(7))."""
+"""Configure network interfaces, filters and queues (capabilities(7))."""
 CAP_SYS_ADMIN = 21
-"""Make network namespaces."""
+"""Create network namespaces."""
 GIVE_BACK_EVERY_S = 10.0
-"""Seconds for which a service may keep unused memory."""
+"""Seconds for which a service may hold on to unused memory."""
 _M_ARENA_MAX = -8
 
 
 def has_capabilities(*capabilities: int) -> bool:
-    """Whether this process has all of these capabilities in effect."""
+    """Whether all of these capabilities are effective in this process."""
     status = dict(line.split(":\t", 1) for line in Path("/proc/self/status").read_text().splitlines())
     effective = int(status["CapEff"], 16)
     return all(effective >> capability & 1 for capability in capabilities)
 
 
 def keep_together() -> None:
-    """Make all threads allocate from one glibc arena: only the first one can return memory to the system.
+    """Make all threads allocate from one glibc arena, as only the first arena can return memory to the system.
 
     Must be called before threads start.
     """
@@ -44,9 +44,9 @@ def give_back() -> None:
 
 
 async def give_back_regularly() -> None:
-    """Return memory periodically, in a thread, until cancelled.
+    """Return free memory periodically, in a thread, until cancelled.
 
-    Objects from start-up are frozen: scanning them for garbage each time would stall the service.
+    Objects from start-up are frozen, as scanning them for garbage each time would stall the service.
     """
     gc.collect()
     gc.freeze()
@@ -57,15 +57,15 @@ async def give_back_regularly() -> None:
 
 @dataclass(frozen=True, slots=True)
 class Quota:
-    """The processor time that a control group about this process is given (cgroups(7)), and how much it has used."""
+    """The processor time granted to one of this process's control groups (cgroups(7)), and its use so far."""
 
     group: Path
     processors: float
-    """How many it may keep busy."""
+    """Number of processors that the group may keep busy."""
     used_s: float | None
-    """Processor time of all that is in it so far; None if that cannot be read."""
+    """Processor time used by everything in the group so far; None if unreadable."""
     throttled: int
-    """Periods so far in which it had to wait, as its time was used up."""
+    """Number of periods in which the group had to wait because its time was used up."""
 
 
 def usable_processors(root: Path = Path("/")) -> int:
@@ -79,7 +79,7 @@ def allowed_processors() -> frozenset[int]:
 
 
 def quotas(root: Path = Path("/")) -> Iterator[Quota]:
-    """Each control group about this process that has a limit."""
+    """Each control group of this process that has a limit."""
     try:
         groups = (root / "proc/self/cgroup").read_text().splitlines()
     except OSError:
@@ -88,7 +88,7 @@ def quotas(root: Path = Path("/")) -> Iterator[Quota]:
         if controllers and "cpu" not in controllers.split(","):
             continue
         top = root / "sys/fs/cgroup" / controllers
-        for group in (own := top / path.lstrip("/"), *own.parents):  # a container may see its own group as the top
+        for group in (own := top / path.lstrip("/"), *own.parents):  # a container may see its own group as the root
             if not group.is_relative_to(top):
                 break
             with suppress(OSError, ValueError):
@@ -98,7 +98,7 @@ def quotas(root: Path = Path("/")) -> Iterator[Quota]:
 
 
 def _version_2(group: Path) -> Quota:
-    """Raises OSError, and ValueError without a limit: `max 100000`."""
+    """Read a cgroup v2 quota. Raises OSError, and ValueError if there is no limit (`max 100000`)."""
     limit, period = (group / "cpu.max").read_text().split()
     counted = _counters(group)
     used_us = counted.get("usage_usec")
@@ -107,10 +107,10 @@ def _version_2(group: Path) -> Quota:
 
 
 def _version_1(group: Path) -> Quota:
-    """The same; without a limit it is negative."""
+    """Read a cgroup v1 quota, which is negative if there is no limit. Raises OSError and ValueError."""
     limit, period = (int((group / f"cpu.cfs_{name}_us").read_text()) for name in ("quota", "period"))
     used_s: float | None = None
-    with suppress(OSError):  # unless cpuacct is mounted elsewhere
+    with suppress(OSError):  # cpuacct may be mounted elsewhere
         used_s = int((group / "cpuacct.usage").read_text()) / 1e9
     return Quota(group, limit / period, used_s, _counters(group).get("nr_throttled", 0))
 

@@ -1,4 +1,4 @@
-"""Runs ASGI applications over HTTP/1.1."""
+"""Running of ASGI applications over HTTP/1.1."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tigas_common.resources import give_back_regularly
 from tigas_common.web import problem_response
 
 UNIX_IDLE_S = 60
-"""How long a connection over a Unix socket may be idle: longer than our own processes keep one for another request."""
+"""Seconds that a connection over a Unix socket may be idle: longer than our own clients keep one for reuse."""
 
 STOPPING = "The service is stopping."
 
@@ -33,10 +33,10 @@ STOPPING = "The service is stopping."
 async def serve_http(
     app: Any, address: Address, limits: HttpLimits, tls: ssl.SSLContext | None = None, *, websockets: bool = False
 ) -> AsyncIterator[int]:
-    """Serve an ASGI application, as a context manager; yields the port.
+    """Serve an ASGI application, as a context manager that yields the port.
 
-    Raises OSError if the address cannot be bound. With `tls`, it is HTTPS; a certificate loaded into the same context
-    later is used for new connections.
+    Raises OSError if the address cannot be bound. `tls` enables HTTPS; a certificate loaded into the same context later
+    applies to new connections.
     """
     async with serve_listener(app, address.listen(limits.unread_s), limits, tls, websockets=websockets) as port:
         yield port
@@ -51,11 +51,11 @@ async def serve_listener(
     *,
     websockets: bool = False,
 ) -> AsyncIterator[int]:
-    """The same on a socket that listens already, perhaps in other processes as well; it is closed here at the end."""
+    """Like `serve_http`, on a listening socket that other processes may share; it is closed at the end."""
     config = uvicorn.Config(
         answer_cancelled(app),
         lifespan="off",
-        log_level="critical",  # applications log their own failures; the rest are disconnects
+        log_level="critical",  # applications log their own failures, and the rest are disconnects
         access_log=False,
         server_header=False,
         timeout_graceful_shutdown=1,
@@ -68,9 +68,7 @@ async def serve_listener(
 
 @asynccontextmanager
 async def serve_unix(app: Any, path: Path) -> AsyncIterator[None]:
-    """Serve an ASGI application on a Unix socket, for our own processes, which are trusted to name the client in
-    `X-Forwarded-For`.
-    """
+    """Serve an ASGI application on a Unix socket to our own processes, whose `X-Forwarded-For` is trusted."""
     config = uvicorn.Config(
         answer_cancelled(app),
         uds=str(path),
@@ -108,7 +106,7 @@ async def _running(server: Server, sockets: list[socket.socket] | None) -> Async
 
 
 def answer_cancelled(app: ASGIApp) -> ASGIApp:
-    """An application that answers requests that a shutdown cancels with 503, in place of uvicorn's 500."""
+    """Wrap an application: requests cancelled by a shutdown are answered with 503 instead of uvicorn's 500."""
 
     async def answering(scope: Scope, receive: Receive, send: Send) -> None:
         started = False
@@ -130,17 +128,17 @@ def answer_cancelled(app: ASGIApp) -> ASGIApp:
 
 @contextmanager
 def explained(address: Address, flag: str) -> Iterator[None]:
-    """Turns the system's errors about an address, which `flag` sets, into a StartError."""
+    """Turn OSErrors about an address, which `flag` sets, into a StartError."""
     try:
         yield
-    except (OSError, UnicodeError) as error:  # UnicodeError: of a name that cannot be one
+    except (OSError, UnicodeError) as error:  # UnicodeError: an invalid host name
         number = getattr(error, "errno", None)
         reason = os.strerror(number) if number and number > 0 else str(error)
         raise StartError(f"Cannot listen on {address} ({reason}); choose another with {flag}.") from None
 
 
 async def until_stopped() -> None:
-    """Wait for SIGINT or SIGTERM; memory that was freed goes back to the system meanwhile."""
+    """Wait for SIGINT or SIGTERM, and return free memory to the system meanwhile."""
     stopped = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):

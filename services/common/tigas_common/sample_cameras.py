@@ -12,31 +12,31 @@ from tigas_common.wire.model import Point
 from tigas_common.wire.render import StartCamera
 
 FOV_Y = 60.0
-"""Vertical field of view of every view, in degrees."""
+"""Vertical field of view of all views, in degrees."""
 PER_MOVEMENT = 6
-"""Views that are taken of one movement."""
+"""Views taken from each movement."""
 NEAR, NEAR_DEGREES = 0.1, 15.0
-"""Views nearer than this, as a share of the way from the start camera to its subject, that look in directions nearer
-than this are neighbours."""
+"""Limits below which two views are neighbours: the distance between them, as a share of that from the start camera to
+its subject, and the angle between their directions."""
 
 Movement = Callable[[float], Pose]
 """The pose at a time from 0 to 1."""
 
 
 def intrinsics(width: int, height: int) -> Intrinsics:
-    """Of every view, for a display of this size."""
+    """Intrinsics of all views, for a display of this size."""
     focal = height / 2 / math.tan(math.radians(FOV_Y / 2))
     return Intrinsics(focal, focal, width / 2, height / 2, width, height)
 
 
 def along(movement: Movement, chance: Random) -> list[Pose]:
-    """Views of one movement, from its begin to its end."""
+    """Views along one movement, from start to end."""
     return [movement((step + chance.random()) / PER_MOVEMENT) for step in range(PER_MOVEMENT)]
 
 
 @dataclass(frozen=True, slots=True)
 class SceneAxes:
-    """The scene's level frame at its start camera; lengths are shares of `view`, the way to the subject."""
+    """The scene's level frame at its start camera; lengths are shares of `view`, the distance to the subject."""
 
     origin: Vector3
     subject: Vector3
@@ -47,18 +47,18 @@ class SceneAxes:
 
     @classmethod
     def of(cls, camera: StartCamera, up: Point) -> SceneAxes:
-        """Of a scene that has this start camera, and this direction up, of any length."""
+        """Axes of a scene with this start camera and up direction, of any length."""
         origin, subject = camera.position, camera.look_at
         up = _scaled(1 / math.hypot(*up), up)
         to = _sum(subject, _scaled(-1, origin))
         level = _sum(to, _scaled(-_dot(to, up), up))
-        if math.hypot(*level) < 1e-6 * math.hypot(*to):  # straight up or down
+        if math.hypot(*level) < 1e-6 * math.hypot(*to):  # looking straight up or down
             level = (up[1], -up[0], 0.0) if abs(up[2]) < 0.9 else (0.0, up[2], -up[1])
         ahead = _scaled(1 / math.hypot(*level), level)
         return cls(origin, subject, _cross(ahead, up), up, ahead, math.hypot(*to))
 
     def walk(self, chance: Random) -> Movement:
-        """Walk to and fro around the start camera, looking anywhere, mostly level."""
+        """Walk back and forth around the start camera, looking anywhere but mostly level."""
         aside, forward = _wave(chance, 0, 0.35), _wave(chance, 0.1, 0.35)
         height, pitch = _wave(chance, 0, 0.06), _wave(chance, 0, 12)
         yaw = _wave(chance, chance.uniform(-180, 180) if chance.random() < 0.5 else 0, 50)
@@ -73,7 +73,7 @@ class SceneAxes:
         return at
 
     def orbit(self, chance: Random) -> Movement:
-        """Walk around the subject, facing it at changing distance and height."""
+        """Walk around the subject, facing it from varying distance and height."""
         start, way = chance.uniform(0, 2 * math.pi), chance.choice((-1, 1)) * chance.uniform(0.8, 2.5)
         distance, height = _wave(chance, 0.85, 0.3), _wave(chance, 0.08, 0.2)
         aside, above = _wave(chance, 0, 0.12), _wave(chance, 0, 0.12)
@@ -86,7 +86,7 @@ class SceneAxes:
         return at
 
     def are_neighbours(self, one: Pose, other: Pose) -> bool:
-        """Whether two views show nearly the same from nearly the same place."""
+        """Whether two views show nearly the same thing from nearly the same place."""
         if math.dist(one.position, other.position) >= NEAR * self.view:
             return False
         cosine = sum(row[2] * theirs[2] for row, theirs in zip(one.rotation, other.rotation, strict=True))
@@ -98,7 +98,7 @@ class SceneAxes:
 
 
 def _wave(chance: Random, middle: float, amplitude: float) -> Callable[[float], float]:
-    """A slow sine about a middle, both by chance, within an amplitude."""
+    """A slow sine around `middle`, random within an amplitude."""
     offset = chance.uniform(-amplitude, amplitude) / 2
     size, turns, phase = amplitude / 2, chance.uniform(0.3, 1.2), chance.random()
     return lambda time: middle + offset + size * math.sin(math.tau * (turns * time + phase))

@@ -1,4 +1,4 @@
-"""How every service is configured: default < file < environment < command-line flag."""
+"""Configuration of every service: default < file < environment < command-line flag."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from tigas_common.limits import ServiceHttpLimits
 logger = logging.getLogger(__name__)
 
 FILE_VARIABLE = "TIGAS_CONFIG"
-"""Names the settings file; without it, `tigas.toml` in the working directory is read if it is there."""
+"""Environment variable with the path of the settings file; by default it is `tigas.toml`, if that exists."""
 TABLES = ("render", "dash", "shaper", "store", "cluster")
 """The services' tables in the settings file."""
 WEBVIEW = re.compile("vscode-webview://[0-9a-z-]+")
 """Origin of notebooks in Visual Studio Code."""
 MODELS = Path("models")
-"""The models directory, unless another is named: in the working directory, where it is made if it is missing."""
+"""Default models directory, in the working directory; it is created if missing."""
 
 
 def _address(value: Any) -> Any:
@@ -67,9 +67,9 @@ def _base_url(value: str) -> str:
     raise ValueError(f"{value!r} is not a service's URL, such as http://127.0.0.1:8080")
 
 
-# NoDecode: the environment has HOST:PORT, not JSON.
+# NoDecode, as the environment variable is HOST:PORT and not JSON.
 Listen = Annotated[Address, NoDecode, BeforeValidator(_address), Metavar("HOST:PORT")]
-"""A setting that is an address, written HOST:PORT."""
+"""An address setting, written HOST:PORT."""
 ListenOrOff = Annotated[Address | None, NoDecode, BeforeValidator(_address_or_off), Metavar("HOST:PORT")]
 """An address, or `off` for None."""
 Url = Annotated[str, AfterValidator(_base_url), Metavar("URL")]
@@ -77,16 +77,16 @@ Url = Annotated[str, AfterValidator(_base_url), Metavar("URL")]
 HostNames = tuple[Annotated[str, AfterValidator(_host), Metavar("NAME")], ...]
 """Names of hosts."""
 Origins = tuple[Annotated[str, AfterValidator(_page), Metavar("URL")], ...]
-"""Pages, as browsers name them in `Origin`."""
+"""Origins of pages, as browsers send them."""
 
 
 class ServiceSettings(BaseSettings):
-    """Settings of one service. Subclasses set `env_prefix`, and `table`, their table in the settings file."""
+    """Settings of one service. Subclasses set `env_prefix` and `table`, the service's table in the settings file."""
 
     model_config = SettingsConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
     table: ClassVar[str] = ""
     are_given: ClassVar[bool] = False
-    """Whether this process was given its settings, as workers are, and reads neither file nor environment."""
+    """Whether this process receives its settings, as workers do, and reads neither file nor environment."""
 
     http_limits: ServiceHttpLimits = ServiceHttpLimits()
     """Limits on HTTP/1.1 connections; a nested table in the settings file, JSON in the environment."""
@@ -111,7 +111,7 @@ class ServiceSettings(BaseSettings):
 
 
 def _report_unknown_variables(model: type[BaseSettings]) -> None:
-    """Log variables with the prefix of settings and an unknown name, perhaps for another version or compose.yaml."""
+    """Warn about variables with the settings' prefix but an unknown name, perhaps meant for another version."""
     prefix = str(model.model_config["env_prefix"])
     known = {f"{prefix}{name}".upper() for name in model.model_fields}
     for variable in sorted(os.environ):
@@ -122,12 +122,12 @@ def _report_unknown_variables(model: type[BaseSettings]) -> None:
 
 
 def _from_file(table: str) -> dict[str, Any]:
-    """A table of the settings file; empty without the file or the table. Raises UsageError."""
+    """A table of the settings file; empty if the file or table is missing. Raises UsageError."""
     named = os.environ.get(FILE_VARIABLE)
     path = Path(named or "tigas.toml")
     if not path.is_file():
         if named:
-            raise UsageError(f"{FILE_VARIABLE}: {path} is no file.")
+            raise UsageError(f"{FILE_VARIABLE}: {path} is not a file.")
         return {}
     try:
         tables = tomllib.loads(path.read_text("utf-8"))
@@ -137,7 +137,7 @@ def _from_file(table: str) -> dict[str, Any]:
         raise UsageError(f"{path} is not TOML: {error}.") from None
     for name, settings in tables.items():
         if not isinstance(settings, dict):
-            raise UsageError(f"{path}: {name} is not a table, which begins with [{name}].")
+            raise UsageError(f"{path}: {name} must be a table, which begins with [{name}].")
         if name not in {*TABLES, table}:
-            raise UsageError(f"{path}: there is no table [{name}]; the tables are {', '.join(TABLES)}.")
+            raise UsageError(f"{path}: unknown table [{name}]; the tables are {', '.join(TABLES)}.")
     return dict(tables.get(table, {}))

@@ -1,4 +1,4 @@
-"""Safe text for terminals and logs: foreign names cannot move the cursor, colour later text, or forge a line."""
+"""Safe text for terminals and logs: untrusted names cannot move the cursor, change colours or forge a line."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 UNSEEN = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
-"""Unicode categories of control and format characters, surrogates, unassigned code points, and line ends."""
+"""Unicode categories of control and format characters, surrogates, unassigned code points and line separators."""
 _ExcInfo: TypeAlias = tuple[type[BaseException], BaseException, TracebackType | None] | tuple[None, None, None]
 
 
 def printable(text: str, *, lines: bool = False) -> str:
-    """With an escape for each character that would act or hide instead of being seen; `lines` keeps line feeds."""
+    """Escape invisible and control characters; `lines` keeps line feeds."""
     return "".join(
         each if unicodedata.category(each) not in UNSEEN or (lines and each == "\n") else _escaped(each)
         for each in text
@@ -26,7 +26,7 @@ def printable(text: str, *, lines: bool = False) -> str:
 
 
 def make_console(*, stderr: bool = False, soft_wrap: bool = False) -> Console:
-    """A console that shows text literally: without markup, emoji names or escape sequences."""
+    """A console that shows text literally, without markup, emoji names or escape sequences."""
     from rich.console import Console
     from rich.text import Text
 
@@ -39,7 +39,7 @@ def make_console(*, stderr: bool = False, soft_wrap: bool = False) -> Console:
 
 @contextmanager
 def progress_bar(text: str = "") -> Iterator[Callable[[float, str], None]]:
-    """A progress bar in a terminal; takes the share that is done, from 0 to 1, and the text to show from now on."""
+    """Show a progress bar in a terminal. Yields a function of the progress, from 0 to 1, and the text to show."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     text_column = TextColumn("{task.description}", markup=False)
@@ -51,7 +51,7 @@ def progress_bar(text: str = "") -> Iterator[Callable[[float, str], None]]:
 
 
 class LogFormatter(logging.Formatter):
-    """One line for each message; tracebacks keep theirs."""
+    """Formats each message on one line; tracebacks keep theirs."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:
         return printable(super().formatMessage(record))

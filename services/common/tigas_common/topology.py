@@ -11,33 +11,33 @@ from urllib.parse import urlsplit
 from tigas_common.address import Address, bracketed, is_loopback
 
 ServiceName = Literal["dash", "shaper", "store"]
-"""The page's names of the services other than the render service."""
+"""Names that the page uses for the services other than the render service."""
 SERVICES_PATH = "/services"
-"""Path prefix, followed by a service's name, of requests proxied by the render service."""
+"""Path prefix of requests that the render service proxies, followed by a service's name."""
 
 
 @dataclass(frozen=True, slots=True)
 class Port:
-    """A service's port: the same on every host that it runs on, and on the shaper that forwards to it."""
+    """A service's port: the same on every host and on the shaper that forwards to it."""
 
     protocol: Literal["tcp", "udp"]
     number: int
 
     @property
     def loopback(self) -> Address:
-        """On this machine alone."""
+        """The port on this machine only."""
         return Address("127.0.0.1", self.number)
 
     @property
     def everywhere(self) -> Address:
-        """On every address of the host."""
+        """The port on every address of the host."""
         return Address("0.0.0.0", self.number)
 
 
 PAGE = Port("tcp", 8080)
 """The render service's page and API."""
 PAGE_HTTPS = Port("tcp", 8443)
-"""The same for other devices."""
+"""The render service's page and API over HTTPS, for other devices."""
 WEBTRANSPORT = Port("udp", 4433)
 """The render service's HTTP/3."""
 DASH = Port("tcp", 8081)
@@ -50,23 +50,23 @@ STORE = Port("tcp", 8091)
 """The API of the experiments' store."""
 
 PAGE_ORIGINS = (f"http://localhost:{PAGE.number}", f"http://127.0.0.1:{PAGE.number}")
-"""The page on this machine, as browsers name it in `Origin`."""
+"""Origins of the page on this machine, as browsers send them."""
 SERVICES_VARIABLE = "TIGAS_RENDER_SERVICES"
 """The environment variable that holds the render service's setting `services`."""
 
 
 UPSTREAMS_VARIABLE = "TIGAS_RENDER_UPSTREAMS"
-"""The same of its setting `upstreams`."""
+"""The environment variable that holds the render service's setting `upstreams`."""
 
 
 def page_services(*, shaped: bool, store: bool = True) -> str:
-    """The render service's setting `services` in JSON: the other services, on the page's own host."""
+    """The render service's setting `services` as JSON: the other services, on the page's own host."""
     services = {"dash": DASH, **({"shaper": SHAPER} if shaped else {}), **({"store": STORE} if store else {})}
     return json.dumps({name: f":{port.number}" for name, port in services.items()})
 
 
 def upstreams(*, shaper_host: str | None = None, store: bool = True) -> str:
-    """Its setting `upstreams` in JSON: packager and store on the same machine, and the shaper on its host."""
+    """Its setting `upstreams` as JSON: packager and store on the same machine, and the shaper on its host."""
     addresses = {"dash": DASH.loopback, **({"store": STORE.loopback} if store else {})}
     if shaper_host is not None:
         addresses["shaper"] = Address(shaper_host, SHAPER.number)
@@ -74,14 +74,14 @@ def upstreams(*, shaper_host: str | None = None, store: bool = True) -> str:
 
 
 def fitted(url: str, host: str) -> str:
-    """A service's URL for a page opened under `host`; `:PORT` alone is a port of that host."""
+    """A service's URL for a page opened under `host`; a bare `:PORT` is a port of that host."""
     return f"http://{bracketed(host)}{url}" if url.startswith(":") else url
 
 
 def reached(page: str, services: Mapping[str, str], upstreams: Mapping[ServiceName, str]) -> dict[str, str]:
-    """Every service's URL for a page of this origin: its own if the page can reach it, or else below the page's.
+    """Each service's URL for a page with this origin: the service's own if the page can reach it, else a proxied path.
 
-    services: from `fitted`. upstreams: proxied services, by URLs that need not be reachable from other machines.
+    services: URLs for `fitted`. upstreams: URLs of proxied services, which other machines need not be able to reach.
     """
     own = urlsplit(page)
     host = own.hostname or "localhost"

@@ -1,9 +1,9 @@
-"""A UDP socket on the event loop: drains received datagrams at once, sends in batches, waits when it is full.
+"""A UDP socket on the event loop: reads all waiting datagrams at once, sends in batches, and waits while it is full.
 
-Sending dominates a Python QUIC server's time in the kernel, so many datagrams of one size to one address leave in a
-single system call (segmentation offload: Linux, udp(7)). Received ones have the kernel's timestamp (SO_TIMESTAMPNS,
-socket(7)): under load a datagram waits in the socket longer than anywhere else, and deadlines include that time.
-Answers leave from the address that was written to (ip(7), ipv6(7)): a machine may have many, and browsers drop others.
+Sending dominates a Python QUIC server's time in the kernel, so datagrams of one size to one address leave in a single
+system call (segmentation offload, udp(7) on Linux). Received ones carry the kernel's timestamp (SO_TIMESTAMPNS,
+socket(7)): under load a datagram waits longest in the socket, and deadlines include that time. Answers leave from the
+address to which the client wrote (ip(7), ipv6(7)): a machine may have several, and browsers drop answers from others.
 """
 
 from __future__ import annotations
@@ -29,53 +29,53 @@ Ancillary = tuple[int, int, bytes]
 
 
 class Peer(Address):
-    """The address of a sender that wrote to one of this machine's addresses, which answers leave from."""
+    """A sender's address, with the local address to which it wrote and from which answers leave."""
 
     answers: tuple[Ancillary, ...] = ()
-    """The control message that chooses it."""
+    """The control message that selects the local address."""
 
 
 SOCKET_BUFFER = 8 << 20
 """Requested socket buffer of each direction in bytes; the kernel applies its own limits."""
 DRAIN_S = 0.0005
-"""Seconds of reading datagrams before other work gets its turn."""
+"""Seconds of reading datagrams before other work gets a turn."""
 MAX_BACKLOG, MAX_BACKLOG_S = 4096, 1.0
-"""Batches that wait for room in the socket, and for how many seconds; older ones are dropped, which QUIC treats as
-loss.
+"""Maximum number of batches waiting for room in the socket, and their maximum age in seconds. Older ones are dropped,
+which QUIC treats as loss.
 """
 MAX_DATAGRAM = 65_535
 SO_RCVBUFFORCE, SO_SNDBUFFORCE = 33, 32
 
 SO_TIMESTAMPNS = 35
-"""Linux'; the control message has the same number."""
+"""Socket option and control message of Linux."""
 _TIMESPEC = struct.Struct("@ll")
 
 IP_PKTINFO, IPV6_RECVPKTINFO, IPV6_PKTINFO = 8, 49, 50
-"""Linux'."""
+"""Constants of Linux."""
 _PKTINFO = struct.Struct("@i4s4s")
-"""The interface, the address that answers should have, and the one in the header."""
+"""Interface, local address for answers, and destination address in the header."""
 _PKTINFO6 = struct.Struct("@16si")
 ANCILLARY_SPACE = socket.CMSG_SPACE(_TIMESPEC.size) + socket.CMSG_SPACE(_PKTINFO6.size)
-"""Bytes of room for control messages that are received."""
+"""Space for received control messages, in bytes."""
 
 SOL_UDP, UDP_SEGMENT = 17, 103
 MAX_SEGMENTS = 40
-"""Below the kernel's 64 (UDP_MAX_SEGMENTS of older kernels)."""
+"""Below the kernel's limit, 64 in older kernels (UDP_MAX_SEGMENTS)."""
 MAX_BATCH = 64_000
-"""Bytes; a batch is one UDP payload to the kernel until it is cut into segments."""
+"""Bytes; to the kernel, a batch is one UDP payload until it is cut into segments."""
 BATCH_REFUSED = frozenset((errno.EINVAL, errno.EIO, errno.EMSGSIZE, errno.ENOPROTOOPT, errno.EOPNOTSUPP))
-"""Errors of a kernel that cannot cut a batch: an old kernel, a device without checksums, IPsec, or a small path MTU,
-which is EMSGSIZE from Linux 6.14 on and EINVAL before."""
+"""Errors of a kernel that cannot cut a batch: an old kernel, a device without checksums, IPsec, or a small path MTU.
+The latter is EMSGSIZE from Linux 6.14 on and EINVAL before."""
 BATCHES_AGAIN_S, MOST_REFUSED = 60.0, 1024
-"""Seconds for which an address gets single datagrams after a refused batch, and how many addresses are remembered."""
+"""Seconds for which an address gets single datagrams after a refused batch, and the number of addresses remembered."""
 
 NO_IPV6 = (errno.EAFNOSUPPORT, errno.EADDRNOTAVAIL)
 """Kernel errors for an IPv6 address on a machine without IPv6."""
 
 
 def bind_all(host: str, port: int) -> list[socket.socket]:
-    """The sockets of a port: the result of `bind`, except that `localhost` has one for 127.0.0.1 and, if there is IPv6,
-    one for ::1, since QUIC does not fall back from one to the other.
+    """The sockets of a port, from `bind`. For `localhost` they are 127.0.0.1 and, with IPv6, ::1, as QUIC does not fall
+    back from one to the other.
     """
     if host != "localhost":
         return [bind(host, port)]
@@ -90,7 +90,7 @@ def bind_all(host: str, port: int) -> list[socket.socket]:
 
 
 def bind(host: str, port: int) -> socket.socket:
-    """A non-blocking UDP socket. `::` is dual-stack; without IPv6 it becomes 0.0.0.0.
+    """A non-blocking UDP socket. `::` is dual-stack, and becomes 0.0.0.0 on a machine without IPv6.
 
     Raises OSError if the address cannot be bound, and socket.gaierror (an OSError) if the host is unknown.
     """
@@ -106,9 +106,9 @@ def bind(host: str, port: int) -> socket.socket:
 
 
 def bind_another(sock: socket.socket) -> socket.socket:
-    """Another socket of the same address; the kernel divides datagrams between them.
+    """Another socket with the same address; the kernel distributes datagrams among them.
 
-    The first one was bound exclusively, so that the port belongs to us.
+    The first one was bound exclusively, so the port belongs to us.
     """
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
     return _bind(sock.family, sock.getsockname(), shared=True)
@@ -138,7 +138,7 @@ def _bind(family: int, address: Address, *, shared: bool = False) -> socket.sock
 
 
 class UdpEndpoint:
-    """Sends and receives on one socket, which it owns from now on."""
+    """Sends and receives on one socket, of which it takes ownership."""
 
     def __init__(
         self,
@@ -148,10 +148,10 @@ class UdpEndpoint:
         refused: Callable[[], None] = lambda: None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`received` gets each datagram, its sender, and its arrival in seconds of the monotonic clock.
+        """received: gets each datagram, its sender, and its arrival in seconds of the monotonic clock.
 
-        `drained` is called when no more wait, to answer them all at once; `refused` for each batch that the kernel does
-        not take.
+        drained: called when no more datagrams wait, to answer them all at once. refused: called for each batch that the
+        kernel refuses.
         """
         self._loop = asyncio.get_running_loop()
         self._sock = sock
@@ -160,14 +160,14 @@ class UdpEndpoint:
         self._refused = refused
         self._clock = clock
         self._backlog: deque[tuple[list[bytes], Address, float]] = deque(maxlen=MAX_BACKLOG)
-        """Includes arrival times."""
+        """Batches waiting for room in the socket, with the time since when they wait."""
         self._singly_until: dict[Address, float] = {}
-        """Retry times of addresses with batches refused by the kernel, in order."""
+        """When to try batches again, for addresses with refused batches, in order."""
         self._empty_at = time.monotonic()
         self._loop.add_reader(sock.fileno(), self._read)
 
     def send(self, datagrams: list[Datagram]) -> None:
-        """Send now, or as soon as the socket has room. Batches refused by the network are dropped."""
+        """Send now, or as soon as the socket has room. Datagrams refused by the network are dropped."""
         pending = batches(datagrams)
         if self._backlog:
             self._wait(pending)
@@ -178,7 +178,7 @@ class UdpEndpoint:
                 self._loop.add_writer(self._sock.fileno(), self._flush)
 
     def close(self) -> None:
-        """Close the socket; waiting batches are dropped."""
+        """Close the socket and drop waiting batches."""
         fd = self._sock.fileno()
         if fd < 0:
             return
@@ -217,7 +217,7 @@ class UdpEndpoint:
         self._loop.remove_writer(self._sock.fileno())
 
     def _send(self, batch: list[bytes], address: Address) -> bool:
-        """Send a batch; False if the socket is full."""
+        """Send a batch. Returns False if the socket is full."""
         if len(batch) > 1 and self._takes_batches(address):
             try:
                 self._sock.sendmsg(batch, (*segment_size(batch), *answers(address)), 0, address)
@@ -242,7 +242,7 @@ class UdpEndpoint:
         return True
 
     def _refuse(self, address: Address) -> None:
-        """Send the address single datagrams for some time: its path probably refuses batches."""
+        """Send single datagrams to an address for some time, as its path probably refuses batches."""
         self._refused()
         if len(self._singly_until) >= MOST_REFUSED:
             del self._singly_until[next(iter(self._singly_until))]
@@ -261,7 +261,7 @@ class UdpEndpoint:
 
 
 def batches(datagrams: Sequence[Datagram]) -> Iterator[tuple[list[bytes], Address]]:
-    """Group consecutive datagrams that may leave in one call: one address, one size, only the last may be shorter."""
+    """Group consecutive datagrams that may leave in one call: same address and size; only the last may be shorter."""
     start = 0
     while start < len(datagrams):
         first, address = datagrams[start]
@@ -291,7 +291,7 @@ def ask_for_stamps(sock: socket.socket) -> None:
 
 
 def _ask_for_destinations(sock: socket.socket) -> None:
-    """Enable `peer` on a socket of all addresses, where available."""
+    """Enable destination addresses on a socket bound to all addresses, where available."""
     if sys.platform != "linux":
         return
     level, option = (
@@ -302,11 +302,11 @@ def _ask_for_destinations(sock: socket.socket) -> None:
 
 
 def peer(address: Address, ancillary: Sequence[Ancillary]) -> Address:
-    """A datagram's sender, with the address that it wrote to if the control messages tell."""
+    """A datagram's sender, with the local address to which it wrote if the control messages include it."""
     for level, kind, data in ancillary:
         if (level, kind) == (socket.IPPROTO_IP, IP_PKTINFO) and len(data) == _PKTINFO.size:
             _, ours, _ = _PKTINFO.unpack(data)
-            info = _PKTINFO.pack(0, ours, bytes(4))  # the interface is left to the routing table
+            info = _PKTINFO.pack(0, ours, bytes(4))  # the routing table chooses the interface
         elif (level, kind) == (socket.IPPROTO_IPV6, IPV6_PKTINFO) and len(data) == _PKTINFO6.size:
             ours, _ = _PKTINFO6.unpack(data)
             info = _PKTINFO6.pack(ours, 0)
@@ -319,12 +319,12 @@ def peer(address: Address, ancillary: Sequence[Ancillary]) -> Address:
 
 
 def answers(address: Address) -> tuple[Ancillary, ...]:
-    """The control messages of datagrams to an address."""
+    """Control messages for datagrams to an address."""
     return address.answers if isinstance(address, Peer) else ()
 
 
 def stamp_ns(ancillary: Sequence[Ancillary]) -> int | None:
-    """The stamp in a datagram's control messages, in nanoseconds of the real-time clock."""
+    """The kernel timestamp in a datagram's control messages, in nanoseconds of the real-time clock."""
     for level, kind, data in ancillary:
         if (level, kind) == (socket.SOL_SOCKET, SO_TIMESTAMPNS) and len(data) == _TIMESPEC.size:
             seconds, nanoseconds = _TIMESPEC.unpack(data)
@@ -336,7 +336,7 @@ def arrival(stamp: int | None, real_ns: int, now: float, empty_at: float) -> flo
     """Arrival of a datagram, in seconds of the monotonic clock.
 
     real_ns, now: the two clocks, read together. empty_at: when the socket was last seen empty, a lower bound for
-    anything read now, whatever steps the real-time clock has taken since.
+    anything read now, even if the real-time clock was stepped since.
     """
     if stamp is None:
         return now

@@ -1,4 +1,4 @@
-"""Shared basis of the Starlette applications: bodies in, models and problem+json (RFC 9457) out, and documentation."""
+"""Shared basis of the Starlette applications: request bodies, models, problem+json (RFC 9457) and documentation."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from tigas_common.wire.render import Problem
 logger = logging.getLogger(__name__)
 
 BODY_S = 10.0
-"""A body is abandoned after this many seconds without data,"""
+"""Seconds without data after which a body is abandoned,"""
 BODY_BYTES_PER_S = 500.0
-"""or if it comes more slowly than this for long."""
+"""and the sustained rate below which it is, too."""
 
 ARRIVED = "arrived"
 """Key of the request's arrival time in an ASGI scope's `state`, in seconds of the monotonic clock."""
 NO_STORE = {"Cache-Control": "no-store"}
-"""Header of an answer that must not be cached."""
+"""Header of responses that must not be cached."""
 JSON = "application/json"
 TEXT = "text/plain"
 BYTES = "application/octet-stream"
 PICTURES = ("image/jpeg", "image/png", "image/webp")
-HAS_IT_ALREADY = {304: "The client has it already, as its `If-None-Match` says."}
+HAS_IT_ALREADY = {304: "Not modified, according to `If-None-Match`."}
 
 Model = TypeVar("Model", bound=BaseModel)
 Given = TypeVar("Given")
@@ -44,14 +44,14 @@ AnyEndpoint = TypeVar("AnyEndpoint", bound=Callable[..., Any])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class described:
-    """Decorator that documents an endpoint, beyond its types, in the service's API description."""
+    """Decorator that documents an endpoint in the service's API description, beyond its types."""
 
     query: Mapping[str, str] = field(default_factory=dict)
-    """Its parameters, all optional, with their meanings."""
+    """Query parameters, all optional, with their meanings."""
     takes: type[Any] | tuple[str, ...] = ()
-    """Its body: a message, or something of one of these media types."""
+    """Type of the request's body: a message, or media types."""
     gives: type[BaseModel] | tuple[str, ...] = ()
-    """The same of its answer, where that is no ModelResponse."""
+    """Type of the response's body, unless it is a ModelResponse."""
     also: Mapping[int, str] = field(default_factory=dict)
     """Additional statuses, with their meanings."""
 
@@ -76,7 +76,7 @@ def list_response(models: Iterable[Model]) -> ModelResponse[list[Model]]:
 
 
 class Tagged:
-    """Content with an ETag, which a client that has it does not get again. Hashes it: large content in a thread."""
+    """Content with an ETag, not sent again to clients that have it. Hash large content in a thread."""
 
     def __init__(self, content: bytes, media_type: str) -> None:
         self._content = content
@@ -108,10 +108,10 @@ def problem_response(answer: Problem, headers: Mapping[str, str] | None = None) 
 
 
 async def read_body(request: Request, limit: int) -> bytes:
-    """The request's body.
+    """Read a request's body.
 
-    Raises BodyTooLarge over `limit` bytes, before reading more; RequestTimeout if it comes too slowly; InvalidRequest
-    if the client leaves.
+    Raises BodyTooLarge over `limit` bytes, before reading more; RequestTimeout if it arrives too slowly; InvalidRequest
+    if the client disconnects.
     """
     body = bytearray()
     loop = asyncio.get_running_loop()
@@ -132,13 +132,13 @@ async def read_body(request: Request, limit: int) -> bytes:
 
 
 async def read_message(request: Request, kind: type[Message], limit: int = MAX_BODY) -> Message:
-    """The request's body as a wire type. Raises as `read_body` and `parse` do."""
+    """Read a request's body as a wire type. Raises as `read_body` and `parse` do."""
     return parse(kind, await read_body(request, limit), limit)
 
 
 @described(gives=(JSON,))
 async def healthz(request: Request) -> Response:
-    """Health route of a service that works whenever it answers."""
+    """Health check of a service that is healthy whenever it answers."""
     return healthy()
 
 
@@ -147,9 +147,9 @@ def healthy() -> Response:
 
 
 WORKER_POLICY = "default-src 'self'; connect-src 'self' https:"
-"""Content-Security-Policy of the page's scripts, which applies to workers, with WebTransport to any host.
+"""Content-Security-Policy of the page's scripts, which applies to workers; allows WebTransport to any host.
 
-It is the same for every page, since browsers cache scripts for good.
+It is the same for every page, since browsers cache scripts permanently.
 """
 
 
@@ -165,21 +165,21 @@ def page_policy(sources: Iterable[str]) -> str:
 
 
 async def on_error(request: Request, error: Exception) -> Response:
-    """Every failure, as problem+json; unexpected ones are logged."""
+    """Answer any failure with problem+json, and log unexpected ones."""
     if not isinstance(error, TigasError):
         logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
     return error_response(error)
 
 
 def error_response(error: Exception) -> Response:
-    """A failure as problem+json, with a retry time if the error has one."""
+    """The answer to a failure as problem+json, with a retry time if the error has one."""
     retry_after_s = error.retry_after_s if isinstance(error, TigasError) else None
     headers = None if retry_after_s is None else {"Retry-After": str(math.ceil(retry_after_s))}
     return problem_response(problem(error), headers)
 
 
 async def on_http_error(request: Request, error: Exception) -> Response:
-    """Starlette's own errors: unknown paths and wrong methods."""
+    """Answer Starlette's own errors: unknown paths and wrong methods."""
     assert isinstance(error, HTTPException)
     path = legible(request.url.path, 100)
     if error.status_code == 405:

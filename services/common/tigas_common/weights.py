@@ -1,6 +1,6 @@
-"""Files of the weights of networks that enhance a ladder's low rungs: safetensors with metadata, strictly read.
+"""Weights files of the networks that enhance a ladder's low rungs: safetensors with metadata, strictly validated.
 
-One network a rung: `rung{N}.conv{i}.weight` [out, in, 3, 3] and `rung{N}.conv{i}.bias` [out], i from 0, 16-bit floats.
+Each rung has a network: `rung{N}.conv{i}.weight` [out, in, 3, 3] and `rung{N}.conv{i}.bias` [out] from i = 0, float16.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from tigas_common.wire.render import Rung
 
 ARCHITECTURE = "tigas-sr-1"
 FILE = "enhance.safetensors"
-"""Its name in a scene's folder."""
+"""The file's name in a scene's folder."""
 GENERAL = "general"
-"""In the place of a scene's SHA-256: trained on several scenes, for any."""
+"""Value of `scene_sha256` for weights trained on several scenes, which suit any scene."""
 MAX_BYTES = 1_000_000
 NEAR = 1.25
-"""A network serves rungs up to this multiple of its own rung's height, and down to the inverse."""
+"""A network serves rungs from its own rung's height divided by this factor up to its multiple."""
 _METADATA = ("architecture", "scene_sha256", "networks", "created", "version")
 
 
@@ -40,24 +40,24 @@ class BrokenWeights(TigasError):
 
 
 class NetworkInfo(WireModel):
-    """One rung's network, and its training conditions."""
+    """One rung's network and how it was trained."""
 
     rung: int = Field(ge=1, le=15)
     width: int = Field(ge=16, le=MAX_SIDE)
     height: int = Field(ge=16, le=MAX_SIDE)
     quality: int = Field(ge=1, le=100)
-    """The rung's own, in the ladder that it was trained with."""
+    """JPEG quality of the rung, in the ladder for which it was trained."""
     scale: Literal[1, 2]
-    """How many times as large as the rung its picture is."""
+    """The enhanced image's size relative to the rung's."""
     layers: int = Field(ge=2, le=8)
     channels: int = Field(ge=4, le=32, multiple_of=4)
-    """The page's shaders take them in fours."""
+    """A multiple of four, as the page's shaders process channels in fours."""
     gain_db: float | None = None
-    """PSNR on held-out views over bicubic enlargement, in dB, at display size."""
+    """Gain in PSNR on held-out views over bicubic enlargement, in dB, at display size."""
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """Every tensor's name and shape."""
+        """Names and shapes of all tensors."""
         widths = [3, *[self.channels] * (self.layers - 1), 3 * self.scale**2]
         shapes: dict[str, tuple[int, ...]] = {}
         for i in range(self.layers):
@@ -71,23 +71,23 @@ class _Networks(WireModel):
 
 
 def distance(trained: NetworkInfo | Rung, rung: Rung) -> tuple[float, int]:
-    """Distance of a rung from a network's own: by height, then by quality."""
+    """Distance between a network's own rung and another rung: by height, then by quality."""
     return abs(math.log(trained.height / rung.height)), abs(trained.quality - rung.quality)
 
 
 @dataclass(frozen=True, slots=True)
 class Weights:
     scene_sha256: str
-    """SHA-256 of the training scene's file in hexadecimal digits, or GENERAL."""
+    """SHA-256 of the training scene's file in hexadecimal, or GENERAL."""
     networks: tuple[NetworkInfo, ...]
     tensors: Mapping[str, NDArray[np.float16]]
     created: str
-    """When, in ISO 8601."""
+    """Time of training, in ISO 8601."""
     version: str
-    """Of TIGAS."""
+    """Version of TIGAS."""
 
     def misfit(self, scene_sha256: str | None, ladder: Sequence[Rung]) -> str | None:
-        """Why a scene with this file cannot be enhanced with these weights, in one sentence."""
+        """Reason why these weights do not suit a scene with this file and ladder, in one sentence; None if they do."""
         if self.scene_sha256 not in (GENERAL, scene_sha256):
             return "The scene's file has changed since these weights were trained; train them again."
         if all(self.network_for(rung) is None for rung in ladder):
@@ -95,9 +95,9 @@ class Weights:
         return None
 
     def network_for(self, rung: Rung) -> NetworkInfo | None:
-        """The network trained for the size nearest to a rung's, of about the same height.
+        """The network trained for the height nearest to a rung's, within a factor of NEAR.
 
-        Among equally near ones, the one for the nearer quality; None: its frames are enlarged bicubically.
+        Ties are broken by the nearer quality. None if the rung's frames are to be enlarged bicubically.
         """
         near = [each for each in self.networks if 1 / NEAR <= each.height / rung.height <= NEAR]
         return min(near, key=lambda each: distance(each, rung), default=None)
@@ -115,17 +115,17 @@ class Weights:
 
 
 def write_weights(path: Path, weights: Weights) -> None:
-    """Write a file in one step: a process that is killed meanwhile leaves the old one. Raises OSError."""
+    """Write a file atomically. Raises OSError."""
     replace_file(path, weights.to_bytes())
 
 
 def read_weights(path: Path) -> Weights:
-    """A file's content. Raises BrokenWeights with one sentence, and OSError if it is not there or cannot be read."""
+    """Read a weights file. Raises BrokenWeights with one sentence, and OSError if the file is missing or unreadable."""
     return parse_weights(read_regular(path, MAX_BYTES))
 
 
 def parse_weights(content: bytes) -> Weights:
-    """The content of a file's bytes. Raises BrokenWeights with one sentence."""
+    """Parse a weights file's content. Raises BrokenWeights with one sentence."""
     if len(content) > MAX_BYTES:
         raise BrokenWeights(f"The weights file has more than {MAX_BYTES:,} bytes.")
     try:
@@ -150,7 +150,7 @@ def parse_weights(content: bytes) -> Weights:
 
 
 def _metadata(content: bytes) -> dict[str, str]:
-    """Of a file that safetensors has found whole."""
+    """The metadata of a valid safetensors file."""
     header: Any = json.loads(content[8 : 8 + int.from_bytes(content[:8], "little")])
     metadata: dict[str, str] = header.get("__metadata__") or {}
     if missing := next((name for name in _METADATA if name not in metadata), None):

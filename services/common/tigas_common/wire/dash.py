@@ -12,27 +12,27 @@ from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Entries, Point, Quater
 
 MAX_REPRESENTATIONS = 8
 MAX_SDP = 65_536
-"""The longest offer, in characters; Chromium's for one video and one data transport has about 7000."""
+"""Maximum length of an offer in characters; Chromium's, with one video and one data transport, has about 7000."""
 POSES = "poses"
 """Data channel for the page's camera, as PoseUpdates: unordered, without retransmission."""
 FRAMES = "frames"
-"""Data channel for the pose of each frame, as SentFrames from the packager: unordered, reliable."""
+"""Data channel for the pose of each frame, sent as SentFrames by the packager: unordered, reliable."""
 
 
 class RepresentationRequest(WireModel):
     """One representation that a session wants."""
 
     rung: int = Field(ge=0, le=255)
-    """The rung of the render service's ladder with this resolution."""
+    """Rung of the render service's ladder with this resolution."""
     bitrate_kbps: int | None = Field(default=None, ge=50, le=100_000)
-    """Left out, it follows from the resolution and the frame rate."""
+    """If left out, derived from the resolution and the frame rate."""
 
     def __str__(self) -> str:
         return f"r{self.rung}" + (f"-{self.bitrate_kbps}" if self.bitrate_kbps is not None else "")
 
 
 class StreamRequest(WireModel):
-    """A stream of a scene's views for one viewer, however it travels."""
+    """A stream of one scene for one viewer, over any transport."""
 
     scene: str = Field(max_length=256)
     position: Point
@@ -45,7 +45,7 @@ class StreamRequest(WireModel):
     cy: float = Field(ge=-1e6, le=1e6)
     width: int = Field(ge=16, le=MAX_SIDE)
     height: int = Field(ge=16, le=MAX_SIDE)
-    """fx, fy, cx, cy are in pixels for this viewport."""
+    """fx, fy, cx and cy are in pixels of this viewport."""
     frame_rate: int = Field(default=30, ge=1, le=60)
     """Frames a second."""
 
@@ -67,12 +67,12 @@ class SessionRequest(StreamRequest):
     representations: Entries[RepresentationRequest] | None = Field(
         default=None, min_length=1, max_length=MAX_REPRESENTATIONS
     )
-    """By default every rung that fits into the viewport, and the best of them at three times the bitrate as well."""
+    """By default, every rung that fits into the viewport, and the best of them at three times the bitrate as well."""
     segment_s: float = Field(default=1.0, ge=0.2, le=10)
-    """A segment's duration, which is also the distance of keyframes."""
+    """Duration of a segment, which is also the interval between keyframes."""
     frames_per_chunk: int = Field(default=1, ge=1, le=600)
     target_latency_ms: int = Field(default=200, ge=50, le=10_000)
-    """Target latency of players behind the newest pose."""
+    """Latency that players should keep behind the newest pose."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -82,12 +82,12 @@ class SessionRequest(StreamRequest):
 
     @property
     def frames_per_segment(self) -> int:
-        """A whole number, so that segments and keyframes coincide."""
+        """Frames in a segment: a whole number, so that segments and keyframes coincide."""
         return max(1, math.floor(self.segment_s * self.frame_rate + 0.5))
 
 
 class PoseUpdate(WireModel):
-    """The viewer's newest pose. The lens may change with it; for the viewport of the session."""
+    """The viewer's newest pose. The intrinsics may change with it; they are for the session's viewport."""
 
     seq: int = Field(ge=0, lt=2**32)
     """The viewer's own number for this pose."""
@@ -105,28 +105,28 @@ class PoseUpdate(WireModel):
 
 
 class FrameShown(WireModel):
-    """Which pose a frame of the stream shows: maps media time to poses."""
+    """The pose that a frame of the stream shows: maps media time to poses."""
 
     frame: int
     """Counted from 0."""
     media_time_s: float
-    """When it starts, on the media timeline."""
+    """Start of the frame on the media timeline, in seconds."""
     pose: int
-    """The `seq` of the pose that it was rendered from."""
+    """The `seq` of the pose from which the frame was rendered."""
 
 
 class RepresentationInfo(WireModel):
     """One representation of a session."""
 
     id: str
-    """Such as r2-1414: rung and kilobits a second."""
+    """Rung and kilobits per second, such as r2-1414."""
     rung: int
     width: int
     height: int
-    """Pixels; even, as yuv420p asks for."""
+    """Pixels; even, as yuv420p requires."""
     bitrate_kbps: int
     codecs: str
-    """As in RFC 6381."""
+    """Codecs parameter of RFC 6381."""
 
 
 class StreamInfo(WireModel):
@@ -140,16 +140,16 @@ class StreamInfo(WireModel):
 
 
 class SessionInfo(StreamInfo):
-    """A session that was opened; its paths are relative to the packager's root."""
+    """A session that was opened; paths are relative to the packager's root."""
 
     id: str
     manifest: str
     poses: str
-    """The path of the WebSocket that takes PoseUpdates and sends FrameShown."""
+    """Path of the WebSocket that takes PoseUpdates and sends FrameShown."""
 
 
 class SessionStatus(WireModel):
-    """How a session does."""
+    """Status of a session."""
 
     id: str
     scene: str
@@ -157,15 +157,15 @@ class SessionStatus(WireModel):
     frames: int
     """Frames in the stream so far."""
     repeated: int
-    """Frames among them that repeat the previous one, because no new one was ready in time."""
+    """Frames that repeat the previous one, because no new one was ready in time."""
     dropped: int
-    """Frames that were left out to stay with the clock; others last longer in their place."""
+    """Frames that were skipped to keep up with the clock; others last longer instead."""
     poses: int
-    """Received pose updates."""
+    """Pose updates received."""
     render_failures: int
     """Requests that the render service did not answer with a frame."""
     render_problem: str | None
-    """Why it gives no frames at present, in one sentence."""
+    """Reason why the render service sends no frames at present, in one sentence."""
     encoder_failures: int
     watchers: int
     """Open pose sockets."""
@@ -176,9 +176,9 @@ class WebRtcRequest(StreamRequest):
 
     sdp: str = Field(min_length=1, max_length=MAX_SDP)
     frame_rate: Literal[30, 60] = 30
-    """H.264 has 30 only."""
+    """With H.264, 30 only."""
     rung: int | None = Field(default=None, ge=0, le=255)
-    """The rung of the scene's ladder with the video's size; by default the largest that fits into the viewport."""
+    """Rung of the scene's ladder with the video's size; by default the largest that fits into the viewport."""
     bitrate_kbps: int | None = Field(default=None, ge=100, le=10_000)
     """Maximum rate of the encoder on any link; 10 Mbit/s by default."""
 
@@ -188,9 +188,9 @@ class WebRtcSession(WireModel):
 
     id: str
     sdp: str
-    """The answer, with all candidates: no more follow."""
+    """The answer, complete with all candidates."""
     codec: str
-    """As RTP names it: H264 or VP8."""
+    """RTP name of the codec: H264 or VP8."""
     rung: int
     width: int
     height: int
@@ -199,9 +199,9 @@ class WebRtcSession(WireModel):
 
 
 class SentFrame(WireModel):
-    """Which pose a frame of the video shows."""
+    """The pose that a frame of the video shows."""
 
     rtp_timestamp: int
-    """Of its packets, as `requestVideoFrameCallback` gives it: 90 kHz, modulo 2³²."""
+    """Timestamp of its packets, as reported by `requestVideoFrameCallback`: 90 kHz, modulo 2³²."""
     pose: int
-    """The `seq` of the pose that it was rendered from."""
+    """The `seq` of the pose from which the frame was rendered."""

@@ -1,4 +1,4 @@
-"""Basis of all wire models: the base class, coordinates, and limits of a picture's size."""
+"""Basis of all wire models: the base class, coordinates, and limits on image sizes."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Annotated, Any, Self, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 MAX_SIDE = 8192
-"""The longest side of a viewport or frame, in pixels."""
+"""Maximum side length of a viewport or frame, in pixels."""
 MAX_PIXELS = 16_777_216
-"""The most pixels in a viewport or frame."""
+"""Maximum number of pixels in a viewport or frame."""
 
 Angle = Annotated[float, Field(ge=-1e6, le=1e6)]
 Coordinate = Annotated[float, Field(ge=-1e9, le=1e9)]
@@ -19,7 +19,7 @@ Unit = Annotated[float, Field(ge=0, le=1)]
 
 Entry = TypeVar("Entry")
 Entries = Annotated[tuple[Entry, ...], Field(fail_fast=True)]
-"""As many as there are. Checking ends at the first wrong one, as a megabyte can hold a million."""
+"""A tuple of any length. Validation stops at the first invalid entry, as a megabyte can hold a million."""
 
 
 def _is_rotation(quaternion: tuple[float, ...]) -> tuple[float, ...]:
@@ -33,13 +33,13 @@ Quaternion = Annotated[tuple[Coordinate, Coordinate, Coordinate, Coordinate], Af
 
 
 class WireModel(BaseModel):
-    """Immutable, refuses unknown fields, NaN, infinities and values of another type."""
+    """Immutable model that rejects unknown fields, NaN, infinities and values of another type."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
     @classmethod
     def trusted(cls, fields: dict[str, Any]) -> Self:
-        """A model with these values, one for each field, which another process of ours has validated.
+        """Create a model from values already validated by another of our processes, one for each field.
 
         For thousands of models a second: much faster than pydantic's constructors, including `model_construct`.
         """
@@ -53,5 +53,5 @@ class WireModel(BaseModel):
 
 @cache
 def _all_fields(model: type[WireModel]) -> set[str]:
-    """The names of a model's fields; all its trusted instances share the set, as none ever changes."""
+    """The names of a model's fields, shared by all its trusted instances, as the set never changes."""
     return set(model.model_fields)

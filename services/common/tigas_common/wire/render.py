@@ -17,31 +17,31 @@ Value = TypeVar("Value")
 FrameFormat = Literal["jpeg", "png", "yuv420p"]
 """Formats of every rasteriser."""
 AnswerFormat = Literal[FrameFormat, "h264", "webp"]
-"""Formats of an independent picture, or, for `h264`, of one that may refer to its predecessor."""
+"""Formats of independent images and, for `h264`, of frames that may refer to their predecessor."""
 StillFormat = Literal["jpeg", "webp"]
-"""Formats of frames in the stateless mode."""
+"""Formats of frames in stateless mode."""
 CongestionControl = Literal["westwood", "reno"]
 """Congestion control of HTTP/3: NewReno that tolerates random loss, or plain NewReno as in the paper."""
 LadderName = Literal["scene", "paper"]
-"""The ladder that profiles index: each scene's own, if it has one, or the paper's for all."""
+"""The ladder that profiles index: each scene's own, if it has one, or the paper's for all scenes."""
 
 
 class Rung(WireModel):
-    """One level of the quality ladder; its number is its place in the ladder, 0 the best."""
+    """One level of the quality ladder; its number is its index in the ladder, and 0 is the best."""
 
     name: str
     width: int = Field(ge=16, le=MAX_SIDE)
-    """Pixels, at the reference aspect ratio: a viewport of another shape gets as many pixels in its own shape."""
+    """Pixels, at the reference aspect ratio; a viewport of another shape gets as many pixels in its own shape."""
     height: int = Field(ge=16, le=MAX_SIDE)
     quality: int = Field(ge=1, le=100)
     """JPEG quality."""
     expected_kb: float = Field(gt=0)
     """Expected size of a frame, in kilobytes (1000 bytes)."""
     psnr_db: float | None = None
-    """Expected PSNR of a frame that is enlarged to the display against ground truth, in dB, where it was measured."""
+    """Expected PSNR of a frame, enlarged to the display, against ground truth, in dB; null if not measured."""
 
     def size_for(self, width: int, height: int) -> tuple[int, int]:
-        """Width and height in pixels for a viewport: the rung's own number of pixels in the viewport's own shape.
+        """Width and height in pixels for a viewport: the rung's number of pixels in the viewport's shape.
 
         A viewport with the rung's aspect ratio gets exactly the rung's resolution; pixels are square in every shape.
         """
@@ -50,7 +50,7 @@ class Rung(WireModel):
 
 
 MAX_OVERSCAN = 0.5
-"""The most that a frame shows beyond each side of the viewport, as a share of the viewport's width or height."""
+"""Maximum margin of a frame beyond each side of the viewport, as a share of the viewport's width or height."""
 
 DEFAULT_LADDER = (
     Rung(name="High", width=1280, height=720, quality=90, expected_kb=240),
@@ -67,7 +67,7 @@ class VideoRequest(WireModel):
     bitrate_kbps: int = Field(ge=10, le=200_000)
     """The bit rate of the video, key frames included, in kbit/s."""
     frames_per_s: float = Field(default=60, ge=1, le=240)
-    """The number of frames per second that share the bit rate."""
+    """Number of frames per second that share the bit rate."""
     key: bool = False
     """Whether the answer must be a key frame, because the client cannot decode references to earlier frames."""
 
@@ -78,7 +78,7 @@ class RenderRequest(WireModel):
     scene: str = Field(max_length=256)
     """The scene's id."""
     seq: int = Field(default=0, ge=0, lt=2**32)
-    """The client's own number for this request; the answer repeats it."""
+    """The client's own number for this request; repeated in the answer."""
 
     azimuth: Angle | None = None
     """Degrees, positive to the right."""
@@ -107,29 +107,29 @@ class RenderRequest(WireModel):
     """The viewport's height in pixels."""
 
     profile: int | None = Field(default=None, ge=0, le=255)
-    """The rung of the scene's ladder; if left out, the viewport's own resolution at the best rung's quality."""
+    """Rung of the scene's ladder; if left out, the viewport's own resolution at the best rung's quality."""
     display_scale: float = Field(default=1, ge=1, le=64)
     """Linear scale at which the viewport shows the frame."""
     overscan: float = Field(default=0, ge=0, le=MAX_OVERSCAN)
-    """The margin that the frame shows beyond each side of the viewport, as a share of its width (left, right) and
-    height (top, bottom), at the same pixels per angle."""
+    """The frame's margin beyond each side of the viewport, as a share of its width (left, right) and height (top,
+    bottom), at the same pixels per angle."""
     depth: bool = False
-    """Whether a JPEG or WebP carries a coarse depth of the view; ignored for other formats."""
+    """Whether a JPEG or WebP carries a coarse depth map of the view; ignored for other formats."""
     detail: Literal["auto", "full"] = "auto"
-    """How much of a large scene is drawn: what the frame's pixels can show, or everything; PNGs show everything."""
+    """How much of a large scene is drawn: as much as the frame's pixels can show, or all. PNGs show all."""
     coarse: bool = False
-    """Whether a frame of the coarse scene will do while the scene is loading; otherwise, and for a PNG or the full
+    """Whether a frame of the coarse scene is acceptable while the scene is loading. Otherwise, and for PNGs or full
     detail, the request waits."""
     format: AnswerFormat = "jpeg"
-    """The format of the answer's body."""
+    """Format of the answer's body."""
     video: VideoRequest | None = None
-    """Required for the format `h264`, and allowed for no other."""
+    """Required for the format `h264`, and not allowed for others."""
     deadline_ms: float | None = Field(default=None, gt=0, le=60_000)
-    """How long after its arrival the frame is still useful, in milliseconds; a later one is not sent."""
+    """Time after arrival for which the frame is useful, in milliseconds; a later one is not sent."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        # without loops, as thousands a second are checked
+        # no loops, as thousands of requests per second are validated
         euler = (self.azimuth, self.elevation, self.translation)
         quaternion = (self.position, self.quaternion)
         uses_euler = euler != (None, None, None) or self.roll is not None
@@ -149,7 +149,7 @@ class RenderRequest(WireModel):
 
     @classmethod
     def at(cls, scene: str, pose: Pose, intrinsics: Intrinsics, **options: Any) -> Self:
-        """The view of a scene from a pose; the options are further fields."""
+        """Request the view of a scene from a pose; `options` are further fields."""
         return cls(scene=scene, position=pose.position, quaternion=pose.quaternion, **asdict(intrinsics), **options)
 
     @property
@@ -169,7 +169,7 @@ class RenderRequest(WireModel):
 
 
 class ServerTiming(WireModel):
-    """Where the server's time went, in milliseconds."""
+    """How the server spent its time, in milliseconds."""
 
     queue: float
     render: float
@@ -180,9 +180,9 @@ class VideoInfo(WireModel):
     """A frame's place in its session's video."""
 
     key: bool
-    """Whether it can be decoded independently."""
+    """Whether the frame can be decoded independently."""
     after: int | None
-    """The `seq` of the frame that it refers to, the last one of the video; null for a key frame."""
+    """The `seq` of the frame to which this one refers, the video's previous one; null for a key frame."""
     codec: str
     """Such as `avc1.4d401f` (RFC 6381), for WebCodecs."""
 
@@ -196,31 +196,31 @@ class FrameHeader(WireModel):
     width: int | None = None
     height: int | None = None
     margin_x: int | None = None
-    """Number of the frame's columns beyond the viewport at the left, equal to that at the right; null for none."""
+    """Number of the frame's columns beyond the viewport on the left, and the same on the right; null for none."""
     margin_y: int | None = None
-    """The same of its rows, at the top and at the bottom."""
+    """Number of the frame's rows beyond the viewport at the top, and the same at the bottom; null for none."""
     profile: int | None = None
     coarse: bool | None = None
-    """Whether it shows the coarse scene, because the scene is loading; null otherwise."""
+    """Whether the frame shows the coarse scene, because the scene is loading; null otherwise."""
     video: VideoInfo | None = None
-    """Of a frame of a video; its body is one access unit in Annex B's byte stream format (ITU-T H.264)."""
+    """For a frame of a video; its body is one access unit in Annex B's byte stream format (ITU-T H.264)."""
     timing: ServerTiming | None = None
     requests_per_s: float | None = None
-    """How many requests a second this client may send from now on; null: as many as a display shows."""
+    """Requests per second that this client may send from now on; null: as many as a display shows."""
 
 
 class Problem(WireModel):
     """Why a request failed (RFC 9457, application/problem+json)."""
 
     type: str
-    """Stable: `tigas:` and a name, such as `tigas:unknown-scene`."""
+    """Stable: `tigas:` followed by a name, such as `tigas:unknown-scene`."""
     title: str
     status: int
     detail: str
 
 
 class StartCamera(WireModel):
-    """Where a visitor enters the scene."""
+    """The camera with which a visitor enters the scene."""
 
     position: Point
     look_at: Point
@@ -228,9 +228,9 @@ class StartCamera(WireModel):
 
 MAX_VIEWS = 100
 MAX_PATHS = 20
-"""The most views and paths that are saved with a scene."""
+"""Maximum number of views and of paths saved with a scene."""
 MAX_KEYFRAMES = 64
-"""The most keyframes of a path: as many as a request has room for."""
+"""Maximum number of keyframes in a path: as many as fit into a request."""
 
 
 def _is_name(name: str) -> str:
@@ -247,7 +247,7 @@ class SavedView(WireModel):
 
     position: Point
     quaternion: Quaternion
-    """The rotation from camera to world, [x, y, z, w]; kept with length one."""
+    """Rotation from camera to world, [x, y, z, w]; stored normalised."""
 
     @field_validator("quaternion")
     @classmethod
@@ -258,7 +258,7 @@ class SavedView(WireModel):
 
 
 class Keyframe(SavedView):
-    """A pose of a camera path and its time."""
+    """A pose on a camera path, with its time."""
 
     t_ms: float = Field(ge=0, le=3_600_000)
 
@@ -267,79 +267,79 @@ class SavedPath(WireModel):
     """A smooth camera path through keyframes."""
 
     keyframes: Entries[Keyframe]
-    """In the order of time."""
+    """Ordered by time."""
     easing: Literal["linear", "ease-in", "ease-out", "ease-in-out"] = "linear"
-    """How it begins and ends."""
+    """How the movement starts and ends."""
     loop: bool = False
-    """Whether it plays again and again; its last keyframe has the pose of the first then."""
+    """Whether the path repeats; its last keyframe then has the pose of the first."""
 
     @model_validator(mode="after")
     def _check_keyframes(self) -> Self:
         if not 2 <= len(self.keyframes) <= MAX_KEYFRAMES:
             raise ValueError(f"a path has 2 to {MAX_KEYFRAMES} keyframes")
         if any(later.t_ms <= earlier.t_ms for earlier, later in pairwise(self.keyframes)):
-            raise ValueError("every keyframe needs a greater t_ms than the one before")
+            raise ValueError("every keyframe needs a greater t_ms than the previous one")
         first, last = self.keyframes[0], self.keyframes[-1]
         if self.loop and (first.position, first.quaternion) != (last.position, last.quaternion):
-            raise ValueError("the last keyframe of a loop has the pose of the first")
+            raise ValueError("the last keyframe of a loop must have the pose of the first")
         return self
 
 
 class SceneDownload(WireModel):
-    """A form of the scene's Gaussians for clients that draw them.
+    """A downloadable form of the scene's Gaussians, for clients that render them.
 
-    `compressed` is one file, at `/scenes/{id}/download/compressed`, made on the first request; every prefix of it
-    gives the best picture of its size. `streamed` are the levels of detail of a streamed SOG scene, file by file, from
-    `/scenes/{id}/download/streamed/lod-meta.json` on.
+    `compressed` is a single file, at `/scenes/{id}/download/compressed`, made on the first request; every prefix of it
+    gives the best picture for its size. `streamed` is the levels of detail of a streamed SOG scene, file by file,
+    starting with `/scenes/{id}/download/streamed/lod-meta.json`.
     """
 
     form: Literal["compressed", "streamed"] = "compressed"
     bytes: int | None = None
-    """The file's length; null until it was made, as are the others."""
+    """Size of the file; like the other fields, null until the file is made."""
     sha256: str | None = None
-    """In hexadecimal digits; also its ETag."""
+    """In hexadecimal; also the file's ETag."""
     gaussians: int | None = None
 
 
 class SceneInfo(WireModel):
-    """Facts about a scene, loaded or not; `camera` and `up` are known once it was loaded, or from its scene.json."""
+    """Facts about a scene. `camera` and `up` are known from its scene.json, or once it has been loaded."""
 
     id: str
     name: str
     state: Literal["unloaded", "loading", "loaded", "broken"]
     error: str | None
-    """One sentence, when the state is `broken`."""
+    """One sentence, if the state is `broken`."""
     progress: Unit | None = None
-    """How much of it has been read, while the state is `loading`."""
+    """Share of the scene that has been read while the state is `loading`."""
     gaussians: int | None
     sh_degree: int | None
     file_bytes: int
     file_sha256: str | None = None
-    """In hexadecimal digits; null until the file was loaded once."""
+    """In hexadecimal; null until the file has been loaded once."""
     format: str | None = Field(default=None, max_length=100)
-    """Of the file, for people: `PLY`, `SPZ 4`; null if it cannot be read."""
+    """File format, for people: `PLY`, `SPZ 4`; null if it cannot be read."""
     antialiased: bool = False
-    """Whether its Gaussians need Mip-Splatting's 2D filter, if the file says so."""
+    """Whether the Gaussians need Mip-Splatting's 2D filter, if the file says so."""
     memory_bytes: int
-    """Its present memory; 0 unless loaded."""
+    """Memory in use; 0 unless loaded."""
     preview: str
-    """The preview's URL, relative to the server's root."""
+    """URL of the preview, relative to the server's root."""
     up: Point
     camera: StartCamera | None
     background: tuple[Unit, Unit, Unit]
     """RGB, 0 to 1."""
     enhance: Literal["scene", "general"] | None = None
-    """Networks that can enhance its frames: its own, trained on this very file, or those for any scene."""
+    """Networks that can enhance its frames: its own, trained on this file, or general ones for any scene."""
     ladder: Entries[Rung] | None = None
-    """The ladder that profiles index if the scene has its own; null: the server's."""
+    """The scene's own ladder, which profiles index; null: the server's."""
     views: dict[SavedName, SavedView] = Field(default_factory=dict)
-    """Saved views by name; left out in the list of all scenes, as are paths."""
+    """Saved views by name; empty in the list of all scenes, like `paths`."""
     paths: dict[SavedName, SavedPath] = Field(default_factory=dict)
     """Saved camera paths by name."""
     builtin: bool = False
-    """Whether it is part of the service, which can neither rename nor delete it."""
+    """Whether the scene is part of the service and can be neither renamed nor deleted."""
     downloads: Entries[SceneDownload] = ()
-    """Downloadable forms, to be rendered elsewhere; none if it is broken or the server offers none."""
+    """Downloadable forms, for rendering elsewhere; none if the scene is broken or the server offers none."""
 
 
 class SceneName(WireModel):
@@ -349,16 +349,16 @@ class SceneName(WireModel):
 
 
 class SceneEdit(WireModel):
-    """Changes of a scene's description; whatever is left out stays."""
+    """Changes to a scene's description; fields left out are unchanged."""
 
     camera: StartCamera | None = None
     """New start view, in the scene's own coordinates."""
     up: Point | None = None
-    """Direction that points up; it need not have length one."""
+    """Direction that points up, of any length."""
     views: dict[SavedName, SavedView | None] = Field(default_factory=dict)
-    """Views to save by name; null removes one."""
+    """Views to save, by name; null removes one."""
     paths: dict[SavedName, SavedPath | None] = Field(default_factory=dict)
-    """Camera paths to save by name; null removes one."""
+    """Camera paths to save, by name; null removes one."""
 
     @field_validator("camera", "up")
     @classmethod
@@ -375,14 +375,14 @@ class AddedScene(WireModel):
 
 
 class Training(WireModel):
-    """How far the training of a scene's networks is."""
+    """Progress of the training of a scene's networks."""
 
     state: Literal["idle", "running", "done", "failed"]
     progress: Unit = 0
     stage: str = ""
-    """Its present step."""
+    """Current step."""
     problem: str | None = None
-    """One sentence: why it failed, or why the networks that the scene has cannot be used."""
+    """One sentence: why training failed, or why the scene's existing networks cannot be used."""
 
 
 class ServerConfig(WireModel):
@@ -390,52 +390,52 @@ class ServerConfig(WireModel):
 
     version: str
     commit: str | None = None
-    """Of its code, with `-dirty` if that was changed; null if it is unknown."""
+    """Commit of the server's code, with `-dirty` if modified; null if unknown."""
     device: str | None = None
-    """Its rendering device: `cpu`, or the GPU's name."""
+    """Rendering device: `cpu`, or the GPU's name."""
     ladder: Entries[Rung]
     """Ladder of scenes without their own."""
     certificate_sha256: str | None
     """Base64 of the SHA-256 of the certificate's DER, for `serverCertificateHashes`."""
     public_key_sha256: str | None = None
-    """The same of its public key, for Chromium's `--ignore-certificate-errors-spki-list`."""
+    """Base64 of the SHA-256 of its public key, for Chromium's `--ignore-certificate-errors-spki-list`."""
     webtransport_url: str | None
-    """Where to open the WebTransport session, fitted to the address that the page was opened under."""
+    """URL of the WebTransport session, for the address under which the page was opened."""
     https_url: str | None
-    """The same page as a secure context, for other devices on the network."""
+    """URL of the page in a secure context, for other devices on the network."""
     services: dict[str, str]
     """Other services by name, such as `dash`, with their base URLs."""
     dash_h3_url: str | None = None
-    """Base URL of the service `dash` over HTTP/3, for browsers that trust the certificate; null: it is not offered."""
+    """Base URL of the service `dash` over HTTP/3, for browsers that trust the certificate; null if not offered."""
     retry_after_s: float | None = None
-    """The server is full: seconds after which a new viewer may try again. Null if it takes new viewers."""
+    """If the server is full, the seconds after which a new viewer may try again; null if it takes new viewers."""
     host: str | None = None
-    """In a cluster, the name of the host that serves the scene which was asked about; null: there is only this one."""
+    """In a cluster, the name of the host that serves the requested scene; null outside a cluster."""
     render_url: str | None = None
     """Base URL for `POST /render`; null: the page's own origin."""
     max_upload_bytes: int | None = None
-    """Maximum size of a file that a page may add as a scene; null: it may add, rename and delete none."""
+    """Maximum size of a file that a page may add as a scene; null: pages cannot add, rename or delete scenes."""
     has_scene: bool | None = None
-    """Whether there is the scene that was asked about; null if none was, and in a cluster."""
+    """Whether the requested scene exists; null if none was requested, and in a cluster."""
     formats: Entries[StillFormat] = ("jpeg",)
-    """Preferred formats of pictures. Others are answered as well, but cost this server more than they gain."""
+    """Preferred image formats. Others work too, but cost this server more than they gain."""
     congestion_control: CongestionControl | None = None
-    """Of WebTransport and HTTP/3; null if there is neither, and from older services."""
+    """Congestion control of WebTransport and HTTP/3; null if neither is offered, and from older services."""
     tcp_congestion_control: str | None = None
-    """Of HTTP/1.1, and so of DASH: the kernel's, such as `cubic`; null if it does not say."""
+    """The kernel's congestion control for HTTP/1.1, and so for DASH, such as `cubic`; null if unknown."""
     why_no_training: str | None = None
     """One sentence: why scenes' networks cannot be trained here; null if they can."""
 
 
 class HostLoad(WireModel):
-    """A service's load and configuration, for the director of a cluster (`/api/load`)."""
+    """A service's load and configuration, for a cluster's director (`/api/load`)."""
 
     config: ServerConfig
     """Like `/config.json`, for the name under which the host was reached. `retry_after_s` is set if it is full."""
     viewers: int = Field(ge=0)
     utilisation: Unit
-    """Utilisation of the busier part: the edges, taken together, or the renderer."""
+    """Utilisation of the busier part: the edges together, or the renderer."""
     queue_age_s: float = Field(ge=0)
-    """The longest that anything waited anywhere in the last second."""
+    """The longest wait anywhere in the last second."""
     scenes: Entries[str]
     """Ids of loaded scenes."""

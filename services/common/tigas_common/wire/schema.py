@@ -38,7 +38,7 @@ def messages_schema(*, requests: Sequence[type[Any]], answers: Sequence[type[Wir
 
 
 def schemas() -> dict[str, dict[str, Any]]:
-    """The schema of each service's messages, by the name of its module here."""
+    """The schema of each service's messages, keyed by the name of its wire module."""
     return {
         "render": messages_schema(
             requests=[render.RenderRequest, render.SceneEdit],
@@ -69,7 +69,7 @@ def schemas() -> dict[str, dict[str, Any]]:
 
 
 def _without_field_titles(definition: dict[str, Any]) -> dict[str, Any]:
-    """Pydantic titles every field; a generator would make a named type of each."""
+    """Remove pydantic's titles of fields, from which the generator would make a named type each."""
     properties = {
         name: {key: value for key, value in field.items() if key != "title"}
         for name, field in definition.get("properties", {}).items()
@@ -78,7 +78,7 @@ def _without_field_titles(definition: dict[str, Any]) -> dict[str, Any]:
 
 
 def tables() -> dict[str, str]:
-    """The Markdown tables of fields in docs/protocol.md, by the name of the model."""
+    """The Markdown tables of fields in docs/protocol.md, keyed by model name."""
     return {model.__name__: field_table(model) for model in (render.RenderRequest, render.VideoRequest)}
 
 
@@ -93,7 +93,7 @@ def field_table(model: type[WireModel]) -> str:
 
 
 def _field_docstrings(model: type[WireModel]) -> dict[str, str]:
-    """Pydantic reads them too, but for every model and each time that it is imported, which takes long."""
+    """A model's field docstrings. Pydantic could read them as well, but would do so for every model on each import."""
     (definition,) = ast.parse(inspect.getsource(model)).body
     assert isinstance(definition, ast.ClassDef)
     return {

@@ -12,15 +12,15 @@ from tigas_common.wire.model import Entries, WireModel
 MAX_RATE_KBPS = 1e8
 MAX_DELAY_MS = 60_000.0
 MAX_DURATION_MS = 30 * 24 * 3600 * 1000
-"""Of a trace."""
+"""Maximum duration of a trace."""
 
 MAX_UPLOAD_BYTES = 16_000_000
-"""Of a trace's file."""
+"""Maximum size of a trace file."""
 TRACE_SUFFIXES = frozenset({".gz", ".csv", ".json", ".txt", ".log"})
-"""Of trace files; a trace's name has none of them."""
+"""Suffixes of trace files, which are not part of a trace's name."""
 
 PlaybackMode = Literal["constant", "playing", "paused", "ended"]
-"""Playback of a trace; `constant` has none."""
+"""Playback state; `constant` means that no trace is selected."""
 Backend = Literal["netem", "relay"]
 """Implementation of delay, jitter and loss: the kernel's netem, or our own relay."""
 
@@ -31,21 +31,21 @@ Delay = Annotated[_Number, Field(le=MAX_DELAY_MS)]
 Percent = Annotated[_Number, Field(le=100)]
 
 
-# A model would be ten times as large, and a trace may have a quarter of a million of them.
+# A dataclass, as a model would be ten times as large and a trace may have 250,000 settings.
 @dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid"))
 class LinkSetting:
     """Effects of a link on packets."""
 
     down_kbps: Rate
-    """Towards the client, kbit/s of whole Ethernet frames. 0 is an outage: packets wait."""
+    """Rate towards the client, in kbit/s of whole Ethernet frames. 0 is an outage: packets wait."""
     up_kbps: Rate
-    """From the client, likewise."""
+    """Rate from the client, likewise."""
     delay_ms: Delay = 0.0
-    """One way, added in each direction: a round trip takes twice as long."""
+    """One-way delay added in each direction; a round trip takes twice as long."""
     jitter_ms: Delay = 0.0
-    """Variation of the delay, in each direction."""
+    """Variation of the delay in each direction."""
     loss_pct: Percent = 0.0
-    """Packets lost at random in each direction, per cent."""
+    """Share of packets lost at random in each direction, in per cent."""
 
 
 class StartRequest(WireModel):
@@ -54,7 +54,7 @@ class StartRequest(WireModel):
     trace: str = Field(max_length=100)
     loop: bool = True
     delay_ms: Delay | None = None
-    """One way, in each direction, in place of the trace's own delay and jitter; null keeps these."""
+    """One-way delay in each direction, in place of the trace's delay and jitter; null keeps them."""
 
 
 class SeekRequest(WireModel):
@@ -64,7 +64,7 @@ class SeekRequest(WireModel):
 
 
 class LoopRequest(WireModel):
-    """Whether to start again at the end."""
+    """Whether to start over at the end."""
 
     loop: bool
 
@@ -74,7 +74,7 @@ class TraceSummary(WireModel):
 
     name: str
     uploaded: bool
-    """Kept in memory until the shaper stops, rather than in its directory."""
+    """Whether the trace was uploaded: it is kept in memory until the shaper stops, rather than in its directory."""
     duration_ms: int = 0
     steps: int = 0
     mean_down_kbps: float = 0.0
@@ -87,40 +87,40 @@ class TraceSummary(WireModel):
 
 
 class TraceList(WireModel):
-    """Every trace that there is."""
+    """All available traces."""
 
     traces: Entries[TraceSummary]
 
 
 class TracePoints(WireModel):
-    """A trace's outline, as means over spans of time."""
+    """A trace's outline, as means over intervals."""
 
     name: str
     duration_ms: int
     times_ms: Entries[float]
-    """Where each span starts; the last one ends at the end of the trace."""
+    """Start of each interval; the last one ends at the end of the trace."""
     down_kbps: Entries[float]
     up_kbps: Entries[float]
 
 
 class DirectionStatus(WireModel):
-    """One direction, as tc counts it: bytes of whole Ethernet frames."""
+    """One direction, in tc's counting: bytes of whole Ethernet frames."""
 
     target_kbps: float
     delivered_kbps: float
-    """Since the sample before."""
+    """Mean rate since the previous sample."""
     queue_bytes: int
     queue_ms: float
-    """How long the queue takes to drain at the target rate; in an outage, at the last one before."""
+    """Time that the queue takes to drain at the target rate; during an outage, at the last rate before it."""
     drops: int
-    """Packets lost because the queue was full, since the shaper was started."""
+    """Packets lost because the queue was full, since the shaper started."""
 
 
 class ShaperStatus(WireModel):
-    """The link at one moment, and its playback."""
+    """The link and its playback at one moment."""
 
     time_ms: float
-    """Of the shaper's own steady clock."""
+    """Time of the shaper's own steady clock."""
     mode: PlaybackMode
     trace: str | None
     position_ms: float | None

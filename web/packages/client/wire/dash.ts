@@ -22,7 +22,7 @@ export interface RepresentationRequest {
   rung: number;
   bitrate_kbps?: number | null;
 }
-/** The viewer's newest pose. The lens may change with it; for the viewport of the session. */
+/** The viewer's newest pose. The intrinsics may change with it; they are for the session's viewport. */
 export interface PoseUpdate {
   seq: number;
   position: [number, number, number];
@@ -48,7 +48,7 @@ export interface WebRtcRequest {
   rung?: number | null;
   bitrate_kbps?: number | null;
 }
-/** A session that was opened; its paths are relative to the packager's root. */
+/** A session that was opened; paths are relative to the packager's root. */
 export interface SessionInfo {
   representations: RepresentationInfo[];
   frame_rate: number;
@@ -68,7 +68,7 @@ export interface RepresentationInfo {
   bitrate_kbps: number;
   codecs: string;
 }
-/** How a session does. */
+/** Status of a session. */
 export interface SessionStatus {
   id: string;
   scene: string;
@@ -82,7 +82,7 @@ export interface SessionStatus {
   encoder_failures: number;
   watchers: number;
 }
-/** Which pose a frame of the stream shows: maps media time to poses. */
+/** The pose that a frame of the stream shows: maps media time to poses. */
 export interface FrameShown {
   frame: number;
   media_time_s: number;
@@ -98,7 +98,7 @@ export interface WebRtcSession {
   height: number;
   frame_rate: number;
 }
-/** Which pose a frame of the video shows. */
+/** The pose that a frame of the video shows. */
 export interface SentFrame {
   rtp_timestamp: number;
   pose: number;

@@ -32,7 +32,7 @@ export interface VideoRequest {
   frames_per_s?: number;
   key?: boolean;
 }
-/** Changes of a scene's description; whatever is left out stays. */
+/** Changes to a scene's description; fields left out are unchanged. */
 export interface SceneEdit {
   camera?: StartCamera | null;
   up?: [number, number, number] | null;
@@ -43,7 +43,7 @@ export interface SceneEdit {
     [k: string]: SavedPath | null;
   };
 }
-/** Where a visitor enters the scene. */
+/** The camera with which a visitor enters the scene. */
 export interface StartCamera {
   position: [number, number, number];
   look_at: [number, number, number];
@@ -59,7 +59,7 @@ export interface SavedPath {
   easing?: "linear" | "ease-in" | "ease-out" | "ease-in-out";
   loop?: boolean;
 }
-/** A pose of a camera path and its time. */
+/** A pose on a camera path, with its time. */
 export interface Keyframe {
   position: [number, number, number];
   quaternion: [number, number, number, number];
@@ -86,7 +86,7 @@ export interface VideoInfo {
   after: number | null;
   codec: string;
 }
-/** Where the server's time went, in milliseconds. */
+/** How the server spent its time, in milliseconds. */
 export interface ServerTiming {
   queue: number;
   render: number;
@@ -99,7 +99,7 @@ export interface Problem {
   status: number;
   detail: string;
 }
-/** Facts about a scene, loaded or not; `camera` and `up` are known once it was loaded, or from its scene.json. */
+/** Facts about a scene. `camera` and `up` are known from its scene.json, or once it has been loaded. */
 export interface SceneInfo {
   id: string;
   name: string;
@@ -128,7 +128,7 @@ export interface SceneInfo {
   builtin?: boolean;
   downloads?: SceneDownload[];
 }
-/** One level of the quality ladder; its number is its place in the ladder, 0 the best. */
+/** One level of the quality ladder; its number is its index in the ladder, and 0 is the best. */
 export interface Rung {
   name: string;
   width: number;
@@ -138,11 +138,11 @@ export interface Rung {
   psnr_db?: number | null;
 }
 /**
- * A form of the scene's Gaussians for clients that draw them.
+ * A downloadable form of the scene's Gaussians, for clients that render them.
  *
- * `compressed` is one file, at `/scenes/{id}/download/compressed`, made on the first request; every prefix of it
- * gives the best picture of its size. `streamed` are the levels of detail of a streamed SOG scene, file by file, from
- * `/scenes/{id}/download/streamed/lod-meta.json` on.
+ * `compressed` is a single file, at `/scenes/{id}/download/compressed`, made on the first request; every prefix of it
+ * gives the best picture for its size. `streamed` is the levels of detail of a streamed SOG scene, file by file,
+ * starting with `/scenes/{id}/download/streamed/lod-meta.json`.
  */
 export interface SceneDownload {
   form?: "compressed" | "streamed";
@@ -174,7 +174,7 @@ export interface ServerConfig {
   tcp_congestion_control?: string | null;
   why_no_training?: string | null;
 }
-/** How far the training of a scene's networks is. */
+/** Progress of the training of a scene's networks. */
 export interface Training {
   state: "idle" | "running" | "done" | "failed";
   progress?: number;

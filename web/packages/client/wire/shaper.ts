@@ -10,7 +10,7 @@ export interface StartRequest {
 export interface SeekRequest {
   position_ms: number;
 }
-/** Whether to start again at the end. */
+/** Whether to start over at the end. */
 export interface LoopRequest {
   loop: boolean;
 }
@@ -22,7 +22,7 @@ export interface LinkSetting {
   jitter_ms?: number;
   loss_pct?: number;
 }
-/** Every trace that there is. */
+/** All available traces. */
 export interface TraceList {
   traces: TraceSummary[];
 }
@@ -39,7 +39,7 @@ export interface TraceSummary {
   outages?: number;
   error?: string | null;
 }
-/** A trace's outline, as means over spans of time. */
+/** A trace's outline, as means over intervals. */
 export interface TracePoints {
   name: string;
   duration_ms: number;
@@ -47,7 +47,7 @@ export interface TracePoints {
   down_kbps: number[];
   up_kbps: number[];
 }
-/** The link at one moment, and its playback. */
+/** The link and its playback at one moment. */
 export interface ShaperStatus {
   time_ms: number;
   mode: "constant" | "playing" | "paused" | "ended";
@@ -61,7 +61,7 @@ export interface ShaperStatus {
   backend: "netem" | "relay";
   closed: string | null;
 }
-/** One direction, as tc counts it: bytes of whole Ethernet frames. */
+/** One direction, in tc's counting: bytes of whole Ethernet frames. */
 export interface DirectionStatus {
   target_kbps: number;
   delivered_kbps: number;
