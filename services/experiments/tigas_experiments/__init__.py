@@ -1,1 +1,1 @@
-"""Experiments: runs of the viewer over a network that is known, their records, statistics and reports."""
+"""Experiments: runs of the viewer over a known network, with their records, statistics and reports."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 
 class RunFailed(Exception):
-    """Reason why a run has no result. Other runs go on."""
+    """Reason why a run has no result; other runs continue."""
 
 
 class MetricUnavailable(Exception):
-    """Reason why a metric cannot be computed here, and the command that helps. Other metrics can."""
+    """Reason why a metric cannot be computed here, with the command that fixes it. Other metrics are unaffected."""

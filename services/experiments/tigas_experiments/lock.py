@@ -13,9 +13,9 @@ from filelock import FileLock, Timeout
 from tigas_common.errors import StartError
 
 EXPERIMENT = ".lock"
-"""The name of the lock file in the folder of an experiment that a command is making."""
+"""Name of the lock file in an experiment's folder while a command is making it."""
 NAMESPACE = Path("/proc/self/ns/net")
-"""This process' network namespace, on Linux."""
+"""This process's network namespace, on Linux."""
 
 
 @contextmanager
@@ -24,16 +24,16 @@ def exclusive(path: Path, otherwise: str) -> Iterator[None]:
 
     Raises StartError with the sentence `otherwise` if another process holds it, and OSError.
     """
-    # The file stays, and every user may lock it: the lab needs root, services at a URL do not.
+    # The file is kept and any user may lock it: the lab needs root, while services at a URL do not.
     lock = FileLock(path, mode=0o666)
     try:
         lock.acquire(blocking=False)
     except Timeout:
         raise StartError(otherwise) from None
     except PermissionError:
-        if not path.exists():  # the folder itself takes nothing
+        if not path.exists():  # the folder itself is not writable
             raise
-        raise StartError(otherwise) from None  # of another user
+        raise StartError(otherwise) from None  # the file belongs to another user
     try:
         yield
     finally:
@@ -43,7 +43,7 @@ def exclusive(path: Path, otherwise: str) -> Iterator[None]:
 def services_lock(url: str) -> Path:
     """Path of the lock file for the services at a URL. Raises StartError for an invalid URL.
 
-    `localhost` is another host in each network namespace.
+    `localhost` is a different host in each network namespace.
     """
     try:
         parts = urlsplit(url)

@@ -146,7 +146,7 @@ def test_a_part_may_be_commands_alone(repository: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (("magic",), "There is no part 'magic', only short, scored, of-people, simulated."),
+        (("magic",), "There is no part 'magic'; the parts are short, scored, of-people, simulated."),
         (("--file", "nothing.toml"), "nothing.toml cannot be read (No such file or directory)"),
     ],
 )

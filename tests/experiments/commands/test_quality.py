@@ -101,7 +101,7 @@ def test_without_weights_only_these_two_are_left_out(tmp_path: Path, monkeypatch
     ("arguments", "sentence"),
     [
         (["--metrics", "psnr,beauty"], "'beauty' is not a metric; choose from psnr, ssim, vmaf, vif, lpips, dists."),
-        (["--metrics", " , "], "--metrics names none"),
+        (["--metrics", " , "], "--metrics is empty"),
         (["--metrics", "psnr"], "has no samples or captures with ground truth (docs/experiments.md)."),
     ],
 )
@@ -206,7 +206,7 @@ def test_frames_that_the_renderer_would_not_send_again_are_told_of(experiment: P
     with rerender_log(run) as file:
         append_rerendered(file, Rerendered(seq=10, identical=False, problem=None, psnr_db=20.0))
     said = words(quality(str(run), "--metrics", "psnr"))
-    assert "latency-0: the renderer answered 1 of 2 samples differently when it was asked again" in said
+    assert "latency-0: on rendering again, 1 of 2 samples differed, so their ground truth may not match" in said
 
 
 def test_nothing_that_can_be_compared_is_a_failure(tmp_path: Path) -> None:

@@ -71,9 +71,9 @@ def test_import_makes_a_walk_of_a_recording(recording: Path, settings: Path, tmp
 
 @pytest.mark.parametrize(("arguments", "sentence"), [
     (["--metre", "2"], "--metre needs --settings."),
-    (["--settings", "0,0,0,0,1"], "the scene 'train' has no Scale and Quaternion that are numbers."),
+    (["--settings", "0,0,0,0,1"], "the scene 'train' has no numeric Scale and Quaternion."),
     (["--settings", "0,0,0,1,1e-9"], "is farther away than 1,000,000."),
-    (["--settings", "0,0,0,1,1", "--up", "0,0,1"], "--up does not go with --settings."),
+    (["--settings", "0,0,0,1,1", "--up", "0,0,1"], "--up cannot be combined with --settings."),
     (["--settings", "nowhere.csv"], "nowhere.csv cannot be read"),
     (["--up", "0,0,0"], "--up takes 3 numbers such as 0,0,1, not '0,0,0'."),
     (["--up", "1,2"], "--up takes 3 numbers"),
@@ -114,7 +114,7 @@ def test_show_says_how_long_how_dense_how_far_and_how_fast(tmp_path: Path) -> No
         "rate 5.0/s, longest step 200 ms",
         "gaps 10, together 2 s",
         "way 1.0 units, 0.50 units/s on average",
-        "note Columns that a movement does not have were ignored: gaze.",
+        "note Unknown columns were ignored: gaze.",
         "degrees/s 75 75 75 75 75",
     ):
         assert sentence in said(result)

@@ -149,7 +149,7 @@ def test_what_is_no_recording(tmp_path: Path, content: str, sentence: str) -> No
     ([(0, 0.0, (0.0, 2e6, 0.0), UPRIGHT)], "line 2: the row is farther away than 1,000,000"),
     ([(0, 0.0, (0.0, 0.0, 0.0), UPRIGHT)], "has no rows of the right eye"),
     ([(0, 0.0, (0.0, 0.0, 0.0), UPRIGHT), (1, 9.0, (0.0, 0.0, 0.0), UPRIGHT)], "no time at which both eyes"),
-    ([(eye, -at, (0.0, 0.0, 0.0), UPRIGHT) for at in range(5) for eye in (0, 1)], "not in order of time: 4 of 5 rows"),
+    ([(eye, -at, (0.0, 0.0, 0.0), UPRIGHT) for at in range(5) for eye in (0, 1)], "out of order: 4 of 5 rows"),
 ])  # fmt: skip
 def test_what_cannot_be_imported(tmp_path: Path, rows: list[Row], sentence: str) -> None:
     with pytest.raises(MovementError, match=sentence):
@@ -161,18 +161,18 @@ def test_a_clock_that_stumbles_costs_its_rows_only(tmp_path: Path) -> None:
     rows[200] = (0, 20 * 99, (77, 0, 0), UPRIGHT)
     rows[300] = (0, 20 * 10, (77, 0, 0), UPRIGHT)
     way = read_eyes(write(tmp_path / "u_s.csv", RUTGERS, rows), "left")
-    assert way.notes == ("Rows of the left eye that are no later than one before them were left out: 2.",)
+    assert way.notes == ("Rows of the left eye that are not later than all before them were left out: 2.",)
     assert len(way.times_ms) == 298
     assert 77 not in way.positions[[99, 100, 148, 149], 0]
 
 
 @pytest.mark.parametrize(("content", "sentence"), [
     ("Scene_Name,Quaternion,Scale\nroom,\"0,0,0,1\",2\n", "has no scene 'train'; it has 'room'"),
-    ("Scene_Name,Quaternion,Scale\ntrain,\"0,0,1\",2\n", "no Scale and Quaternion that are numbers"),
-    ("Scene_Name,Quaternion,Scale\ntrain,\"0,0,0,0\",2\n", "no Scale and Quaternion that are numbers"),
-    ("Scene_Name,Quaternion,Scale\ntrain,\"0,0,0,1\",0\n", "no Scale and Quaternion that are numbers"),
-    ("Scene_Name,Quaternion,Scale\ntrain,\"0,0,0,1\",nan\n", "no Scale and Quaternion that are numbers"),
-    ("Scene_Name,Quaternion,Scale\ntrain\n", "no Scale and Quaternion that are numbers"),
+    ("Scene_Name,Quaternion,Scale\ntrain,\"0,0,1\",2\n", "no numeric Scale and Quaternion"),
+    ("Scene_Name,Quaternion,Scale\ntrain,\"0,0,0,0\",2\n", "no numeric Scale and Quaternion"),
+    ("Scene_Name,Quaternion,Scale\ntrain,\"0,0,0,1\",0\n", "no numeric Scale and Quaternion"),
+    ("Scene_Name,Quaternion,Scale\ntrain,\"0,0,0,1\",nan\n", "no numeric Scale and Quaternion"),
+    ("Scene_Name,Quaternion,Scale\ntrain\n", "no numeric Scale and Quaternion"),
     ("", "has no scene 'train'; it has none"),
     ("Scene_Name\n" + "x" * 200_000, "is not a table of scenes: field larger than field limit"),
 ])  # fmt: skip

@@ -138,7 +138,7 @@ def test_runs_without_result_are_listed_with_reasons_and_in_no_figure(experiment
         "run.json is broken",
         "frames.ndjson cannot be read: No such file or directory.",
         "mood",
-        "The run is incomplete: it never ended.",
+        "The run is incomplete: it did not finish.",
         "inputs.ndjson, line 100",
         "frames.ndjson, line 1",
     ):
@@ -147,7 +147,7 @@ def test_runs_without_result_are_listed_with_reasons_and_in_no_figure(experiment
     assert [row["status"] for row in by_folder.values()].count("complete") == 2
     assert by_folder["latency-20-0"]["status"] == "running"
     assert by_folder["seen-20-0"]["status"] == "broken"
-    assert "never ended" in by_folder["latency-20-0"]["problem"]
+    assert "did not finish" in by_folder["latency-20-0"]["problem"]
     assert sum(int(row["runs"]) for row in rows(experiment / "groups.csv")) == 2
     assert "no result: runs/seen-300-0/frames.ndjson" in (experiment / "table.md").read_text()
 

@@ -91,7 +91,7 @@ async def test_experiments_of_commands_are_there_as_they_grow(store: Running) ->
     told = (await store.http.get("/experiments/by%20hand")).json()
     assert [(run["status"], run["problem"]) for run in told["runs"]] == [
         ("complete", None),
-        ("running", "The run is incomplete: it never ended."),
+        ("running", "The run is incomplete: it did not finish."),
     ]
     write_run(folder / "runs" / "again", repeat=1)
     killed.write_text((folder / "runs" / "again" / "run.json").read_text())

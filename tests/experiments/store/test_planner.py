@@ -353,7 +353,7 @@ async def test_captures_are_compared_with_ground_truth(store: Running, monkeypat
     run = f"/experiments/{experiment}/runs/{slug()}"
     folder = store.results / experiment / "runs" / slug()
     kept = await store.http.put(run, json=upload(captures=[CAPTURE]))
-    assert (kept.json()["status"], kept.json()["problem"]) == ("running", "The run is incomplete: it never ended.")
+    assert (kept.json()["status"], kept.json()["problem"]) == ("running", "The run is incomplete: it did not finish.")
     odd = (
         ("0120.png", png()),
         ("0.png", png()),

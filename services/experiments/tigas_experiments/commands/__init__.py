@@ -1,1 +1,1 @@
-"""The commands that make and score runs: `tigas experiment`, `tigas paper` and `tigas quality`."""
+"""Commands that make and score runs: `tigas experiment`, `tigas paper` and `tigas quality`."""

@@ -24,16 +24,16 @@ Labs = Annotated[int, Field(ge=1, le=64)]
 
 
 class _ExperimentCommand(Command):
-    """A command about an experiment's file."""
+    """A command that takes an experiment's file."""
 
     file: Annotated[Path, POSITIONAL]
-    """Experiment's file, TOML or JSON."""
+    """Experiment file, TOML or JSON."""
     out: Path | None = None
-    """Folder for the runs; by default named after the experiment, in results."""
+    """Folder for the runs; by default `results/` and the experiment's name."""
 
 
 class Plan(_ExperimentCommand):
-    """List an experiment's runs, which are complete, and how long the missing ones take."""
+    """List an experiment's runs, which of them are complete, and how long the missing ones take."""
 
     def run(self) -> None:
         from tigas_experiments.run.experiment import Experiment
@@ -44,16 +44,16 @@ class Plan(_ExperimentCommand):
         todo = {run.slug for run in missing}
         for run in planned.runs:
             print(f"{'missing ' if run.slug in todo else 'complete'}  {run.slug}")
-        print(f"{len(planned.runs)} runs, {len(missing)} missing, which take about {lasting(missing)}.")
+        print(f"{len(planned.runs)} runs, {len(missing)} missing, which will take about {lasting(missing)}.")
 
 
 class Run(_ExperimentCommand):
-    """Make an experiment's missing runs. Start it again to resume after an interruption."""
+    """Make an experiment's missing runs. Run it again to resume after an interruption."""
 
     url: Annotated[str | None, Metavar("URL")] = None
-    """Viewer page of running services to measure; without it, the lab is started."""
+    """URL of the viewer page of running services to measure; by default, a lab is started."""
     labs: Labs = 1
-    """Number of labs that share the runs; each needs two processors or more."""
+    """Number of labs among which to divide the runs; each needs at least two processors."""
     allow_changes: bool = False
     """Resume even if the commit, browser, ladder or a scene has changed."""
 
@@ -72,7 +72,7 @@ def command_as_typed() -> str:
 
 
 def perform(made: Experiment, url: str | None = None, *, labs: int, allow_changes: bool) -> None:
-    """Make the missing runs of an experiment and its report. Raises StartError, OSError, and SystemExit if any lack."""
+    """Make an experiment's missing runs and its report. Raises StartError, OSError, and SystemExit if runs fail."""
     try:
         _perform(made, url, labs, allow_changes)
     finally:

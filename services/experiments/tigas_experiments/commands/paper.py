@@ -1,4 +1,4 @@
-"""The command `tigas paper`: the parts of the published evaluation, which one file describes."""
+"""The command `tigas paper`: the parts of the published evaluation, which a single file describes."""
 
 from __future__ import annotations
 
@@ -36,21 +36,21 @@ PROGRESS = "part.json"
 class Part(WireModel):
     name: str
     shows: str
-    """The tables and figures that it makes."""
+    """The tables and figures that the part makes."""
     minutes: float
-    """Approximate time on that machine."""
+    """Approximate time on the machine in `on`."""
     on: str = "2 cores"
-    """The least machine."""
+    """Minimum machine."""
     like: str | None = None
-    """The part from which it inherits keys of the experiment."""
+    """Part from which to inherit experiment keys."""
     experiment: dict[str, Any] | None = None
-    """Keys of an experiment's file."""
+    """Keys of an experiment file."""
     then: tuple[str, ...] = ()
-    """Commands for its folder, {out}, after its runs."""
+    """Commands to run on the part's folder, {out}, after its runs."""
 
 
 class Progress(WireModel):
-    """Contents of part.json in a part's folder."""
+    """The content of part.json in a part's folder."""
 
     seconds: float = 0.0
     """Time spent so far."""
@@ -69,17 +69,17 @@ class Progress(WireModel):
 
 
 class Evaluation(WireModel):
-    """The file of parts."""
+    """The file with all parts."""
 
     experiment: dict[str, Any]
-    """Keys of all parts' experiments."""
+    """Experiment keys shared by all parts."""
     parts: tuple[Part, ...]
     inputs: dict[str, str]
-    """Commands that make files, by path from the repository's root, from recordings and scenes in {data}."""
+    """Commands that make input files from the recordings and scenes in {data}, by path from the repository's root."""
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Raises StartError."""
+        """Read the file. Raises StartError."""
         try:
             return cls.model_validate_json(json.dumps(tomllib.loads(path.read_text(encoding="utf-8"))))
         except OSError as error:
@@ -90,14 +90,14 @@ class Evaluation(WireModel):
             raise StartError(f"{path}: {sentence(error)}") from None
 
     def part(self, name: str) -> Part:
-        """Raises StartError."""
+        """The part with this name. Raises StartError."""
         found = next((part for part in self.parts if part.name == name), None)
         if found is None:
-            raise StartError(f"There is no part {name!r}, only {', '.join(part.name for part in self.parts)}.")
+            raise StartError(f"There is no part {name!r}; the parts are {', '.join(part.name for part in self.parts)}.")
         return found
 
     def plan(self, part: Part) -> ExperimentPlan | None:
-        """None for a part that only has commands. Raises StartError."""
+        """The part's experiment; None for a part with commands only. Raises StartError."""
         from tigas_experiments.run.plan import ExperimentPlan
 
         if part.experiment is None:
@@ -117,18 +117,18 @@ class Evaluation(WireModel):
 
 
 class Paper(Command):
-    """Make a part of the published evaluation, or continue it. Without PART, list the parts."""
+    """Make or continue a part of the published evaluation. Without PART, list the parts."""
 
     part: Annotated[str | None, POSITIONAL, Metavar("PART")] = None
     """Part to make."""
     data: Path | None = None
-    """Folder with recordings and scenes, which most parts need."""
+    """Folder with the recordings and scenes that most parts need."""
     out: Path = Path("results/paper")
-    """Folder with a folder of each part."""
+    """Folder for the results, with a subfolder for each part."""
     file: Path = Path("experiments/paper.toml")
-    """The parts."""
+    """File that describes the parts."""
     labs: Labs = 1
-    """Number of labs that share the runs; each needs two processors or more."""
+    """Number of labs among which to divide the runs; each needs at least two processors."""
     allow_changes: bool = False
     """Continue even if the commit, browser, ladder or a scene has changed."""
 
@@ -181,12 +181,12 @@ class Paper(Command):
 @dataclass(frozen=True, slots=True)
 class _Making:
     directory: Path
-    """The folder that an experiment's paths are relative to."""
+    """Folder to which the experiment's paths are relative."""
     out: Path
     data: Path | None
 
     def inputs(self, commands: dict[str, str]) -> None:
-        """Make missing files. Raises StartError."""
+        """Make missing input files. Raises StartError."""
         root = self.directory.resolve().parent
         missing = {root / path: command for path, command in commands.items() if not (root / path).exists()}
         for path, command in missing.items():
@@ -194,7 +194,7 @@ class _Making:
             self.shell(command, path)
 
     def shell(self, command: str, path: Path | None = None) -> None:
-        """Carry out a command of the file. Raises StartError."""
+        """Run a command from the file. Raises StartError."""
         if "{data}" in command and (self.data is None or not self.data.is_dir()):
             raise StartError(
                 f"{self.out.name} needs recordings or scenes that are not part of TIGAS: name their folder with --data "

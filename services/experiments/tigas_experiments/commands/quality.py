@@ -1,4 +1,4 @@
-"""The commands `tigas quality …`: scores of sampled pictures, and their requirements."""
+"""The commands `tigas quality …`: scores of sampled pictures, and the weights that metrics need."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # heavy
 
 
 class Score(SamplesCommand):
-    """Compare the samples of a run with ground truth, as received and as enhanced."""
+    """Compare the samples of a run with ground truth, both as received and as enhanced."""
 
     metrics: str = "psnr,ssim,vmaf,vif,lpips,dists"
     """Metrics, separated by commas."""
@@ -41,7 +41,7 @@ class Score(SamplesCommand):
                 console.print(problem, style="yellow", soft_wrap=True)
             rows, sentences = _score(self.folder, asked, again=self.again)
         except KeyboardInterrupt:
-            console.print("Interrupted. The same command continues.")
+            console.print("Interrupted. Run the same command to continue.")
             raise SystemExit(130) from None
         for sentence in sentences:
             console.print(sentence, style="yellow", soft_wrap=True)
@@ -54,7 +54,7 @@ class Ladder(RenderCommand):
     """Show a view of an experiment at each rung of the ladder, with its size: ladder.jpg and ladder.csv."""
 
     folder: Annotated[Path, POSITIONAL, Metavar("DIR")]
-    """Experiment's folder."""
+    """Folder of the experiment."""
 
     def run(self) -> None:
         from tigas_common.render_requests import RenderClient
@@ -73,7 +73,7 @@ class Ladder(RenderCommand):
 
 
 class Fetch(Command):
-    """Fetch the weights of LPIPS and DISTS into the user's cache, and the pictures that tests check them with."""
+    """Fetch the weights of LPIPS and DISTS into the user's cache, and the pictures that tests compare them on."""
 
     def run(self) -> None:
         from tigas_experiments.quality.weights import SOURCES, Source, fetch
@@ -94,7 +94,7 @@ quality = Group(
 
 
 def _asked(names: str) -> list[PictureMetric]:
-    """The metrics of these names. Raises StartError."""
+    """The metrics with these names. Raises StartError."""
     from tigas_experiments.quality.metrics import PICTURE_METRICS
 
     known = {metric.name: metric for metric in PICTURE_METRICS}
@@ -102,7 +102,7 @@ def _asked(names: str) -> list[PictureMetric]:
     if unknown := [name for name in asked if name not in known]:
         raise StartError(f"{unknown[0]!r} is not a metric; choose from {', '.join(known)}.")
     if not asked:
-        raise StartError(f"--metrics names none; choose from {', '.join(known)}.")
+        raise StartError(f"--metrics is empty; choose from {', '.join(known)}.")
     return [metric for name, metric in known.items() if name in asked]
 
 
@@ -186,7 +186,7 @@ def _render_truth(folder: Path, render: str) -> Iterator[str]:
 
 
 def _record(run: Path) -> RunRecord | None:
-    """The record of a run; None of any other folder."""
+    """The record of a run; None for any other folder."""
     from tigas_experiments.records.files import BrokenRecording
     from tigas_experiments.records.folder import StoredRun
 
@@ -204,8 +204,8 @@ def _doubts(run: Path, scoring: Scoring) -> Iterator[str]:
     sampled = sampled_run(run)
     if different := sampled.different:
         yield (
-            f"{run.name}: the renderer answered {different} of {len(sampled.samples)} samples differently when it was "
-            "asked again, so ground truth may not be theirs."
+            f"{run.name}: on rendering again, {different} of {len(sampled.samples)} samples differed, so their "
+            "ground truth may not match."
         )
 
 

@@ -17,25 +17,25 @@ if TYPE_CHECKING:  # heavy
 
 
 class SamplesCommand(Command):
-    """A command about the samples of runs."""
+    """A command that processes the samples of runs."""
 
     folder: Annotated[Path, POSITIONAL, Metavar("DIR")]
-    """Folder of a run or of an experiment."""
+    """Folder of a run or an experiment."""
     again: bool = False
-    """Repeat finished work as well."""
+    """Also repeat finished work."""
 
 
 class RenderCommand(Command):
     """A command that needs a render service."""
 
     render: Annotated[str | None, Metavar("URL")] = None
-    """Render service; by default, one with the experiment's ladder is started."""
+    """URL of the render service; by default, one with the experiment's ladder is started."""
 
 
 class Rerender(SamplesCommand, RenderCommand):
-    """Render a run's samples again: compare each frame with the one received, and keep its ground truth.
+    """Render a run's samples again: compare each frame with the received one, and keep its ground truth.
 
-    An interrupted command continues when it is called again.
+    If interrupted, run the command again to continue.
     """
 
     def run(self) -> None:
@@ -47,7 +47,7 @@ class Rerender(SamplesCommand, RenderCommand):
             with render_url(self.folder, self.render) as url:
                 outcomes = rerender_all(self.folder, url, again=self.again)
         except KeyboardInterrupt:
-            console.print("Interrupted. The same command continues.")
+            console.print("Interrupted. Run the same command to continue.")
             raise SystemExit(130) from None
         table = Table()
         table.add_column("Run", overflow="fold")
@@ -70,7 +70,7 @@ class Rerender(SamplesCommand, RenderCommand):
 
 @contextmanager
 def render_url(folder: Path, given: str | None) -> Iterator[str]:
-    """The URL of the given render service, or of a service that runs during the context. Raises StartError."""
+    """The URL of the given render service, or of one that runs during the context. Raises StartError."""
     from tigas_common.render_requests import render_service
     from tigas_experiments.records.files import BrokenRecording
     from tigas_experiments.records.folder import experiment_of, read_experiment
@@ -80,7 +80,7 @@ def render_url(folder: Path, given: str | None) -> Iterator[str]:
         return
     try:
         ladder = read_experiment(experiment_of(folder)).plan.get("ladder")
-    except BrokenRecording:  # a run that stands alone
+    except BrokenRecording:  # a run outside an experiment
         ladder = None
     with render_service(ladder="paper" if ladder == "paper" else "scene") as url:
         yield url

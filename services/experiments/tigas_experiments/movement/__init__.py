@@ -1,1 +1,1 @@
-"""How a viewer moves: traces, generated and recorded, and where they are in a scene (docs/experiments.md)."""
+"""Movements of a viewer: traces, generated or recorded, and their placement in a scene (docs/experiments.md)."""

@@ -1,4 +1,4 @@
-"""The commands `tigas movement …`. Heavy imports wait until a command runs."""
+"""The commands `tigas movement …`. Heavy modules are imported when a command runs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Make(Command):
     """Generate a movement."""
 
     kind: Annotated[str, POSITIONAL]
-    """stroll, look-around, quick-turns or orbit."""
+    """Kind of movement: stroll, look-around, quick-turns or orbit."""
     out: Annotated[Path, POSITIONAL]
     """Output file."""
     seconds: Annotated[float, Field(ge=1, le=7200)] = 60
@@ -41,19 +41,19 @@ class Make(Command):
 class Import(Command):
     """Convert an EyeNavGS recording to a movement.
 
-    With --settings, it becomes a walk from any scene's start camera; without, it stays in its recorded scene.
+    With --settings, it becomes a walk from the start camera of any scene; otherwise, it stays in the recorded scene.
     """
 
     recording: Annotated[Path, POSITIONAL]
-    """EyeNavGS CSV, from either site."""
+    """EyeNavGS CSV file, from either site."""
     out: Annotated[Path, POSITIONAL]
     """Output file."""
     eye: Literal["left", "right", "middle"] = "middle"
     """Eye to follow."""
     up: Annotated[str | None, Metavar("X,Y,Z")] = None
-    """Up axis in the scene's scene.json, if it has one; by default 0,-1,0. Not with --settings."""
+    """Up axis from the scene's scene.json, if it has one; by default 0,-1,0. Not allowed with --settings."""
     settings: Path | None = None
-    """Site's scene_setting.csv, which has the scale and level of the recorded scene."""
+    """The site's scene_setting.csv, with the scale and level of the recorded scene."""
     metre: Annotated[float | None, Field(gt=0, lt=1e6)] = None
     """Units per metre in the scene to walk in; by default, the start camera's subject is 4 m away."""
 
@@ -70,7 +70,7 @@ class Import(Command):
             changes = "in the scene's own place"
         else:
             if self.up is not None:
-                raise StartError("--up does not go with --settings.")
+                raise StartError("--up cannot be combined with --settings.")
             chosen = eyenavgs.read_settings(self.settings, eyenavgs.scene_of(self.recording))
             made = eyenavgs.from_the_start(way, chosen)
             changes = (
@@ -93,7 +93,7 @@ class Show(Command):
     file: Annotated[Path, POSITIONAL]
     """Movement trace."""
     plot: Path | None = None
-    """Plot to draw as well: .png, .svg or .pdf."""
+    """Also draw a plot: .png, .svg or .pdf."""
 
     def run(self) -> None:
         from rich.table import Table
@@ -149,7 +149,7 @@ def _axis(text: str) -> list[float]:
 
 def _write(trace: MovementTrace, out: Path) -> None:
     text = trace.text()
-    trace.parse(text, f"What would be written to {out}")  # such as positions that a tiny scale made too large
+    trace.parse(text, f"What would be written to {out}")  # fails for positions enlarged by a tiny scale, for example
     try:
         with out.open("x", encoding="utf-8", newline="\n") as file:
             file.write(text)

@@ -1,8 +1,8 @@
 """Recordings of EyeNavGS (Ding et al. 2025, arXiv:2506.02380): people with a headset, walking through captured scenes.
 
-Its two sites name and order their columns differently. Rows alternate between the eyes, each with its own time; a pose
-is an eye's, in a right-handed frame with y up and −z ahead, in the scene's unit, and not levelled. Ours is OpenCV's: y
-down, z ahead. Positions and rotations are both turned by 180° about x.
+Its two sites name and order their columns differently. Rows alternate between the eyes, each with its own time. A pose
+is that of an eye, in a right-handed frame with y up and −z ahead, in the scene's unit and not levelled. Ours has
+OpenCV's axes, y down and z ahead, so positions and rotations are both turned by 180° about x.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ from tigas_experiments.wire.movement import MAX_COORDINATE, MAX_DURATION_MS
 Eye = Literal["left", "right", "middle"]
 VIEWS = {"left": 0, "right": 1}
 TIMES = ("timestep", "Timestamp")
-"""Time columns of NTHU and Rutgers, milliseconds."""
+"""Time columns at NTHU and Rutgers, in milliseconds."""
 POSE = ("PositionX", "PositionY", "PositionZ", "QuaternionX", "QuaternionY", "QuaternionZ", "QuaternionW")
 FLIP = np.array((1.0, -1.0, -1.0))
-"""Factors of a position and of a rotation's axis: the frame is turned by 180° about x."""
+"""Factors for positions and rotation axes that turn the frame by 180° about x."""
 MOST_LEFT_OUT = 0.01
 SOURCE = "EyeNavGS (Ding et al. 2025, arXiv:2506.02380)"
 
 
 @dataclass(frozen=True, slots=True)
 class SceneSettings:
-    """A scene's row of scene_setting.csv."""
+    """A scene's row in scene_setting.csv."""
 
     scale: float
-    """The scene's units a metre."""
+    """Units of the scene per metre."""
     level: Sequence[float]
-    """Quaternion x, y, z, w, of any length, that levels a vector of the recording's frame."""
+    """Quaternion x, y, z, w, of any length, that levels vectors in the recording's frame."""
 
 
 def read_eyes(path: Path, eye: Eye) -> MovementTrace:
-    """One eye's way, or the middle of both: OpenCV's axes, the scene's own frame and unit. Raises MovementError."""
+    """Path of one eye or of their midpoint, in OpenCV's axes and the scene's frame and unit. Raises MovementError."""
     table = Table(read_text(path), str(path))
     time = next((column for column in TIMES if column in table.columns), None)
     if time is None:
@@ -56,7 +56,7 @@ def read_eyes(path: Path, eye: Eye) -> MovementTrace:
     values = table.numbers(("ViewIndex", time, *POSE))
     views, times, positions = values[:, 0], values[:, 1], values[:, 2:5]
     table.refuse(~np.isin(views, list(VIEWS.values())), "has a ViewIndex that is neither 0 nor 1")
-    table.refuse(np.abs(times - times[0]) > MAX_DURATION_MS, "comes more than a day after the first")
+    table.refuse(np.abs(times - times[0]) > MAX_DURATION_MS, "is more than a day after the first")
     table.refuse(np.abs(positions).max(axis=1) > MAX_COORDINATE, TOO_FAR)
     quaternions, notes = unit_quaternions(table, values[:, 5:])
     quaternions[:, :3] *= FLIP
@@ -67,13 +67,13 @@ def read_eyes(path: Path, eye: Eye) -> MovementTrace:
         mine = views == view
         if not mine.any():
             raise MovementError(f"{path} has no rows of the {side} eye.")
-        # a clock that stood still or went back: the rows that come later than all before them
+        # Keep only rows later than all before them, as a clock may have stopped or gone back.
         latest = np.maximum.accumulate(times[mine])
         kept = np.diff(latest, prepend=-np.inf) > 0
         if left_out := int((~kept).sum()):
             if left_out > MOST_LEFT_OUT * len(kept):
-                raise MovementError(f"{path} is not in order of time: {left_out:,} of {len(kept):,} rows run back.")
-            notes.append(f"Rows of the {side} eye that are no later than one before them were left out: {left_out:,}.")
+                raise MovementError(f"{path} is out of order: {left_out:,} of {len(kept):,} rows go back.")
+            notes.append(f"Rows of the {side} eye that are not later than all before them were left out: {left_out:,}.")
         ways[side] = MovementTrace(
             times[mine][kept], positions[mine][kept] * FLIP, quaternions[mine][kept], "scene", "scene"
         )
@@ -82,12 +82,12 @@ def read_eyes(path: Path, eye: Eye) -> MovementTrace:
 
 
 def in_its_scene(way: MovementTrace, up: Sequence[float]) -> MovementTrace:
-    """The path in the levelled frame of its recorded scene, with up axis `up`."""
+    """The path in the levelled frame of its recorded scene, which has this up axis."""
     return _turned(way, level(up).inv())
 
 
 def from_the_start(way: MovementTrace, settings: SceneSettings) -> MovementTrace:
-    """The way as a walk through any scene: level, in metres, from the origin, at first with z ahead."""
+    """The path as a walk through any scene: levelled, in metres, starting at the origin with z ahead."""
     x, y, z, w = settings.level
     walk = _turned(way, Rotation.from_quat((x, -y, -z, w)))
     ahead = Rotation.from_quat(walk.quaternions[0]).apply((0, 0, 1))
@@ -99,7 +99,7 @@ def from_the_start(way: MovementTrace, settings: SceneSettings) -> MovementTrace
 
 
 def read_settings(path: Path, scene: str) -> SceneSettings:
-    """A site's scene_setting.csv. Raises MovementError."""
+    """Read a scene's row in a site's scene_setting.csv. Raises MovementError."""
     try:
         rows = list(csv.DictReader(read_text(path).splitlines()))
     except csv.Error as error:
@@ -114,7 +114,7 @@ def read_settings(path: Path, scene: str) -> SceneSettings:
             return SceneSettings(scale, level)
     except (KeyError, TypeError, ValueError, AttributeError):
         pass
-    raise MovementError(f"{path}: the scene {scene!r} has no Scale and Quaternion that are numbers.")
+    raise MovementError(f"{path}: the scene {scene!r} has no numeric Scale and Quaternion.")
 
 
 def scene_of(path: Path) -> str:
@@ -122,7 +122,7 @@ def scene_of(path: Path) -> str:
 
 
 def _middle(left: MovementTrace, right: MovementTrace, name: str) -> MovementTrace:
-    """Between the eyes, at the left one's times as far as there is a right one."""
+    """The midpoint of the eyes, at those times of the left one at which the right one was also recorded."""
     times = left.times_ms[(left.times_ms >= right.times_ms[0]) & (left.times_ms <= right.times_ms[-1])]
     if not len(times):
         raise MovementError(f"{name} has no time at which both eyes were recorded.")

@@ -1,6 +1,6 @@
-"""Seeded generated movements: equal arguments give equal movements, and a longer one begins with the shorter one.
+"""Seeded movement generators: equal arguments give equal movements, and a longer one extends a shorter one.
 
-All are in metres, begin at the origin looking along z, and are independent of the scene; docs/experiments.md describes
+All are in metres, start at the origin looking along z, and do not depend on the scene; docs/experiments.md describes
 their purposes. The subject of a scene's start camera is `VIEW_M` ahead.
 """
 
@@ -19,17 +19,17 @@ from tigas_experiments.wire.movement import VIEW_M
 
 RATE_HZ = 60
 NECK_TO_EYES = (0.0, -0.075, 0.0805)
-"""Metres in the head's frame, y down; the default of Oculus's SDK: eyes do not turn about themselves."""
+"""Offset in metres in the head's frame, y down, from Oculus's SDK: turning the head also moves the eyes."""
 ORBIT_S = 40.0
-"""Once round; 0.6 m/s."""
+"""Seconds per revolution, which is 0.6 m/s."""
 
 Wave = Callable[[Floats], Floats]
 Generator = Callable[[Floats, Random], tuple[Floats, Rotation]]
-"""Positions [N, 3] and rotations [N] at times [N] in seconds, of chances."""
+"""Computes positions [N, 3] and rotations [N] at times [N] in seconds, with a random generator."""
 
 
 def generate(kind: str, duration_s: float, seed: int) -> MovementTrace:
-    """A movement of one of `KINDS` with at least this duration. Raises KeyError."""
+    """A movement of one of `KINDS`, of at least this duration. Raises KeyError."""
     times = np.arange(math.ceil(duration_s * RATE_HZ) + 1) / RATE_HZ
     positions, rotations = KINDS[kind](times, Random(seed))
     comments = {
@@ -59,7 +59,7 @@ def quick_turns(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
     A turn of A degrees takes 0.3 s + A / 300°/s and follows the minimum-jerk profile 10τ³ − 15τ⁴ + 6τ⁵ (Flash and
     Hogan, J. Neuroscience 5, 1985), with a peak of 1.875 times its mean: 140 to 350°/s.
     """
-    begins, lasts, yaws, pitches = [0.0], [1.0], [0.0], [0.0]  # the stillness at the beginning is a turn by nothing
+    begins, lasts, yaws, pitches = [0.0], [1.0], [0.0], [0.0]  # the initial pause is a turn by 0°
     end = 0.0
     while end <= times[-1]:
         begin = end + chance.uniform(0.5, 2)
@@ -104,7 +104,7 @@ DESCRIPTIONS = {
 
 
 def _wave(chance: Random, amplitude: float, *periods_s: float) -> Wave:
-    """A sum of slow sines that is 0 at the beginning; chance decides periods, within a fifth, and phases."""
+    """A sum of slow sines that starts at 0, with random phases, and periods that vary randomly by a fifth."""
     parts = [(amplitude / len(periods_s), period * chance.uniform(0.8, 1.2), chance.random()) for period in periods_s]
 
     def at(times: Floats) -> Floats:
@@ -117,11 +117,11 @@ def _wave(chance: Random, amplitude: float, *periods_s: float) -> Wave:
 
 
 def _turned(yaw: Floats, pitch: Floats, roll: Floats | None = None) -> Rotation:
-    """R = Ry(yaw) · Rx(pitch) · Rz(roll) of degrees [N]: to the right, upwards, clockwise."""
+    """R = Ry(yaw) · Rx(pitch) · Rz(roll) from degrees [N]: to the right, upwards, clockwise."""
     angles = np.column_stack((yaw, pitch, np.zeros_like(yaw) if roll is None else roll))
     return Rotation.from_euler("YXZ", angles, degrees=True)
 
 
 def _standing(rotations: Rotation) -> tuple[Floats, Rotation]:
-    """The eyes of a head that turns about its neck."""
+    """Positions and rotations of the eyes of a head that turns on its neck."""
     return rotations.apply(NECK_TO_EYES) - np.array(NECK_TO_EYES), rotations

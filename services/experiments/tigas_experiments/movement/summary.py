@@ -1,4 +1,4 @@
-"""Statistics of a movement, and a drawing: duration, density, distance and speed."""
+"""Statistics of a movement, and a plot: duration, sampling rate, distance and speed."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from tigas_experiments.movement.table import Floats
 from tigas_experiments.movement.trace import MovementTrace
 
 INTERVAL_MS = 100.0
-"""Distance and speeds are measured over about a tenth of a second, so that the noise of single poses is not counted."""
+"""Interval over which distance and speed are measured, long enough to exclude the noise of single poses."""
 PERCENTILES = (50, 90, 95, 99, 100)
 BLUE, ORANGE, GREEN = "#0072b2", "#d55e00", "#009e73"
-"""Okabe and Ito's palette for colour blindness."""
+"""Okabe and Ito's colour-blind palette."""
 MOST = 5000
-"""Maximum number of drawn poses."""
+"""Maximum number of poses to draw."""
 
 
 class Pace(NamedTuple):
@@ -29,7 +29,7 @@ class Pace(NamedTuple):
     moved: Floats
     """[M], in the trace's unit, per interval."""
     turning: Floats
-    """[M], degrees a second."""
+    """[M], in degrees per second."""
 
     @classmethod
     def of(cls, trace: MovementTrace) -> Pace:
@@ -47,14 +47,14 @@ class Summary(NamedTuple):
     poses: int
     duration_s: float
     median_rate_hz: float
-    """Median rate of the steps between poses; 0 with one pose."""
+    """Median sampling rate; 0 for a single pose."""
     longest_step_ms: float
     path: float
     """Path length in the trace's unit."""
     speed: float
-    """Mean, in the trace's unit a second."""
+    """Mean speed, in the trace's unit per second."""
     turning: Mapping[int, float]
-    """Percentile over time: degrees a second."""
+    """Turning speed in degrees per second, by percentile over time."""
 
     @classmethod
     def of(cls, trace: MovementTrace) -> Summary:
@@ -73,16 +73,16 @@ class Summary(NamedTuple):
 
 
 def plot_movement(trace: MovementTrace, title: str, path: Path) -> None:
-    """Draw the way from above, the angles over time and the turning speed, as the path's kind, such as .png or .svg.
+    """Draw the path from above, the angles over time and the turning speed, in the format of the path's suffix.
 
-    Raises OSError, and ValueError for other kinds.
+    Raises OSError, and ValueError for unknown formats.
     """
     from matplotlib.figure import Figure  # heavy
 
     times = np.linspace(0, trace.duration_ms, min(MOST, len(trace.times_ms)))
     positions, quaternions = trace.poses_at(times)
     matrix = Rotation.from_quat(quaternions).as_matrix()
-    # R = Ry(yaw) · Rx(pitch) · Rz(roll); as_euler would warn of a camera that looks straight down
+    # R = Ry(yaw) · Rx(pitch) · Rz(roll); as_euler would warn about a camera that looks straight down
     angles = {
         "to the right": np.unwrap(np.arctan2(matrix[:, 0, 2], matrix[:, 2, 2])),
         "up": np.arcsin(np.clip(-matrix[:, 1, 2], -1, 1)),

@@ -1,7 +1,7 @@
 """Numeric columns of CSV files: movement traces and recordings of other projects.
 
-The text is read line by line and never split as a whole, so a million rows need little more memory than their text and
-numbers.
+The text is read line by line and never split as a whole, so that a million rows need little more memory than their text
+and numbers.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ Floats = NDArray[np.float64]
 
 MAX_BYTES = 256_000_000
 MAX_ROWS = 2_000_000
-"""More than six hours at 90 poses a second."""
+"""More than six hours at 90 poses per second."""
 MAX_NUMBER = 1e100
-"""Squares of smaller numbers are finite."""
+"""The square of any smaller number is finite."""
 MAX_LINE = 10_000
-"""Maximum characters of a line; bounds the cost of splitting a hostile line."""
+"""Maximum length of a line in characters; bounds the cost of splitting a hostile line."""
 
 
 class MovementError(StartError):
-    """Reason why a text is not a movement or cannot be imported: one sentence, with the line if known."""
+    """Reason why a text is not a movement or cannot be imported: one sentence, with the line number if known."""
 
 
 def read_text(path: Path) -> str:
-    """A text file, never more of it than the limit. Raises MovementError."""
+    """Read a text file up to the size limit. Raises MovementError."""
     try:
         with open_regular(path) as file:
             data = file.read(MAX_BYTES + 1)
@@ -50,10 +50,10 @@ def read_text(path: Path) -> str:
 
 
 class Table:
-    """A CSV: `# key: value` lines, a header, rows of numbers. Blank lines and later lines with a # are passed over."""
+    """A CSV file: `# key: value` lines, a header, and rows of numbers. Blank lines and later comments are skipped."""
 
     def __init__(self, text: str, name: str) -> None:
-        """`name` appears in messages. Raises MovementError without a header."""
+        """name: as used in messages. Raises MovementError if the header is missing."""
         self.name = name
         self._text = text
         self.comments: dict[str, str] = {}
@@ -74,7 +74,7 @@ class Table:
     def numbers(self, columns: Sequence[str]) -> Floats:
         """Values [rows, columns], finite and with finite squares.
 
-        Raises MovementError with the first line that is not numeric.
+        Raises MovementError naming the first line that is not numeric.
         """
         for column in columns:
             if column not in self.columns:
@@ -96,19 +96,19 @@ class Table:
             raise self._broken(wanted) from None
         if len(values) > MAX_ROWS:
             raise MovementError(f"{self.name} has more than {MAX_ROWS:,} rows.")
-        usable = np.abs(values) < MAX_NUMBER  # which NaN is not, either
+        usable = np.abs(values) < MAX_NUMBER  # false for NaN as well
         self.refuse(np.logical_not(usable.all(axis=1)), "has a value that is not finite, or far too large")
         return values
 
     def refuse(self, where: NDArray[np.bool_], what: str) -> None:
-        """Raises MovementError for the first row that is marked in `where` [rows], if one is."""
+        """Raise MovementError for the first row marked in `where` [rows], if any."""
         if where.any():
             wanted = int(np.argmax(where))
             line = next(itertools.islice(self._rows(), wanted, None))[0]
             raise MovementError(f"{self.name}, line {line}: the row {what}.")
 
     def _broken(self, wanted: Sequence[int]) -> MovementError:
-        """The first line that does not have numbers where they are wanted."""
+        """Error about the first line without numbers in the wanted columns."""
         for line, content in self._rows():
             cells = content.split(",")
             if len(cells) <= max(wanted):
@@ -129,7 +129,7 @@ class Table:
         )
 
     def _lines(self) -> Iterator[tuple[int, str]]:
-        """Number and content of each line that is not blank."""
+        """Number and content of each non-blank line."""
         begin, end = 0, len(self._text)
         for line in itertools.count(1):
             if begin >= end:

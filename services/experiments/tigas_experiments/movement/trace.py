@@ -1,4 +1,4 @@
-"""Movement traces: poses of a camera with their own time stamps, their CSV, and their place in a scene."""
+"""Movement traces: timed camera poses, their CSV format, and their placement in a scene."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TOO_FAR = f"is farther away than {MAX_COORDINATE:,.0f}"
 ROUNDED = 0.01
 """Deviation of a quaternion's length from 1 above which a note is added."""
 GAP_MS = 100.0
-"""Step between poses above which it counts as a gap, because interpolation becomes noticeable."""
+"""Step between poses above which it counts as a gap, as interpolation becomes noticeable."""
 
 T = TypeVar("T", bound=str)
 
@@ -41,28 +41,28 @@ class MovementTrace:
     """A movement in a levelled frame: y points down along gravity, x and z are horizontal."""
 
     times_ms: Floats
-    """[N], growing; the first is 0."""
+    """[N], increasing; the first is 0."""
     positions: Floats
-    """[N, 3], of the camera's centre."""
+    """[N, 3], centre of the camera."""
     quaternions: Floats
-    """[N, 4], x, y, z, w, of length 1: camera to world."""
+    """[N, 4], unit quaternions x, y, z, w, camera to world."""
     anchor: Anchor
-    """`start`: it begins at the origin, looking along z: a scene's start camera. `scene`: it is absolute."""
+    """`start`: relative to a scene's start camera, from the origin and looking along z. `scene`: absolute."""
     unit: Unit
     """Unit of the positions: metres, or the scene's own."""
     comments: Mapping[str, str] = field(default_factory=dict)
-    """Other metadata of the file."""
+    """Other metadata from the file."""
     notes: tuple[str, ...] = ()
-    """Repairs made when reading it, one sentence each."""
+    """Repairs made while reading, one sentence each."""
 
     @classmethod
     def read(cls, path: Path) -> MovementTrace:
-        """Read a file. Raises MovementError."""
+        """Read a trace file. Raises MovementError."""
         return cls.parse(read_text(path), str(path))
 
     @classmethod
     def parse(cls, text: str, name: str) -> MovementTrace:
-        """Read the text of a file, which messages call `name`. Raises MovementError."""
+        """Parse a trace, which messages call `name`. Raises MovementError."""
         table = Table(text, name)
         if "ViewIndex" in table.columns:
             raise MovementError(f"{name} is a recording of EyeNavGS; convert it with `tigas movement import`.")
@@ -76,21 +76,21 @@ class MovementTrace:
         values = table.numbers(COLUMNS)
         notes = []
         if unknown := [column for column in table.columns if column not in COLUMNS]:
-            notes.append(f"Columns that a movement does not have were ignored: {', '.join(unknown)[:200]}.")
+            notes.append(f"Unknown columns were ignored: {', '.join(unknown)[:200]}.")
         times = values[:, 0] - values[0, 0]
         steps = np.diff(times, prepend=-1.0)
-        table.refuse(steps < 0, "is earlier than the one before it")
-        table.refuse(times > MAX_DURATION_MS, "comes more than a day after the first")
+        table.refuse(steps < 0, "is earlier than the previous one")
+        table.refuse(times > MAX_DURATION_MS, "is more than a day after the first")
         table.refuse(np.abs(values[:, 1:4]).max(axis=1) > MAX_COORDINATE, TOO_FAR)
         quaternions, scaled = unit_quaternions(table, values[:, 4:])
         kept = steps != 0
         if same := int((~kept).sum()):
-            notes.append(f"Rows that have the time of the row before them were left out: {same:,}.")
+            notes.append(f"Rows with the same time as the previous row were left out: {same:,}.")
         trace = cls(times[kept], values[kept, 1:4], quaternions[kept], anchor, unit, comments)
         return replace(trace, notes=(*notes, *scaled, *trace.gap_notes()))
 
     def text(self) -> str:
-        """The file: microseconds, and six decimals of everything else."""
+        """The trace as CSV, with microseconds for times and six decimals for everything else."""
         comments = {"anchor": self.anchor, "unit": self.unit, **self.comments}
         head = [f"# {key}: {' '.join(value.split())}" for key, value in comments.items()]
         # adding 0 turns −0 into 0
@@ -120,8 +120,8 @@ class MovementTrace:
         return [f"{count} between poses, up to {gaps.max():,.0f} ms long, will be played straight across."]
 
     def poses_at(self, times_ms: ArrayLike) -> tuple[Floats, Floats]:
-        """Positions [M, 3] and quaternions [M, 4] at times [M]: straight between positions, along the arc between
-        rotations; the ends hold.
+        """Positions [M, 3] and quaternions [M, 4] at times [M], interpolated linearly and by slerp, and constant beyond
+        the ends.
         """
         at = np.clip(np.asarray(times_ms, np.float64), self.times_ms[0], self.times_ms[-1])
         positions = np.column_stack([np.interp(at, self.times_ms, axis) for axis in self.positions.T])
@@ -130,9 +130,9 @@ class MovementTrace:
         return positions, Slerp(self.times_ms, Rotation.from_quat(self.quaternions))(at).as_quat()
 
     def part(self, from_ms: float, to_ms: float) -> MovementTrace:
-        """From a time, which becomes 0, up to the first pose at or after another."""
+        """Cut out a part: from `from_ms`, which becomes time 0, to the first pose at or after `to_ms`."""
         first, last = np.searchsorted(self.times_ms, from_ms, side="right"), np.searchsorted(self.times_ms, to_ms) + 1
-        begin = (self.positions[:1], self.quaternions[:1]) if from_ms == 0 else self.poses_at([from_ms])  # exactly
+        begin = (self.positions[:1], self.quaternions[:1]) if from_ms == 0 else self.poses_at([from_ms])  # exact
         return replace(
             self,
             times_ms=np.concatenate(([0.0], self.times_ms[first:last] - from_ms)),
@@ -142,7 +142,7 @@ class MovementTrace:
 
 
 def unit_quaternions(table: Table, quaternions: Floats) -> tuple[Floats, list[str]]:
-    """Rotations [N, 4] of length 1, one for each row of a table, and a note if they were not. Raises MovementError."""
+    """Unit quaternions [N, 4] for the rows of a table, and a note if some had to be scaled. Raises MovementError."""
     lengths = np.linalg.norm(quaternions, axis=1)
     low, high = QUATERNION_LENGTHS
     table.refuse((lengths < low) | (lengths > high), "has a quaternion that is not a rotation: its length is not 1")
@@ -165,8 +165,8 @@ def _choice(value: str, known: tuple[T, ...], name: str, key: str) -> T:
 def placed(trace: MovementTrace, scene: SceneInfo) -> list[TimedPose]:
     """The poses of a movement in the scene's own frame and unit.
 
-    With `anchor: start` it begins where the start camera stands, turned by its azimuth (not by its elevation: a
-    movement looks level before it looks up or down); in a scene without one, at the origin.
+    With `anchor: start`, it begins at the start camera's position, turned by its azimuth but not by its elevation, as a
+    movement starts out level. In a scene without a start camera, it begins at the origin.
     """
     to_scene = level(scene.up)
     positions, rotations = trace.positions, Rotation.from_quat(trace.quaternions)
@@ -183,7 +183,7 @@ def placed(trace: MovementTrace, scene: SceneInfo) -> list[TimedPose]:
 
 
 def level(up: Sequence[float]) -> Rotation:
-    """Shortest rotation from the levelled frame, where up is [0, -1, 0], to a scene's frame with this up axis."""
+    """Shortest rotation from the levelled frame, in which up is [0, -1, 0], to a scene's frame with this up axis."""
     towards = np.asarray(up) / (np.linalg.norm(up) or 1.0)
     axis = np.cross((0.0, -1.0, 0.0), towards)
     sine, cosine = float(np.linalg.norm(axis)), float(-towards[1])
@@ -193,7 +193,7 @@ def level(up: Sequence[float]) -> Rotation:
 
 
 def metre(scene: SceneInfo) -> float:
-    """Scene units per metre: the start camera's subject is `VIEW_M` away. 1 without a camera."""
+    """Scene units per metre, with the start camera's subject `VIEW_M` away; 1 without a start camera."""
     if scene.camera is None:
         return 1.0
     return math.dist(scene.camera.position, scene.camera.look_at) / VIEW_M or 1.0

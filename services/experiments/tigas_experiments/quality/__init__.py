@@ -1,1 +1,1 @@
-"""Shown pictures against ground truth."""
+"""Comparison of shown pictures with ground truth."""

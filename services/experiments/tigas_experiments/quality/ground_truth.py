@@ -1,4 +1,4 @@
-"""Ground truth: the render service's own PNG of a pose, at the viewport's resolution."""
+"""Ground truth: the render service's PNG of a pose, at the viewport's resolution."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from tigas_experiments.wire.recording import Capture, Input, Lens
 
 
 def pose_of(inputs: Sequence[Input], pose: int) -> Input | None:
-    """The input that made this pose."""
+    """The input with this pose number, if there is one."""
     index = bisect_right([entry.pose for entry in inputs], pose) - 1
     return inputs[index] if index >= 0 and inputs[index].pose == pose else None
 
 
 def pose_at(inputs: Sequence[Input], at: float) -> Input | None:
-    """The newest input at a time; None before the first."""
+    """The newest input at a time; None before the first input."""
     index = bisect_right([entry.at for entry in inputs], at) - 1
     return inputs[index] if index >= 0 else None
 
 
 class GroundTruth:
-    """Renders poses of one scene through one lens; remembers the last picture. Raises RunFailed."""
+    """Renders poses of one scene with one lens, and caches the last picture. Raises RunFailed."""
 
     def __init__(self, renderer: RenderClient, scene: str, lens: Lens) -> None:
         self._renderer = renderer
@@ -52,7 +52,7 @@ class GroundTruth:
     ) -> CaptureQuality | None:
         """Compare a capture with ground truth; None before the viewer's first input. Also raises BrokenPicture.
 
-        `predicted`: frames were requested for predicted poses, which the recording lacks.
+        predicted: whether frames were requested for predicted poses, which the recording lacks.
         """
         current = pose_at(inputs, capture.at)
         if current is None:

@@ -1,6 +1,6 @@
-"""The six metrics of a picture against ground truth: their names and variants, and the ones that can be computed here.
+"""The six metrics of a picture against ground truth: names, variants, and which of them can be computed here.
 
-PSNR and SSIM need nothing; LPIPS and DISTS need weights and a device, VMAF and VIFp need ffmpeg.
+PSNR and SSIM need nothing else; LPIPS and DISTS need weights and a device, VMAF and VIFp need ffmpeg.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ if TYPE_CHECKING:  # heavy
 
 Name = Literal["psnr", "ssim", "vmaf", "vif", "lpips", "dists"]
 VIDEO: tuple[Name, ...] = ("vmaf", "vif")
-"""Metrics of a sequence of pictures."""
+"""Metrics computed on a sequence of pictures."""
 MOST_TOGETHER = 2_000_000
-"""Pixels of a picture; larger ones are compared one at a time: DISTS takes 1.6 GB for each megapixel of a pair."""
+"""Pixels above which pictures are compared one at a time, as DISTS takes 1.6 GB per megapixel of a pair."""
 
 
 @dataclass(frozen=True, slots=True)
 class PictureMetric:
     name: Name
-    """Its field in scores.ndjson, and its name in commands and CSV files."""
+    """Field in scores.ndjson, and name in commands and CSV files."""
     title: str
     variant: str
     """Exact definition and input."""
@@ -50,11 +50,11 @@ LPIPS = PictureMetric("lpips", "LPIPS", "v0.1, AlexNet", "", 3, "low")
 DISTS = PictureMetric("dists", "DISTS", "VGG16, at the picture's own size", "", 3, "low")
 PICTURE_METRICS = (PSNR, SSIM, VMAF, VIF, LPIPS, DISTS)
 Measure = Callable[[Sequence[Picture], Picture], list[tuple[float, ...]]]
-"""Values for each picture, against one ground truth of the same size."""
+"""Computes values for each picture against one ground truth of the same size."""
 
 
 class Meter(NamedTuple):
-    """Computes metrics of single pictures."""
+    """A function that computes metrics of single pictures."""
 
     names: tuple[Name, ...]
     measure: Measure
@@ -66,13 +66,13 @@ class Meters:
 
     single: list[Meter] = field(default_factory=list)
     video: bool = False
-    """Whether VMAF and VIFp are."""
+    """Whether VMAF and VIFp are available."""
     left_out: list[str] = field(default_factory=list)
-    """A sentence for each unavailable metric."""
+    """One sentence for each unavailable metric."""
 
     @classmethod
     def of(cls, names: Sequence[Name], device: str) -> Meters:
-        """Raises StartError if there is no such device."""
+        """The available ones of these metrics. Raises StartError if the device does not exist."""
         from tigas_experiments.quality import perceptual, vmaf
 
         found = cls()
@@ -95,7 +95,7 @@ class Meters:
 
 
 def distance(model: Perceptual, device: str) -> Measure:
-    """A measurement with a model on a device. Raises StartError if the device is unavailable."""
+    """Measurement with a model on a device. Raises StartError if the device is unavailable."""
     import torch
 
     try:

@@ -1,5 +1,5 @@
-"""LPIPS and DISTS in PyTorch. A new model has random weights; trained ones come from checked files, of which nothing is
-executed.
+"""LPIPS and DISTS in PyTorch. New models have random weights; trained weights come from verified files, from which no
+code is executed.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from torch.nn.functional import conv2d, max_pool2d, relu
 from tigas_experiments.quality.weights import DISTS_WEIGHTS, FEATURES
 
 ALEXNET = ((64, 11, 4, 2), (192, 5, 1, 2), (384, 3, 1, 1), (256, 3, 1, 1), (256, 3, 1, 1))
-"""Channels, kernel, stride and padding of each convolution."""
+"""Channels, kernel size, stride and padding of each convolution."""
 VGG16 = ((64, 64), (128, 128), (256, 256, 256), (512, 512, 512), (512, 512, 512))
-"""Channels of the 3×3 convolutions of each stage."""
+"""Channels of the 3×3 convolutions in each stage."""
 
 
 class Perceptual(nn.Module):
-    """Distance of pictures from one ground truth: 0 if they are equal, more if they differ more.
+    """Distance of pictures from one ground truth: 0 if equal, larger for greater differences.
 
-    `forward` takes pictures [n, 3, h, w] and their ground truth [1, 3, h, w], all RGB in 0 to 1, and returns [n].
+    `forward` takes pictures [n, 3, h, w] and their ground truth [1, 3, h, w], both RGB in 0 to 1, and returns [n].
     """
 
     convolutions: nn.ModuleList
@@ -45,7 +45,7 @@ class Lpips(Perceptual):
             for before, (channels, kernel, stride, padding) in zip(inputs, ALEXNET, strict=False)
         )
         self.heads = nn.ParameterList(torch.rand(channels) for channels, *_ in ALEXNET)
-        """[channels] How much each channel of a layer counts."""
+        """[channels] Weight of each channel in a layer."""
 
     def forward(self, pictures: Tensor, truth: Tensor) -> Tensor:
         x = _normalised(torch.cat((truth, pictures)))
@@ -70,9 +70,9 @@ class Dists(Perceptual):
         )
         compared = 3 + sum(stage[-1] for stage in VGG16)
         self.alpha = nn.Parameter(torch.rand(compared))
-        """[channels of all stages] How much equal means of a channel (texture) count."""
+        """[channels of all stages] Weights of similar means (texture)."""
         self.beta = nn.Parameter(torch.rand(compared))
-        """[channels of all stages] How much equal structure counts."""
+        """[channels of all stages] Weights of similar structure."""
 
     def forward(self, pictures: Tensor, truth: Tensor) -> Tensor:
         x = torch.cat((truth, pictures))
@@ -121,14 +121,14 @@ def _alike(x: Tensor, alpha: Tensor, beta: Tensor) -> Tensor:
 
 
 def _l2_pooled(x: Tensor) -> Tensor:
-    """Half as large, by a Hann window over squares, which does not alias as the largest of four would. Changes x."""
+    """Halve the size with a Hann window over squares, which unlike max pooling does not alias. Modifies x."""
     window = torch.tensor((0.5, 1.0, 0.5), dtype=x.dtype, device=x.device)
     kernel = (window[:, None] * window / 4).expand(x.shape[1], 1, 3, 3)
     return (conv2d(x.square_(), kernel, stride=2, padding=1, groups=x.shape[1]) + 1e-12).sqrt()
 
 
 def _normalised(x: Tensor) -> Tensor:
-    """Normalise by ImageNet's mean and deviation, as in training."""
+    """Normalise by ImageNet's mean and standard deviation, as in training."""
     mean, deviation = (x.new_tensor(each)[:, None, None] for each in ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225)))
     return (x - mean).div(deviation)
 
@@ -142,7 +142,7 @@ def _features(name: str, metric: str) -> dict[str, Any]:
 
 
 class Arrays(pickle.Unpickler):
-    """Reads NumPy's arrays only."""
+    """An unpickler that only reads NumPy arrays."""
 
     def find_class(self, module: str, name: str) -> Any:
         known = {
@@ -156,7 +156,7 @@ class Arrays(pickle.Unpickler):
 
 
 def _convolutions(layers: dict[str, Any]) -> dict[str, Tensor]:
-    """Convolutions by the models' names: JAX stores kernels as [height, width, in, out]."""
+    """Convolutions by the models' names. JAX stores kernels as [height, width, in, out]."""
     found = {}
     for index in range(len(layers)):
         layer = layers[f"Conv_{index}"]

@@ -1,4 +1,4 @@
-"""How a shown picture differs from ground truth: PSNR and SSIM of 8-bit RGB, at the viewport's resolution."""
+"""Difference of a shown picture from ground truth: PSNR and SSIM of 8-bit RGB, at the viewport's resolution."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from tigas_common.wire.model import MAX_PIXELS, WireModel
 Picture = NDArray[np.uint8]
 """[height, width, 3], RGB."""
 MAX_PSNR_DB = 100.0
-"""Stands for the infinite PSNR of equal pictures."""
+"""Used in place of the infinite PSNR of equal pictures."""
 FORMATS = ("PNG", "JPEG", "WEBP")
-Image.MAX_IMAGE_PIXELS = None  # Pillow only warns of many; `opened` refuses them
+Image.MAX_IMAGE_PIXELS = None  # Pillow would only warn about large images; `opened` refuses them
 
 
 class BrokenPicture(Exception):
-    """Why a picture cannot be compared, in one sentence."""
+    """Reason why a picture cannot be compared, in one sentence."""
 
 
 class Quality(WireModel):
-    """A picture against another one."""
+    """Quality of a picture relative to another."""
 
     psnr_db: float
     ssim: float
@@ -40,24 +40,23 @@ class CaptureQuality(WireModel):
     pose: int
     rung: int | None
     picture: Quality | None
-    """Against the pose that the frame was rendered from: the cost of resolution and compression. None for frames from
-    before the run, and for reprojected frames or predicted poses.
+    """Against the pose for which the frame was rendered: the cost of resolution and compression. None for frames from
+    before the run, for reprojected frames, and with predicted poses.
     """
     view: Quality | None
-    """Against the pose that the frame was reprojected to, which includes the cost of reprojection. For an unchanged
-    frame: against the viewer's pose when it appeared, which includes the cost of lateness. None for frames from before
-    the run.
+    """Against the pose to which the frame was reprojected, which includes the cost of reprojection. Otherwise against
+    the viewer's pose when the frame appeared, which includes the cost of lateness. None for frames from before the run.
     """
     seen: Quality | None = None
     """Against the viewer's pose at that moment, which includes the cost of ageing and freezes. None in early records,
-    which were made when frames appeared.
+    made when frames appeared.
     """
     uncovered: float | None = Field(default=None, ge=0, le=1)
     """Share of the picture that was never covered, which counts as black. None in early records."""
 
 
 def decode_shown(data: bytes) -> tuple[Picture, float]:
-    """The screen on a black background, and its share without pixels. Raises BrokenPicture."""
+    """Decode the screen, on black. Returns the picture and its share without pixels. Raises BrokenPicture."""
     with opened(data) as image:
         if "A" not in image.getbands():
             return np.asarray(image.convert("RGB")), 0.0
@@ -68,14 +67,14 @@ def decode_shown(data: bytes) -> tuple[Picture, float]:
 
 
 def decode(data: bytes) -> Picture:
-    """A PNG, JPEG or WebP as RGB. Raises BrokenPicture."""
+    """Decode a PNG, JPEG or WebP as RGB. Raises BrokenPicture."""
     with opened(data) as image:
         return np.asarray(image.convert("RGB"))
 
 
 @contextmanager
 def opened(data: bytes) -> Iterator[Image.Image]:
-    """Open a picture in a supported format; only its size has been checked.
+    """Open a picture in a supported format, with nothing but its size checked.
 
     Raises BrokenPicture, including for errors in the context.
     """
@@ -95,30 +94,30 @@ def encode(picture: Picture) -> bytes:
 
 
 def enlarged(picture: Picture, width: int, height: int) -> Picture:
-    """Scale bilinearly to a stage of this size, like a browser."""
+    """Scale bilinearly to a stage of this size, as browsers do."""
     if picture.shape[:2] == (height, width):
         return picture
     return np.asarray(Image.fromarray(picture).resize((width, height), Image.Resampling.BILINEAR))
 
 
 def upscaled(picture: Picture, width: int, height: int) -> Picture:
-    """At display size by Pillow's bicubic, the baseline that enhancement is held against."""
+    """Scale to display size with Pillow's bicubic filter, the baseline for enhancement."""
     if picture.shape[:2] == (height, width):
         return picture
     return np.asarray(Image.fromarray(picture).resize((width, height), Image.Resampling.BICUBIC))
 
 
 def compare(shown: Picture, reference: Picture) -> Quality:
-    """`shown`, scaled to the size of `reference`, against it.
+    """Compare `shown`, scaled to the size of `reference`, with it.
 
-    SSIM as Wang et al. 2004 (IEEE TIP 13) with their Gaussian weights (σ = 1.5), mean over channels; PSNR over all
+    SSIM as in Wang et al. 2004 (IEEE TIP 13) with Gaussian weights (σ = 1.5), mean over channels; PSNR over all
     channels. Raises BrokenPicture if the pictures are too small.
     """
-    from skimage.metrics import structural_similarity  # heavy, and only needed for computing scores
+    from skimage.metrics import structural_similarity  # heavy, and only needed to compute scores
 
     height, width = reference.shape[:2]
     if min(height, width) < 11:
-        raise BrokenPicture("A picture of less than 11 pixels on a side has no SSIM.")
+        raise BrokenPicture("SSIM needs pictures of at least 11×11 pixels.")
     shown = enlarged(shown, width, height)
     error = float(np.mean(np.square(shown.astype(np.float32) - reference)))
     psnr = min(MAX_PSNR_DB, 10 * math.log10(255**2 / error)) if error else MAX_PSNR_DB

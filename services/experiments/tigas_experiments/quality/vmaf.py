@@ -1,6 +1,6 @@
-"""VMAF and VIFp of a sequence of pictures, as libvmaf computes them: through lossless videos, in one pass.
+"""VMAF and VIFp of a sequence of pictures, computed by libvmaf from lossless videos in one pass.
 
-VMAF looks at neighbouring frames too (how much the ground truth moves), so pictures go in as a video, in their order.
+VMAF also considers neighbouring frames (the motion in the ground truth), so pictures are passed as an ordered video.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ LOG, DISTORTED, TRUTH = "log.json", "distorted.mkv", "truth.mkv"
 
 
 def ffmpeg() -> str:
-    """The program that has libvmaf. Raises MetricUnavailable."""
+    """Path of an ffmpeg with libvmaf. Raises MetricUnavailable."""
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
 
@@ -45,11 +45,11 @@ def ffmpeg() -> str:
 
 
 def vmaf_and_vif(frames: Iterable[tuple[int, Picture, Picture]]) -> dict[int, tuple[float, float]]:
-    """(VMAF, VIFp) of numbered pictures against their ground truths, all of one size, in the order of being shown.
+    """(VMAF, VIFp) of numbered pictures against their ground truths, all of one size, in display order.
 
-    VMAF is 0 to 100, the highest for equal pictures is a little below it. VIFp is Sheikh and Bovik's visual information
-    fidelity (IEEE TIP 15, 2006) in the pixel domain, over four scales of luma: 1 for equal pictures, more for pictures
-    with more contrast than the truth. Raises MetricUnavailable, and StartError if ffmpeg fails.
+    VMAF ranges from 0 to 100, and equal pictures score slightly below 100. VIFp is Sheikh and Bovik's visual
+    information fidelity (IEEE TIP 15, 2006) in the pixel domain, over four scales of luma: 1 for equal pictures, more
+    for pictures with more contrast than the truth. Raises MetricUnavailable, and StartError if ffmpeg fails.
     """
     program = ffmpeg()
     numbers: list[int] = []
@@ -85,7 +85,7 @@ def vmaf_and_vif(frames: Iterable[tuple[int, Picture, Picture]]) -> dict[int, tu
 
 @contextmanager
 def lossless_video(path: Path) -> Iterator[Callable[[Picture], None]]:
-    """Write pictures of one size as FFV1 in Matroska, in RGB, bit by bit; takes one after the other."""
+    """Write pictures of one size as bit-exact RGB FFV1 in Matroska. Yields a function that adds a picture."""
     with av.open(path, "w", format="matroska") as container:
         stream: VideoStream | None = None
 

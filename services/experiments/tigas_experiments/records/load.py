@@ -1,4 +1,4 @@
-"""The load of machine and render service during a run: under high load, latencies reflect them, not the network."""
+"""Load of the machine and the render service during a run: if high, latencies reflect it rather than the network."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from tigas_common.wire.model import WireModel
 from tigas_common.wire.render import HostLoad
 
 EVERY_S = 0.5
-"""Interval of samples."""
+"""Interval between samples, in seconds."""
 LIMIT = 0.9
-"""Busy share above which work waits for a processor or a thread."""
+"""Busy share above which work has to wait for a processor or a thread."""
 TOO_OFTEN = 0.1
-"""Share of a run's samples above which the limit is reported."""
+"""Share of a run's samples above which exceeding the limit is reported."""
 WatchedServices = Literal["threads", "processors", "elsewhere"]
-"""Extent of watching the services: each of their threads; only the processors shared with the browser; nothing, since
-some of them ran on another machine.
+"""What is monitored: each of the services' threads; only the processors, which they share with the browser; or neither,
+as some services ran on another machine.
 """
 Processes = Mapping[psutil.Process, str]
 """Processes with monitored threads, and their names."""
@@ -37,19 +37,19 @@ class LoadSample(WireModel):
 
     unix_ms: float
     cpu: float
-    """Busy share, 0 to 1, of the processors available to the run or of the time granted by a control group, whichever
-    is greater. Early runs: of all processors of the machine.
+    """Busy share, 0 to 1, of the processors available to the run, or used share of the time granted by a control group,
+    whichever is greater. In early runs: of all processors of the machine.
     """
     processors: float | None = None
-    """Number available to the run; unknown for early runs."""
+    """Number of processors available to the run; unknown for early runs."""
     throttled: bool = False
-    """Whether a control group had to wait, as its time was used up."""
+    """Whether a control group had to wait because its time was used up."""
     threads: dict[str, float] | None = None
-    """Share of time that each process's busiest thread ran or was ready to run, 0 to 1, by process name; None if not
-    monitored.
+    """Share of time, 0 to 1, for which each process's busiest thread ran or was ready to run, by process name; None if
+    not monitored.
     """
     render: float | None = None
-    """Utilisation of the render service's busier part, such as its graphics processor, 0 to 1; None if unknown."""
+    """Utilisation, 0 to 1, of the busiest part of the render service, such as its GPU; None if unknown."""
     load_average: float
     """Average number of running or runnable processes over the last minute."""
 
@@ -62,18 +62,18 @@ class Load(WireModel):
     cpu_mean: float
     cpu_max: float
     saturated_share: float
-    """Share of the samples in which processors (95 % in early runs) or the render service were above LIMIT, or a
-    control group waited.
+    """Share of samples in which the processors (95 % in early runs) or the render service were above LIMIT, or a
+    control group had to wait.
     """
     load_average_max: float
     processors: float | None
-    """Number available to the run; for early runs, the machine's."""
+    """Number of processors available to the run; for early runs, of the machine."""
     pegged: dict[str, float] | None = None
     """Share of samples with a thread above LIMIT, by process name; None if not monitored."""
     render_busy_share: float | None = None
-    """Share of samples with a render service above LIMIT, on any machine; None if unknown."""
+    """Share of samples with the render service above LIMIT, on any machine; None if unknown."""
     services: WatchedServices | None = None
-    """None for runs made on a page, and for early ones."""
+    """None for runs made on a page, and for early runs."""
 
     @property
     def saturated(self) -> bool:
@@ -81,18 +81,18 @@ class Load(WireModel):
 
     @property
     def often_pegged(self) -> dict[str, float]:
-        """The significant entries of `pegged`, highest first."""
+        """Entries of `pegged` above TOO_OFTEN, highest first."""
         often = [each for each in (self.pegged or {}).items() if each[1] > TOO_OFTEN]
         return dict(sorted(often, key=lambda each: -each[1]))
 
     @property
     def worst_pegged(self) -> tuple[str, float] | None:
-        """The highest entry of `pegged`; None without entries."""
+        """The highest entry of `pegged`; None if it is empty."""
         return max((self.pegged or {}).items(), key=lambda each: each[1], default=None)
 
     @classmethod
     def of(cls, samples: Sequence[LoadSample], services: WatchedServices | None = None) -> Load | None:
-        """None without samples."""
+        """Summarise samples; None without any."""
         if not samples:
             return None
         watched = [sample.threads for sample in samples if sample.threads is not None]
@@ -111,7 +111,7 @@ class Load(WireModel):
 
 
 class Thread(NamedTuple):
-    """One thread of a process, and for how long it has run or waited in the run queue of a processor so far."""
+    """A thread of a process, and the seconds that it has run or waited in a run queue so far."""
 
     process: str
     demand_s: float
@@ -122,14 +122,14 @@ class Reading:
     """The machine's counters at one moment."""
 
     at_s: float
-    """Time of a monotonic clock."""
+    """Time on a monotonic clock."""
     busy_s: float
     """Total busy time of the processors that this process may use."""
     idle_s: float
     processors: int
     quotas: tuple[Quota, ...] = ()
     threads: Mapping[tuple[int, int], Thread] | None = None
-    """Threads by process and thread id; None if not monitored."""
+    """Threads by process id and thread id; None if not monitored."""
 
     @classmethod
     def now(cls, processes: Processes | None) -> Reading:
@@ -138,11 +138,11 @@ class Reading:
         every, allowed = psutil.cpu_times(percpu=True), allowed_processors()
         ours = [times for number, times in enumerate(every) if number in allowed] or every
         idle_s = sum(times.idle + getattr(times, "iowait", 0.0) for times in ours)
-        # Guest time is already included in `user` and `nice`.
+        # `user` and `nice` already include guest time.
         guests_s = sum(getattr(times, "guest", 0.0) + getattr(times, "guest_nice", 0.0) for times in ours)
         threads: dict[tuple[int, int], Thread] = {}
         for process, name in (processes or {}).items():
-            with suppress(psutil.Error):  # it has ended, or is another user's
+            with suppress(psutil.Error):  # it has ended, or belongs to another user
                 for thread in process.threads():
                     used_s = thread.user_time + thread.system_time
                     threads[process.pid, thread.id] = Thread(name, _demand(process.pid, thread.id) or used_s)
@@ -170,7 +170,7 @@ class Reading:
                 shares.append(_share(now.used_s - then.used_s, now.processors * elapsed_s))
         busiest: dict[str, float] = {}
         for key, thread in (self.threads or {}).items():
-            known = (before.threads or {}).get(key, thread)  # a new thread has not been busy for long
+            known = (before.threads or {}).get(key, thread)  # a new thread cannot have been busy for long
             share = round(_share(thread.demand_s - known.demand_s, elapsed_s), 3)
             busiest[thread.process] = max(share, busiest.get(thread.process, 0.0))
         return LoadSample(
@@ -188,7 +188,7 @@ class Reading:
 async def watching_load(
     render: str, keep: int | None = None, processes: Processes | None = None
 ) -> AsyncIterator[deque[LoadSample]]:
-    """Sample the load every EVERY_S during the context; keeps the newest `keep` samples.
+    """Sample the load every EVERY_S seconds during the context, keeping the newest `keep` samples.
 
     render: URL of the render service.
     """
@@ -212,7 +212,7 @@ async def watching_load(
 
 
 async def _utilisation(client: httpx.AsyncClient) -> float | None:
-    """The render service's; None if it does not say, as in a cluster."""
+    """Utilisation of the render service; None if it is not reported, as in a cluster."""
     try:
         answer = (await client.get("/api/load")).raise_for_status()
         return HostLoad.model_validate_json(answer.content).utilisation
@@ -225,7 +225,7 @@ def _share(part: float, whole: float) -> float:
 
 
 def _demand(process: int, thread: int) -> float | None:
-    """Seconds for which a thread ran or was ready to run, by Linux's `schedstat`; None where it is unavailable."""
+    """Seconds for which a thread ran or was ready to run, from Linux's `schedstat`; None where unavailable."""
     try:
         ran, waited, _ = Path(f"/proc/{process}/task/{thread}/schedstat").read_text(encoding="ascii").split()
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""Dependencies of a figure apart from its configuration: versions, machines, and the render service."""
+"""Dependencies of results apart from the configuration: versions, machines, and the render service."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PACKAGES = ("aioquic", "av", "numba", "playwright", "scikit-image")
 
 
 class Machine(WireModel):
-    """Where a run was made: the lab's own."""
+    """The machine of the lab in which a run was made."""
 
     system: str
     processor: str
@@ -31,7 +31,7 @@ class Machine(WireModel):
 
 
 class Server(WireModel):
-    """The render service that a run was made with, which may be another machine's, as it says of itself."""
+    """The render service of a run, possibly on another machine, as reported by itself."""
 
     version: str
     commit: str | None
@@ -39,11 +39,11 @@ class Server(WireModel):
     device: str | None
     """Rendering device."""
     congestion_control: CongestionControl | None = None
-    """Of HTTP/3; null in older records."""
+    """Congestion control of HTTP/3; null in older records."""
     tcp_congestion_control: str | None = None
-    """Of HTTP/1.1 and DASH; null in older records."""
+    """Congestion control of HTTP/1.1 and DASH; null in older records."""
     ladder: Entries[Rung]
-    """Ladder that the run's profiles refer to: the scene's own, if it has one."""
+    """Ladder to which the run's profiles refer: the scene's own, if it has one."""
 
     @classmethod
     def of(cls, config: ServerConfig, scene: SceneInfo | None = None) -> Self:

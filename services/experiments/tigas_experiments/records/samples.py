@@ -34,16 +34,16 @@ TRUTH = "truth.png"
 STAMP = ',"stamp":null'
 """End of a request in early records."""
 MAX_PICTURE_BYTES = 64_000_000
-"""Limit of a picture; a lossless one of the largest viewport hardly exceeds it."""
+"""Maximum size of a picture; a lossless one of the largest viewport hardly exceeds it."""
 
 
 def sample_path(run: Path, seq: int, kind: str) -> Path:
-    """Path of a sample's file of a kind, such as `jpg`."""
+    """Path of a sample's file with a suffix such as `jpg`."""
     return run / FOLDER / f"{seq:06}.{kind}"
 
 
 def enhanced_path(run: Path, seq: int) -> Path | None:
-    """The displayed picture of an enhanced sample, in either format; None without one."""
+    """Path of an enhanced sample's displayed picture, in either format; None without one."""
     return next((path for kind in ENHANCED if (path := sample_path(run, seq, kind)).is_file()), None)
 
 
@@ -59,7 +59,7 @@ def read_samples(run: Path) -> list[Sample]:
 
 
 def read_sample_file(path: Path) -> bytes:
-    """A kept picture. Raises BrokenRecording."""
+    """Read a stored picture. Raises BrokenRecording."""
     try:
         return read_regular(path, MAX_PICTURE_BYTES)
     except OSError as error:
@@ -67,14 +67,14 @@ def read_sample_file(path: Path) -> bytes:
 
 
 def write_sample_file(run: Path, seq: int, kind: str, data: bytes) -> None:
-    """Keep a sample's picture. Raises OSError."""
+    """Store a sample's picture. Raises OSError."""
     path = sample_path(run, seq, kind)
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(data)
 
 
 def write_samples(run: Path, samples: Iterable[Sample]) -> None:
-    """Write the index, once all pictures are there. Raises OSError."""
+    """Write the index, once all pictures exist. Raises OSError."""
     write_lines(run / INDEX, samples)
 
 
@@ -84,17 +84,17 @@ class Rerendered(WireModel):
     seq: int = Field(ge=0, lt=2**32)
     """Sequence number of the sample."""
     identical: bool | None
-    """Whether the same request got the same bytes again; None if they could not be compared."""
+    """Whether the same request returned the same bytes again; None if they could not be compared."""
     problem: str | None
     """Reason for missing data, which is requested again the next time."""
     psnr_db: float | None = None
-    """PSNR between differing frames: far above 40 dB for rounding, far below for another scene."""
+    """PSNR between the differing frames: far above 40 dB for rounding errors, far below for another scene."""
 
 
 def read_rerendered(run: Path) -> dict[int, Rerendered]:
-    """The latest result of each sample, by sequence number; empty without any.
+    """The latest result for each sample, by sequence number.
 
-    Invalid lines are ignored, because the writer may have been killed. Raises BrokenRecording.
+    Invalid lines are ignored, as the writer may have been killed. Raises BrokenRecording.
     """
     path = run / RERENDERED
     try:
@@ -115,7 +115,7 @@ def read_rerendered(run: Path) -> dict[int, Rerendered]:
 
 @contextmanager
 def rerender_log(run: Path) -> Iterator[TextIO]:
-    """Open the file for appending; a partial line of a killed process is terminated first. Raises OSError."""
+    """Open the file for appending, and terminate a partial line left by a killed process. Raises OSError."""
     flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK
     with os.fdopen(os.open(run / RERENDERED, flags, 0o666), "r+", encoding="utf-8") as file:
         if file.seek(0, os.SEEK_END):
@@ -124,7 +124,7 @@ def rerender_log(run: Path) -> Iterator[TextIO]:
 
 
 def append_rerendered(file: TextIO, entry: Rerendered) -> None:
-    """Append the result of one more sample. Raises OSError."""
+    """Append the result for one more sample. Raises OSError."""
     file.write(f"{entry.model_dump_json()}\n")
     file.flush()
 
@@ -138,7 +138,7 @@ class SampledRun:
     known: Mapping[int, Rerendered]
     """Results by sequence number."""
     problem: str | None = None
-    """Reason why the remaining samples were skipped, or a problem of the records."""
+    """Reason why the remaining samples were skipped, or a problem with the records."""
 
     @property
     def _results(self) -> list[Rerendered]:
@@ -146,7 +146,7 @@ class SampledRun:
 
     @property
     def identical(self) -> int:
-        """Number of frames that were identical, byte for byte."""
+        """Number of frames that were identical byte for byte."""
         return sum(one.identical is True for one in self._results)
 
     @property

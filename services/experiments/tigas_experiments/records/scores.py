@@ -1,4 +1,4 @@
-"""Scored pictures of a run: samples and kept pictures with ground truth, and each metric's value in scores.ndjson."""
+"""Scored pictures of a run: samples and kept pictures with ground truth, and the metrics' values in scores.ndjson."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from tigas_experiments.records.samples import ENHANCED, FOLDER, JPEG, TRUTH, rea
 
 SCORES = "scores.ndjson"
 LEAST_SIDE, MOST_PIXELS = 32, 3840 * 2160
-"""Limits of ground truth. VIFp's lowest scale is an eighth as large; DISTS takes 13 GB for a pair of the largest."""
+"""Limits on ground truth. VIFp's coarsest scale is an eighth as large; DISTS takes 13 GB for a pair of the largest."""
 Kind = Literal["original", "enhanced", "seen"]
 KINDS: tuple[Kind, ...] = ("original", "enhanced", "seen")
 FILES: dict[str, dict[Kind, tuple[str, ...]]] = {
     FOLDER: {"enhanced": ENHANCED, "original": (JPEG,)},
     "captures": {"seen": ("png",)},
 }
-"""File name endings of pictures in a run's folders, after their number."""
+"""File name endings, after the number, of pictures in a run's folders."""
 Values = Mapping[Name, float]
 
 
 class Score(WireModel):
-    """One picture against its ground truth: a line of scores.ndjson. None is not computed."""
+    """Scores of one picture against ground truth: a line of scores.ndjson. None is not computed."""
 
     seq: int = Field(ge=0)
     picture: Kind
     digest: str = Field(max_length=64)
-    """Digest of the two pictures that the score belongs to."""
+    """Digest of the two pictures to which the score belongs."""
     model: str | None = Field(default=None, max_length=210)
     """Enhancement model; None for originals, and if unknown."""
     psnr: float | None = None
@@ -60,7 +60,7 @@ class Score(WireModel):
 
 
 def read_scores(run: Path) -> list[Score]:
-    """All scores of a run, by number; empty without any. Raises BrokenRecording."""
+    """All scores of a run, by number; empty if there are none. Raises BrokenRecording."""
     path = run / SCORES
     return read_lines(path, Score) if path.exists() else []
 
@@ -75,10 +75,10 @@ def write_scores(run: Path, scores: Iterable[Score]) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Triplet:
-    """A ground truth, and the files of a sample (received frame, enhanced picture) or of a kept picture."""
+    """A ground truth, and the files to compare with it: a sample's received and enhanced frames, or a kept picture."""
 
     seq: int
-    """Sequence number; index of a kept picture."""
+    """Sequence number of a sample, or index of a kept picture."""
     pictures: dict[Kind, Path]
     truth: Path
 
@@ -87,7 +87,7 @@ class Triplet:
         return f"{'picture' if 'seen' in self.pictures else 'sample'} {self.seq}"
 
     def read(self) -> Contents:
-        """Raises BrokenRecording."""
+        """Read the files. Raises BrokenRecording."""
         pictures = {kind: read_sample_file(path) for kind, path in self.pictures.items()}
         return Contents(pictures, read_sample_file(self.truth))
 
@@ -103,7 +103,7 @@ class Contents:
         return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()[:16]
 
     def decoded(self) -> tuple[Picture, dict[Kind, Picture]]:
-        """Ground truth, and the pictures at its size: originals by bicubic, displayed pictures by bilinear on black.
+        """Ground truth, and the pictures scaled to its size: originals bicubically, displayed pictures bilinearly.
 
         Raises BrokenPicture.
         """
@@ -126,9 +126,9 @@ class Contents:
 
 
 def triplets(run: Path) -> list[Triplet]:
-    """Samples, then kept pictures, that have ground truth and anything to compare with it, by number. Raises OSError.
+    """Samples and then kept pictures that have ground truth and something to compare, by number. Raises OSError.
 
-    Any folder with `samples/` has some; it need not be a run's.
+    Any folder with `samples/` works; it need not be a run.
     """
     found = []
     for name, kinds in FILES.items():

@@ -1,4 +1,4 @@
-"""The figures of one run, from its folder."""
+"""The results of one run, from its folder."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from tigas_experiments.wire.recording import Input, LinkSample, Recording, Reply
 
 
 class Figures(BaseModel):
-    """Figures of a complete run."""
+    """Results of a complete run."""
 
     values: dict[str, float | None]
-    """By the names of `report.metrics.METRICS`; None or missing if not measured."""
+    """By name in `report.metrics.METRICS`; None or missing if not measured."""
     rungs: dict[int, float]
-    """Each rung's share of the time on the screen."""
+    """Each rung's share of the time on screen."""
 
 
 class Summary(WireModel):
-    """A run with its figures, or with the reason for their absence."""
+    """A run with its results, or the reason why it has none."""
 
     folder: str
     record: RunRecord
@@ -41,7 +41,7 @@ class Summary(WireModel):
 class Records:
     recording: Recording
     link: Sequence[LinkSample]
-    """While the movement lasted."""
+    """Samples during the movement."""
     quality: Sequence[CaptureQuality]
     scores: Sequence[Score]
     """Scores of sampled pictures."""
@@ -50,7 +50,7 @@ class Records:
 
     @classmethod
     def of(cls, stored: StoredRun) -> Records:
-        """Records of a complete run. Raises BrokenRecording."""
+        """Read the records of a complete run. Raises BrokenRecording."""
         head = stored.record.recording
         if head is None:
             raise BrokenRecording(f"{stored.folder / 'run.json'} does not describe the recording.")
@@ -73,15 +73,15 @@ class Records:
 
 
 def summarise(folder: Path) -> Summary:
-    """Read a run's folder. Raises BrokenRecording if not even run.json can be read."""
+    """Read a run's folder. Raises BrokenRecording if even run.json is unreadable."""
     return read(folder)[0]
 
 
 def read(folder: Path) -> tuple[Summary, Records | None]:
-    """A run's summary, with its records if there are figures. Raises BrokenRecording as `summarise` does."""
+    """A run's summary, and its records if it has results. Raises BrokenRecording as `summarise` does."""
     stored = StoredRun(folder)
     record = stored.record
-    records, problem = None, record.problem or "The run is incomplete: it never ended."
+    records, problem = None, record.problem or "The run is incomplete: it did not finish."
     if record.status == "complete":
         try:
             records = Records.of(stored)

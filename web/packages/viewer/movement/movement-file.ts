@@ -113,8 +113,8 @@ function readPoints(lines: readonly Line[], columns: readonly string[], name: st
     start ??= t;
     const t_ms = t - start;
     const before = points.at(-1)?.t_ms ?? -1;
-    if (t_ms < before) throw refuse("is earlier than the one before it");
-    if (t_ms > MAX_DURATION_MS) throw refuse("comes more than a day after the first");
+    if (t_ms < before) throw refuse("is earlier than the previous one");
+    if (t_ms > MAX_DURATION_MS) throw refuse("is more than a day after the first");
     if (Math.max(...[x, y, z].map(Math.abs)) > MAX_COORDINATE) throw refuse("is farther away than a million");
     const length = Math.hypot(...quaternion);
     if (length < QUATERNION_LENGTHS[0] || length > QUATERNION_LENGTHS[1]) {
