@@ -1,4 +1,4 @@
-"""Computes requested metrics of a run's samples and kept pictures; existing scores are reused."""
+"""Computes the requested metrics for a run's samples and captures; existing scores are reused."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from tigas_experiments.records.scores import (
 from tigas_experiments.wire.recording import Sample
 
 FRAMES = 240
-"""Maximum frames of a VMAF video, which bounds the loss after an interruption."""
+"""Maximum number of frames in a VMAF video, which limits the loss after an interruption."""
 SAVED_EVERY_S = 5.0
 OnProgress = Callable[[int], None]
-"""Progress callback with the number of further steps done."""
+"""Progress callback: number of additional steps done."""
 
 
 class Scoring:
     def __init__(
         self, run: Path, meters: Meters, on_progress: OnProgress = lambda steps: None, *, again: bool = False
     ) -> None:
-        """`again` replaces scores of the metrics in `meters`. Raises BrokenRecording and OSError."""
+        """again: whether to replace scores of the metrics in `meters`. Raises BrokenRecording and OSError."""
         self.triplets = triplets(run)
         self.problems: dict[str, str] = {}
-        """Why something has no scores, by its name."""
+        """Reasons for missing scores, by name of the picture."""
         self._run = run
         self._meters = meters
         self._on_progress = on_progress
@@ -53,7 +53,7 @@ class Scoring:
         return len(self.triplets) * (bool(self._meters.single) + self._meters.video)
 
     def score(self) -> list[Score]:
-        """Compute and write all scores; those of a run without pictures stay. Raises StartError and OSError."""
+        """Compute and write all scores; those of a run without pictures are kept. Raises StartError and OSError."""
         if not self.triplets:
             return list(self._scores.values())
         try:
@@ -68,12 +68,12 @@ class Scoring:
             sound = [each for each in self.triplets if each.name not in self.problems]
             there = {(each.seq, kind) for each in sound for kind in each.pictures}
             self._scores = {key: score for key, score in self._scores.items() if key in there}
-        finally:  # also keeps scores after Ctrl+C
+        finally:  # saves scores after Ctrl+C as well
             write_scores(self._run, self._scores.values())
         return list(self._scores.values())
 
     def _score_single(self, triplet: Triplet) -> None:
-        """Compute metrics of single pictures, and drop earlier scores of other files."""
+        """Compute metrics of single pictures, and drop earlier scores of changed files."""
         try:
             contents = triplet.read()
             for kind in triplet.pictures:
@@ -98,7 +98,7 @@ class Scoring:
             self._saved = time.monotonic()
 
     def _score_video(self, kind: Kind, batch: Sequence[Triplet]) -> None:
-        """Compute VMAF and VIFp of all samples of the batch, unless all of them have scores."""
+        """Compute VMAF and VIFp of all samples in the batch, unless all of them have scores."""
         if not any(each.name not in self.problems and self._lacks((each.seq, kind), VIDEO) for each in batch):
             return
         frames = self._decoded(kind, batch)
@@ -107,7 +107,7 @@ class Scoring:
                 self._add(seq, kind, dict(zip(VIDEO, values, strict=True)))
 
     def _decoded(self, kind: Kind, batch: Sequence[Triplet]) -> Iterator[tuple[int, Picture, Picture]]:
-        """Yield (seq, picture, truth) without pictures that cannot be compared."""
+        """Yield (seq, picture, truth), leaving out pictures that cannot be compared."""
         for triplet in batch:
             if triplet.name not in self.problems:
                 try:
@@ -118,7 +118,7 @@ class Scoring:
                     yield triplet.seq, pictures[kind], truth
 
     def _begin(self, seq: int, kind: Kind, contents: Contents) -> None:
-        """An empty score, unless there is one of these very pictures."""
+        """Add an empty score, unless there already is one of the same pictures."""
         digest, model = contents.digest(kind), self._models.get(seq) if kind == "enhanced" else None
         known = self._scores.get((seq, kind))
         if known is None or known.digest != digest or known.model != model:
@@ -132,7 +132,7 @@ class Scoring:
 
 
 def _earlier(run: Path, *, even_broken: bool) -> dict[tuple[int, Kind], Score]:
-    """Scores by sample and picture; none if they are broken. Raises BrokenRecording unless `even_broken`."""
+    """Scores by sample and picture; empty if they are broken. Raises BrokenRecording unless `even_broken`."""
     try:
         return {score.key: score for score in read_scores(run)}
     except BrokenRecording:

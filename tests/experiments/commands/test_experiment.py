@@ -180,7 +180,7 @@ def test_who_ends_it_ends_everything_and_keeps_what_was_finished(
     first, second = report(out)
     assert first["figures"]["values"]["inputs"] > 30
     assert second["figures"] is None
-    assert second["problem"] == "The run was stopped before its end."
+    assert second["problem"] == "The run was stopped before it ended."
 
 
 def test_services_that_do_not_answer_get_one_sentence(out: Path) -> None:

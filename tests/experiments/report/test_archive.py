@@ -134,7 +134,7 @@ def test_equal_runs_give_equal_archives_whenever_and_whoever_wrote_them(tmp_path
 def test_what_is_there_is_not_overwritten(tmp_path: Path) -> None:
     folder = experiment(tmp_path / "study")
     pack(folder, tmp_path / "it.tar.xz", {folder: Options()})
-    with pytest.raises(StartError, match="study exists already"):
+    with pytest.raises(StartError, match="study already exists"):
         unpack(tmp_path / "it.tar.xz")
 
 

@@ -161,7 +161,7 @@ def test_models_are_asked_for_once_before_the_first_run(monkeypatch: pytest.Monk
     [
         ({"upscale": "magic"}, f"restore = 'off', upscale = 'magic' cannot be measured: {REFUSED}"),
         ({"profile": "magic"}, f"The controller 'magic' cannot be measured: {REFUSED}"),
-        ({"profile": 4}, "There is no rung 4: the ladder at http://127.0.0.1:9 has 4, counted from 0."),
+        ({"profile": 4}, "There is no rung 4: the ladder at http://127.0.0.1:9 has 4 rungs, counted from 0."),
         ({"mode": "dash-tuned"}, "There is no packager behind http://127.0.0.1:9, so dash-tuned cannot be measured."),
         (
             {"mode": "local-compressed"},

@@ -241,7 +241,7 @@ def test_a_run_keeps_no_more_pictures_than_a_page_has_room_for(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("fields", "sentence"),
     [
-        ({"colour": 1}, "there is no 'colour', only name, scenes"),
+        ({"colour": 1}, "unknown key 'colour'; the keys are name, scenes"),
         ({"scenes": []}, "scenes: there must be at least one"),
         ({"scenes": ["../../etc"]}, "scenes.0: '../../etc' must not be a path"),
         ({"scenes": "courtyard"}, "scenes: input should be"),

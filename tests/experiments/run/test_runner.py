@@ -240,7 +240,7 @@ def test_ctrl_c_marks_the_run_and_says_how_to_go_on(stub: Stub, file: Path) -> N
         result = tigas("run", file)
         assert result.exit_code == 130, result.output
         assert "Interrupted. To resume: tigas" in result.output
-        assert status(file)[stub.made[1]] == "The run was stopped before its end."
+        assert status(file)[stub.made[1]] == "The run was stopped before it ended."
         assert len(stub.made) == 2
     stub.made.clear()
     assert tigas("run", file).exit_code == 0
@@ -252,7 +252,7 @@ def test_many_failures_in_a_row_end_it(stub: Stub, file: Path) -> None:
     result = tigas("run", file)
     assert result.exit_code == 1
     assert len(stub.made) == GIVE_UP_AFTER == 5
-    assert "5 runs in a row failed, so the others are not tried; the same command continues." in result.output
+    assert "5 runs in a row failed, so the others are not tried; run the same command to continue." in result.output
     assert result.output.endswith("failure: The viewer failed: Target closed\n")
     file.write_text(toml(controllers=["latency", "l2a", 0], repeats=4))
     stub.happenings = [fails, fails, None] * 4

@@ -1,17 +1,16 @@
-"""One folder per run.
+"""The folder of a run:
 
     run.json         the configuration, versions, machine, load, and whether the run is complete
     inputs.ndjson    poses sampled by the viewer          frames.ndjson   frames on screen
     replies.ndjson   received frames (if any)             requests.ndjson requested frames (if any)
     traffic.ndjson   bytes received by the page           load.ndjson     the machine's load
     link.ndjson      the shaper's record of its link
-    captures/        shown pictures, as PNG               captures.ndjson their frames
+    captures/        captured screens, as PNG             captures.ndjson their frames
     quality.ndjson   their comparison with ground truth
     snapshot.json    one of them, with the ideal picture in captures/view.png
     samples.ndjson   every n-th shown frame (if any)      samples/        their pictures (`samples.py`)
 
-A run is complete if its run.json says so, which is written last: any earlier interruption leaves an incomplete
-run.
+A run is complete if run.json, which is written last, says so: an earlier interruption leaves an incomplete run.
 
 The runs of an experiment are in one folder, as runs/<slug>, next to experiment.json with the plan.
 """
@@ -51,11 +50,11 @@ class ExperimentRecord(WireModel):
     """ISO 8601, UTC."""
     source: Literal["command", "page"]
     plan: Plan
-    """As given."""
+    """The plan as given."""
     planned: int | None = Field(default=None, ge=0)
     """Number of runs of the complete experiment; unknown for early ones."""
     command: str | None = None
-    """The command line, to repeat it; None for the page's and early experiments."""
+    """Command line that resumes the experiment; None for experiments made on the page, and for early ones."""
     traces_s: dict[str, float] = Field(default_factory=dict)
     """Durations of the shaper's traces, if segments need them."""
     template: object = Field(default=None, exclude=True)
@@ -63,19 +62,19 @@ class ExperimentRecord(WireModel):
 
 
 def write_experiment(folder: Path, record: ExperimentRecord) -> None:
-    """Make an experiment's folder, if missing, and write its plan. Raises OSError."""
+    """Create an experiment's folder if missing, and write its plan. Raises OSError."""
     (folder / "runs").mkdir(parents=True, exist_ok=True)
     write_record(folder / "experiment.json", record)
 
 
 def experiment_of(folder: Path) -> Path:
-    """The experiment that a run's folder belongs to; any other folder itself."""
+    """The folder of the experiment to which a run's folder belongs; any other folder itself."""
     whole = folder.resolve()
     return whole.parents[1] if whole.parent.name == "runs" and (whole / "run.json").exists() else whole
 
 
 def read_experiment(folder: Path) -> ExperimentRecord:
-    """Raises BrokenRecording."""
+    """Read an experiment's record. Raises BrokenRecording."""
     return read_record(folder / "experiment.json", ExperimentRecord)
 
 
@@ -87,14 +86,14 @@ class Snapshot(WireModel):
 
 
 class InputDigests(WireModel):
-    """SHA-256 of a run's input files, in hexadecimal digits; None for inputs other than files."""
+    """SHA-256 of a run's input files in hexadecimal; None for inputs that are not files."""
 
     movement: str | None
     trace: str | None
 
 
 class RunRecord(WireModel):
-    """run.json. Digests and the server are unknown for runs that a page made, and for early ones."""
+    """The content of run.json. Digests and server are unknown for runs made by a page, and for early runs."""
 
     status: Literal["running", "complete", "failed"] = "running"
     problem: str | None = None
@@ -109,13 +108,13 @@ class RunRecord(WireModel):
     backend: str | None = None
     """Implementation of the link's delay: netem or relay."""
     scene_bytes: int | None = None
-    """Size of the scene's file, the download of a viewer that renders itself."""
+    """Size of the scene's file, which a viewer that renders locally downloads."""
     scene_sha256: str | None = None
-    """Digest of the scene's file; None without one, and for early runs."""
+    """Digest of the scene's file; None if there is no file, and for early runs."""
     sampling_problem: str | None = None
-    """Reason for fewer samples than requested."""
+    """Reason why there are fewer samples than requested."""
     points_sha256: str | None = None
-    """Digest of the poses that the page was given: equal inputs have equal ones."""
+    """Digest of the poses given to the page: equal for equal inputs."""
     load: Load | None = None
     recording: RecordingHead | None = None
 
@@ -131,15 +130,15 @@ FILES: Mapping[type[BaseModel], str] = {
     CaptureQuality: "quality",
     Capture: "captures",
 }
-"""Names of the NDJSON files by their entries."""
+"""Names of the NDJSON files, by type of entry."""
 LADDER = "ladder.jpg"
 """One view of the experiment at each rung, made by `tigas quality ladder`."""
 OPTIONAL = (Reply, Request)
-"""Without a file in a run that recorded none."""
+"""Types of entries without a file if a run recorded none."""
 
 
 class StoredRun:
-    """A run's folder. Raises BrokenRecording."""
+    """A run's folder. Methods raise BrokenRecording."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -151,7 +150,7 @@ class StoredRun:
 
 
 def read_snapshot(folder: Path) -> tuple[float, bytes, bytes] | None:
-    """Time (ms) and PNGs of the screen and the viewer's ideal view; None without. Raises BrokenRecording."""
+    """Time (ms) and PNGs of the screen and the ideal view; None without a snapshot. Raises BrokenRecording."""
     if not (folder / "snapshot.json").exists():
         return None
     snapshot = read_record(folder / "snapshot.json", Snapshot)
@@ -179,7 +178,7 @@ class RunWriter:
         return self._record.configuration
 
     def recording(self, recording: Recording) -> None:
-        """Write the page's records; lists of received and requested frames only if there are any."""
+        """Write the page's records, with lists of received and requested frames only if there are any."""
         self.write(Input, recording.inputs)
         self.write(ShownFrame, recording.frames)
         if recording.replies:
@@ -200,14 +199,14 @@ class RunWriter:
         (self.folder / "snapshot.json").write_text(snapshot.model_dump_json() + "\n", encoding="utf-8")
 
     def close(self, **changes: object) -> RunRecord:
-        """Write the final record, with changes."""
+        """Write the final record, with these changes."""
         self._record = self._record.model_copy(update=changes)
         write_record(self.folder / "run.json", self._record)
         return self._record
 
 
 def capture_path(folder: Path, index: int, suffix: str = "png") -> Path:
-    """Path of a kept picture of a run, or of a file that belongs to it."""
+    """Path of a run's capture, or of a file that belongs to it."""
     return folder / "captures" / f"{index:04}.{suffix}"
 
 

@@ -1,11 +1,10 @@
-"""Figures of a run from its records, as defined in docs/experiments.md. All functions are pure.
+"""Metrics of a run, computed from its records as defined in docs/experiments.md. All functions are pure.
 
-Functions of several figures return them by the names of `report.metrics.METRICS`: None if there is nothing to measure,
-inf if too many inputs were never answered.
-
-Every mode is measured from the same two lists, the sampled poses and the displayed frames, independently of a player's
-own notion of latency or stalls. A reprojected frame has two poses: `content`, the pose of its pixels, and `view`, the
-displayed pose. Latency, ages and new views refer to contents by default.
+Functions that compute several metrics return them by name in `report.metrics.METRICS`: None if there is nothing to
+measure, inf if too many inputs were never answered. All modes are measured from the same two lists, the sampled poses
+and the displayed frames, independently of a player's own notion of latency or stalls. A reprojected frame has two
+poses: `content`, the pose of its pixels, and `view`, the displayed pose. Latency, ages and new views refer to contents
+by default.
 """
 
 from __future__ import annotations
@@ -23,14 +22,14 @@ from tigas_experiments.wire.recording import Fate, Input, Reply, Request, ShownF
 FREEZE_MS, FREEZE_HISTORY = 150.0, 30
 """Constants of W3C webrtc-stats."""
 IN_TIME = f"inputs_within_{INTERACTIVE_MS:g}ms_pct"
-"""Name of the share of the inputs that were shown at once."""
+"""Name of the share of inputs that were shown immediately."""
 Values = dict[str, float | None]
 PoseOf = Callable[[ShownFrame], int]
 T = TypeVar("T")
 
 
 def content(frame: ShownFrame) -> int:
-    """The pose of its pixels."""
+    """The pose of the frame's pixels."""
     return frame.pose
 
 
@@ -40,16 +39,16 @@ def view(frame: ShownFrame) -> int:
 
 
 def percentile(values: Sequence[float], rank: float) -> float | None:
-    """The nearest-rank percentile (rank 0 to 1), as the page computes it; None without values."""
+    """The nearest-rank percentile (rank 0 to 1), as computed by the page; None without values."""
     ordered = sorted(values)
     return ordered[max(0, math.ceil(rank * len(ordered)) - 1)] if ordered else None
 
 
 def answers(inputs: Sequence[Input], frames: Sequence[ShownFrame], of: PoseOf = content) -> list[float]:
-    """For each input, ms until the first frame of its pose or of a later one was on the screen; inf if none came."""
+    """Milliseconds from each input until a frame of its pose or a later one was on screen; inf if there was none."""
     latencies: list[float] = []
     frame, newest = 0, -1
-    for entry in inputs:  # poses and times grow, so the answering frame never goes back
+    for entry in inputs:  # poses and times increase, so the answering frame never goes back
         while frame < len(frames) and (newest := max(newest, of(frames[frame]))) < entry.pose:
             frame += 1
         latencies.append(frames[frame].at - entry.at if frame < len(frames) else math.inf)
@@ -57,9 +56,9 @@ def answers(inputs: Sequence[Input], frames: Sequence[ShownFrame], of: PoseOf = 
 
 
 def latencies(inputs: Sequence[Input], frames: Sequence[ShownFrame], interval_ms: float = USUAL_INTERVAL_MS) -> Values:
-    """Motion-to-photon latency of the content: until pixels of a pose or of a later one were on screen.
+    """Motion-to-photon latency of the content: the time until pixels of a pose or a later one were on screen.
 
-    Over all inputs, unanswered ones counted as slower than any; `interval_ms` is the display's.
+    Covers all inputs, with unanswered ones as slower than any; `interval_ms` is the display's frame interval.
     """
     values = answers(inputs, frames)
 
@@ -78,14 +77,14 @@ def latencies(inputs: Sequence[Input], frames: Sequence[ShownFrame], interval_ms
 
 
 def view_latencies(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> Values:
-    """Time until the picture on screen was warped to a pose or to a later one, whatever the age of its pixels; without
-    warping, motion-to-photon latency.
+    """Time until the picture on screen was warped to a pose or a later one, regardless of the age of its pixels;
+    without warping, motion-to-photon latency.
     """
     return _percentiles("view_latency", answers(inputs, frames, view), 50, 90, 95, 99)
 
 
 def new_views(frames: Sequence[ShownFrame], of: PoseOf = content) -> list[ShownFrame]:
-    """The frames that show a later pose than any before them."""
+    """The frames that show a later pose than all frames before them."""
     found: list[ShownFrame] = []
     for frame in frames:
         if not found or of(frame) > of(found[-1]):
@@ -94,24 +93,24 @@ def new_views(frames: Sequence[ShownFrame], of: PoseOf = content) -> list[ShownF
 
 
 def ages_when_new(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> list[tuple[float, float]]:
-    """For each new view of a sampled pose: time of its display, and time since its pose was sampled, ms."""
+    """For each new view of a sampled pose: the time of its display, and the time since its pose was sampled, in ms."""
     sampled = {entry.pose: entry.at for entry in inputs}
     return [(frame.at, frame.at - sampled[frame.pose]) for frame in new_views(frames) if frame.pose in sampled]
 
 
 def frame_ages(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> Values:
-    """Ages over the frames, where `latencies` is over the inputs: inputs without a request do not count here."""
+    """Ages of frames, unlike `latencies`, which are of inputs: inputs that were never requested do not count here."""
     return _times("frame_age", [ms for _, ms in ages_when_new(inputs, frames)], 50, 95)
 
 
 def age_parts(inputs: Sequence[Input], frames: Sequence[ShownFrame], replies: Sequence[Reply]) -> dict[str, float]:
-    """Means of the consecutive parts of the age of new views, in ms; empty without server times, as in DASH.
+    """Means of the consecutive parts of the age of new views, in ms; empty without server times, as with DASH.
 
-    `wait`: from the input to the request, while the limit of requests in flight is reached. `network`: both directions,
-    including the server's time outside its three stages. `page`: the remainder from the last byte to the screen.
+    `wait`: from the input to the request, while too many requests are in flight. `network`: both directions, including
+    the server's time outside its three stages. `page`: the rest, from the last byte to the screen.
     """
     sampled = {entry.pose: entry.at for entry in inputs if not entry.missed}
-    answers = {reply.pose: reply for reply in reversed(replies) if reply.server is not None}  # the first of a pose
+    answers = {reply.pose: reply for reply in reversed(replies) if reply.server is not None}  # first per pose
     found: list[dict[str, float]] = []
     for frame in new_views(frames):
         reply, at = answers.get(frame.pose), sampled.get(frame.pose)
@@ -135,14 +134,14 @@ def age_parts(inputs: Sequence[Input], frames: Sequence[ShownFrame], replies: Se
 def content_ages(
     inputs: Sequence[Input], frames: Sequence[ShownFrame], duration_ms: float, interval_ms: float = USUAL_INTERVAL_MS
 ) -> Values:
-    """How long ago the viewer was last where the picture on the screen is from; None if the viewer did not move.
+    """Time since the viewer's pose last equalled that of the picture on screen; None if the viewer did not move.
 
-    At ticks of AGE_EVERY_MS until the movement's end. 0 while the picture is from the viewer's current pose;
-    otherwise the time since the last frame of the display, one every `interval_ms`, at which it still was.
+    Sampled every AGE_EVERY_MS until the end of the movement. 0 while the picture has the viewer's current pose,
+    otherwise the time since the last display frame, one every `interval_ms`, in which it did.
     """
     poses = [entry.pose for entry in inputs]
     ages: list[float] = []
-    shown, frame = -1, 0  # at first, the picture of the time before the run
+    shown, frame = -1, 0  # initially, the picture from before the run
     for tick in range(math.ceil(duration_ms / AGE_EVERY_MS) if inputs else 0):
         at = tick * AGE_EVERY_MS
         while frame < len(frames) and frames[frame].at <= at:
@@ -154,15 +153,15 @@ def content_ages(
 
 
 def response_times(replies: Sequence[Reply]) -> Values:
-    """From sending a request to the last byte of its frame, as the paper has it.
+    """Time from sending a request to the last byte of its frame, as in the paper.
 
-    Without the page's part: its wait for a request, decoding and the screen.
+    It excludes the page's part: waiting to send the request, decoding, and waiting for the display.
     """
     return _times("response_time", [reply.time_ms for reply in replies if reply.asked_at >= 0], 50, 95)
 
 
 def requests(sent: Sequence[Request]) -> Values:
-    """Numbers of requests by their fate; none of DASH, and of early recordings."""
+    """Numbers of requests by outcome; None for DASH and early recordings."""
     fates = Counter(request.fate for request in sent)
     return {"requests_sent": len(sent), **{f"requests_{fate}": fates[fate] for fate in get_args(Fate)}} if sent else {}
 
@@ -174,9 +173,9 @@ def render_times(replies: Sequence[Reply]) -> Values:
 
 
 def freezes(inputs: Sequence[Input], frames: Sequence[ShownFrame], ended_ms: float) -> list[float]:
-    """Gaps, in ms, in which the picture was neither new nor turned, and that W3C webrtc-stats would count in
-    `freezeCount`: at least max(3δ, δ + 150 ms) long, δ the mean of the last 30 gaps. Time in which the viewer stood
-    still does not count; nor does constant latency.
+    """Gaps in ms without a new or reprojected picture that W3C webrtc-stats would count in `freezeCount`: at least
+    max(3δ, δ + 150 ms) long, with δ the mean of the last 30 gaps. Time in which the viewer stood still is excluded, and
+    constant latency does not count.
     """
     gaps: deque[float] = deque(maxlen=FREEZE_HISTORY)
     long: list[float] = []
@@ -189,7 +188,7 @@ def freezes(inputs: Sequence[Input], frames: Sequence[ShownFrame], ended_ms: flo
 
 
 def _gaps(inputs: Sequence[Input], views: Sequence[ShownFrame], ended_ms: float) -> Iterator[float]:
-    """From each view of the run to the next, in ms, less the time for which the viewer stood still after its pose."""
+    """Time in ms from each view to the next, less the time for which the viewer stood still after its pose."""
     if not inputs:
         return
     poses = [entry.pose for entry in inputs]
@@ -205,7 +204,7 @@ def _gaps(inputs: Sequence[Input], views: Sequence[ShownFrame], ended_ms: float)
 
 
 def rates(frames: Sequence[ShownFrame], duration_ms: float) -> Values:
-    """Frames and new views during the movement."""
+    """Rates of frames and new views during the movement."""
     during = [frame for frame in frames if 0 <= frame.at <= duration_ms]
     seconds = duration_ms / 1000
     return {"frames_per_s": len(during) / seconds, "new_views_per_s": len(new_views(during)) / seconds}
@@ -214,14 +213,14 @@ def rates(frames: Sequence[ShownFrame], duration_ms: float) -> Values:
 def _lasting(
     frames: Sequence[ShownFrame], duration_ms: float, of: Callable[[ShownFrame], T | None]
 ) -> list[tuple[T, float]]:
-    """Known values of the frames on the screen until the movement's end, each with its time on the screen, ms."""
+    """Known values of the frames on screen until the end of the movement, each with its time on screen in ms."""
     known = [(frame.at, value) for frame in frames if frame.at <= duration_ms and (value := of(frame)) is not None]
     ends = [*(at for at, _ in known[1:]), duration_ms]
     return [(value, until - at) for (at, value), until in zip(known, ends, strict=False)]
 
 
 def rungs(frames: Sequence[ShownFrame], duration_ms: float) -> dict[int, float]:
-    """Each rung's share of the time that a frame of a known rung was on the screen, until the movement's end."""
+    """Each rung's share of the time for which frames of known rungs were on screen, until the end of the movement."""
     lasted: dict[int, float] = {}
     for rung, time in _lasting(frames, duration_ms, lambda frame: frame.rung):
         lasted[rung] = lasted.get(rung, 0.0) + time
@@ -230,18 +229,18 @@ def rungs(frames: Sequence[ShownFrame], duration_ms: float) -> dict[int, float]:
 
 
 def rung_changes(frames: Sequence[ShownFrame], duration_ms: float) -> int:
-    """How often the known rung on the screen changed."""
+    """Number of changes of the known rung on screen."""
     spans = _lasting(frames, duration_ms, lambda frame: frame.rung)
     return sum(before != after for (before, _), (after, _) in pairwise(spans))
 
 
 def mean_height(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
-    """Mean height in pixels on the screen until the movement's end, weighted by time; None without frames."""
+    """Mean frame height in pixels on screen until the end of the movement, weighted by time; None without frames."""
     return _weighted_mean(_lasting(frames, duration_ms, lambda frame: frame.height))
 
 
 def median_height(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
-    """Median height on the screen, weighted by time; None without frames."""
+    """Median frame height on screen, weighted by time; None without frames."""
     spans = _lasting(frames, duration_ms, lambda frame: frame.height)
     half, passed = sum(time for _, time in spans) / 2, 0.0
     for height, time in sorted(spans):
@@ -252,20 +251,20 @@ def median_height(frames: Sequence[ShownFrame], duration_ms: float) -> float | N
 
 
 def filled(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
-    """Share of the picture that the newest frame did not cover, until the movement's end, weighted by time; None
-    without reprojection.
+    """Share of the picture outside the newest frame, until the end of the movement, weighted by time; None without
+    reprojection.
     """
     return _weighted_mean(_lasting(frames, duration_ms, lambda frame: frame.filled))
 
 
 def warp_times(frames: Sequence[ShownFrame], duration_ms: float) -> Values:
-    """How long turning a picture kept the page's main thread, until the movement's end."""
+    """Time for which reprojecting a picture occupied the page's main thread, until the end of the movement."""
     values = [frame.warp_ms for frame in frames if frame.warp_ms is not None and 0 <= frame.at <= duration_ms]
     return _times("warp", values, 95)
 
 
 def received_kbps(traffic: Sequence[Traffic], duration_ms: float) -> float | None:
-    """Mean rate at which the page received frames or segments until the movement's end; None if it did not count."""
+    """Mean rate at which the page received frames or segments until the end of the movement; None if not recorded."""
     during = [entry for entry in traffic if entry.at <= duration_ms]
     if len(during) < 2 or during[-1].at <= during[0].at:
         return None
@@ -273,7 +272,7 @@ def received_kbps(traffic: Sequence[Traffic], duration_ms: float) -> float | Non
 
 
 def mean_over_time(points: Sequence[tuple[float, float]]) -> float | None:
-    """The mean of (ms, value since the previous point), weighted by time; None with less than two points."""
+    """Mean of (ms, value since the previous point), weighted by time; None with fewer than two points."""
     return _weighted_mean([(value, at - before) for (before, _), (at, value) in pairwise(points)])
 
 

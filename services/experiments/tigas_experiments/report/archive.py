@@ -1,4 +1,4 @@
-"""A reproducible archive of the raw runs of one or several experiments: equal runs give equal bytes."""
+"""A reproducible archive of the raw runs of one or more experiments: equal runs give equal bytes."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ MOST_TIMES = 1000
 """Maximum expansion: records expand ten to twenty times, zeros up to seven thousand times."""
 OPTIONS = "options.json"
 DIGESTS = "SHA256SUMS"
-"""Digests of the tables and figures that the runs give."""
+"""File with the digests of the tables and figures made from the runs."""
 TABLE_FILES = (
     *(f"{name}.csv" for name in ("runs", "groups", "picture_scores", "differences", "equal_rates", "ladder")),
     *(f"{name}.md" for name in ("table", "overall", "best")),
 )
 PICTURES = ("captures", "samples")
-"""Folders of pictures in a run's; their quality is in its records."""
+"""Folders with a run's pictures, which reports do not need, as quality is in the records."""
 
 
 class Options(WireModel):
-    """Contents of options.json in an archive and in its unpacked folder: options of the report."""
+    """The content of options.json in an archive and its unpacked folder: options of the report."""
 
     baseline: str | None = None
-    """A controller's name."""
+    """Name of a controller."""
     template: object = Field(default=None, exclude=True)
     """Ignored field of early archives."""
 
@@ -53,14 +53,14 @@ def read_options(folder: Path) -> Options:
 
 
 def experiments(folder: Path) -> list[Path]:
-    """The experiment's folder itself, or the experiments in it, sorted by name."""
+    """The folder itself if it is an experiment's, or else the experiments in it, sorted by name."""
     if (folder / RUNS).is_dir() or not folder.is_dir():
         return [folder]
     return [path for path in sorted(folder.iterdir()) if (path / RUNS).is_dir()] or [folder]
 
 
 def digests(folder: Path) -> dict[str, str]:
-    """SHA-256 of the tables and figures of a folder and the experiments in it, by path."""
+    """SHA-256 of the tables and figures in a folder and in its experiments, by path."""
     folders = {folder, *experiments(folder)}
     found = sorted(path for each in folders for kind in (*TABLE_FILES, *FIGURE_FILES) for path in each.glob(kind))
     return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in found}
@@ -75,7 +75,7 @@ def changed(folder: Path) -> list[str]:
 
 def pack(folder: Path, archive: Path, options: Mapping[Path, Options], *, pictures: bool = True) -> None:
     """Write records, ladders, runs and options of all experiments in a folder, and the digests of their tables and
-    figures, as .tar.xz, without owners, times and links. Files of folders beside the experiments come along.
+    figures, as .tar.xz without owners, times and links. Files of folders next to the experiments are included.
 
     An existing archive is only replaced on success. Raises StartError if there are no runs, and OSError.
     """
@@ -126,7 +126,7 @@ def unpack(archive: Path) -> Path:
                 name = _one_folder(archive, tar)
                 folder = archive.parent / name
                 if folder.exists():
-                    raise StartError(f"{folder} exists already, so {archive} was not unpacked.")
+                    raise StartError(f"{folder} already exists, so {archive} was not unpacked.")
                 tar.extractall(scratch, filter="data")
         except (tarfile.TarError, lzma.LZMAError, EOFError, ValueError, OverflowError, KeyError) as error:
             raise _no_archive(archive, legible(str(error), 200)) from None

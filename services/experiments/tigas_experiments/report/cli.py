@@ -14,22 +14,22 @@ if TYPE_CHECKING:  # heavy
     from tigas_experiments.report.report import Report as Written
 
 MAX_COLUMNS = 8
-"""Maximum number of printed runs per network; more are easier to read as rows of a file."""
+"""Maximum number of runs to print per network; more are easier to read as rows of a file."""
 MOST_NETWORKS = 8
-"""Maximum number of printed networks."""
+"""Maximum number of networks to print."""
 
 
 class Report(Command):
     """Write the report of an experiment into its folder: report.html, tables and figures."""
 
     folder: Annotated[Path, POSITIONAL, Metavar("DIR")]
-    """Experiment's folder, with runs/; a folder of such; or an archive of either, which is unpacked first."""
+    """Folder of an experiment, with runs/; a folder of such folders; or an archive of either, to unpack first."""
     baseline: str | None = None
-    """Controller to compare the others with, such as latency, profile-2 or dash-tuned; by default the first."""
+    """Controller with which to compare the others, such as latency, profile-2 or dash-tuned; by default the first."""
     archive: Path | None = None
-    """Archive (.tar.xz) to pack the raw runs into as well, from which the report can be made again."""
+    """Also pack the raw runs into this archive (.tar.xz), from which the report can be made again."""
     without_pictures: bool = False
-    """Leave captures and samples out of the archive: tables and figures do not need them."""
+    """Leave captures and samples out of the archive; tables and figures do not need them."""
 
     def run(self) -> None:
         from tigas_experiments.report.archive import DIGESTS, Options, changed, experiments, pack, read_options, unpack

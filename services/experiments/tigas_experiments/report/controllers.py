@@ -19,13 +19,13 @@ CONTROLLER_TITLES = {
     "lol+": "LoL+",
     "l2a": "L2A",
 }
-"""Titles as on the page; a custom controller is shown by its name."""
+"""Titles as on the page; custom controllers are shown by name."""
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """Line style: colour, dashes and marker are each distinctive."""
+    """Line style: colour, dashes and marker are distinctive each."""
 
     colour: str
     dashes: LineStyle
@@ -50,17 +50,17 @@ KNOWN_LOOKS = {
     "local-compressed": Look("#885588", "-.", "d"),
     "local-streamed": Look("#aa4499", "-.", "p"),
 }
-"""Okabe and Ito's palette for colour blindness."""
+"""Okabe and Ito's colour-blind palette."""
 OTHER_COLOURS = ("#999933", "#882255", "#44aa99", "#ddcc77")
 FIXED_COLOUR = "#7b8490"
 USUAL = "seen"
-"""The page's default, the one with most compared variants."""
+"""The page's default, which has the most variants to compare."""
 STAGES = {
     (True, False): Look("#dd0044", "--", "<"),
     (False, True): Look("#bb66ff", ":", ">"),
     (True, True): Look("#7733ff", "-.", "8"),
 }
-"""Looks by whether frames are reprojected, and whether they are enhanced."""
+"""Looks by whether frames are reprojected and whether they are enhanced."""
 FIXED_DASHES: tuple[LineStyle, ...] = (":", "-.", "--", "-")
 
 
@@ -78,7 +78,7 @@ class Controller:
     enhancement: str | None = None
     """Enhancement models, such as `anime4k-restore-m + scene`."""
     motion: tuple[str, ...] = ()
-    """Motion compensation, such as `reprojection`, `prediction-linear`."""
+    """Motion compensation, such as `reprojection` or `prediction-linear`."""
 
     @classmethod
     def of(cls, configuration: Configuration) -> Controller:
@@ -95,7 +95,7 @@ class Controller:
 
     @property
     def plain(self) -> Controller:
-        """The same controller with unchanged frames."""
+        """The same controller without changes to frames."""
         return replace(self, enhancement=None, motion=())
 
     @property
@@ -122,7 +122,7 @@ class Controller:
 
     @property
     def mode_title(self) -> str:
-        """The mode, and the transport of a stream over HTTP/3, without commas, for lists."""
+        """The mode and, for a stream over HTTP/3, the transport; without commas, for lists."""
         return self._mode.replace(",", "")
 
     @property
@@ -173,7 +173,7 @@ def run_names(runs: Sequence[Configuration]) -> dict[str, str]:
 
 
 def looks(controllers: Iterable[Controller]) -> dict[Controller, Look]:
-    """A style for each controller; known controllers have the same one in every report.
+    """A style for each controller; known controllers have the same style in every report.
 
     Variants of frames have separate styles only if several variants of the controller are compared.
     """

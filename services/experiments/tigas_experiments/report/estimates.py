@@ -1,7 +1,7 @@
-"""Means over blocks with confidence intervals that hold for other networks and people, and paired differences.
+"""Means over blocks, with confidence intervals that generalise to other networks and people, and paired differences.
 
-Blocks that share a network window or a person are not independent. Intervals come from the variance of the mean with
-both as clusters (Cameron, Gelbach & Miller, J. Business & Economic Statistics 29, 2011) and Student's t, with
+Blocks that share a network window or a person are not independent. Intervals come from the variance of the mean,
+clustered by both (Cameron, Gelbach & Miller, J. Business & Economic Statistics 29, 2011), and Student's t with
 Satterthwaite's degrees of freedom.
 """
 
@@ -21,9 +21,9 @@ from tigas_experiments.report.metrics import Metric
 from tigas_experiments.report.run_table import Block
 
 LEAST_WINDOWS = 12
-"""Minimum number of network windows for an interval: with fewer, it covers the true mean too seldom."""
+"""Minimum number of network windows for an interval: with fewer, it covers the true mean too rarely."""
 LEAST_PEOPLE = 6
-"""With fewer people, intervals hold for these people only: their variance cannot be estimated."""
+"""Minimum number of people for intervals to generalise to others, as their variance cannot be estimated from fewer."""
 CONFIDENCE = 0.95
 Key = TypeVar("Key")
 
@@ -34,13 +34,13 @@ class Estimate:
 
     mean: float
     low: float
-    """Lowest value of the runs or, without them, the blocks."""
+    """Lowest value of the runs or, without runs, of the blocks."""
     high: float
     blocks: int
     interval: tuple[float, float] | None = None
     """None with fewer than LEAST_WINDOWS windows."""
     p: float | None = None
-    """Probability of a mean at least this far from zero if the true one is zero; None without an interval."""
+    """Probability of a mean at least this far from zero if the true mean is zero; None without an interval."""
 
     @classmethod
     def over(cls, blocks: Mapping[Block, float], step: float = 0.0, runs: Sequence[float] = ()) -> Self | None:
@@ -56,12 +56,12 @@ class Estimate:
 
     @classmethod
     def of_means(cls, values: Sequence[float], runs: Sequence[float] = ()) -> Self | None:
-        """Mean and range alone; None without values."""
+        """Only mean and range; None without values."""
         if not values:
             return None
         low, high = min(runs or values), max(runs or values)
         mean = sum(values) / len(values)  # nan for inf and -inf
-        # Rounding must not move the mean of equal values outside their range.
+        # Rounding must not move the mean of equal values out of their range.
         return cls(min(max(mean, low), high), low, high, len(values))
 
     def interval_text(self, metric: Metric) -> str:
@@ -78,7 +78,7 @@ class Estimate:
 
 
 def certain(estimates: Iterable[Estimate | None]) -> Collection[Estimate]:
-    """Estimates of one table that differ from zero, with at most 5 % chance of a false one among all (Holm 1979)."""
+    """Estimates in one table that differ from zero, with at most 5 % chance of any false one (Holm 1979)."""
     claims = sorted((found for found in estimates if found and found.p is not None), key=lambda found: found.p or 0)
     sure: list[Estimate] = []
     for place, claim in enumerate(claims):
@@ -104,15 +104,15 @@ def paired(one: Mapping[Key, float], other: Mapping[Key, float]) -> dict[Key, fl
 
 class _Clusters(NamedTuple):
     variance: float
-    """Of the mean."""
+    """Variance of the mean."""
     number: int
 
 
 @lru_cache(100_000)
 def _interval(blocks: tuple[tuple[Block, float], ...], step: float) -> tuple[tuple[float, float], float] | None:
-    """Interval of the mean, and the p-value of a mean of zero; None with too few windows.
+    """Interval of the mean, and the p-value of a zero mean; None with too few windows.
 
-    Half a step to both sides of equal, nonzero values. An infinite value makes its end of the interval infinite. For
+    Equal, nonzero values get half a step on both sides. An infinite value makes its end of the interval infinite. For
     the other end it counts as the outermost finite value, which is conservative.
     """
     windows, people = [block.window for block, _ in blocks], [block.movement for block, _ in blocks]

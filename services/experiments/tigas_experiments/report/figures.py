@@ -1,6 +1,6 @@
 """The figures of an experiment: one line, point or curve per controller, with the same look throughout.
 
-Figures without data are left out.
+Figures without data are omitted.
 """
 
 from __future__ import annotations
@@ -71,11 +71,11 @@ PART_COLOURS = ("#bbbbbb", "#88ccee", "#0072b2", "#44aa99", "#d55e00", "#cc79a7"
 LOGARITHMIC_FROM = 8.0
 """Ratio of times above which their axis is logarithmic."""
 MOST_NETWORKS = 8
-"""Networks with figures of their own; tables and CSV files have all networks."""
+"""Maximum number of networks with their own figures; tables and CSV files cover all networks."""
 
 
 def figures(groups: Groups) -> Iterator[tuple[str | None, Plot]]:
-    """All figures in the order of the page, each with its network (None: all networks)."""
+    """All figures in page order, each with its network (None: all networks)."""
     for draw in OVERVIEW_FIGURES.values():
         with style():
             plot = draw(groups)
@@ -114,7 +114,7 @@ def overview(groups: Groups) -> Plot | None:
 
 
 def over_rtt(groups: Groups, network: str) -> Plot | None:
-    """Metrics over the round trip; None with fewer than two round trips."""
+    """Metrics against the round-trip time; None with fewer than two round trips."""
     rtts = groups.rtts(network)
     if len(rtts) < 2:
         return None
@@ -132,7 +132,7 @@ def over_rtt(groups: Groups, network: str) -> Plot | None:
 def _draw_estimates(
     axes: Axes, at: Mapping[Group, float], metric: Metric, looks: Mapping[Controller, Look], **line: Any
 ) -> None:
-    """Means of each controller at these positions, with whiskers to the lowest and highest run, on a scaled axis.
+    """Draw each controller's means at these positions, with whiskers to the lowest and highest run, on a scaled axis.
 
     A hollow marker at the upper edge stands for a run in which too many inputs were never answered.
     """
@@ -191,7 +191,7 @@ def latency_parts(groups: Groups) -> Plot | None:
 
 
 def profiles(groups: Groups, network: str) -> Plot | None:
-    """Share of time that each profile was on the screen."""
+    """Share of time for which each profile was on screen."""
     own = [group for group in groups.base(network) if any(run.profile_shares for run in group.runs)]
     if not own:
         return None
@@ -208,7 +208,7 @@ def profiles(groups: Groups, network: str) -> Plot | None:
 
 
 def _stacked_bars(labels: Sequence[str], parts: Mapping[str, tuple[Any, Sequence[Any]]]) -> tuple[Figure, Axes]:
-    """A horizontal bar for each label, of consecutive parts: colour and lengths by title."""
+    """A horizontal bar for each label, made of consecutive parts: colour and lengths by title."""
     figure, (axes,) = panel_grid(1, width=WIDE_IN, height=0.5 + 0.32 * len(labels))
     left = np.zeros(len(labels))
     for title, (colour, lengths) in parts.items():
@@ -231,7 +231,7 @@ OVERVIEW_FIGURES: dict[str, Callable[[Groups], Plot | None]] = {
     "enhancement-heatmap": enhancement_heat_map,
     "rate-distortion": quality_over_all,
 }
-"""Figures over all networks by file name."""
+"""Figures over all networks, by file name."""
 FIGURE_FILES = ("headline.svg", "[0-9][0-9]-*_*.svg", *(f"{name}.svg" for name in OVERVIEW_FIGURES))
 """Patterns of the files with a report's figures."""
 NETWORK_FIGURES: tuple[Callable[[Groups, str], Plot | None], ...] = (

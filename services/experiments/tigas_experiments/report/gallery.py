@@ -25,7 +25,7 @@ from tigas_experiments.report.run_table import Run
 from tigas_experiments.wire.recording import Sample
 
 MOST = 6
-"""Samples in a report, from as many of its runs as possible."""
+"""Number of samples in a report, from as many runs as possible."""
 MOST_PER_RUN = 3
 SAMPLE_WIDTH, SNAPSHOT_WIDTH = 960, 640
 AMPLIFIED = 4
@@ -38,11 +38,11 @@ class Shown(NamedTuple):
     name: str
     url: str
     scores: str
-    """Formatted scores against ground truth, as far as computed."""
+    """Formatted scores against ground truth, if computed."""
 
 
 class GallerySample(NamedTuple):
-    """One sample, with pictures in the size of its ground truth."""
+    """One sample, with pictures at the size of its ground truth."""
 
     title: str
     """Run and sequence number."""
@@ -64,7 +64,7 @@ class Snapshot(NamedTuple):
 
 
 def snapshots(runs: Sequence[tuple[str, Run]]) -> list[Snapshot]:
-    """Snapshots of the complete runs (by title) that kept one, without broken ones."""
+    """Snapshots of the complete runs (by title) that have a valid one."""
     found: list[Snapshot] = []
     for title, run in runs:
         with suppress(BrokenRecording, BrokenPicture):
@@ -77,7 +77,7 @@ def snapshots(runs: Sequence[tuple[str, Run]]) -> list[Snapshot]:
 
 
 def gallery(runs: Sequence[Run]) -> list[GallerySample]:
-    """Samples of complete runs, without samples that are broken or lack ground truth."""
+    """Samples of complete runs that are valid and have ground truth."""
     rendered = [run for run in runs if run.sampled.samples and run.sampled.known]
     most = min(MOST, len(rendered))
     chosen = [rendered[number * len(rendered) // most] for number in range(most)]  # spread over all runs
@@ -96,7 +96,7 @@ def _of_run(run: Run) -> Iterator[GallerySample]:
 
 
 def _sample(run: Run, sample: Sample) -> GallerySample:
-    """Raises OSError and BrokenPicture."""
+    """Create one sample. Raises OSError and BrokenPicture."""
     truth = _read(sample_path(run.folder, sample.seq, TRUTH))
     height, width = truth.shape[:2]
     pictures = {"received": upscaled(_read(sample_path(run.folder, sample.seq, JPEG)), width, height)}

@@ -1,6 +1,6 @@
-"""Groups of runs with equal network, round trip and controller, their means, and their differences from a baseline.
+"""Groups of runs with the same network, round trip and controller, with their means and differences from a baseline.
 
-Groups of one network and round trip cover the same blocks: a controller without runs of the hard blocks would look
+All groups of one network and round trip cover the same blocks: a controller without runs of the hard blocks would look
 better than it is.
 """
 
@@ -21,7 +21,7 @@ from tigas_experiments.report.metrics import Metric
 from tigas_experiments.report.run_table import Block, Condition, Floats, Run
 
 ALL = "all"
-"""In place of a network's name: over all networks."""
+"""Stands for all networks in place of a network's name."""
 AnyRow = TypeVar("AnyRow", "Group", "Difference")
 
 
@@ -32,7 +32,7 @@ class Group:
     condition: Condition
     runs: Sequence[Run]
     networks: Sequence[Group] = ()
-    """Groups of single networks that it consists of."""
+    """Groups of the single networks that it combines."""
 
     @property
     def controller(self) -> Controller:
@@ -40,14 +40,14 @@ class Group:
 
     @property
     def labels(self) -> list[str]:
-        """First cells of its row: a controller is marked with * if the machine was the bottleneck in any run."""
+        """First cells of its row; a controller is marked with * if the machine was the bottleneck in any run."""
         title = self.controller.title + "*" * any(run.saturated for run in self.runs)
         return [*self.condition.labels, title, str(len(self.runs))]
 
     def estimate(self, metric: Metric) -> Estimate | None:
         """Mean over blocks with its interval, and range over runs; None if no run has the metric.
 
-        Over all networks: mean and range of the networks' means, which are weighted equally; None if one has no value.
+        Over all networks: mean and range of the networks' means, weighted equally; None if any network has no value.
         """
         if self.networks:
             found = [each.estimate(metric) for each in self.networks]
@@ -78,7 +78,7 @@ class Difference:
 
     condition: Condition
     pairs: Sequence[tuple[Group, Group]]
-    """Groups of the controller and of the baseline, one pair per network."""
+    """Groups of the controller and the baseline, one pair per network."""
 
     @property
     def baseline(self) -> Controller:
@@ -91,7 +91,7 @@ class Difference:
         return [*self.condition.labels, self.condition.controller.title, str(blocks)]
 
     def estimate(self, metric: Metric) -> Estimate | None:
-        """Mean difference over all common blocks; None without any."""
+        """Mean difference over all common blocks; None without common blocks."""
         pairs = [paired(own.blocks(metric), base.blocks(metric)) for own, base in self.pairs]
         return Estimate.over({block: value for found in pairs for block, value in found.items()}, metric.step)
 
@@ -103,7 +103,7 @@ class Comparison(NamedTuple):
     missing: Counter[Controller]
     """Number of blocks that each controller lacks, if any."""
     kept: Mapping[Condition, Sequence[Run]]
-    """Runs of the common blocks; all runs without common blocks."""
+    """Runs of the common blocks; all runs if there are no common blocks."""
 
 
 def comparisons(runs: Iterable[Run]) -> list[Comparison]:
@@ -146,7 +146,7 @@ class Groups(tuple[Group, ...]):
 
     @property
     def looks(self) -> dict[Controller, Look]:
-        """Line style of each controller, in the order of all tables and legends."""
+        """Line style of each controller, in the order used in all tables and legends."""
         return looks(group.controller for group in self)
 
     def rtts(self, network: str) -> list[float]:
@@ -158,7 +158,7 @@ class Groups(tuple[Group, ...]):
         return [group for group in self if group.condition[:2] == (network, rtt_ms)]
 
     def base_rtt(self, network: str) -> float | None:
-        """The lowest round trip, which figures with only one round trip show."""
+        """The lowest round trip, used in figures that show only one."""
         return next(iter(self.rtts(network)), None)
 
     def base(self, network: str) -> list[Group]:
@@ -177,12 +177,12 @@ class Groups(tuple[Group, ...]):
 
     @property
     def lowest_title(self) -> str:
-        """Round trips of a figure over all networks, in a caption."""
+        """Round trips of a figure over all networks, for a caption."""
         found = sorted({rtt for name in self.networks if (rtt := self.base_rtt(name)) is not None})
         return f"at its lowest round trip ({', '.join(f'{rtt:g}' for rtt in found)} ms)" if found else "unchanged"
 
     def overall(self) -> list[Group]:
-        """Means over all networks of the controllers that all of them have at one round trip."""
+        """Means over all networks of the controllers that all networks have at one round trip."""
         return [
             Group(condition, [run for group in own for run in group.runs], own)
             for condition, own in self._everywhere(self)
@@ -204,7 +204,7 @@ class Groups(tuple[Group, ...]):
         return [*over_all, *each]
 
     def _everywhere(self, rows: Iterable[AnyRow]) -> Iterator[tuple[Condition, list[AnyRow]]]:
-        """The rows of each round trip and controller that all networks have."""
+        """The rows for each round trip and controller that all networks have."""
         found: dict[Condition, list[AnyRow]] = {}
         for row in rows:
             found.setdefault(row.condition._replace(network=ALL), []).append(row)
@@ -215,7 +215,7 @@ class Groups(tuple[Group, ...]):
 
 
 def runs_behind(groups: Sequence[Group]) -> str:
-    """A sentence on the number of runs behind means and ranges."""
+    """A sentence about the number of runs behind means and ranges."""
     counts = sorted({len(group.runs) for group in groups})
     if counts == [1]:
         return "One run each." if len(groups) > 1 else "One run."
@@ -229,7 +229,7 @@ def runs_behind(groups: Sequence[Group]) -> str:
 def choose_baseline(groups: Groups, experiment: ExperimentRecord | None, asked: str | None) -> Controller | None:
     """The controller named `asked`, else the first in the experiment's file, else the first of the runs.
 
-    None without runs. Raises StartError if there are no runs of the controller named `asked`.
+    None without runs. Raises StartError if no runs have the controller named `asked`.
     """
     present = {controller.name: controller for controller in groups.looks}
     if asked is not None and asked not in present:

@@ -39,15 +39,15 @@ class Step(NamedTuple):
     height: int
     """Frame height, pixels."""
     bytes: int
-    """Size of its JPEG."""
+    """Size of the JPEG in bytes."""
     shown: Picture
-    """The frame enlarged by bicubic to the best rung's size."""
+    """The frame enlarged bicubically to the best rung's size."""
     quality: Quality
-    """Quality against a lossless rendering at that size."""
+    """Quality against a lossless rendering of that size."""
 
 
 async def ladder(renderer: RenderClient, scene: str, poses: Sequence[Pose], lens: Lens) -> list[Step]:
-    """The most detailed of some views at every rung, best first, at the best rung's size and the viewport's shape.
+    """Render the most detailed view at every rung, best first, at the best rung's size and the viewport's aspect ratio.
 
     Detail is measured by the size of the best rung's JPEG. Raises RenderUnavailable, RenderProblem and BrokenPicture.
     """
@@ -67,7 +67,7 @@ async def ladder(renderer: RenderClient, scene: str, poses: Sequence[Pose], lens
 
 
 def sample_views(folder: Path) -> tuple[str, list[Pose], Lens]:
-    """Scene, evenly spaced poses and lens of an experiment's first run that has poses. Raises StartError."""
+    """Scene, evenly spaced poses and lens of an experiment's first run with poses. Raises StartError."""
     for run in run_folders(folder):
         try:
             stored = StoredRun(run)

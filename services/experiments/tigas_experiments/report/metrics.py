@@ -1,4 +1,4 @@
-"""The figures of a run: one table that defines the columns of CSV files, tables and plots."""
+"""The metrics of a run: one table that defines the columns of CSV files, tables and plots."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PART_TITLES = {
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """One figure; inf means that too many inputs were never answered for the statistic to exist."""
+    """One metric; inf means that too many inputs were never answered for the statistic to exist."""
 
     name: str
     """Column name in the CSV files, including the unit."""
@@ -115,7 +115,7 @@ _TABLE = (
     Metric("whole_scene_s", "Complete download on the screen", "s", 1, "low"),
 )
 METRICS = {metric.name: metric for metric in _TABLE}
-"""Every figure by its column name."""
+"""All metrics by column name."""
 
 
 def chosen(*names: str) -> tuple[Metric, ...]:
@@ -136,4 +136,4 @@ TABLE = chosen(
     "received_mbit_s",
     "seen_ssim",
 )
-"""The most important figures, for tables on the page."""
+"""The most important metrics, for tables on the page."""

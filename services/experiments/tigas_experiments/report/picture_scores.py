@@ -21,7 +21,7 @@ ORDER: tuple[PictureKind, ...] = ("original", "enhanced", "difference", "seen")
 class Mean:
     mean: float
     deviation: float | None
-    """Standard deviation of the pictures; None for a single one."""
+    """Standard deviation over pictures; None for a single one."""
     pictures: int
 
     def text(self, metric: PictureMetric, *, signed: bool = False) -> str:
@@ -34,7 +34,7 @@ class Row:
     """Scores of pictures of one condition, kind and model."""
 
     condition: Condition | None
-    """None for pictures of an unknown run."""
+    """None for pictures from an unknown run."""
     kind: PictureKind
     model: str | None
     """The enhancement model, if known."""

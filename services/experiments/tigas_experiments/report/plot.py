@@ -1,4 +1,4 @@
-"""Style, panels, axes and legends of all plots, and reproducible SVG: no dates or random ids."""
+"""Style, panels, axes and legends of all plots, and reproducible SVG without dates or random ids."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tigas_experiments.wire.figures import INTERACTIVE_MS
 
 INK, QUIET, GRID, AREA, PAPER = "#1c2430", "#8a929c", "#e4e7eb", "#eef0f3", "#ffffff"
 IN_A_PAGE = {INK: "var(--ink)", QUIET: "var(--quiet)", GRID: "var(--grid)", AREA: "var(--area)", PAPER: "var(--paper)"}
-"""Colours that a dark page replaces, with their variables in templates/style.css.j2."""
+"""Colours that change on a dark page, with their variables in templates/style.css.j2."""
 NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
 STYLE: Any = {
     "font.size": 9,
@@ -47,10 +47,10 @@ STYLE: Any = {
     "svg.hashsalt": "tigas",
 }
 PANEL_IN, HEIGHT_IN = 3.5, 2.5
-"""Usual panel size, inches."""
+"""Usual panel size in inches."""
 WIDE_IN = 2.6 * PANEL_IN
 LEGEND_IN, LETTER_IN = 0.55, 0.065
-"""Width of a legend entry without its text, and of a letter."""
+"""Width in inches of a legend entry without its text, and of a letter."""
 MOST_COLUMNS = 3
 NAME_LENGTH = 18
 """Maximum length of a name on an axis."""
@@ -58,7 +58,7 @@ NAME_LENGTH = 18
 
 @contextmanager
 def style() -> Iterator[None]:
-    """The context in which figures are made and written."""
+    """Context in which figures are made and written."""
     with mpl.rc_context(STYLE), warnings.catch_warnings():
         # Characters missing from the font are drawn as boxes; the page's text shows them.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
@@ -85,7 +85,7 @@ class Plot:
         drawing = self.svg
         for colour, variable in IN_A_PAGE.items():
             drawing = drawing.replace(f": {colour}", f": {variable}")
-        return Markup(drawing)  # matplotlib escapes text itself
+        return Markup(drawing)  # matplotlib escapes the text
 
 
 def svg(figure: Figure) -> str:
@@ -104,7 +104,7 @@ def panel_grid(
     share: bool = False,
     columns: int = MOST_COLUMNS,
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of `count` panels of this size, inches; `share` gives all panels the same axes."""
+    """A figure of `count` panels of this size in inches; `share` gives all panels the same axes."""
     columns = min(count, columns)
     width = width or (2 * PANEL_IN if count == 1 else PANEL_IN)
     rows = math.ceil(count / columns)
@@ -116,7 +116,7 @@ def panel_grid(
 
 
 def add_legend(figure: Figure, panels: Iterable[Axes]) -> None:
-    """One legend above all panels, each label once."""
+    """Add one legend above all panels, with each label once."""
     entries = {
         str(label): handle for axes in panels for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
     }
@@ -126,14 +126,14 @@ def add_legend(figure: Figure, panels: Iterable[Axes]) -> None:
 
 
 def label_lowest(panels: Sequence[Axes], *, columns: int = MOST_COLUMNS) -> None:
-    """Keep the horizontal labels of only the lowest panel of each column."""
+    """Keep horizontal labels only on the lowest panel of each column."""
     for panel in panels[: max(0, len(panels) - columns)]:
         panel.tick_params(labelbottom=False)
         panel.set_xlabel("")
 
 
 def plain_log(axes: Axes, values: Iterable[float], *, horizontal: bool = False) -> None:
-    """A logarithmic axis with plain numbers, which covers the values in ms and the interactive limit."""
+    """Make an axis logarithmic with plain numbers, covering the values in ms and the interactive limit."""
     finite = [value for value in values if math.isfinite(value) and value > 0] or [INTERACTIVE_MS]
     log_axis(axes, "x" if horizontal else "y", min(20.0, *finite) / 1.1, max(200.0, *finite) * 1.1)
 
@@ -147,12 +147,12 @@ def log_axis(axes: Axes, which: Literal["x", "y"], low: float, high: float) -> N
 
 
 def interactive_limit(axes: Axes, *, horizontal: bool = False) -> None:
-    """A dashed line at INTERACTIVE_MS."""
+    """Draw a dashed line at INTERACTIVE_MS."""
     draw = axes.axvline if horizontal else axes.axhline
     draw(INTERACTIVE_MS, color=INK, linewidth=0.8, linestyle="--", zorder=1)
 
 
 def short(name: str) -> str:
-    """A name shortened in the middle: its ends distinguish traces of one collection."""
+    """A name shortened in the middle, as its ends distinguish traces of one collection."""
     half = NAME_LENGTH // 2
     return name if len(name) <= NAME_LENGTH else f"{name[:half]}…{name[half + 1 - NAME_LENGTH :]}"

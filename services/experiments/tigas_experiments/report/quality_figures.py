@@ -19,9 +19,9 @@ from tigas_experiments.report.plot import PAPER, Plot, label_lowest, log_axis, p
 from tigas_experiments.report.rate_distortion import QUALITIES, RECEIVED, RateDistortion, Series, over_all
 
 CELL_IN, LABELS_IN = (1.05, 0.5), (1.4, 0.75)
-"""Width and height of a cell, and of the labels, inches."""
+"""Width and height of a cell, and of the labels, in inches."""
 DARK, LIGHT = "#101418", "#fdfdfd"
-"""Text colours in a cell, which do not change on a dark page."""
+"""Text colours of cells, which are the same on a dark page."""
 
 
 def quality_heat_map(groups: Groups) -> Plot | None:
@@ -35,7 +35,7 @@ def enhancement_heat_map(groups: Groups) -> Plot | None:
 
 
 def _heat_map(groups: Groups, kind: PictureKind, name: str, title: str, caption: str) -> Plot | None:
-    """A row for each network, round trip and model of a difference; a column for each controller."""
+    """A row for each network, round trip and, for differences, model; a column for each controller."""
     rows = [row for row in rows_of(groups) if row.kind == kind]
     metrics = computed(rows)
     if not metrics:
@@ -94,13 +94,13 @@ def quality(groups: Groups, network: str) -> Plot | None:
 
 
 def quality_over_all(groups: Groups) -> Plot | None:
-    """Quality against rate over all networks; None with fewer than two."""
+    """Quality against rate over all networks; None with fewer than two networks."""
     found = over_all(groups)
     return None if found is None else _rate_distortion(found, groups.looks, f"all networks, {groups.lowest_title}")
 
 
 def _rate_distortion(found: RateDistortion, looks: Mapping[Controller, Look], where: str) -> Plot | None:
-    """A curve through the fixed rungs of a mode, a point for each adaptive controller."""
+    """A curve through the fixed rungs of a mode, and a point for each adaptive controller."""
     rates = [rate for each in found.series for one in each.samples for rate in each.values(one, RECEIVED).values()]
     metrics = [
         metric

@@ -42,12 +42,12 @@ class Series:
         return " + ".join((name, *first.stages))
 
     def values(self, controller: Controller, metric: Metric, having: Metric | None = None) -> dict[Block, float]:
-        """Values of the blocks of a controller that have the metric, and another one."""
+        """Values of a controller's blocks that have the metric and, optionally, another metric."""
         samples = self.samples[controller].items()
         return {block: own[metric] for block, own in samples if metric in own and (having or metric) in own}
 
     def points(self, block: Block, metric: Metric) -> Points:
-        """Points of one block; none for a curve with fewer than two."""
+        """Points of one block; empty for a curve with fewer than two."""
         samples = (own[block] for own in self.samples.values() if block in own)
         found = sorted((sample[RECEIVED], sample[metric]) for sample in samples if metric in sample)
         return found if len(found) > 1 or not self.is_curve else []
@@ -55,14 +55,14 @@ class Series:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EqualRate:
-    """A series against a curve at equal rates."""
+    """A series compared with a curve at equal rates."""
 
     curve: Series
     other: Series
     blocks: int
     """Number of blocks in which both have a quality."""
     ranges: Sequence[tuple[float, float]]
-    """Compared rates, Mbit/s, of the blocks in which they overlap."""
+    """Compared rates in Mbit/s, for the blocks in which they overlap."""
     differences: Mapping[Metric, Estimate | None]
     """Quality of the series minus that of the curve, over the overlapping blocks."""
 
@@ -84,12 +84,12 @@ class EqualRate:
 
     @property
     def rates(self) -> tuple[float, float] | None:
-        """Lowest and highest compared rate, Mbit/s; None if rates overlap in no block."""
+        """Lowest and highest compared rate in Mbit/s; None if rates overlap in no block."""
         return (min(low for low, _ in self.ranges), max(high for _, high in self.ranges)) if self.ranges else None
 
     @property
     def labels(self) -> list[str]:
-        """First cells of its row: titles, and the rates and blocks unless there is no overlap."""
+        """First cells of its row: titles and, if there is an overlap, the rates and blocks."""
         titles = [self.curve.title, self.other.title]
         return [*titles, _range(*self.rates), f"{len(self.ranges)} of {self.blocks}"] if self.rates else titles
 
@@ -98,7 +98,7 @@ class EqualRate:
 
     @property
     def no_overlap(self) -> str:
-        """Explanation of a missing difference; empty unless it is missing."""
+        """Explanation of a missing difference; empty if there is a difference."""
         if self.rates:
             return ""
         ranges = []
@@ -119,7 +119,7 @@ class RateDistortion:
 
     @classmethod
     def of(cls, groups: Sequence[Group], network: str, rtt_ms: float | None) -> RateDistortion | None:
-        """Series of groups with different controllers and perhaps networks; None without a measured quality."""
+        """Series of groups with different controllers and possibly networks; None without measured quality."""
         samples: dict[Controller, dict[Block, Sample]] = {}
         for group in groups:
             rates = group.blocks(RECEIVED)
@@ -166,7 +166,7 @@ def _range(low: float, high: float) -> str:
 def _mean_over(low: float, high: float, one: Points, two: Points) -> float:
     """Mean quality difference `two - one` over the logarithm of the rate, from low to high.
 
-    Bjøntegaard's delta (VCEG-M33) with linear interpolation, because there are few points.
+    Bjøntegaard's delta (VCEG-M33) with linear interpolation, as there are few points.
     """
     at = np.log(np.unique([low, high, *(rate for rate, _ in (*one, *two) if low < rate < high)]))
     (one_rates, one_values), (two_rates, two_values) = zip(*one, strict=True), zip(*two, strict=True)

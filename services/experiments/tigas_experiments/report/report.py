@@ -1,4 +1,4 @@
-"""Writes a report: loads the results, groups them, and writes tables, figures and the page."""
+"""Writing of reports: loads the results, groups them, and writes tables, figures and the page."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from tigas_experiments.wire.figures import INTERACTIVE_MS
 
 BEST_FILE = "best.md"
 MOST_RUNS = 16
-"""Maximum number of runs of a network that are listed one by one."""
+"""Maximum number of runs of a network that are listed individually."""
 Plots = dict[str | None, list[Plot]]
 """Figures by network; None: over all networks."""
 
@@ -39,7 +39,7 @@ Plots = dict[str | None, list[Plot]]
 class Report(NamedTuple):
     results: Results
     baseline: str | None
-    """Name of the controller that the others were compared with; None without runs."""
+    """Name of the controller with which the others were compared; None without runs."""
     warnings: list[str]
     page: Path
     best: list[list[str]]
@@ -47,7 +47,7 @@ class Report(NamedTuple):
 
 
 class Listing(NamedTuple):
-    """The runs over one network at one round trip, one by one."""
+    """The individual runs over one network at one round trip."""
 
     label: str
     runs: list[tuple[str, Run]]
@@ -64,8 +64,8 @@ def write_report(
 ) -> Report:
     """Write the report on an experiment's folder into `out`: report.html, CSV and Markdown tables, and SVG figures.
 
-    `baseline` overrides the controller that the others are compared with. Raises StartError without runs, or without
-    runs of the baseline, and OSError.
+    `baseline` overrides the controller with which the others are compared. Raises StartError if there are no runs, or
+    no runs of the baseline, and OSError.
     """
     results = load(folder, on_progress)
     clear(out)
@@ -120,13 +120,13 @@ def write_report(
 
 
 def clear(folder: Path) -> None:
-    """Remove the files of an earlier report that the next one might not replace."""
+    """Remove files of an earlier report that the next one might not replace."""
     for old in chain.from_iterable(folder.glob(pattern) for pattern in (*FIGURE_FILES, "headline.png", BEST_FILE)):
         old.unlink(missing_ok=True)
 
 
 def _write_figures(groups: Groups, out: Path, on_progress: OnProgress) -> Plots:
-    """Write all figures by network."""
+    """Write all figures, and return them by network."""
     plots: Plots = {network: [] for network in (None, *groups.networks[:MOST_NETWORKS])}
     for count, (network, plot) in enumerate(figures(groups), 1):
         (out / f"{plot.name}.svg").write_text(plot.svg, encoding="utf-8")
@@ -138,7 +138,7 @@ def _write_figures(groups: Groups, out: Path, on_progress: OnProgress) -> Plots:
 
 
 def _listings(results: Results, plots: Plots) -> dict[str, list[Listing]]:
-    """Listings by network, for networks with figures of their own and at most MOST_RUNS runs per round trip."""
+    """Listings by network, for networks with their own figures and at most MOST_RUNS runs per round trip."""
     found: dict[str, list[Listing]] = {}
     for label, runs in by_network(results.made).items():
         network = runs[0].configuration.network.name

@@ -18,7 +18,7 @@ from tigas_experiments.report.tables import markdown_table
 from tigas_experiments.wire.figures import INTERACTIVE_MS
 
 GAP = 2
-"""Spaces between columns in the terminal."""
+"""Number of spaces between columns in the terminal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class Column:
     metric: str
     """Name in `METRICS`."""
     short: str | None = None
-    """Heading in the Markdown table, which has only the most important figures."""
+    """Heading in the Markdown table, which has only the most important metrics."""
 
     @property
     def unit(self) -> str:
@@ -84,7 +84,7 @@ def titles(runs: Sequence[Run]) -> list[str]:
 
 
 def by_network(runs: Iterable[Run]) -> dict[str, list[Run]]:
-    """Runs by network in their order, with the runs of one controller together."""
+    """Runs by network in their original order, with runs of the same controller together."""
     found: dict[str, dict[str, list[Run]]] = {}
     for run in runs:
         found.setdefault(run.configuration.network.label, {}).setdefault(label(run), []).append(run)
@@ -92,7 +92,7 @@ def by_network(runs: Iterable[Run]) -> dict[str, list[Run]]:
 
 
 def markdown(runs: Iterable[Run]) -> str:
-    """One table for all networks, with the most important figures; the first three are motion-to-photon latencies."""
+    """One table for all networks, with the most important metrics; the first three are motion-to-photon latencies."""
     chosen = [column for column in COLUMNS if column.short]
     rows = []
     for network, own in by_network(runs).items():
@@ -107,9 +107,9 @@ def markdown(runs: Iterable[Run]) -> str:
 
 
 def in_terminal(network: str, runs: Sequence[Run], width: int) -> Iterator[Table]:
-    """A column per run over a network, without figures that all runs lack; split into tables that fit the width.
+    """One column per run over a network, without metrics that all runs lack, split into tables that fit the width.
 
-    Names break between words and are never cut.
+    Names break between words and are never truncated.
     """
     lines: list[tuple[str, list[str]]] = []
     for group, members in COLUMN_GROUPS:

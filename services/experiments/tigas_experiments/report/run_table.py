@@ -1,6 +1,6 @@
-"""The run table: one row per run with its configuration, machine and figures. Everything in a report follows from it.
+"""The run table: one row per run with its configuration, machine and metrics. All of a report derives from it.
 
-`runs.csv` is this table; the runs of a report also have time series, which only figures draw.
+`runs.csv` is this table; the runs of a report also have time series, used only by figures.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Block(NamedTuple):
 
     @property
     def window(self) -> tuple[object, ...]:
-        """Part of a network trace, shared with other blocks; on a link that never changes, part of a movement."""
+        """Part of a network trace, shared with other blocks; for a constant link, part of a movement."""
         if self.trace_offset_s is None:
             return self.network, self.movement, self.movement_offset_s
         return self.network, self.trace_offset_s
@@ -90,14 +90,14 @@ class Run:
     block: Block
     sampled: SampledRun
     problem: str | None = None
-    """Reason for missing figures."""
+    """Reason for missing metrics."""
     values: Mapping[str, Value] = field(default_factory=dict)
-    """Figures by the names of `METRICS`; empty without a result."""
+    """Metrics by name in `METRICS`; empty without a result."""
     profile_shares: Mapping[int, float] = field(default_factory=dict)
-    """Share of time on the screen by profile."""
+    """Share of time on screen by profile."""
     series: Mapping[str, Floats] = field(default_factory=dict)
     scores: Sequence[Score] = ()
-    """Scores of its sampled pictures."""
+    """Scores of the run's sampled pictures."""
     scores_problem: str | None = None
     """Reason why the scores are unreadable."""
 
@@ -119,11 +119,11 @@ class Run:
 class Results:
     folder: Path
     experiment: ExperimentRecord | None
-    """None for a hand-made folder or an unreadable record: the report only needs runs."""
+    """None for a hand-made folder or an unreadable record, as a report only needs runs."""
     made: tuple[Run, ...]
     """All runs with a readable record, in the order in which they were made."""
     failures: Mapping[str, str]
-    """Reasons for missing figures by folder name, including runs without a readable record."""
+    """Reasons for missing metrics by folder name, including runs without a readable record."""
 
     @property
     def runs(self) -> list[Run]:
@@ -160,7 +160,7 @@ def load(folder: Path, on_progress: OnProgress = lambda step, done, total: None)
 
 
 def run_folders(folder: Path) -> list[Path]:
-    """Folders of an experiment's runs, sorted by name, without hidden ones. Raises StartError without any."""
+    """Folders of an experiment's runs, sorted by name, without hidden ones. Raises StartError if there are none."""
     where = folder / RUNS
     try:
         found = sorted(path for path in where.iterdir() if path.is_dir() and not path.name.startswith("."))
@@ -173,7 +173,7 @@ def run_folders(folder: Path) -> list[Path]:
 
 
 def run_table(results: Results, compared: Collection[Run]) -> list[Row]:
-    """All runs, sorted by folder; `compared` are the runs in means and differences."""
+    """All runs, sorted by folder; `compared` are the runs included in means and differences."""
     rows: dict[str, Row] = {
         name: {"folder": name, "status": "broken", "problem": reason} for name, reason in results.failures.items()
     }
@@ -219,14 +219,14 @@ def _record(record: RunRecord) -> Row:
 
 
 def _flat(prefix: str, value: Any) -> Row:
-    """Nested fields as columns such as configuration_network_link_down_kbps."""
+    """Nested fields as columns, such as configuration_network_link_down_kbps."""
     if isinstance(value, dict):
         return {name: cell for key, inner in value.items() for name, cell in _flat(f"{prefix}_{key}", inner).items()}
     return {prefix: value}
 
 
 def _read(folder: Path, relative: Callable[[str], str]) -> Run:
-    """Raises BrokenRecording."""
+    """Read one run. Raises BrokenRecording."""
     summary, records = read(folder)
     run = Run(folder, summary.record, Block.of(summary.record.configuration), sampled_run(folder))
     if summary.figures is None or records is None:
@@ -242,9 +242,9 @@ def _read(folder: Path, relative: Callable[[str], str]) -> Run:
 
 
 def _series(records: Records) -> dict[str, Floats]:
-    """Time series [n, 2] of time, s, and a value.
+    """Time series [n, 2] of time in s and a value.
 
-    `latency`: motion-to-photon of each input, ms, inf for unanswered ones. `age`: of a frame's pose at its display, ms.
+    `latency`: motion-to-photon of each input, ms, inf for unanswered ones. `age`: of a frame's pose at display, ms.
     `height`: of frames, pixels. `received`: cumulative bytes. `link`: rate, Mbit/s. `ssim`: at display time.
     """
     inputs, frames = records.recording.inputs, records.recording.frames

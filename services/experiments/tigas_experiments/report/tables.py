@@ -1,7 +1,7 @@
-"""The tables as files: runs.csv (the run table), groups.csv, differences.csv, equal_rates.csv, picture_scores.csv and
+"""Tables as files: runs.csv (the run table), groups.csv, differences.csv, equal_rates.csv, picture_scores.csv and
 overall.md.
 
-An empty CSV cell is a missing figure; `inf` is a time that was never reached.
+An empty CSV cell is a missing metric; `inf` is a time that was never reached.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from tigas_experiments.report.run_table import Results, Row, run_table
 
 SEEN, RECEIVED = chosen("seen_ssim", "received_mbit_s")
 BEST = ("experiment", "round trip, ms", "best picture on the screen", "SSIM", "Mbit/s", "not certainly worse")
-"""The controller with the highest SSIM at display time, over all networks, and those whose paired difference from it
-is not certain."""
+"""Columns about the controller with the highest SSIM at display time over all networks, and the controllers that are
+not significantly worse."""
 
 
 def write_csv(
@@ -93,7 +93,7 @@ def best_markdown(rows: Sequence[Sequence[str]]) -> str:
 
 
 def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]], left: Collection[str]) -> str:
-    """A Markdown table with numbers on the right, and the columns `left` on the left."""
+    """A Markdown table with right-aligned columns, except for the columns `left`."""
     rule = "|".join("---" if heading in left else "---:" for heading in headings)
     lines = (" | ".join(" ".join(cell.split()).replace("|", "\\|") for cell in row) for row in rows)
     return "".join((f"| {' | '.join(headings)} |\n|{rule}|\n", *(f"| {line} |\n" for line in lines)))
@@ -158,7 +158,7 @@ def _picture_scores(groups: Groups) -> Iterator[Row]:
 
 
 def _equal_rates(found: RateDistortion) -> Iterator[Row]:
-    """One row for each quality of each series against each curve."""
+    """One row for each quality metric of each series against each curve."""
     for each in found.equal_rates:
         for metric in QUALITIES:
             estimate = each.differences[metric]
@@ -192,8 +192,8 @@ def _write(path: Path, rows: Sequence[Row]) -> Path:
 
 
 def _cell(value: Any) -> Any:
-    """Prefix text that a spreadsheet would run as a formula with an apostrophe, as OWASP recommends."""
+    """Prefix text that a spreadsheet would execute as a formula with an apostrophe, as OWASP recommends."""
     if not isinstance(value, str):
         return value
-    text = value.replace("\r", " ")  # ends the row, because Python does not quote it
+    text = value.replace("\r", " ")  # ends the row, as Python does not quote it
     return f"'{text}" if value.startswith(("=", "+", "-", "@", "\t", "\r", "\n")) else text

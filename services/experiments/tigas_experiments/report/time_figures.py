@@ -35,11 +35,11 @@ from tigas_experiments.wire.figures import INTERACTIVE_MS
 
 Looks = Mapping[Controller, Look]
 DISTRIBUTION_POINTS = 200
-"""Maximum points of a drawn distribution."""
+"""Maximum number of points in a drawn distribution."""
 BINS = 240
-"""Maximum points of a time series."""
+"""Maximum number of points in a time series."""
 MOST_HEADLINES = 8
-"""Maximum panels of the headline."""
+"""Maximum number of panels in the headline figure."""
 DASHED = f"Dashed: {INTERACTIVE_MS:g} ms."
 
 
@@ -123,9 +123,9 @@ def _draw_distributions(axes: Axes, groups: Sequence[Group], looks: Looks, *, wi
 
 
 def draw_boxes(axes: Axes, groups: Sequence[Group], looks: Looks) -> list[float]:
-    """Box plots of frame ages; returns the ends of the whiskers."""
+    """Draw box plots of frame ages; returns the ends of the whiskers."""
     whiskers: list[float] = []
-    places = list(looks)  # equal in all panels
+    places = list(looks)  # the same in all panels
     for group in groups:
         values = group.pooled("age")
         if not len(values):
@@ -164,7 +164,7 @@ def frame_ages_over_time(groups: Groups, network: str) -> Plot | None:
 
 
 def heights_over_time(groups: Groups, network: str) -> Plot | None:
-    """Resolution on the screen in the first run of each controller."""
+    """Resolution on screen in the first run of each controller."""
     return _over_time(groups, network, "height", "Height of the frame on the screen", "Height, pixels")
 
 
@@ -227,7 +227,7 @@ def bandwidth(groups: Groups, network: str) -> Plot | None:
 
 
 def _draw_download(rates: Axes, totals: Axes, runs: Sequence[Run]) -> None:
-    """The full rate of the first known link, and the size of the scene's file if it could have been downloaded."""
+    """Draw the full rate of the first known link, and the size of the scene's file if it could have been downloaded."""
     link = next((run.series["link"] for run in runs if len(run.series["link"]) > 1), None)
     if link is None:
         return
@@ -242,7 +242,7 @@ def _draw_download(rates: Axes, totals: Axes, runs: Sequence[Run]) -> None:
 
 
 def downloaded(link: Floats) -> Floats:
-    """Megabytes that the link could have carried by each sample."""
+    """Megabytes that the link could have carried up to each sample."""
     spans = np.diff(link[:, 0], prepend=0.0).clip(min=0)
     total: Floats = np.cumsum(spans * link[:, 1]) / 8
     return total

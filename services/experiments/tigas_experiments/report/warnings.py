@@ -1,4 +1,4 @@
-"""Warnings that limit how far a report's figures can be trusted."""
+"""Warnings that limit confidence in a report's results."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Making runs: the services, the browser, the link, and the matrix of an experiment."""
+"""Execution of runs: the services, the browser, the link, and an experiment's matrix of runs."""

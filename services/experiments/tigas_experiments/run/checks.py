@@ -1,4 +1,4 @@
-"""Checks before the first run: the services can make all runs, and have the versions of earlier runs."""
+"""Checks before the first run: whether the services can make all runs and have the same versions as earlier runs."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from tigas_experiments.wire.run import PER_VIEW, Configuration
 
 @dataclass(frozen=True, slots=True)
 class MadeWith:
-    """Versions and inputs that new runs are made with."""
+    """Versions and inputs of new runs."""
 
     commit: str | None
     """Commit of the experiment's code."""
     browser: str | None
-    """None if it is not known yet."""
+    """None if not known yet."""
     server: Server
     scenes: Mapping[str, SceneInfo]
     """Loaded scenes by id, with the digests of their files."""
@@ -29,7 +29,7 @@ class MadeWith:
 def check_services(
     runs: Sequence[Configuration], target: Target, scenes: Mapping[str, SceneInfo], ladder: LadderName
 ) -> None:
-    """Check that packager, downloads, ladder and rungs are there for the runs. Raises StartError."""
+    """Check that the services have the packager, downloads, ladder and rungs that the runs need. Raises StartError."""
     for run in runs:
         scene = scenes[run.scene]
         if run.streamed and target.dash is None:
@@ -49,11 +49,11 @@ def check_services(
         else:
             rung = run.profile if isinstance(run.profile, int) else None
         if rung is not None and rung >= rungs:
-            raise StartError(f"There is no rung {rung}: the ladder at {target.url} has {rungs}, counted from 0.")
+            raise StartError(f"There is no rung {rung}: the ladder at {target.url} has {rungs} rungs, counted from 0.")
 
 
 def changes(kept: Iterable[RunRecord], now: MadeWith) -> list[str]:
-    """Differences from earlier runs, each with old and new value; unknown values do not differ."""
+    """Differences from earlier runs, each with its old and new value; unknown values do not count."""
     found: dict[str, str] = {}
 
     def compare(name: str, was: object, new: object) -> None:

@@ -1,6 +1,6 @@
 """The environment of many runs: services, one browser, and inputs.
 
-Starting these takes much longer than a run's new browser context. Dead resources are started again for the next run.
+These take much longer to start than a run's new browser context. Dead resources are restarted for the next run.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Setup:
 
 
 class Supervised(Generic[Resource]):
-    """A resource that is opened when it is first asked for, and opened again when it has died."""
+    """A resource that is opened on first use and reopened once it has died."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class Supervised(Generic[Resource]):
 
 
 class Environment:
-    """Services and a browser for many runs, one at a time."""
+    """Services and a browser for many runs, one run at a time."""
 
     def __init__(
         self,
@@ -129,7 +129,7 @@ class Environment:
         return Setup(target, browser, points, network, made_from)
 
     async def _services(self) -> tuple[Target, Browser]:
-        """Live services, and a browser that was started for them: it trusts their certificate."""
+        """Live services, and a browser that was started for them and trusts their certificate."""
         target = await self._target.get()
         if target is not self._opened_for:
             await self._browser.close()
@@ -137,15 +137,15 @@ class Environment:
         return target, await self._browser.get()
 
     async def _ask_the_page(self, run: Configuration, asked: Mapping[str, dict[str, str]]) -> None:
-        """Check these settings, by display name, on the page, which alone knows its controllers and models. Raises
-        StartError.
+        """Check these settings, keyed by display name, on the page, as only the page knows its controllers and models.
+        Raises StartError.
         """
         setup = await self.setup(run)
         try:
             async with viewer(setup.browser, setup.target.url, setup.made_from.scene.id, run.width, run.height) as page:
                 for what, settings in asked.items():
                     try:
-                        # Not by default: without graphics acceleration, the page reports that it turns none.
+                        # Off by default: without graphics acceleration, the page reports that it does not reproject.
                         await page.prepare({"reprojection": False, **settings}, setup.points[0])
                     except RunFailed as error:
                         raise StartError(f"{what} cannot be measured: {error}") from None
@@ -161,10 +161,10 @@ async def open_environment(
     ladder: LadderName = "scene",
     webgpu: bool = False,
 ) -> AsyncIterator[Environment]:
-    """Exclusive use of the services at `url`, or of the lab's, which is started on first use.
+    """Exclusive use of the services at `url` or, by default, of a lab that is started on first use.
 
-    The render service and the shaper of the lab take their directories from their own settings. `ladder` is the ladder
-    of profiles. With `webgpu`, pages can enhance frames. Raises StartError.
+    The lab's render service and shaper take their directories from their own settings. `ladder` is the ladder to which
+    profiles refer. `webgpu` lets pages enhance frames. Raises StartError.
     """
     find_chromium()
     where = url or LAB_URL

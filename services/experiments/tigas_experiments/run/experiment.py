@@ -25,7 +25,7 @@ from tigas_experiments.run.plan import ExperimentPlan
 from tigas_experiments.wire.run import Configuration
 
 GIVE_UP_AFTER = 5
-"""Consecutive failures that end an experiment."""
+"""Number of consecutive failures that ends an experiment."""
 RUNS, EARLIER = "runs", "earlier"
 
 
@@ -36,7 +36,7 @@ class Experiment:
     inputs: Inputs
     out: Path
     command: str | None
-    """The command line; None for an experiment of the page."""
+    """The command line; None for an experiment made on the page."""
 
     @classmethod
     def of(
@@ -47,12 +47,12 @@ class Experiment:
         command: str | None = None,
         traces_s: Mapping[str, float] = {},
     ) -> Experiment:
-        """An experiment from a plan with paths relative to a directory. Raises StartError."""
+        """Create an experiment from a plan with paths relative to `directory`. Raises StartError."""
         return cls(plan, plan.runs(directory, traces_s), Inputs(directory), out, command)
 
     @classmethod
     def read(cls, file: Path, out: Path | None, command: str) -> Experiment:
-        """An experiment's file; its folder is results/NAME if it is not said. Raises StartError."""
+        """Read an experiment file; the output folder is results/NAME by default. Raises StartError."""
         plan = ExperimentPlan.read(file)
         return cls.of(plan, file.parent, out or Path("results", plan.name), command)
 
@@ -65,7 +65,7 @@ class Experiment:
         return self.out / RUNS / configuration.slug
 
     def missing(self) -> list[Configuration]:
-        """The runs that have no complete folder with their configuration and inputs. Raises StartError."""
+        """The runs without a complete folder that has their configuration and inputs. Raises StartError."""
         return [run for run in self.runs if not _is_complete(self.folder(run), run, self.inputs.digests(run))]
 
     def unrelated(self) -> list[str]:
@@ -86,7 +86,7 @@ class Experiment:
             folder.rename(next(path for n in count(1) if not (path := earlier / f"{folder.name}.{n}").exists()))
 
     def write(self, traces_s: Mapping[str, float] = {}, name: str | None = None) -> None:
-        """Write experiment.json, with `name` in place of the plan's; a resumed experiment keeps its start time."""
+        """Write experiment.json, with `name` in place of the plan's name; a resumed experiment keeps its start time."""
         try:
             created = read_experiment(self.out).created
         except BrokenRecording:
@@ -122,7 +122,7 @@ def reserved(experiment: Experiment) -> Iterator[None]:
             yield
         finally:
             lock = experiment.out / EXPERIMENT
-            if is_new and list(experiment.out.iterdir()) == [lock]:  # which is still locked
+            if is_new and list(experiment.out.iterdir()) == [lock]:  # the lock is still held
                 lock.unlink()
                 experiment.out.rmdir()
 
@@ -132,5 +132,5 @@ def _is_complete(folder: Path, configuration: Configuration, inputs: InputDigest
         record = StoredRun(folder).record
     except BrokenRecording:
         return False
-    same_inputs = record.inputs_sha256 in (None, inputs)  # early records say nothing of theirs
+    same_inputs = record.inputs_sha256 in (None, inputs)  # early records have no digests
     return record.status == "complete" and same_inputs and record.configuration.asks_for_the_same(configuration)

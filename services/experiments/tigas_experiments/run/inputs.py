@@ -19,7 +19,7 @@ from tigas_experiments.wire.movement import TimedPose
 from tigas_experiments.wire.run import Configuration, Network
 
 DECIMALS = 9
-"""Decimals of the points' digest, so that rounding differences between mathematical libraries do not matter."""
+"""Decimals included in the points' digest, so that rounding differences between math libraries do not matter."""
 
 
 class Inputs:
@@ -36,27 +36,27 @@ class Inputs:
         return placed(self.movement(configuration), scene)
 
     def network(self, network: Network) -> Network:
-        """The same, with a path to its trace's file that can be opened."""
+        """The network, with a path to its trace file that can be opened."""
         if network.trace_file is None:
             return network
         return network.model_copy(update={"trace_file": self.directory / network.trace_file})
 
     def digests(self, configuration: Configuration) -> InputDigests:
-        """Digests of the current files; traces known to the shaper by name have none."""
+        """Digests of the current files; traces that the shaper knows by name have none."""
         movement, trace = self._movement_file(configuration.movement), self.network(configuration.network).trace_file
         return InputDigests(
             movement=None if movement is None else _sha256(movement), trace=None if trace is None else _sha256(trace)
         )
 
     def movement(self, configuration: Configuration) -> MovementTrace:
-        """The movement of a run in a levelled frame."""
+        """The movement of a run, in a levelled frame."""
         name, begin_s = configuration.movement, configuration.movement_offset_s
         end_s = begin_s + configuration.duration_s
         path = self._movement_file(name)
         if path is None:
             return generate(name, end_s, configuration.seed).part(begin_s * 1000, end_s * 1000)
         trace = MovementTrace.read(path)
-        if trace.duration_ms < end_s * 1000 - 0.5:  # segments are placed to the millisecond
+        if trace.duration_ms < end_s * 1000 - 0.5:  # segments start at whole milliseconds
             after = f", begun at {begin_s:g} s" if begin_s else ""
             raise StartError(
                 f"The movement {name} lasts {trace.duration_ms / 1000:.1f} s, less than a run's "
@@ -65,7 +65,7 @@ class Inputs:
         return trace.part(begin_s * 1000, end_s * 1000)
 
     def _movement_file(self, name: str) -> Path | None:
-        """None for a generated movement."""
+        """Path of a movement file; None for a generated movement."""
         if name in KINDS:
             return None
         path = self.directory / name
@@ -75,9 +75,9 @@ class Inputs:
 
 
 def points_sha256(points: Sequence[TimedPose]) -> str:
-    """SHA-256 of the times (ms), positions and quaternions, in hexadecimal digits."""
+    """SHA-256 of the times (ms), positions and quaternions, in hexadecimal."""
     rows = np.array([[point["t_ms"], *point["position"], *point["quaternion"]] for point in points], dtype="<f8")
-    # + 0.0: a negative zero is a zero
+    # + 0.0 turns a negative zero into zero
     return hashlib.sha256((np.round(rows, DECIMALS) + 0.0).tobytes()).hexdigest()
 
 
@@ -91,6 +91,6 @@ def _sha256(path: Path) -> str:
 
 @lru_cache(1000)
 def _digest(path: Path, _modified_ns: int, _size: int) -> str:
-    """Many runs share a file."""
+    """Digest of a file, cached because many runs share it."""
     with open_regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

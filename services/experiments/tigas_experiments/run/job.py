@@ -1,6 +1,6 @@
-"""A run as the page performs it: its settings and movement, and what becomes of its recording.
+"""A run as performed by the page: its settings and movement, and the processing of its recording.
 
-A command and a page's upload write the same folder.
+Runs made by a command and runs uploaded by a page have the same folder format.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ NO_FRAME = "No frame arrived during the run."
 
 
 def page_settings(configuration: Configuration) -> dict[str, Any]:
-    """The viewer's settings before a run: everything that is not said here has its default."""
+    """The viewer's settings before a run; settings not listed have their defaults."""
     mode, profile = configuration.mode, configuration.profile
     chosen: dict[str, Any]
     if configuration.local:
-        # The mode begins with the recording, which includes its download.
+        # The mode is switched when the recording begins, so that it includes the download.
         chosen = {"mode": "stateless", "localForm": configuration.download_form}
     elif mode == "webrtc":
         chosen = {"mode": "webrtc", "webrtcStream": "h264-30"}
@@ -53,8 +53,8 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
         chosen = {"mode": mode, "controller": "fixed", "profile": profile}
     else:
         chosen = {"mode": mode, "controller": profile}
-    # Nothing next to the picture, so that the stage is the viewport; no second request for a view that stands still;
-    # one format, so that a rung is the same picture on every link.
+    # No sidebar, so that the stage is the viewport; no second request for a view at rest; one image format, so that a
+    # rung is the same picture on every link.
     enhancement = {"restore": configuration.restore, "upscale": configuration.upscale}
     motion = configuration.model_dump(include={"reprojection", "prediction", "overscan", "depth", "surround"})
     return {
@@ -70,7 +70,7 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
 
 
 def run_plan(configuration: Configuration, points: Sequence[TimedPose]) -> RunPlan:
-    """A run with its movement in the scene's own frame."""
+    """The run for the page to play, with its movement in the scene's own frame."""
     return RunPlan(
         points=tuple(points),
         duration_ms=configuration.duration_s * 1000,
@@ -109,7 +109,7 @@ def write_records(
     browser: str | None,
     services: WatchedServices | None = None,
 ) -> RunRecord:
-    """Write all records except pictures; the run is still incomplete unless it failed. Raises OSError."""
+    """Write all records except pictures. The run remains incomplete unless it failed. Raises OSError."""
     recording = upload.recording
     if recording is None:
         return writer.close(status="failed", problem=upload.problem, **made_from.fields)
@@ -132,7 +132,7 @@ def write_records(
 
 
 async def complete(folder: Path, render: str) -> RunRecord:
-    """Compare a run's captures, which are all there, with ground truth of a render service, and mark it as complete.
+    """Compare a run's captures, all of which must exist, with ground truth, and mark the run as complete.
 
     Raises RunFailed, BrokenRecording and OSError.
     """
@@ -164,5 +164,5 @@ def _problem(recording: Recording, configuration: Configuration) -> str | None:
         return HIDDEN if recording.hidden else NOT_PLAYED
     if configuration.over_h3 and (stream := recording.dash) is not None and set(stream.protocols) != {"h3"}:
         return f"Segments came over {' and '.join(stream.protocols) or 'nothing known'} instead of HTTP/3."
-    # A scene that did not arrive in time is a result.
+    # A scene that did not arrive in time is a valid result.
     return NO_FRAME if not recording.frames and recording.mode != "local" else None

@@ -1,7 +1,7 @@
-"""Several labs side by side, which share an experiment's blocks: much faster on a machine with many processors.
+"""Several labs in parallel that share an experiment's blocks: much faster on a machine with many processors.
 
-Each lab has network and mount namespaces of its own, so that all of them use the same names and addresses. It is driven
-by a worker process, which gets lines of JSON and answers with lines of JSON.
+Each lab has its own network and mount namespaces, so that all can use the same names and addresses. A worker process
+drives it, exchanging lines of JSON with this process.
 """
 
 from __future__ import annotations
@@ -31,40 +31,40 @@ from tigas_experiments.wire.run import Configuration
 
 NAMESPACES = ("unshare", "--net", "--mount", "sh", "-ec")
 SCRIPT = 'mkdir -p /run/netns; mount -t tmpfs tigas /run/netns; ip link set lo up; exec "$@"'
-"""In its own namespaces, a worker's lab cannot see those of the others."""
+"""Command of a worker, in its own namespaces, that hides the other labs' network namespaces from its lab."""
 START_EVERY_S = 3.0
-"""Browsers that start at the same time wait for each other in the graphics driver, and runs near them stutter."""
+"""Browsers that start together wait for each other in the graphics driver, which makes nearby runs stutter."""
 STOP_S = 30
-"""Longer than the lab itself takes to stop."""
+"""Longer than a lab takes to stop."""
 MOST_ENDED = 3
-"""Labs that may end by themselves, as when the system runs out of memory, before the experiment does."""
+"""Number of labs that may end early, as when the system runs out of memory, before the experiment is abandoned."""
 LINE_BYTES = 1 << 24
-"""Maximum length of a line of JSON: a block of runs, or the record of one."""
+"""Maximum length of a line of JSON, which holds a block of runs or the record of one."""
 
 
 class LabEnded(StartError):
-    """A worker has ended without an answer."""
+    """A worker ended without an answer."""
 
 
 class Job(WireModel):
-    """The first line that a worker gets."""
+    """The first line sent to a worker."""
 
     plan: ExperimentPlan
     directory: str
     out: str
     command: str | None
     checks: tuple[str, ...] = ()
-    """The folders of the runs that the first worker checks before any is made."""
+    """Folders of the runs that the first worker checks before any run is made."""
     allow_changes: bool = False
 
 
 class Answer(WireModel):
-    """A line of a worker; the first one, with no field set, says that its lab is ready."""
+    """A line from a worker; the first one, with no field set, means that its lab is ready."""
 
     record: RunRecord | None = None
-    """A run that was made."""
+    """Record of a finished run."""
     problem: str | None = None
-    """The reason why the worker ends."""
+    """Reason why the worker ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class Worker:
         self._commands.write(f"{line}\n".encode())
 
     async def answer(self) -> Answer:
-        """The next line. Raises LabEnded, and StartError if the worker cannot go on."""
+        """The next line. Raises LabEnded, and StartError if the worker cannot continue."""
         line = await self._answers.readline()
         if not line:
             self._errors.seek(0)
@@ -99,7 +99,7 @@ async def make_in_labs(
     *,
     allow_changes: bool = False,
 ) -> None:
-    """Make an experiment's missing runs in at most `count` labs, of which each makes whole blocks.
+    """Make an experiment's missing runs in at most `count` labs, each of which makes whole blocks.
 
     Raises StartError as `make_missing_runs` does.
     """
@@ -163,7 +163,7 @@ async def make_in_labs(
 
 
 def blocks_of(runs: Sequence[Configuration]) -> list[list[Configuration]]:
-    """Runs in their order, in lists of equal inputs: compared runs, which one lab makes one after the other."""
+    """Runs in their order, grouped into lists with equal inputs, which one lab makes consecutively for comparison."""
     blocks: dict[tuple[object, ...], list[Configuration]] = {}
     for run in runs:
         key = (run.scene, run.movement, run.movement_offset_s, run.network.label, run.network.offset_s, run.repeat)
@@ -173,7 +173,7 @@ def blocks_of(runs: Sequence[Configuration]) -> list[list[Configuration]]:
 
 @asynccontextmanager
 async def started_worker() -> AsyncIterator[Worker]:
-    """A worker process, during the context. The experiment store of its lab has an empty folder."""
+    """A worker process during the context. Its lab's experiment store has an empty folder."""
     with TemporaryDirectory(prefix="tigas-lab-") as results, TemporaryFile() as errors:
         process = await asyncio.create_subprocess_exec(
             *with_parent([*NAMESPACES, SCRIPT, "sh", sys.executable, "-m", __name__]),
@@ -198,7 +198,7 @@ async def started_worker() -> AsyncIterator[Worker]:
 
 
 def main() -> None:
-    """The worker: blocks from standard input, answers to standard output."""
+    """Run a worker, with blocks on standard input and answers on standard output."""
     end_as_ctrl_c()
     job = Job.model_validate_json(sys.stdin.readline())
     try:

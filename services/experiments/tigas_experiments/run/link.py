@@ -1,4 +1,4 @@
-"""The link of a run: played from before the run's part of the trace, watched meanwhile, and fast again afterwards."""
+"""The link of a run: plays the run's part of a trace, monitors it, and makes the link fast again afterwards."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from tigas_experiments.wire.run import Network
 TIMEOUT_S = 10
 UPLOAD_TIMEOUT_S = 60
 OPENING_S = 10
-"""How long before the warm-up a trace starts: a viewer that opens during an outage may never be ready."""
+"""Seconds of the trace played before the warm-up: a viewer that opens during an outage might never become ready."""
 JUMP_MS = 500
-"""A trace so far from where time has brought it was moved; less may pass between the shaper's looks at its clock."""
+"""Deviation from a trace's expected position that shows that it was moved; smaller ones come from timing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,14 +40,14 @@ class RunLink:
     network: Network
     warm_up_s: float
     first: ShaperStatus
-    """How it was when it was reserved."""
+    """Its status when it was reserved."""
 
     async def warm_up(self) -> None:
-        """Play the network's trace, if it is one, from where the warm-up begins. Raises RunFailed."""
+        """Play the network's trace, if it is one, from the start of the warm-up. Raises RunFailed."""
         await self._seek(self.warm_up_s)
 
     async def play(self) -> None:
-        """Play it from where the movement begins. Raises RunFailed."""
+        """Play the trace from the start of the movement. Raises RunFailed."""
         await self._seek(0)
 
     async def _seek(self, before_s: float) -> None:
@@ -55,7 +55,7 @@ class RunLink:
             await self.shaper.seek(self.network, before_s, self.first.duration_ms)
 
     def left_alone(self, seen: Iterable[ShaperStatus]) -> bool:
-        """Whether the link only changed according to its network while the movement lasted."""
+        """Whether the link changed only according to its network during the movement."""
         playing: ShaperStatus | None = None
         for status in seen:
             if status.trace != self.first.trace:
@@ -74,9 +74,9 @@ class RunLink:
 
 @asynccontextmanager
 async def link_for(target: Target, network: Network, warm_up_s: float = 0) -> AsyncIterator[RunLink | None]:
-    """A network, for a viewer to open in; afterwards the shaper's own fast link. Raises RunFailed.
+    """Apply a network before a viewer opens, and return to the shaper's fast link afterwards. Raises RunFailed.
 
-    None where there is no shaper, and none is needed.
+    Yields None if there is no shaper and the run needs none.
     """
     if target.shaper is None:
         if network.shaped:
@@ -104,7 +104,7 @@ async def watching_link(link: RunLink | None) -> AsyncIterator[list[tuple[float,
         yield seen
         return
 
-    ahead_s = time() - monotonic()  # fixed, so that a clock that is set meanwhile takes no time back
+    ahead_s = time() - monotonic()  # constant, so that adjusting the clock does not take back time
 
     async def watch() -> None:
         async for status in link.shaper.watch():
@@ -116,7 +116,7 @@ async def watching_link(link: RunLink | None) -> AsyncIterator[list[tuple[float,
     finally:
         task.cancel()
         await asyncio.wait([task])
-        # Always retrieved, because asyncio logs unretrieved exceptions.
+        # Always retrieved, as asyncio logs unretrieved exceptions.
         error = None if task.cancelled() else task.exception()
     if error is not None:
         raise error
@@ -140,7 +140,7 @@ def link_sample(status: ShaperStatus, at: float) -> LinkSample:
 
 
 def _jump_ms(earlier: ShaperStatus, later: ShaperStatus) -> float:
-    """How far a trace is from where time alone would have brought it; at its end it starts again."""
+    """Distance of a trace from its expected position; traces loop."""
     if earlier.position_ms is None or later.position_ms is None or not later.duration_ms:
         return 0.0
     half = later.duration_ms / 2
@@ -161,14 +161,14 @@ class ShaperClient:
         await self._http.aclose()
 
     async def begin(self, network: Network, before_s: float) -> ShaperStatus:
-        """Put the network in force. Its trace loops, and starts `before_s` seconds before the run's part."""
+        """Apply the network. Its trace loops, and starts `before_s` seconds before the run's part."""
         if network.link is not None:
             return await self._post("/link", asdict(network.link))
         name = network.trace if network.trace_file is None else await self._upload(network.trace_file)
         delay_ms = None if network.rtt_ms is None else network.rtt_ms / 2
         playing = await self._post("/start", {"trace": name, "loop": True, "delay_ms": delay_ms})
         if network.offset_s * 1000 >= (playing.duration_ms or math.inf):
-            raise RunFailed(f"The trace {name} is shorter than {network.offset_s:g} s, so no run can begin there.")
+            raise RunFailed(f"The trace {name} is shorter than {network.offset_s:g} s, so no run can start there.")
         return await self.seek(network, before_s, playing.duration_ms)
 
     async def seek(self, network: Network, before_s: float, duration_ms: float | None) -> ShaperStatus:
@@ -177,11 +177,11 @@ class ShaperClient:
         return await self._post("/seek", {"position_ms": position_ms % (duration_ms or MAX_DURATION_MS)})
 
     async def release(self) -> ShaperStatus:
-        """Back to the shaper's own constant rate, which is fast."""
+        """Return to the shaper's own constant rate, which is fast."""
         return await self._post("/stop", {})
 
     async def watch(self) -> AsyncIterator[ShaperStatus]:
-        """The link about five times a second."""
+        """Yield the link's status about five times per second."""
         try:
             async with self._http.stream("GET", "/events", timeout=httpx.Timeout(TIMEOUT_S, read=None)) as answer:
                 async for line in answer.aiter_lines():
@@ -193,7 +193,7 @@ class ShaperClient:
 
     def _status(self, data: Any) -> ShaperStatus:
         try:
-            return ShaperStatus.model_validate(data, extra="ignore")  # of a newer shaper
+            return ShaperStatus.model_validate(data, extra="ignore")  # a newer shaper may send more
         except ValidationError as error:
             raise RunFailed(
                 f"The shaper at {self.url} reports its link in an unknown form: {sentence(error)}"

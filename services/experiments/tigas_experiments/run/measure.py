@@ -1,4 +1,4 @@
-"""One run of a command: a configuration in, a folder of records out."""
+"""One run of a command: takes a configuration and produces a folder of records."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from tigas_experiments.wire.run import Configuration
 from tigas_experiments.wire.store import RunUpload
 
 DRAIN_S = 30
-"""How much longer than its movement a recording may take."""
+"""Seconds that a recording may take beyond its movement."""
 
 
 async def run(
     environment: Environment, configuration: Configuration, folder: Path, stage: Callable[[str], None]
 ) -> RunRecord:
-    """Make one run, write its folder, and return its record. A failed run is marked, and does not raise.
+    """Make one run, write its folder, and return its record. A failed run is marked and does not raise.
 
-    `stage` receives the current step. A cancelled run is also marked. On a full disk marking may fail: a run whose
-    run.json says "running" or is missing counts as incomplete.
+    `stage` receives the current step. A cancelled run is also marked. On a full disk marking may fail: a run with a
+    missing run.json, or one that says "running", counts as incomplete.
     """
     record = RunRecord(
         configuration=configuration,
@@ -62,7 +62,7 @@ async def run(
     except OSError as error:
         return failed(f"The run could not be written: {error}")
     except BaseException:
-        failed("The run was stopped before its end.")
+        failed("The run was stopped before it ended.")
         raise
 
 
@@ -108,7 +108,7 @@ async def _measure(
 
 
 async def _keep_pictures(page: Viewer, recording: Recording, writer: RunWriter, *, sampled: bool) -> str | None:
-    """Fetch the page's captures and samples one by one; returns the reason for missing samples."""
+    """Fetch the page's captures and samples one by one. Returns the reason for missing samples."""
     for index in range(len(recording.captures)):
         writer.capture(index, await page.capture(index))
     if not sampled:

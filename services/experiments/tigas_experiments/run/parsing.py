@@ -1,4 +1,4 @@
-"""Parsers of user input for runs, from files and options."""
+"""Parsers for user input about runs, from files and options."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tigas_common.wire.shaper import TRACE_SUFFIXES, LinkSetting
 from tigas_experiments.wire.run import LINK_TERMS, UNSHAPED, USUAL_UP_KBPS, Network
 
 MOST_PICTURES = 120
-"""Maximum number of pictures per run: they stay in the page's memory until its end."""
+"""Maximum number of pictures per run, as they stay in the page's memory until its end."""
 _PART = re.compile(r"(?P<value>\d+(?:\.\d+)?)(?P<unit>mbit-up|kbit-up|mbit|kbit|ms-rtt|ms-jitter|%-loss)", re.ASCII)
 _UNITS = {
     **{term.unit: (term.field, term.scale) for term in LINK_TERMS},
@@ -24,14 +24,14 @@ _PIXELS = re.compile("[0-9]{1,5}")
 def parse_network(text: str, directory: Path = Path()) -> Network:
     """Parse a network: `20mbit,20ms-rtt`, `unshaped`, a trace (file or name), or `TRACE,100ms-rtt`.
 
-    File paths are relative to `directory`, and kept unchanged. Raises ValueError with one sentence.
+    File paths are relative to `directory` and kept unchanged. Raises ValueError with one sentence.
     """
     if text == UNSHAPED:
         return Network()
     override = _OVERRIDE.fullmatch(text)
     trace, rtt_ms = (override["trace"], float(override["rtt"])) if override else (text, None)
     path = Path(trace)
-    with suppress(OSError):  # of a name that is too long
+    with suppress(OSError):  # the name may be too long
         if (directory / path).is_file():
             return Network(trace=path.name[:100], trace_file=path, rtt_ms=rtt_ms)
     if _PART.match(text):
@@ -42,7 +42,7 @@ def parse_network(text: str, directory: Path = Path()) -> Network:
 
 
 def parse_viewport(text: str) -> tuple[int, int]:
-    """Width and height from `640x360`. Raises ValueError with one sentence."""
+    """Parse width and height from `640x360`. Raises ValueError with one sentence."""
     width, _, height = text.partition("x")
     if not (_PIXELS.fullmatch(width) and _PIXELS.fullmatch(height)):
         raise ValueError(f"{text[:100]!r} is not WIDTHxHEIGHT, such as 1280x720")
@@ -50,7 +50,7 @@ def parse_viewport(text: str) -> tuple[int, int]:
 
 
 def capture_interval_ms(every_s: float, duration_s: float) -> float:
-    """Interval between kept frames, at least as long as MOST_PICTURES per run require; 0 keeps none."""
+    """Interval between captures, at least as long as MOST_PICTURES per run require; 0 for none."""
     return max(every_s, duration_s / MOST_PICTURES) * 1000 if every_s else 0.0
 
 

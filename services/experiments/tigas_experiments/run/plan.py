@@ -1,4 +1,4 @@
-"""An experiment's file: a matrix in TOML or JSON, and its runs (docs/experiments.md)."""
+"""The experiment file: a matrix in TOML or JSON, and its runs (docs/experiments.md)."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ from tigas_experiments.wire.run import (
 from tigas_experiments.wire.store import MOST_FILE_CHARACTERS, ExperimentName
 
 MAX_VALUES, MAX_VARIANTS = 1000, 100
-"""Maximum lengths of a list in a file, and of the list of variants."""
+"""Maximum lengths of lists in a file, and of the list of variants."""
 MAX_RUNS = 10_000
 MAX_S = 31 * 86_400
-"""An experiment that would take longer is a mistake."""
+"""Maximum duration; a longer experiment is assumed to be a mistake."""
 OVERHEAD_S = 2.0
-"""Approximate time of a run outside its warm-up, movement and pictures."""
+"""Approximate time per run outside its warm-up, movement and captures."""
 PICTURE_S, MEGAPIXEL_S = 0.1, 1.2
-"""Time for comparing a kept picture with ground truth on two cores, and additional time per megapixel."""
+"""Time for comparing a capture with ground truth on two cores, and additional time per megapixel."""
 
 Value = TypeVar("Value")
 
@@ -88,11 +88,11 @@ def _rung(controller: int | str) -> int | str:
 
 ADAPTIVE = "adaptive"
 Fields = list[dict[str, Any]]
-"""Alternatives of some fields of a run."""
+"""Alternative values for some fields of a run."""
 Chosen = tuple[Mode, dict[str, Any]]
 """A mode, with the fields of a run that select its quality."""
 Inputs = tuple[str, str, tuple[int, Network]]
-"""Scene, movement, and network with the segment that it begins at."""
+"""Scene, movement, and network with the number of its segment."""
 RunMode = Annotated[Mode, AfterValidator(_made)]
 Name = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_no_path)]
 Controller = Annotated[int | Annotated[str, Field(min_length=1, max_length=40)], AfterValidator(_rung)]
@@ -120,42 +120,42 @@ class ExperimentPlan(WireModel):
     name: Annotated[ExperimentName, AfterValidator(_no_path)]
     scenes: Several[Name]
     movements: Several[Text]
-    """Movement traces' files, and names of generated movements."""
+    """Movement trace files, and names of generated movements."""
     networks: Several[Text]
     """Networks in the syntax of `parse_network`."""
     rtts_ms: Several[Annotated[float, Field(ge=0, le=MAX_RTT_MS)]] | None = None
-    """Round trips in place of the networks' own; without them, each network keeps its own."""
+    """Round trips that replace the networks' own; by default, each network keeps its own."""
     modes: Several[RunMode] = ("stateless",)
     controllers: Several[Controller] = ("seen",)
     """Modes `stateless` and `video`: names of controllers, and fixed rungs of the ladder."""
     ladder: LadderName = "scene"
-    """Each scene's own, where it has one, or the paper's for all."""
+    """Each scene's own ladder, if it has one, or the paper's for all."""
     restore: ModelName = OFF
     """Modes `stateless` and `video`: the model that restores frames (docs/experiments.md), or `off`."""
     upscale: ModelName = OFF
-    """The model that enlarges frames afterwards, or `off`."""
+    """Model that enlarges frames afterwards, or `off`."""
     reprojection: OneOrSeveral[bool] = (False,)
-    """Whether the page turns the newest frame to each animation frame's pose; both, to compare."""
+    """Whether the page reprojects the newest frame to each animation frame's pose; both values, to compare."""
     prediction: OneOrSeveral[PredictorName] = (OFF,)
     """Predictor of requested poses, or `off`."""
     overscan: Overscan = AUTO
-    """Reprojection: additional margin at each side, or `auto`."""
+    """Reprojection: additional margin on each side, or `auto`."""
     depth: bool = True
     """Reprojection: whether frames include a coarse depth map."""
     surround: bool = True
-    """Reprojection in the modes `stateless` and `video`: whether small pictures of all directions are requested."""
+    """Reprojection in the modes `stateless` and `video`: whether small pictures in all directions are requested."""
     variants: Annotated[tuple[Variant, ...], Field(min_length=1, max_length=MAX_VARIANTS)] = (Variant(),)
-    """Comparisons that are not a product of the above, each with runs of its variant."""
+    """Comparisons that are not a product of the above; each variant has its own runs."""
     dash_frame_rate: FrameRate | None = None
     """DASH modes: frames per second; the preset's by default."""
     dash_representations: Several[Representation] = (ADAPTIVE,)
     """DASH modes: `adaptive`, or single representations by rung and kbit/s, such as `r2-1414`."""
     dash_transports: Several[DashTransport] = ("tcp",)
-    """DASH modes: `tcp`, or `h3`, by the sender of frames."""
+    """DASH modes: `tcp`, or `h3` for HTTP/3 from the render service."""
     segments: int = Field(default=1, ge=1, le=1000)
     """Number of different parts of the traces and movements, chosen by the seed; 1 uses their beginnings."""
     movements_in_turn: bool = False
-    """Whether movements take turns over the parts of the traces, instead of all movements over all parts."""
+    """Whether movements alternate over the parts of the traces, instead of each movement using all parts."""
     repeats: int = Field(default=1, ge=1, le=1000)
     duration_s: float = Field(default=20.0, ge=1, le=7200)
     viewport: str = "640x360"
@@ -168,11 +168,11 @@ class ExperimentPlan(WireModel):
     """Mode `stateless`: sample every n-th displayed frame; 0 samples none."""
     warm_up_s: float = 3.0
     trace_offset_s: float = Field(default=0.0, ge=0, le=MAX_OFFSET_S)
-    """The position that network traces begin at."""
+    """Position at which network traces start."""
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """An experiment's file. Raises StartError with one sentence."""
+        """Read an experiment file. Raises StartError with one sentence."""
         try:
             text = read_regular(path, 4 * MOST_FILE_CHARACTERS).decode("utf-8")
         except (OSError, UnicodeDecodeError) as error:
@@ -181,7 +181,7 @@ class ExperimentPlan(WireModel):
 
     @classmethod
     def parse(cls, text: str, source: str) -> Self:
-        """The text of a file, TOML or JSON, which messages call `source`. Raises StartError with one sentence."""
+        """Parse the text of a file, TOML or JSON, which messages call `source`. Raises StartError with one sentence."""
         if len(text) > MOST_FILE_CHARACTERS:
             raise StartError(f"{source} has more than {MOST_FILE_CHARACTERS:,} characters.")
         is_json = text.lstrip().startswith("{")
@@ -193,11 +193,11 @@ class ExperimentPlan(WireModel):
 
     @classmethod
     def of(cls, data: dict[str, Any], source: str) -> Self:
-        """Parse a file's contents. Raises StartError with one sentence."""
+        """Parse a file's content. Raises StartError with one sentence."""
         if unknown := [key for key in data if key not in cls.model_fields]:
-            raise StartError(f"{source}: there is no {unknown[0][:100]!r}, only {', '.join(cls.model_fields)}.")
+            raise StartError(f"{source}: unknown key {unknown[0][:100]!r}; the keys are {', '.join(cls.model_fields)}.")
         try:
-            # By way of JSON: a list of TOML's is a tuple of ours, and nothing else is bent to fit.
+            # Validated as JSON, so that TOML's lists become tuples and nothing else is converted.
             return cls.model_validate_json(json.dumps(data, default=str))
         except ValidationError as error:
             raise StartError(f"{source}: {sentence(error)}") from None
@@ -205,9 +205,9 @@ class ExperimentPlan(WireModel):
             raise StartError(f"{source} is nested too deeply.") from None
 
     def runs(self, directory: Path, traces_s: Mapping[str, float] = {}) -> list[Configuration]:
-        """All runs, in order; paths are relative to `directory`, and kept unchanged.
+        """All runs, in order; paths are relative to `directory` and kept unchanged.
 
-        `traces_s` are durations of the shaper's traces, which segments of them need.
+        `traces_s` are the durations of the shaper's traces, which segments need.
 
         Repeats are outermost, so that an interrupted experiment has equal numbers of each kind; controllers are
         innermost, so that drift of the machine affects all of them. Within that order, the seed shuffles. Raises
@@ -268,7 +268,7 @@ class ExperimentPlan(WireModel):
         return list(found.values())
 
     def _own_profiles(self) -> Iterator[Chosen]:
-        """Each mode, with each of its controllers or representations, and each way to meet movement."""
+        """Each mode, with each of its controllers or representations and each kind of motion compensation."""
         models = {"restore": self.restore, "upscale": self.upscale}
         controllers: Fields = [{"profile": controller, **models} for controller in self.controllers]
         representations: Fields = [{"dash_representation": _representation(name)} for name in self.dash_representations]
@@ -308,7 +308,7 @@ class ExperimentPlan(WireModel):
                 yield scene, movement, (segment, network)
 
     def _networks(self, directory: Path, traces_s: Mapping[str, float]) -> list[tuple[int, Network]]:
-        """Each with the number of the segment that it begins at."""
+        """The networks with each start position and round trip, and the numbers of the segments."""
         found: list[tuple[int, Network]] = []
         for network in (parse_network(text, directory) for text in self.networks):
             for segment, offset in enumerate(self._trace_offsets(network, directory, traces_s)):
@@ -331,7 +331,7 @@ class ExperimentPlan(WireModel):
         )
 
     def _movements(self, directory: Path) -> dict[str, list[float]]:
-        """Where the segments of each begin."""
+        """Start times of each movement's segments."""
         if self.segments == 1:
             return {movement: [0.0] for movement in self.movements}
         return {
@@ -353,7 +353,7 @@ def _representation(name: str) -> RepresentationRequest | None:
 
 
 def seconds(runs: Sequence[Configuration]) -> float:
-    """How long runs take, about."""
+    """Approximate duration of runs in seconds."""
     return sum(run.warm_up_s + run.duration_s + OVERHEAD_S + _comparing_s(run) for run in runs)
 
 
@@ -363,7 +363,7 @@ def _comparing_s(run: Configuration) -> float:
 
 
 def lasting(runs: Sequence[Configuration]) -> str:
-    """How long runs take, about, for people: `6 minutes`."""
+    """Approximate duration of runs, for people: `6 minutes`."""
     whole = seconds(runs)
     for unit, size, digits in (("days", 86_400, 1), ("hours", 3600, 1), ("minutes", 60, 0)):
         if whole >= 2 * size:
@@ -372,7 +372,7 @@ def lasting(runs: Sequence[Configuration]) -> str:
 
 
 def _check_movement(text: str, directory: Path) -> None:
-    """Raises StartError for the path of a file that is not there. A name may be that of a generated movement."""
+    """Raise StartError if the text is a path without a file. It may be the name of a generated movement instead."""
     path = directory / text
     if not path.is_file() and (Path(text).name != text or Path(text).suffix):
         raise StartError(f"There is no movement file {str(path)!r}.")

@@ -1,4 +1,4 @@
-"""Makes an experiment's missing runs, continues after a failed run, and shows the progress."""
+"""Makes an experiment's missing runs, continues after failed runs, and shows the progress."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ from tigas_experiments.run.plan import lasting
 from tigas_experiments.wire.run import Configuration
 
 SPEED_OVER_S = 3600
-"""The time left is judged by the runs of the last hour: single runs take many seconds."""
+"""Period of recent runs from which the remaining time is estimated, as single runs take many seconds."""
 REFRESHES_PER_S = 2
-"""Low, because drawing takes processor time from the measurement."""
+"""Low, as drawing takes processor time from the measurement."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunCallbacks:
     on_begin: Callable[[Configuration], None]
     on_stage: Callable[[str], None]
-    """Receives the current step of the run."""
+    """Called with the current step of the run."""
     on_finish: Callable[[RunRecord], None]
 
 
@@ -52,8 +52,8 @@ async def make_missing_runs(
 ) -> None:
     """Make an experiment's missing runs with the services at a URL or in the lab.
 
-    Raises OSError, and StartError if nothing can start, if versions or inputs have changed since the kept runs, or
-    after GIVE_UP_AFTER consecutive failures.
+    Raises OSError, and StartError if nothing can be started, if versions or inputs have changed since the existing
+    runs, or after GIVE_UP_AFTER consecutive failures.
     """
     ladder, webgpu = experiment.plan.ladder, any(run.enhanced for run in experiment.runs)
     opened = open_environment(url, experiment.inputs, ladder=ladder, webgpu=webgpu)
@@ -74,7 +74,7 @@ async def prepare(
 
 
 async def _check_changes(experiment: Experiment, missing: Sequence[Configuration], environment: Environment) -> None:
-    """Raise StartError if commit, browser, ladder or scenes differ from the kept runs'."""
+    """Raise StartError if the commit, browser, ladder or scenes differ from those of the existing runs."""
     kept = experiment.kept(missing)
     if not kept:
         return
@@ -99,8 +99,8 @@ async def make_runs(
         failures = 0 if record.status == "complete" else failures + 1
         if failures == GIVE_UP_AFTER:
             raise StartError(
-                f"{failures} runs in a row failed, so the others are not tried; the same command continues. The last "
-                f"failure: {record.problem}"
+                f"{failures} runs in a row failed, so the others are not tried; run the same command to continue. "
+                f"The last failure: {record.problem}"
             )
 
 
@@ -108,7 +108,7 @@ async def make_runs(
 def progress(
     experiment: Experiment, missing: Sequence[Configuration], names: Mapping[str, str], console: Console
 ) -> Iterator[RunCallbacks]:
-    """Show progress during the context; prints a line per run outside a terminal.
+    """Show progress during the context. Outside a terminal, prints one line per run.
 
     `names` are the runs' display names by folder.
     """

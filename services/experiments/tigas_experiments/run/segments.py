@@ -1,4 +1,4 @@
-"""Which parts of network traces and movements an experiment's runs use: many different ones, chosen by the seed."""
+"""The parts of network traces and movements that an experiment's runs use, chosen by the seed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tigas_experiments.movement.trace import MovementTrace
 from tigas_experiments.wire.run import Network
 
 ONLY_STEP_MS = 1000
-"""Duration of a trace with one row."""
+"""Duration of a trace with a single row."""
 _TIME = re.compile("[0-9]{1,15}")
 
 
@@ -29,9 +29,9 @@ def trace_offsets(
     count: int,
     seed: int,
 ) -> list[float]:
-    """Start times (s) of `count` parts of a trace, in order, from `begin_s` on and without overlap.
+    """Start times (s) of `count` non-overlapping parts of a trace, in order, at or after `begin_s`.
 
-    Durations of traces without a file are in `traces_s`. Raises StartError if the trace is too short, its duration is
+    `traces_s` has durations of traces without a file. Raises StartError if the trace is too short, its duration is
     unknown, or its file is not a TIGAS trace.
     """
     if network.trace_file is not None:
@@ -49,10 +49,10 @@ def trace_offsets(
 
 
 def movement_offsets(movement: str, directory: Path, *, length_s: float, count: int, seed: int) -> list[float]:
-    """Where `count` parts of a movement begin, s, in random order; they overlap where its file is too short for all.
+    """Start times (s) of `count` parts of a movement, in random order; they overlap if its file is too short for all.
 
-    A generated movement is as long as all parts together. Raises StartError if the file is no movement, or shorter than
-    one part.
+    A generated movement is as long as all parts together. Raises StartError if the file is not a movement, or is
+    shorter than one part.
     """
     path = directory / movement
     chance = Random(f"{seed} {Path(movement).name}")
@@ -68,7 +68,7 @@ def movement_offsets(movement: str, directory: Path, *, length_s: float, count: 
 
 
 def _apart(total_s: float, length_s: float, count: int, chance: Random) -> list[float]:
-    """Parts that do not overlap, uniformly among all ways to place them."""
+    """Start times of parts that do not overlap, uniformly distributed over all possible placements."""
     spare = total_s - length_s * count
     gaps = sorted(chance.uniform(0, spare) for _ in range(count))
     return [_milliseconds(place * length_s + gap) for place, gap in enumerate(gaps)]
@@ -80,7 +80,7 @@ def _milliseconds(seconds: float) -> float:
 
 
 def _trace_duration_s(path: Path) -> float:
-    """Duration of a TIGAS trace: its last row is its end, or a state as long as the one before (docs/network.md)."""
+    """Duration of a TIGAS trace, up to its end mark or, without one, the end of its last state (docs/network.md)."""
     try:
         text = read_regular(path, MAX_UPLOAD_BYTES).decode("utf-8-sig", errors="replace")
     except OSError as error:

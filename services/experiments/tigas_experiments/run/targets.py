@@ -1,4 +1,4 @@
-"""The services that runs are made against: the lab on this machine, started for it, or running ones, given by URL."""
+"""The services under test: a lab on this machine, started for the runs, or running services at a URL."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from tigas_common.wire.render import LadderName, SceneInfo, ServerConfig
 
 LAB_URL = PAGE_ORIGINS[0]
 START_S = 120
-"""The first start on a machine compiles the rasteriser."""
+"""Long, as the first start on a machine compiles the rasteriser."""
 STOP_S = 15
 ANSWER_S = 10
-"""On a busy machine."""
+"""Long, for busy machines."""
 VARIABLE = {"retry_after_s", "max_upload_bytes"}
-"""Fields of a service's configuration that depend on its load and on the space on its disk."""
+"""Fields of the configuration that depend on the load and on free disk space."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +37,10 @@ class Target:
     """URLs and processes of the services under test."""
 
     url: str
-    """Without a slash at its end; also the page's origin."""
+    """Without a trailing slash; also the page's origin."""
     config: ServerConfig
     lab: psutil.Process | None = None
-    """Process of the lab, if this command started it."""
+    """The lab's process, if this command started it."""
     processes: frozenset[psutil.Process] = frozenset()
     """The lab's services."""
 
@@ -55,13 +55,13 @@ class Target:
 
 @asynccontextmanager
 async def lab_target(ladder: LadderName) -> AsyncIterator[Target]:
-    """The namespace lab, as a context manager. Raises StartError."""
+    """Run the namespace lab, as a context manager. Raises StartError."""
     await asyncio.to_thread(check_lab)
     if await _serves(LAB_URL):
-        raise StartError(f"Something is serving {LAB_URL} already; stop it, or measure it with --url {LAB_URL}.")
-    # A separate session: Ctrl+C only reaches this process, so runs end before their services. The lab ends if this
-    # process dies.
-    process = subprocess.Popen(  # noqa: ASYNC220 - starting takes no time
+        raise StartError(f"Something is already serving {LAB_URL}; stop it, or measure it with --url {LAB_URL}.")
+    # In a separate session, so that Ctrl+C only reaches this process and runs end before their services. The lab ends
+    # if this process dies.
+    process = subprocess.Popen(  # noqa: ASYNC220 - returns immediately
         with_parent(tigas("lab", "up")),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
@@ -80,7 +80,7 @@ async def lab_target(ladder: LadderName) -> AsyncIterator[Target]:
 
 @asynccontextmanager
 async def url_target(url: str) -> AsyncIterator[Target]:
-    """Running services. Raises StartError."""
+    """Connect to running services. Raises StartError."""
     parts = urlsplit(url)
     if parts.scheme not in ("http", "https") or not parts.hostname:
         raise StartError(f"{url!r} is not the URL of a viewer, such as {LAB_URL}.")
@@ -89,7 +89,7 @@ async def url_target(url: str) -> AsyncIterator[Target]:
 
 
 async def read_config(url: str) -> ServerConfig:
-    """Configuration of the services at a URL. Raises StartError."""
+    """Read the configuration of the services at a URL. Raises StartError."""
     async with httpx.AsyncClient(base_url=url, trust_env=False, verify=False) as http:
         try:
             return await RenderClient(http).config(ANSWER_S)
@@ -98,7 +98,7 @@ async def read_config(url: str) -> ServerConfig:
 
 
 async def fault(target: Target) -> str | None:
-    """One sentence if a service does not answer or was restarted, or the shaper's link is closed; otherwise None.
+    """One sentence if a service does not answer, was restarted, or has closed the link; otherwise None.
 
     A restarted render service has another certificate in its configuration, a restarted lab service another process.
     """
@@ -123,7 +123,7 @@ async def fault(target: Target) -> str | None:
 
 
 async def load_scene(url: str, scene: str, *, download: bool = False) -> SceneInfo:
-    """A scene's description, once it is loaded, and its file prepared if it can be downloaded. Raises StartError."""
+    """Load a scene, prepare its download if requested, and return its description. Raises StartError."""
     try:
         async with RenderClient.at(url) as service:
             info = await service.load(scene)
@@ -166,7 +166,7 @@ async def _serves(url: str, patience_s: float = 2) -> bool:
 
 
 def _last_words(process: subprocess.Popen[bytes]) -> str:
-    """The last line that it wrote to its error output, once it has ended."""
+    """The last line of the process's error output, once it has ended."""
     assert process.stderr is not None
     last = ""
     with process.stderr as stream:
@@ -177,5 +177,5 @@ def _last_words(process: subprocess.Popen[bytes]) -> str:
 
 def _end(process: subprocess.Popen[bytes]) -> None:
     end(process, STOP_S)
-    if process.returncode < 0:  # it was killed, and has removed nothing
+    if process.returncode < 0:  # killed, so that it has not cleaned up
         subprocess.run(tigas("lab", "down"), capture_output=True)

@@ -1,4 +1,4 @@
-"""Processes with a load that can be monitored during a run: the browser's, and services on this machine."""
+"""Processes to monitor during a run: the browser's, and those of services on this machine."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Watched:
 
 
 def watched(target: Target) -> Watched:
-    """Child processes, including browser and lab, and the processes listening at the services' URLs."""
+    """Child processes, including browser and lab, and processes listening on the services' ports."""
     found = psutil.Process().children(recursive=True)
     services: WatchedServices = "threads"
     if target.lab is None:
@@ -72,14 +72,14 @@ def process_name(name: str, command: Sequence[str]) -> str:
 
 
 def _name(process: psutil.Process) -> str | None:
-    """None if it has ended, or may not be watched."""
+    """Display name of a process; None if it has ended or access is denied."""
     with suppress(psutil.Error):
         return process_name(process.name(), process.cmdline())
     return None
 
 
 def _first(process: psutil.Process) -> psutil.Process:
-    """The parent of a service with several processes, such as front ends and engines. Raises psutil.Error."""
+    """The parent process of a service with several processes, such as edges and engines. Raises psutil.Error."""
     for parent in process.parents():
         if not _is_ours(parent):
             break
@@ -97,7 +97,7 @@ def _port(url: str) -> int:
 
 
 def _listeners(ports: set[int]) -> dict[int, psutil.Process]:
-    """TIGAS processes listening on these ports, as far as permissions allow; without container or network proxies."""
+    """TIGAS processes listening on these ports, as far as permissions allow, without container and network proxies."""
     found: dict[int, psutil.Process] = {}
     with suppress(psutil.Error):
         for connection in psutil.net_connections("tcp"):

@@ -1,1 +1,1 @@
-"""Samples of a run, rendered again after it: the same frame, and the same view without loss."""
+"""Samples of a run, rendered again afterwards: the same frame, and the same view losslessly."""

@@ -1,4 +1,4 @@
-"""Ground truth of a run's kept pictures, rendered again: the viewer's correct view at each capture."""
+"""Ground truth of a run's captures, rendered again: the viewer's correct view at each capture."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from tigas_experiments.samples.rerender import OnProgress, changed_scene, concur
 from tigas_experiments.wire.recording import Capture, Input, RecordingHead
 
 SAME_DB = 0.5
-"""Tolerated PSNR deviation from the run: rounding stays below it, another scene exceeds it."""
+"""Tolerated deviation of the PSNR from the run: rounding stays below it, another scene exceeds it."""
 
 
 async def render_truth(
     run: Path, renderer: RenderClient, on_progress: OnProgress = lambda done, total: None
 ) -> str | None:
-    """Render missing ground truth; returns the reason for any remaining gaps, in one sentence.
+    """Render missing ground truth. Returns the reason for any remaining gaps, in one sentence.
 
     Raises RenderUnavailable and OSError.
     """
@@ -68,7 +68,7 @@ async def _keep(
     capture: Capture,
     quality: CaptureQuality,
 ) -> None:
-    """Keep one ground truth, if it matches the run's comparison. Raises BrokenPicture, RenderProblem and OSError."""
+    """Store one ground truth if it matches the run's comparison. Raises BrokenPicture, RenderProblem and OSError."""
     pose = pose_at(inputs, capture.at)
     if pose is None:
         return

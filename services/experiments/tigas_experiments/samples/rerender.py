@@ -1,4 +1,4 @@
-"""Renders samples of a run again, a few at a time: compares each with the run's frame, and adds ground truth."""
+"""Renders a run's samples again, a few at a time, compares each with the run's frame, and adds ground truth."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ OnProgress = Callable[[int, int], None]
 async def rerender(
     run: Path, renderer: RenderClient, on_progress: OnProgress = lambda done, total: None, *, again: bool = False
 ) -> SampledRun:
-    """Ask for all samples of a run of which something is missing, or for all `again`.
+    """Render all incomplete samples of a run, or all samples if `again`.
 
-    It may be ended at any time, and goes on from there when it is called the next time.
+    May be interrupted at any time; the next call continues from there.
 
     Raises OSError, and RenderUnavailable if the service does not answer.
     """
@@ -106,7 +106,7 @@ async def concurrently(items: Iterable[Item], work: Callable[[Item], Awaitable[N
 
 
 def changed_scene(record: RunRecord, sha256: str | None) -> str | None:
-    """A sentence if the scene's file is another one than in the run, as far as that is known."""
+    """A sentence if the scene's file is known to differ from the run's."""
     if None in (record.scene_sha256, sha256) or record.scene_sha256 == sha256:
         return None
     return (
@@ -116,7 +116,7 @@ def changed_scene(record: RunRecord, sha256: str | None) -> str | None:
 
 
 def sampled_runs(folder: Path) -> list[Path]:
-    """Runs with samples in an experiment's or a run's folder. Raises StartError without any."""
+    """Runs with samples in the folder of an experiment or a run. Raises StartError if there are none."""
     found = with_samples(folder)
     if not found:
         raise StartError(f"{folder} has no samples: only runs with a `sample_stride` do (docs/experiments.md).")
@@ -124,7 +124,7 @@ def sampled_runs(folder: Path) -> list[Path]:
 
 
 def with_samples(folder: Path) -> list[Path]:
-    """The same; perhaps none. Raises StartError if there are no runs."""
+    """Like `sampled_runs`, but possibly empty. Raises StartError if there are no runs."""
     if (folder / "run.json").is_file():
         runs = [folder]
     else:
@@ -151,7 +151,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _is_complete(run: Path, sample: Sample, known: Mapping[int, Rerendered]) -> bool:
-    """Whether there is nothing left to ask for."""
+    """Whether nothing remains to be rendered."""
     one = known.get(sample.seq)
     if one is None or one.problem is not None or not has_truth(run, sample):
         return False
@@ -164,15 +164,15 @@ def request_again(sample: Sample) -> RenderRequest:
 
 
 def shown_size(sample: Sample) -> tuple[int, int]:
-    """Width and height in pixels, margins of overscan included: of the enhanced picture; any other was enlarged to the
-    viewport by the display.
+    """Width and height in pixels, with overscan margins: of an enhanced picture as shown, or else enlarged to the
+    viewport.
     """
     lens = _lens(sample.request)
     return (sample.width, sample.height) if sample.enhanced else (lens.width, lens.height)
 
 
 def request_truth(sample: Sample) -> RenderRequest:
-    """Request for the same view without loss in its displayed size. Raises BrokenPicture if the size is impossible."""
+    """Request for the same view, lossless and in its displayed size. Raises BrokenPicture if the size is impossible."""
     request = sample.request
     lens = _lens(request).resized(*shown_size(sample))
     plain = {
@@ -191,7 +191,7 @@ def _lens(request: RenderRequest) -> Intrinsics:
 
 
 async def replay(run: Path, sample: Sample, renderer: RenderClient, *, again: bool = False) -> Rerendered:
-    """Render a sample and its ground truth, if missing or `again`, and keep the results.
+    """Render a sample and its ground truth, if missing or `again`, and store the results.
 
     Raises RenderUnavailable and OSError.
     """
@@ -213,7 +213,7 @@ async def replay(run: Path, sample: Sample, renderer: RenderClient, *, again: bo
 
 
 def has_truth(run: Path, sample: Sample) -> bool:
-    """Whether the ground truth of a sample is there, whole."""
+    """Whether a sample has complete ground truth."""
     try:
         check_truth(read_regular(sample_path(run, sample.seq, TRUTH), MAX_PICTURE_BYTES, follow=False), sample)
     except (OSError, BrokenPicture):
@@ -222,7 +222,7 @@ def has_truth(run: Path, sample: Sample) -> bool:
 
 
 def check_truth(data: bytes, sample: Sample) -> None:
-    """Raises BrokenPicture if it is no whole PNG of a sample's size."""
+    """Raise BrokenPicture unless the data is a complete PNG of a sample's size."""
     with opened(data) as image:
         if image.format != "PNG":
             raise BrokenPicture(f"The ground truth is not PNG, but {image.format}.")
@@ -233,7 +233,7 @@ def check_truth(data: bytes, sample: Sample) -> None:
 
 
 async def _compare(run: Path, sample: Sample, again: bytes) -> tuple[bool, float | None]:
-    """Whether the frame is identical to the run's and, if not, their PSNR. Keeps a differing frame."""
+    """Whether the frame is identical to the run's and, if not, their PSNR. Stores a differing frame."""
     kept = sample_path(run, sample.seq, REPLAYED)
     try:
         path = sample_path(run, sample.seq, JPEG)
@@ -250,7 +250,7 @@ async def _compare(run: Path, sample: Sample, again: bytes) -> tuple[bool, float
 
 
 def _psnr_db(came: bytes, again: bytes) -> float | None:
-    """PSNR of two frames; None for different sizes. Raises BrokenPicture."""
+    """PSNR of two frames; None if their sizes differ. Raises BrokenPicture."""
     one, other = decode(came), decode(again)
     return compare(one, other).psnr_db if one.shape == other.shape else None
 

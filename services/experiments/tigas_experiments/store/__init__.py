@@ -1,1 +1,1 @@
-"""The experiments' store over HTTP: takes runs that a page made, and gives lists, reports and archives of all."""
+"""The experiment store over HTTP: accepts runs made by pages, and serves lists, reports and archives."""

@@ -1,4 +1,4 @@
-"""The store's HTTP interface: Starlette routes, nothing else."""
+"""The store's HTTP interface: only Starlette routes."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ from tigas_experiments.wire.store import (
     UploadedSamples,
 )
 
-# A report needs nothing but itself, and must not act as a page of the store.
+# A report is self-contained, and must not be able to act as a page of the store.
 REPORT_HEADERS = NO_STORE | {
     "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; "
     "img-src data:; font-src data:; sandbox allow-scripts allow-popups allow-downloads"
@@ -78,15 +78,15 @@ REPORT_HEADERS = NO_STORE | {
 
 MAX_NAME = 100
 _PICTURE = re.compile(r"\w[\w.-]*", re.ASCII)
-"""Characters of a picture's name."""
+"""Pattern of a picture's name."""
 
-# Always served as a picture, regardless of its content.
+# Always served as an image, regardless of the content.
 PICTURE_HEADERS = NO_STORE | {"X-Content-Type-Options": "nosniff", "Content-Security-Policy": "default-src 'none'"}
 
 
 @dataclass(frozen=True)
 class Store:
-    """Components of the store; opened and closed by the caller."""
+    """Components of the store, opened and closed by the caller."""
 
     workspace: Workspace
     experiments: Experiments
@@ -143,13 +143,13 @@ async def experiments(request: Request) -> ModelResponse[ExperimentList]:
 
 @described(takes=ExperimentRequest)
 async def summarise(request: Request) -> ModelResponse[PlanSummary]:
-    """Expand an experiment's file, and keep nothing."""
+    """Expand an experiment's file without storing anything."""
     return json_response(await _store(request).planner.summary(await read_body(request, MAX_REQUEST_BYTES)))
 
 
 @described(takes=ExperimentRequest)
 async def create(request: Request) -> ModelResponse[ExperimentCreated]:
-    """Begin an experiment."""
+    """Start an experiment."""
     made = await _store(request).planner.create(await read_body(request, MAX_REQUEST_BYTES))
     return created_response(ExperimentCreated(id=made), f"/experiments/{quote(made)}")
 
@@ -182,9 +182,9 @@ async def remove(request: Request) -> Response:
 
 @described(takes=RunUpload)
 async def add_run(request: Request) -> ModelResponse[RunRow]:
-    """Keep a performed run; it is incomplete until its captures are there."""
+    """Store a performed run, which is incomplete until its captures are uploaded."""
     store, experiment, run = _store(request), request.path_params["id"], request.path_params["run"]
-    await asyncio.to_thread(store.experiments.find_page, experiment)  # before hundreds of megabytes are received
+    await asyncio.to_thread(store.experiments.find_page, experiment)  # before receiving hundreds of megabytes
     with store.planner.failing(experiment, run), storage_explained(), store.workspace.folder() as folder:
         body = folder / "body.json"
         size = await _receive(request, body, MAX_BYTES)
@@ -195,13 +195,13 @@ async def add_run(request: Request) -> ModelResponse[RunRow]:
 
 @described(takes=PICTURES)
 async def add_capture(request: Request) -> Response:
-    """Keep a capture of an incomplete run."""
+    """Store a capture of an incomplete run."""
     await _keep_picture(request, keep_capture)
     return Response(status_code=204)
 
 
 async def complete_run(request: Request) -> ModelResponse[RunRow]:
-    """Compare a run's captures, which are all there, with ground truth, and mark it as complete."""
+    """Compare a run's captures, all of which must be uploaded, with ground truth, and mark the run as complete."""
     return json_response(await _store(request).planner.complete(request.path_params["id"], request.path_params["run"]))
 
 
@@ -212,20 +212,20 @@ async def samples(request: Request) -> ModelResponse[SampleList]:
 
 @described(gives=PICTURES)
 async def sample(request: Request) -> Response:
-    """A picture of a sample."""
+    """A sample's picture."""
     data, media_type = await asyncio.to_thread(lambda: picture(_run(request), request.path_params["name"]))
     return Response(data, media_type=media_type, headers=PICTURE_HEADERS)
 
 
 async def start_rerendering(request: Request) -> ModelResponse[Materialisation]:
-    """Render the samples of an experiment again: begin, or go on."""
+    """Start or continue rendering an experiment's samples again."""
     answer = json_response(await _store(request).rerendering.start(request.path_params["id"]))
     answer.status_code = 202
     return answer
 
 
 async def rerendering(request: Request) -> ModelResponse[Materialisation]:
-    """How far that is."""
+    """Progress of rendering an experiment's samples again."""
     return json_response(await _store(request).rerendering.get(request.path_params["id"]))
 
 
@@ -241,7 +241,7 @@ async def uploaded_samples(request: Request) -> ModelResponse[UploadedSamples]:
 
 @described(takes=PICTURES)
 async def add_picture(request: Request) -> Response:
-    """Keep a picture of a sample."""
+    """Store a sample's picture."""
     await asyncio.to_thread(lambda: check_room(_page_run(request), request.path_params["name"]))
     await _keep_picture(request, keep_picture)
     return Response(status_code=204)
@@ -249,7 +249,7 @@ async def add_picture(request: Request) -> Response:
 
 @described(takes=SampleIndex)
 async def complete_samples(request: Request) -> Response:
-    """Say which samples there are: all of their pictures came before."""
+    """Store the index of a run's samples, after all of their pictures."""
     store, body = _store(request), await read_body(request, MAX_INDEX_BYTES)
     with storage_explained(), store.workspace.folder() as folder:
         index = await asyncio.to_thread(parse, SampleIndex, body, MAX_INDEX_BYTES)
@@ -268,7 +268,7 @@ async def download(request: Request) -> Response:
 
 @described(gives=("text/html",))
 async def report(request: Request) -> Response:
-    """An experiment's report, newly made if runs came or went."""
+    """An experiment's report, remade if runs were added or removed."""
     html = await _store(request).reports.html(request.path_params["id"])
     return Response(html, media_type="text/html", headers=REPORT_HEADERS)
 
@@ -280,22 +280,22 @@ async def movements(request: Request) -> ModelResponse[MovementList]:
 
 @described(gives=("text/csv",))
 async def movement(request: Request) -> Response:
-    """A movement trace's file."""
+    """The file of a movement trace."""
     text = await asyncio.to_thread(_store(request).movements.text, request.path_params["name"])
     return Response(text, media_type="text/csv", headers=NO_STORE)
 
 
 async def _receive(request: Request, path: Path, limit: int) -> int:
-    """Write the body into a file, and return its size.
+    """Write the request's body into a file, and return its size.
 
-    Raises BodyTooLarge, InvalidRequest if it stops before its end, and OSError.
+    Raises BodyTooLarge, InvalidRequest if the body is incomplete, and OSError.
     """
     size, too_large = 0, BodyTooLarge(f"The body is larger than {limit} bytes.")
     if int(request.headers.get("content-length", 0)) > limit:
         raise too_large
     try:
         with path.open("wb") as file:
-            async for part in request.stream():  # the server waits no longer than its limits say
+            async for part in request.stream():  # the server limits how long this waits
                 size += len(part)
                 _metrics(request).received_bytes += len(part)
                 if size > limit:
@@ -310,7 +310,7 @@ async def _keep_picture(request: Request, keep: Callable[[Path, Path], None]) ->
     """Receive a picture under its name, and have `keep` move it to its run."""
     run, name = await asyncio.to_thread(lambda: _page_run(request)), request.path_params["name"]
     if not _PICTURE.fullmatch(name) or len(name) > MAX_NAME:
-        raise InvalidRequest(f"{name[:60]!r} is not an image's name.")
+        raise InvalidRequest(f"{name[:60]!r} is not the name of an image.")
     with storage_explained(), _store(request).workspace.folder() as folder:
         await _receive(request, folder / name, MAX_PICTURE_BYTES)
         await asyncio.to_thread(keep, folder / name, run)

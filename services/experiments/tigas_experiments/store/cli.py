@@ -1,4 +1,4 @@
-"""The command `tigas store`. Heavy imports wait until it runs."""
+"""The command `tigas store`. Heavy modules are imported when it runs."""
 
 from __future__ import annotations
 

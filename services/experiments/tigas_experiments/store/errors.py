@@ -53,4 +53,4 @@ class SamplesComplete(TigasError):
 
 
 storage_explained = partial(files.storage_explained, "results")
-"""Turns the system's errors into DiskFull and StorageFailed."""
+"""Turns OSErrors into DiskFull and StorageFailed."""

@@ -1,6 +1,6 @@
-"""Experiments of pages and commands as folders of one directory: listed, created, extended and removed.
+"""Experiments of pages and commands as folders in one directory: listed, created, extended and removed.
 
-All functions block; the application calls them in threads. An experiment's id is its folder's name. Links are not
+All functions block, so the application calls them in threads. An experiment's id is its folder's name. Links are not
 followed, so that nothing outside the directory can be reached.
 """
 
@@ -39,7 +39,7 @@ TAKEN = (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR)
 class Experiments:
     def __init__(self, results: Path, workspace: Workspace) -> None:
         self.results = results.resolve()
-        """Where they are."""
+        """Directory with the experiments' folders."""
         self._workspace = workspace
 
     def all(self) -> ExperimentList:
@@ -58,7 +58,7 @@ class Experiments:
         return ExperimentList(experiments=tuple(sorted(found, key=lambda one: (one.created, one.id), reverse=True)))
 
     def get(self, experiment: str) -> Experiment:
-        """One with its runs. Raises UnknownExperiment."""
+        """An experiment with its runs. Raises UnknownExperiment."""
         folder, record = self.find(experiment)
         runs = list(_read(_row_of, folder))
         return Experiment(
@@ -71,7 +71,7 @@ class Experiments:
     def find(self, experiment: str) -> tuple[Path, ExperimentRecord]:
         """Folder and record of an experiment. Raises UnknownExperiment."""
         folder = self.results / experiment
-        # Compared as a name, since as a path it could lead anywhere.
+        # Compared by name, as a path could lead anywhere.
         if folder.name != experiment or not _is_folder(folder):
             raise UnknownExperiment(f"There is no experiment {experiment[:100]!r}.")
         try:
@@ -88,12 +88,12 @@ class Experiments:
         return folder
 
     def page_run(self, experiment: str, name: str) -> Path:
-        """The folder of a run in an experiment that a page may change. Also raises ExperimentInUse."""
+        """The folder of a run in an experiment that pages may change. Also raises ExperimentInUse."""
         self.find_page(experiment)
         return self.run(experiment, name)
 
     def create(self, made: Path, name: str) -> str:
-        """Move a complete experiment from the workspace to its place; its id. Raises DiskFull."""
+        """Move a complete experiment from the workspace to its place, and return its id. Raises DiskFull."""
         slug = re.sub(r"[^A-Za-z0-9.-]+", "-", name).strip(".-")[:60] or "experiment"
         with storage_explained():
             return _placed(made, self.results, f"{slug}-{datetime.now(UTC):%Y%m%d-%H%M%S}")
@@ -109,14 +109,14 @@ class Experiments:
                 continue
 
     def new_name(self, name: str) -> str:
-        """The name, or the first of `NAME (2)`, `NAME (3)`, … that no experiment has yet; a long one is cut short."""
+        """The name, or the first unused one of `NAME (2)`, `NAME (3)`, …; long names are truncated."""
         taken = {record.name for _, record in self._read()}
         ends = itertools.chain([""], (f" ({number})" for number in itertools.count(2)))
         names = (name[: LONGEST_NAME - len(end)] + end for end in ends)
         return next(one for one in names if one not in taken)
 
     def row(self, experiment: str, run: str) -> RunRow:
-        """A run. Raises UnknownExperiment, UnknownRun and StorageFailed."""
+        """Description of a run. Raises UnknownExperiment, UnknownRun and StorageFailed."""
         folder = self.run(experiment, run)
         if (written := version(folder)) is None:
             raise UnknownRun(f"The run {run[:100]!r} has no record.")
@@ -126,14 +126,14 @@ class Experiments:
             raise StorageFailed(str(error)) from None
 
     def find_page(self, experiment: str) -> tuple[Path, ExperimentRecord]:
-        """Folder and record of an experiment of the page. Raises UnknownExperiment and ExperimentInUse."""
+        """Folder and record of an experiment made by pages. Raises UnknownExperiment and ExperimentInUse."""
         folder, record = self.find(experiment)
         if record.source == "command":
             raise ExperimentInUse(f"The experiment {experiment} belongs to a command; start a new one on the page.")
         return folder, record
 
     def remove(self, experiment: str) -> None:
-        """Remove one. Raises UnknownExperiment and ExperimentInUse."""
+        """Remove an experiment. Raises UnknownExperiment and ExperimentInUse."""
         folder, _ = self.find(experiment)
         lock = folder / EXPERIMENT
         with storage_explained():
@@ -147,7 +147,7 @@ class Experiments:
 
 
 def made_runs(folder: Path) -> list[Path]:
-    """The folders of an experiment's runs, by name; none if it has been removed."""
+    """Folders of an experiment's runs, by name; empty if it has been removed."""
     runs = folder / "runs"
     if not _is_folder(runs):
         return []
@@ -158,9 +158,9 @@ def made_runs(folder: Path) -> list[Path]:
 
 
 def version(run: Path) -> tuple[int, ...] | None:
-    """Differs whenever the run was written again, or more is known of its samples.
+    """A value that changes whenever the run is rewritten, or more is known about its samples.
 
-    None if it says nothing of itself.
+    None if the run has no record.
     """
     record = written(run / "run.json")
     if record is None:
@@ -169,7 +169,7 @@ def version(run: Path) -> tuple[int, ...] | None:
 
 
 def written(path: Path) -> tuple[int, ...] | None:
-    """Differs whenever the file was written again; None without a file."""
+    """A value that changes whenever the file is rewritten; None without a file."""
     try:
         told = path.lstat()
     except OSError:
@@ -210,12 +210,12 @@ def _is_folder(path: Path) -> bool:
     try:
         path.name.encode()
         return path.is_dir() and not path.is_symlink() and not path.name.startswith(".")
-    except (OSError, ValueError):  # a name that no file system takes
+    except (OSError, ValueError):  # an invalid file name
         return False
 
 
 def _placed(made: Path, parent: Path, name: str) -> str:
-    """Move a folder to its place, under the first name that is free. Raises OSError."""
+    """Move a folder to its place, under the first unused name. Raises OSError."""
     for number in itertools.count(1):
         chosen = name if number == 1 else f"{name}_{number}"
         try:

@@ -1,4 +1,4 @@
-"""Work on data from pages, in a process with limits: expanding an experiment's file, and keeping a performed run."""
+"""Work on data from pages, in a process with limits: expanding experiment files and storing performed runs."""
 
 from __future__ import annotations
 
@@ -31,23 +31,23 @@ from tigas_experiments.wire.run import Configuration
 from tigas_experiments.wire.store import ExperimentRequest, RunUpload, mismatch
 
 MAX_REQUEST_BYTES = 16_000_000
-"""Maximum size of a request that creates an experiment, with its movements."""
+"""Maximum size of a request that creates an experiment, including its movements."""
 LIMIT = Limit(memory=1_000_000_000, cpu_s=60)
 COMPARE = Limit(memory=2_000_000_000, cpu_s=1200)
-"""Of comparing a run's captures with ground truth."""
+"""Limit for comparing a run's captures with ground truth."""
 INPUTS = "inputs"
-"""The folder of an experiment's movements."""
+"""Folder of an experiment's movements."""
 
 
 class BrokenPlan(InvalidRequest):
-    """The experiment's file cannot be expanded."""
+    """The experiment file cannot be expanded."""
 
 
 def expand(body: bytes, movements: Path, out: Path) -> tuple[Experiment, Mapping[str, float]]:
-    """An experiment in a new folder, with copies of its movements, and the durations of the shaper's traces.
+    """Create an experiment in a new folder with copies of its movements; also returns durations of the shaper's traces.
 
-    The file names movements of the request, of the directory `movements`, and generated ones. Raises InvalidRequest,
-    BrokenPlan with one sentence, and DiskFull.
+    The file may name movements in the request or in the directory `movements`, and generated ones. Raises
+    InvalidRequest, BrokenPlan with one sentence, and DiskFull.
     """
     request = parse(ExperimentRequest, body, MAX_REQUEST_BYTES)
     try:
@@ -67,11 +67,11 @@ def expand(body: bytes, movements: Path, out: Path) -> tuple[Experiment, Mapping
 
 
 def reopen(folder: Path, record: ExperimentRecord) -> Experiment:
-    """A page's experiment in its folder. Raises InvalidRequest."""
+    """Open a page's experiment from its folder. Raises InvalidRequest."""
     try:
         plan = ExperimentPlan.of(record.plan, "Another version made this experiment, so it cannot be resumed")
         experiment = Experiment.of(plan, folder / INPUTS, folder, traces_s=record.traces_s)
-        experiment.missing()  # all of its inputs are there
+        experiment.missing()  # checks that all inputs exist
     except StartError as error:
         raise InvalidRequest(str(error)) from None
     return experiment
@@ -80,7 +80,7 @@ def reopen(folder: Path, record: ExperimentRecord) -> Experiment:
 def placed_points(
     inputs: Inputs, configuration: Configuration, scene: SceneInfo
 ) -> tuple[list[TimedPose], InputDigests]:
-    """The poses of a run in a scene. Raises InvalidRequest."""
+    """The poses of a run in a scene, and the digests of its inputs. Raises InvalidRequest."""
     try:
         return inputs.points(configuration, scene), inputs.digests(configuration)
     except StartError as error:
@@ -88,14 +88,14 @@ def placed_points(
 
 
 def _check_names(names: Iterable[str]) -> None:
-    """Raises StartError for a path."""
+    """Raise StartError for any path."""
     for name in names:
         if Path(name).name != name or not name.isprintable():
             raise StartError(f"{name[:100]!r} must not be a path: only the store's files can be used.")
 
 
 def _keep_movement(name: str, own: Mapping[str, str], movements: Path, inputs: Path) -> None:
-    """Raises StartError and OSError."""
+    """Copy a movement from the request or the store, unless it is generated. Raises StartError and OSError."""
     if (text := own.get(name)) is not None:
         MovementTrace.parse(text, name)
         (inputs / name).write_text(text, encoding="utf-8")
@@ -108,7 +108,7 @@ def _keep_movement(name: str, own: Mapping[str, str], movements: Path, inputs: P
 def check_limit(size: int) -> Limit:
     """Resource limits of `keep_upload` for a body of `size` bytes.
 
-    A page's run of 20 Mbit/s takes 13 times its size in memory and a quarter of a second for each megabyte.
+    A page's run of 20 Mbit/s takes 13 times its size in memory, and a quarter of a second per megabyte.
     """
     return Limit(memory=256_000_000 + 20 * size, cpu_s=30 + 2 * size // 1_000_000)
 
@@ -154,7 +154,7 @@ def complete_upload(folder: Path, render: str) -> None:
 
 
 def _browser(user_agent: str) -> str | None:
-    """Its version: `156.0.0.0` of Chromium, `152.0` of Firefox."""
+    """Version of the browser: `156.0.0.0` for Chromium, `152.0` for Firefox."""
     for name in ("Chrome/", "Firefox/", "Version/"):
         _, found, rest = user_agent.partition(name)
         if found:

@@ -1,4 +1,4 @@
-"""Wires the store together and serves its API until it is stopped."""
+"""Wires the store together and serves its API until stopped."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tigas_experiments.store.settings import StoreSettings
 from tigas_experiments.store.workspace import Workspace
 
 REMEMBERED_S = 3 * 3600
-"""The machine's load is: longer than the longest run and its upload."""
+"""Period for which the machine's load is remembered: longer than the longest run and its upload."""
 
 
 async def serve(settings: StoreSettings) -> None:
@@ -36,7 +36,7 @@ async def serve(settings: StoreSettings) -> None:
     keep_together()
     limits = HttpLimits.of(settings.http_limits)
     async with AsyncExitStack() as stack:
-        with explained(settings.http, "--http"):  # before anything that takes time
+        with explained(settings.http, "--http"):  # before anything slow
             listener = stack.enter_context(settings.http.listen(limits.unread_s))
         load = await stack.enter_async_context(watching_load(settings.render, keep=int(REMEMBERED_S / EVERY_S)))
         machine = await asyncio.to_thread(this_machine)
@@ -62,7 +62,7 @@ async def open_store(
     services: Services | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> AsyncIterator[Store]:
-    """The store's parts, as a context manager: `services` are those at the URL `render`. Raises StartError."""
+    """The store's components, as a context manager; `services` are those at `render` by default. Raises StartError."""
     with Workspace.opened(results) as workspace:
         experiments = Experiments(results, workspace)
         async with Rerendering.opened(experiments, render) as rerendering:

@@ -20,7 +20,7 @@ class MonitoredLock:
     """An asyncio lock that reports its waiting tasks."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        """`clock` returns seconds."""
+        """clock: in seconds."""
         self._clock = clock
         self._lock = asyncio.Lock()
         self._waiting: list[float] = []
@@ -36,7 +36,7 @@ class MonitoredLock:
 
     @property
     def age_s(self) -> float:
-        """Longest current wait, seconds."""
+        """Longest current wait in seconds."""
         return self._clock() - min(self._waiting) if self._waiting else 0.0
 
     async def __aenter__(self) -> Self:
@@ -54,7 +54,7 @@ class MonitoredLock:
 
 class StoreMetrics(Collector):
     def __init__(self, results: Path, queues: Mapping[str, MonitoredLock]) -> None:
-        """`queues` are locks by the name of their work."""
+        """queues: locks by the name of their work."""
         self._results = results
         self._queues = queues
         self.runs = 0

@@ -1,4 +1,4 @@
-"""Movement traces of a directory, which the page plays."""
+"""Movement traces in a directory, for pages to play."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ logger = logging.getLogger(__name__)
 
 
 class Movements:
-    """The files NAME.csv of a directory that is read anew each time; files that are no movements are not among them."""
+    """The files NAME.csv of a directory, which is read anew each time; files that are not movements are ignored."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
@@ -34,9 +34,9 @@ class Movements:
         return MovementList(movements=tuple(found))
 
     def text(self, name: str) -> bytes:
-        """The file. Raises UnknownMovement."""
+        """Content of a movement's file. Raises UnknownMovement."""
         path = self._directory / f"{name}.csv"
-        # Looked for among the names that there are: as a path it could lead anywhere.
+        # Compared with the existing names, as a path could lead anywhere.
         if path not in self._directory.glob("*.csv"):
             raise UnknownMovement(f"There is no movement {name[:100]!r}.")
         _described(path)

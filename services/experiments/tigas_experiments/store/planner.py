@@ -1,4 +1,4 @@
-"""Hands out an experiment's runs to pages, one at a time to each, and takes the performed ones."""
+"""Assigns an experiment's runs to pages, one at a time to each, and accepts the performed ones."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ from tigas_experiments.wire.run import Configuration
 from tigas_experiments.wire.store import NextRequest, NextRun, PlanSummary, RunJob, RunRow
 
 LEASE_S = 300.0
-"""How much longer than its warm-up and movement a page may take for a run. Nothing is sent during a run."""
+"""Seconds that a page may take for a run beyond its warm-up and movement, as it sends nothing during the run."""
 COMPARE_S = 1800.0
-"""Longer than comparing a run's captures takes, even behind others."""
+"""Longer than it takes to compare a run's captures, even after waiting for others."""
 Services = Callable[[Configuration], Awaitable[tuple[ServerConfig, SceneInfo]]]
 """Configuration and scene of the render service for a run. Raises StartError."""
 
@@ -66,26 +66,26 @@ class _Lease:
 
 @dataclass(slots=True)
 class _Session:
-    """An experiment that pages perform."""
+    """An experiment that pages are performing."""
 
     experiment: Experiment
     missing: dict[str, Configuration]
     """Incomplete runs by folder."""
     names: dict[str, str]
     made_from: dict[str, MadeFrom] = field(default_factory=dict)
-    """Inputs and services of reserved runs, as they were at the beginning."""
+    """Inputs and services of reserved runs, as of their reservation."""
     leases: dict[str, _Lease] = field(default_factory=dict)
     failed: set[str] = field(default_factory=set)
-    """Runs that are not tried again until a page begins anew."""
+    """Runs that are not retried until a page starts over."""
     failures: int = 0
-    """Consecutive ones."""
+    """Number of consecutive failures."""
     last_problem: str | None = None
     opening: asyncio.Lock = field(default_factory=asyncio.Lock)
-    """Pages that begin it do so in turn."""
+    """Pages that start the experiment do so one after the other."""
 
     @property
     def why_given_up(self) -> str | None:
-        """Why its other runs are not tried, in a sentence or two."""
+        """Reason why the remaining runs are not tried, in one or two sentences."""
         if self.failures < GIVE_UP_AFTER:
             return None
         return (
@@ -98,7 +98,7 @@ class _Session:
         if problem is None:
             self.missing.pop(run, None)
             self.failures = 0
-        elif run not in self.failed:  # a page may report a failure that is known already
+        elif run not in self.failed:  # a page may report a failure that is already known
             self.failed.add(run)
             self.failures += 1
             self.last_problem = problem
@@ -131,16 +131,16 @@ class Planner:
         self._services = services
         self._machine = machine
         self._load = load
-        """This machine's load over the longest possible run; grows continuously."""
+        """This machine's load over the longest possible run, continuously updated."""
         self._clock = clock
         self._sessions: dict[str, _Session] = {}
         self._expanding = asyncio.Lock()
-        """Files are expanded in turn: the largest take a gigabyte."""
+        """Files are expanded one at a time, as the largest take a gigabyte."""
         self.checks = MonitoredLock()
-        """Runs are checked in turn: a long one takes much memory."""
+        """Runs are checked one at a time, as a long one takes much memory."""
 
     async def summary(self, body: bytes) -> PlanSummary:
-        """Expand a file without keeping anything. Raises InvalidRequest and TooCostly."""
+        """Expand a file without storing anything. Raises InvalidRequest and TooCostly."""
         with storage_explained(), self._workspace.folder() as folder:
             try:
                 experiment, _ = await self._expand(body, folder / "experiment")
@@ -149,7 +149,7 @@ class Planner:
         return PlanSummary(runs=len(experiment.runs), lasting=lasting(experiment.runs), problem=None)
 
     async def create(self, body: bytes) -> str:
-        """Begin an experiment; its id. Raises InvalidRequest, TooCostly and DiskFull."""
+        """Start an experiment, and return its id. Raises InvalidRequest, TooCostly and DiskFull."""
         with storage_explained(), self._workspace.folder() as folder:
             made = folder / "experiment"
             experiment, traces_s = await self._expand(body, made)
@@ -194,7 +194,7 @@ class Planner:
         )
 
     def forget(self, experiment: str) -> None:
-        """The experiment was removed."""
+        """Forget a removed experiment."""
         self._sessions.pop(experiment, None)
 
     async def release(self, experiment: str, page: str) -> None:
@@ -204,14 +204,14 @@ class Planner:
             self._release(session, page)
 
     def extend(self, experiment: str, run: str, seconds: float = LEASE_S) -> None:
-        """Keep a run for the page that has it, which is at work on it."""
+        """Extend the reservation of a run whose page is working on it."""
         session = self._sessions.get(experiment)
         if session is not None and (lease := session.leases.get(run)) is not None:
             lease.until = max(lease.until, self._clock() + seconds)
 
     @contextmanager
     def failing(self, experiment: str, run: str) -> Iterator[None]:
-        """Count a run that the disk refuses as failed: the page could not report that either."""
+        """Count a run as failed if the disk refuses it, as the page could not report that either."""
         try:
             yield
         except (DiskFull, StorageFailed) as error:
@@ -221,9 +221,9 @@ class Planner:
             raise
 
     async def add(self, experiment: str, run: str, body: Path, size: int, made: Path) -> RunRow:
-        """Keep a performed run from a body of `size` bytes; it is incomplete until `complete`.
+        """Store a performed run from a body of `size` bytes; it is incomplete until `complete`.
 
-        `made` is a free path in the workspace.
+        `made` is an unused path in the workspace.
 
         Raises UnknownExperiment, ExperimentInUse, UnknownRun, RunMade, InvalidRequest, TooCostly and DiskFull.
         """
@@ -247,7 +247,7 @@ class Planner:
         return await asyncio.to_thread(self._experiments.row, experiment, run)
 
     async def complete(self, experiment: str, run: str) -> RunRow:
-        """Complete a run that has all its captures, or return it if it is complete. Raises as `add` does."""
+        """Complete a run that has all its captures; a complete run is returned unchanged. Raises as `add` does."""
         session = await self._session(experiment)
         folder = await asyncio.to_thread(self._experiments.page_run, experiment, run)
         self.extend(experiment, run, COMPARE_S)
@@ -268,7 +268,7 @@ class Planner:
         return self._sessions[experiment]
 
     async def _check(self, session: _Session, asked: NextRequest) -> None:
-        """Before the first run: whether all can be made, by the versions that made the others."""
+        """Check before the first run that all runs can be made, with the same versions as existing ones."""
         missing = tuple(session.missing.values())
         scenes = {}
         try:
@@ -286,7 +286,7 @@ class Planner:
                 )
 
     def _reserve(self, session: _Session, page: str) -> _Lease | None:
-        """A run that no other page performs. One with a shaped link has the link to itself: the others would end it."""
+        """Reserve a free run. A run with a shaped link excludes all others, as pages share the link."""
         if session.why_given_up is not None:
             return None
         self._drop_expired()

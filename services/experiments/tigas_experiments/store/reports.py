@@ -1,4 +1,4 @@
-"""Reports of experiments, made on demand and cached until runs change; and ZIPs, made while they are read."""
+"""Reports of experiments, made on demand and cached until runs change, and ZIPs, made while they are sent."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from tigas_experiments.store.metrics import MonitoredLock
 from tigas_experiments.store.workspace import Workspace
 
 LEVEL = 5
-"""Records shrink to about a tenth; more costs time that the services need."""
+"""Records shrink to about a tenth; a higher level would take time that the services need."""
 COMPRESSED = (".png", ".jpg", ".webp")
-"""Suffixes of files that are stored without further compression."""
+"""Suffixes of files to store without further compression."""
 REPORT = "report.html"
 MAX_REPORT_BYTES = 1_000_000_000
-"""Reports have some megabytes."""
+"""Usually, reports have a few megabytes."""
 Versions = tuple[tuple[str, tuple[int, ...] | None], ...]
 
 
 class Reports:
-    """One at a time, since each takes a processor."""
+    """Makes reports one at a time, as each takes a processor."""
 
     def __init__(self, experiments: Experiments, workspace: Workspace, offload: Offload) -> None:
         self._experiments = experiments
@@ -39,10 +39,10 @@ class Reports:
         self._offload = offload
         self.lock = MonitoredLock()
         self._made: dict[str, Versions] = {}
-        """Versions of the runs and of the ladder in each cached report."""
+        """Versions of the runs and the ladder in each cached report."""
 
     async def html(self, experiment: str) -> bytes:
-        """The report, which is also written into the experiment's folder. May take seconds.
+        """The report as HTML, also written into the experiment's folder. May take seconds.
 
         Raises UnknownExperiment, NothingToReport and DiskFull.
         """
@@ -74,11 +74,11 @@ def _still_there(experiment: str) -> Iterator[None]:
 
 
 def draw(folder: Path, out: Path) -> None:
-    """Write the files of an experiment's report into a folder, and remove an earlier report's from its own.
+    """Write an experiment's report into `out`, and remove the files of an earlier one from the experiment's folder.
 
     Raises NothingToReport and DiskFull.
     """
-    from tigas_experiments.report.report import clear, write_report  # heavy, and of no use but where it draws
+    from tigas_experiments.report.report import clear, write_report  # heavy, and only needed in the process that draws
 
     with storage_explained():
         try:
@@ -94,7 +94,7 @@ def _move(made: Path, folder: Path) -> None:
 
 
 def archive(folder: Path) -> Iterator[bytes]:
-    """The ZIP of a folder, under its name and without links.
+    """Yield the ZIP of a folder, with its name and without links.
 
     Raises OSError if the folder is removed meanwhile.
     """

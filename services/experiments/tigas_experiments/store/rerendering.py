@@ -22,7 +22,7 @@ from tigas_experiments.wire.store import Materialisation
 logger = logging.getLogger(__name__)
 
 MOST_PROBLEMS = 5
-"""Maximum number of reported problems per experiment."""
+"""Maximum number of problems reported per experiment."""
 
 
 @dataclass(slots=True)
@@ -31,11 +31,11 @@ class _Job:
     done: int = 0
     problem: str | None = None
     task: asyncio.Task[None] | None = field(default=None, repr=False)
-    """None once it has ended."""
+    """None once the job has ended."""
 
 
 class Rerendering:
-    """Jobs of all experiments; results survive a killed service."""
+    """Jobs of all experiments. Their results survive if the service is killed."""
 
     def __init__(self, experiments: Experiments, render: str) -> None:
         self._experiments = experiments
@@ -46,7 +46,7 @@ class Rerendering:
     @classmethod
     @asynccontextmanager
     async def opened(cls, experiments: Experiments, render: str) -> AsyncIterator[Self]:
-        """Jobs with the render service at a URL, which are cancelled at the end of the context."""
+        """Jobs that use the render service at a URL, cancelled at the end of the context."""
         made = cls(experiments, render)
         try:
             yield made
@@ -57,7 +57,7 @@ class Rerendering:
             await asyncio.gather(*tasks, return_exceptions=True)
 
     async def get(self, experiment: str) -> Materialisation:
-        """How far it is. Raises UnknownExperiment."""
+        """Progress of an experiment's job. Raises UnknownExperiment."""
         folder, _ = await asyncio.to_thread(self._experiments.find, experiment)
         job = self._jobs.get(experiment)
         if job is not None and job.task is not None:
@@ -66,7 +66,7 @@ class Rerendering:
         return Materialisation(state="idle", done=done, total=total, problem=None if job is None else job.problem)
 
     async def start(self, experiment: str) -> Materialisation:
-        """Begin, or go on. Raises UnknownExperiment, NoSamples and ExperimentInUse."""
+        """Start or continue a job. Raises UnknownExperiment, NoSamples and ExperimentInUse."""
         folder, _ = await asyncio.to_thread(self._experiments.find, experiment)
         try:
             runs = await asyncio.to_thread(sampled_runs, folder)
@@ -116,7 +116,7 @@ class Rerendering:
 
 
 async def _rerender_all(job: _Job, runs: list[Path], renderer: RenderClient) -> str | None:
-    """Run by run; the problems of all, in a sentence each. Raises RenderUnavailable and OSError."""
+    """Render one run after the other. Returns all problems, one sentence each. Raises RenderUnavailable and OSError."""
     before, problems = 0, []
     for run in runs:
 
@@ -131,7 +131,7 @@ async def _rerender_all(job: _Job, runs: list[Path], renderer: RenderClient) -> 
 
 
 def _progress(folder: Path) -> tuple[int, int]:
-    """How many samples there are, and of how many everything is."""
+    """Number of samples, and number of complete ones."""
     try:
         found = [sampled_run(run) for run in sampled_runs(folder)]
     except StartError:

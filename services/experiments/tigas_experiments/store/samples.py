@@ -1,6 +1,7 @@
-"""The samples of a run over HTTP: lists, pictures, and uploads picture by picture.
+"""Samples of runs over HTTP: lists, pictures, and uploads picture by picture.
 
-A page that was interrupted only uploads missing pictures. Without an index, a run has no samples. All functions block.
+After an interruption, a page uploads only missing pictures. Without an index, a run has no samples. All functions
+block.
 """
 
 from __future__ import annotations
@@ -44,12 +45,12 @@ CAPTURE = re.compile("[0-9]{4}[.]png")
 SERVED = re.compile(f"{NUMBER}({'|'.join(map(re.escape, (JPEG, *ENHANCED, REPLAYED, TRUTH)))})")
 MAX_INDEX_BYTES = 16_000_000
 MAX_RUN_BYTES = 8_000_000_000
-"""Limit of all pictures of a run."""
+"""Maximum size of all pictures of a run."""
 MOST_FILES = 2 * MOST_SAMPLES
 
 
 def list_samples(run: Path) -> SampleList:
-    """Samples of a run's folder, by display time."""
+    """The samples in a run's folder, by display time."""
     found = sampled_run(run)
     rows = []
     for sample in sorted(found.samples, key=lambda sample: sample.at):
@@ -76,7 +77,7 @@ def list_samples(run: Path) -> SampleList:
 
 def picture(run: Path, name: str) -> tuple[bytes, str]:
     """A picture and its media type, without following links. Raises UnknownSample."""
-    if not SERVED.fullmatch(name) or (run / "samples").is_symlink():  # as a path it could lead anywhere
+    if not SERVED.fullmatch(name) or (run / "samples").is_symlink():  # a path could lead anywhere
         raise UnknownSample(f"No sample has a picture {name[:100]!r}.")
     try:
         data = read_regular(run / "samples" / name, MAX_PICTURE_BYTES, follow=False)
@@ -96,7 +97,7 @@ def count_samples(run: Path) -> SampleCounts | None:
 
 
 def uploaded(run: Path) -> UploadedSamples:
-    """A run's uploaded samples. Raises StorageFailed."""
+    """The uploaded samples of a run. Raises StorageFailed."""
     return UploadedSamples(
         complete=(run / INDEX).exists(),
         files=tuple(UploadedFile(name=name, bytes=size) for name, size in sorted(_files(run).items())),
@@ -104,7 +105,7 @@ def uploaded(run: Path) -> UploadedSamples:
 
 
 def check_room(run: Path, name: str) -> None:
-    """Whether another picture may come. Raises InvalidRequest, SamplesComplete, BodyTooLarge and StorageFailed."""
+    """Check that another picture is allowed. Raises InvalidRequest, SamplesComplete, BodyTooLarge and StorageFailed."""
     if not UPLOADED.fullmatch(name):
         raise InvalidRequest(f"{name[:60]!r} is not an image of a sample, such as 000123.jpg.")
     if (run / INDEX).exists():
@@ -117,7 +118,7 @@ def check_room(run: Path, name: str) -> None:
 
 
 def keep_picture(part: Path, run: Path) -> None:
-    """Move a picture, which has its name already, to its run. Raises as `check_room` does, and OSError."""
+    """Move a picture, which already has its name, to its run. Raises as `check_room` does, and OSError."""
     check_room(run, part.name)
     if not _is_whole(part):
         raise InvalidRequest(f"{part.name} is not such an image, or is incomplete.")
@@ -128,7 +129,7 @@ def keep_picture(part: Path, run: Path) -> None:
 
 
 def keep_capture(part: Path, run: Path) -> None:
-    """Move a capture, which has its name already, to its run. Raises InvalidRequest, RunMade and OSError."""
+    """Move a capture, which already has its name, to its run. Raises InvalidRequest, RunMade and OSError."""
     if not CAPTURE.fullmatch(part.name) or int(part.stem) >= MOST_PICTURES:
         raise InvalidRequest(
             f"{part.name[:60]!r} is not a capture, such as 0012.png; a run has at most {MOST_PICTURES}."
@@ -166,7 +167,7 @@ def _missing(sample: Sample, files: dict[str, int]) -> str | None:
 
 
 def _files(run: Path) -> dict[str, int]:
-    """Sizes of the pictures by name, without links and unknown names."""
+    """Sizes of pictures by name, without links and unknown names."""
     folder = run / FOLDER
     if folder.is_symlink():
         raise StorageFailed(f"The run {run.name} has a link in place of its samples.")
@@ -181,7 +182,7 @@ def _files(run: Path) -> dict[str, int]:
 
 
 def _is_whole(path: Path) -> bool:
-    """Whether a file begins and ends as a picture of its kind does."""
+    """Whether a file begins and ends like a picture of its type."""
     data = path.read_bytes()
     if path.suffix == ".jpg":
         return data[:3] == b"\xff\xd8\xff" and data[-2:] == b"\xff\xd9"

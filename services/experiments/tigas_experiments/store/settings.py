@@ -19,9 +19,9 @@ class StoreSettings(ServiceSettings):
     table: ClassVar[str] = "store"
 
     results: Path = Path("results")
-    """The directory of experiments, one folder each; created if missing."""
+    """Directory of experiments, with one folder each; created if missing."""
     movements: Annotated[Path, NO_FLAG] = Path("traces/movement")
-    """The directory of movement traces."""
+    """Directory of movement traces."""
     render: Annotated[Url, NO_FLAG] = f"http://{PAGE.loopback}"
     """Base URL of the render service that pages use, for ground truth."""
     http: Listen = STORE.loopback

@@ -1,7 +1,7 @@
 """A hidden folder for incomplete files, on the same disk as the results.
 
-Complete files are renamed to their place atomically; files to be removed are renamed into this folder first. Leftovers
-of a killed store are removed at the next start.
+Complete files are moved to their place atomically; files to be removed are moved into this folder first. Leftovers of a
+killed store are removed at the next start.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Workspace:
     @classmethod
     @contextmanager
     def opened(cls, results: Path) -> Iterator[Workspace]:
-        """An exclusive, empty workspace during the context. Raises StartError."""
+        """Open an exclusive, empty workspace during the context. Raises StartError."""
         root = results / NAME
         with ExitStack() as stack:
             try:

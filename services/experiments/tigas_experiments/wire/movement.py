@@ -8,20 +8,19 @@ from pydantic import Field
 from typing_extensions import TypedDict
 
 Anchor = Literal["start", "scene"]
-"""`start`: the movement begins at the origin and looks along z, which is the scene's start camera.
-`scene`: it is in the scene's levelled frame."""
+"""`start`: relative to the scene's start camera, from the origin and looking along z. `scene`: in the scene's levelled
+frame."""
 ANCHORS: tuple[Anchor, ...] = get_args(Anchor)
 Unit = Literal["m", "scene"]
-"""The unit of positions: metres, or the scene's own."""
+"""Unit of positions: metres, or the scene's own."""
 UNITS: tuple[Unit, ...] = get_args(Unit)
 COLUMNS = ("t_ms", "x", "y", "z", "qx", "qy", "qz", "qw")
 MAX_DURATION_MS = 86_400_000.0
 MAX_COORDINATE = 1e6
 QUATERNION_LENGTHS = (0.1, 10.0)
-"""Accepted lengths of a quaternion: a rounded or scaled rotation."""
+"""Accepted lengths of a quaternion, as rotations may be rounded or scaled."""
 VIEW_M = 4.0
-"""The assumed distance from the scene's start camera to the point that it looks at, in metres, as a scene does not say
-how long its unit is."""
+"""Assumed distance in metres from the scene's start camera to its subject, as a scene does not define its unit."""
 
 
 class TimedPose(TypedDict):

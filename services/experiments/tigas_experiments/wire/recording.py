@@ -16,60 +16,60 @@ from tigas_common.wire.model import MAX_SIDE, Coordinate, Entries, Point, WireMo
 from tigas_common.wire.render import RenderRequest, ServerTiming
 
 MAX_BYTES = 256_000_000
-"""A longer recording is refused."""
+"""Maximum size of a recording."""
 LONGEST_REPLY_MS = 600_000.0
 """Maximum time from a frame's request to its last byte."""
 PlayedMode = Literal["stateless", "video", "dash", "webrtc", "side-by-side", "local"]
 
 
 class Input(WireModel):
-    """A pose that the rig sampled, because it differs from the one before, or should have sampled."""
+    """A pose sampled by the rig because it changed, or one that the rig should have sampled."""
 
     at: float
     pose: int = Field(ge=0)
-    """Its number, increasing with each change. A missed pose has the number of the next sampled one, which also
+    """Number of the pose, increasing with each change. A missed pose has the number of the next sampled one, which also
     shows it.
     """
     missed: bool = False
-    """The page stalled in a frame of the display in which the movement went on."""
+    """Whether the page stalled in a display frame during which the movement continued."""
     position: Point
     quaternion: tuple[Coordinate, Coordinate, Coordinate, Coordinate]
     """Camera to world, [x, y, z, w], in the scene's own frame."""
 
     @property
     def camera(self) -> Pose:
-        """Raises ValueError if the quaternion is zero."""
+        """The camera's pose. Raises ValueError if the quaternion is zero."""
         return Pose.from_quaternion(self.position, self.quaternion)
 
 
 class ShownFrame(WireModel):
-    """A frame that was on the screen."""
+    """A frame that was on screen."""
 
     side: Literal["stateless", "dash", "webrtc", "local"]
     """Frames requested by the page in the modes `stateless` and `video`, frames of a stream, or frames rendered by the
     page.
     """
     at: float
-    """When it was on the screen."""
+    """Time at which it was on screen."""
     pose: int
-    """Number of the pose at which its pixels were requested."""
+    """Number of the pose for which its pixels were requested."""
     view: int | None = Field(default=None, ge=0)
-    """Number of the pose to which the page warped it; None without a warp."""
+    """Number of the pose to which the page reprojected it; None without reprojection."""
     filled: float | None = Field(default=None, ge=0, le=1)
-    """The page's estimate of the share of the picture that the newest frame did not cover; None where not turned."""
+    """The page's estimate of the share of the picture outside the newest frame; None without reprojection."""
     warp_ms: float | None = Field(default=None, ge=0)
-    """How long turning it kept the page's main thread; None where not turned."""
+    """Time for which reprojection occupied the page's main thread; None without reprojection."""
     latencies: Entries[float]
     """The page's own measurement of the latency of each input first shown by this frame."""
     rung: int | None
-    """Of the ladder."""
+    """Rung of the ladder."""
     width: int = Field(ge=0, le=MAX_SIDE)
     height: int = Field(ge=0, le=MAX_SIDE)
     shown_width: int | None = Field(default=None, ge=0, le=MAX_SIDE)
     shown_height: int | None = Field(default=None, ge=0, le=MAX_SIDE)
-    """Pixels, as the page showed it after enhancing it; None where it was not enhanced."""
+    """Size in pixels as shown after enhancement; None without enhancement."""
     enhance_ms: float | None = Field(default=None, ge=0)
-    """How long that took the page's graphics processor."""
+    """GPU time of the enhancement."""
 
 
 class Reply(WireModel):
@@ -80,20 +80,20 @@ class Reply(WireModel):
     asked_at: float
     first_byte_at: float
     pose: int
-    """The number of the pose that it was rendered from."""
+    """Number of the pose for which it was rendered."""
     asked_rung: int | None
-    """Of the ladder; None if the server was to choose."""
+    """Requested rung of the ladder; None to let the server choose."""
     rung: int | None
-    """Its rung."""
+    """Rung of the frame."""
     bytes: int = Field(ge=0, le=MAX_BYTES)
     server: ServerTiming | None
-    """Where the server's time went."""
+    """How the server spent its time."""
     throughput_kbps: float | None = Field(ge=0)
-    """The page's estimate of the link after this reply; None while unknown."""
+    """The page's estimate of the link's rate after this reply; None while unknown."""
 
     @property
     def time_ms(self) -> float:
-        """From the request to the last byte."""
+        """Time from the request to the last byte."""
         return self.at - self.asked_at
 
     @model_validator(mode="after")
@@ -104,35 +104,35 @@ class Reply(WireModel):
 
 
 Fate = Literal["shown", "overtaken", "cancelled", "dropped", "unanswered"]
-"""Outcome of a request: its frame was shown; it arrived after a newer one; the page cancelled it, since a newer one was
-on screen; the server shed it, or it was lost; nothing had arrived by the recording's end.
+"""Outcome of a request: its frame was shown; it arrived after a newer one; the page cancelled it, as a newer one was on
+screen; the server shed it, or it was lost; nothing had arrived by the recording's end.
 """
 
 
 class Request(WireModel):
-    """A request of the mode `stateless` or `video`, and its outcome."""
+    """A request in the mode `stateless` or `video`, and its outcome."""
 
     at: float
-    """When it was sent."""
+    """Time at which it was sent."""
     pose: int
     asked_rung: int | None
-    """Of the ladder; None if the server was to choose."""
+    """Requested rung of the ladder; None to let the server choose."""
     fate: Fate
 
 
 class Capture(WireModel):
-    """The screen at a tick of the run's clock, with its picture kept."""
+    """The screen at a tick of the run's clock, kept as a picture."""
 
     at: float
-    """The first animation frame at or after the tick."""
+    """Time of the first animation frame at or after the tick."""
     shown_at: float
     """Time at which the frame appeared on screen; negative before the run."""
     pose: int
-    """The pose at which its pixels were requested."""
+    """Number of the pose for which its pixels were requested."""
     view: int | None = Field(default=None, ge=0)
-    """The pose to which the page warped it; None without a warp."""
+    """Number of the pose to which the page reprojected it; None without reprojection."""
     filled: float | None = Field(default=None, ge=0, le=1)
-    """As of a shown frame."""
+    """As in ShownFrame."""
     rung: int | None
     width: int = Field(gt=0, le=MAX_SIDE)
     height: int = Field(gt=0, le=MAX_SIDE)
@@ -142,25 +142,25 @@ class Sample(WireModel):
     """A kept frame of the mode `stateless`: the JPEG as received and, with enhancement, as shown."""
 
     seq: int = Field(ge=0, lt=2**32)
-    """Number of the request, which identifies the parts of a sample."""
+    """Sequence number of the request, which identifies the parts of a sample."""
     at: float
-    """When it was on the screen."""
+    """Time at which it was on screen."""
     request: RenderRequest
-    """The exact request, to be repeated."""
+    """The exact request, for repeating it."""
     rung: int | None = Field(ge=0, le=255)
-    """Its rung."""
+    """Rung of the frame."""
     bytes: int = Field(ge=0, le=MAX_BYTES)
-    """Of the JPEG."""
+    """Size of the JPEG."""
     restore: str = Field(default="off", max_length=100)
-    """The model that restored it, or `off`, as for a rung that a network leaves alone."""
+    """Model that restored it, or `off`, also for rungs without a network."""
     upscale: str = Field(default="off", max_length=100)
     enhance_ms: float | None = Field(default=None, ge=0)
-    """Time of both models; None if both were off, or unmeasured."""
+    """Time of both models; None if both were off, or if unknown."""
     width: int = Field(gt=0, le=MAX_SIDE)
     height: int = Field(gt=0, le=MAX_SIDE)
     """Size of the shown picture in pixels."""
     enhanced: bool = False
-    """Whether the shown picture was kept as well, without loss."""
+    """Whether the shown picture was also kept, losslessly."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -172,7 +172,7 @@ class Sample(WireModel):
 
 
 class Lens(WireModel):
-    """The viewport and its intrinsics, in its pixels."""
+    """The viewport and its intrinsics, in pixels."""
 
     width: int = Field(ge=1, le=MAX_SIDE)
     height: int = Field(ge=1, le=MAX_SIDE)
@@ -183,7 +183,7 @@ class Lens(WireModel):
 
     @property
     def intrinsics(self) -> Intrinsics:
-        """As everything that computes takes them."""
+        """The intrinsics as used in computations."""
         return Intrinsics(self.fx, self.fy, self.cx, self.cy, self.width, self.height)
 
 
@@ -192,22 +192,22 @@ class Traffic(WireModel):
 
     at: float
     bytes: int = Field(ge=0)
-    """Of frames or segments, since the run's start; headers of the transport are not in it."""
+    """Bytes of frames or segments since the run's start, without transport headers."""
 
 
 class PlayedStream(StreamInfo):
-    """The stream of the modes with DASH, as made by the packager, and its player."""
+    """The stream of a DASH mode, as made by the packager, and its player."""
 
     player: str = Field(max_length=100)
-    """Its name and version."""
+    """Name and version of the player."""
     targets_ms: Entries[float] = ()
-    """The live latency that it was to hold during the run; each target that was in force, in their order."""
+    """Target live latencies during the run, in order."""
     protocols: Entries[str] = ()
-    """Protocols of its segments (ALPN, as `nextHopProtocol` of Resource Timing); none in early recordings."""
+    """Protocols of its segments (ALPN, as `nextHopProtocol` of Resource Timing); empty in early recordings."""
 
     @property
     def summary(self) -> str:
-        """All of it in one line."""
+        """Summary in one line."""
         representations = ", ".join(
             f"{one.width}×{one.height} at {one.bitrate_kbps} kbit/s ({one.codecs})" for one in self.representations
         )
@@ -223,7 +223,7 @@ class PlayedWebRtc(WireModel):
     """Statistics of WebRTC."""
 
     codec: str
-    """As RTP names it: H264 or VP8."""
+    """RTP name of the codec: H264 or VP8."""
     rung: int
     width: int
     height: int
@@ -233,64 +233,64 @@ class PlayedWebRtc(WireModel):
 
 
 class PlayedDownload(WireModel):
-    """Download and rendering of the scene in the mode `local`. Times in ms; None: it never happened."""
+    """Download and rendering of the scene in the mode `local`. Times in ms; None if something never happened."""
 
     form: Literal["compressed", "streamed", "ply"]
     """`ply` only in earlier records."""
     renderer: str | None = Field(max_length=100)
     """The renderer, such as `WebGL 2`."""
     began_ms: float
-    """When the download began, since the run's start: below 0 if it began before the run."""
+    """Start of the download since the run's start, negative if it began before the run."""
     first_picture_ms: float | None = Field(ge=0)
-    """From then until some of the scene was on the screen."""
+    """Time from there until part of the scene was on screen."""
     complete_ms: float | None = Field(ge=0)
-    """From then until all of it was on the screen; all that the view needs, if streamed."""
+    """Time from there until the whole scene was on screen or, if streamed, everything that the view needs."""
     downloaded_bytes: int = Field(ge=0)
-    """Of the scene's files, by the run's end."""
+    """Bytes of the scene's files downloaded by the run's end."""
     bytes: int = Field(ge=0)
-    """Bytes of the file; 0 if the server never announced them, or if streamed."""
+    """Size of the file; 0 if the server never announced it, or if streamed."""
     gaussians: int | None = Field(ge=0)
-    """Gaussians of the scene; None if that never became known."""
+    """Number of Gaussians in the scene; None if it never became known."""
 
 
 class RecordingHead(WireModel):
-    """All but the long lists."""
+    """A recording without its long lists."""
 
     scene: str
     mode: PlayedMode
     transport: str | None
     """Transport of the frames: the page's, or `dash`."""
     dash: PlayedStream | None = None
-    """None without DASH, before it played, and in early recordings."""
+    """None without DASH, if it never played, and in early recordings."""
     webrtc: PlayedWebRtc | None = None
-    """Only of the mode `webrtc`."""
+    """Only in the mode `webrtc`."""
     local: PlayedDownload | None = None
-    """Only of the mode `local`."""
+    """Only in the mode `local`."""
     user_agent: str
     lens: Lens
     started_unix_ms: float
-    """The run's start, on the machine's clock."""
+    """Start of the run, on the machine's clock."""
     duration_ms: float = Field(gt=0)
-    """How long the movement lasts."""
+    """Duration of the movement."""
     ended_ms: float = Field(ge=0)
     """End of the recording: the last view was on screen, or the wait for it timed out."""
     complete: bool
-    """The movement was played to its end."""
+    """Whether the movement was played to its end."""
     hidden: bool
-    """The page was hidden at some time, so that a browser may have held frames back."""
+    """Whether the page was hidden at some time, so that the browser may have delayed frames."""
     display_interval_ms: float | None = Field(default=None, gt=0)
-    """Between two frames of the display; unknown of early recordings."""
+    """Interval between display frames; unknown in early recordings."""
 
 
 class Recording(RecordingHead):
-    """One run, as the viewer saw it."""
+    """One run, as seen by the viewer."""
 
     inputs: Entries[Input]
     frames: Entries[ShownFrame]
     replies: Entries[Reply] = ()
-    """None of DASH."""
+    """Empty for DASH."""
     requests: Entries[Request] = ()
-    """None of DASH, and of early recordings."""
+    """Empty for DASH and in early recordings."""
     captures: Entries[Capture]
     traffic: Entries[Traffic]
 
@@ -306,7 +306,7 @@ class Recording(RecordingHead):
 
     @property
     def head(self) -> RecordingHead:
-        """Without the lists."""
+        """The recording without its lists."""
         return RecordingHead.model_validate(self.model_dump(include=set(RecordingHead.model_fields)))
 
 
@@ -316,7 +316,7 @@ class LinkSample(WireModel):
     at: float
     """ms since the run's start."""
     position_ms: float | None
-    """Of the trace."""
+    """Position in the trace."""
     target_kbps: float
     delivered_kbps: float
     queue_ms: float

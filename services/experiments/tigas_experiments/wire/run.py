@@ -15,12 +15,12 @@ from tigas_common.wire.shaper import LinkSetting
 from tigas_experiments.wire.movement import TimedPose
 
 PerViewMode = Literal["stateless", "video"]
-"""The page requests each view, as chosen by a controller: as one JPEG, or as one frame of a video."""
+"""The page requests each view, as chosen by a controller, as one JPEG or as one frame of a video."""
 DashMode = Literal["dash-typical", "dash-tuned", "dash-edge"]
-"""DASH as live services ship it, with the lowest latency that dash.js holds, or with that of a bare player."""
+"""DASH as in live services, with the lowest latency that dash.js sustains, or with that of a bare player."""
 LocalMode = Literal["local-ply", "local-compressed", "local-streamed"]
-"""The page draws the scene itself: downloaded as a plain PLY (only in earlier records), compressed, or streamed at
-levels of detail."""
+"""The page renders the scene, downloaded as a plain PLY (only in earlier records), compressed, or streamed in levels of
+detail."""
 Mode = Literal[PerViewMode, DashMode, "webrtc", LocalMode]
 PER_VIEW: tuple[Mode, ...] = get_args(PerViewMode)
 DASH: tuple[Mode, ...] = get_args(DashMode)
@@ -37,33 +37,33 @@ MODE_NAMES: dict[Mode, str] = {
     "local-streamed": "Local, streamed",
 }
 MODES: tuple[Mode, ...] = tuple(mode for mode in MODE_NAMES if mode != "local-ply")
-"""The modes that new runs can have."""
+"""Modes available for new runs."""
 DashTransport = Literal["tcp", "h3"]
 DASH_TRANSPORTS: dict[DashTransport, str] = {"tcp": "TCP", "h3": "HTTP/3"}
-"""How the segments of DASH are fetched: over HTTP/1.1, or from the sender of frames; with display names."""
+"""How DASH segments are fetched, over HTTP/1.1 or over HTTP/3 from the render service; with display names."""
 SOURCES = ("stateless", "video", "dash", "webrtc", "local")
-"""How the page can show a scene; one file each in web/packages/viewer/sources."""
+"""Ways in which the page can show a scene; one file each in web/packages/viewer/sources."""
 SIDE_MODES = (*PER_VIEW, *DASH, "dash-custom", "webrtc", "local")
-"""Choices for a side of the page's comparison: a source, with the preset of a stream."""
+"""Choices for a side of the page's comparison: a source, and for a stream its preset."""
 USUAL_SIDES = ("stateless", "dash-tuned")
 FrameRate = Literal[30, 60]
 OFF: Literal["off"] = "off"
-"""In place of a model's name."""
+"""Used in place of a model's name."""
 UNSHAPED = "unshaped"
 USUAL_UP_KBPS = 10_000.0
-"""The uplink of a constant link unless it is given."""
+"""Uplink of a constant link unless given."""
 
 
 class LinkTerm(NamedTuple):
-    """One term of a constant link's label, such as `20mbit`."""
+    """One term in the label of a constant link, such as `20mbit`."""
 
     field: str
-    """Of LinkSetting."""
+    """Field of LinkSetting."""
     unit: str
     scale: float
-    """The field's value per unit."""
+    """Field value per unit."""
     usual: float | None
-    """The field's value at which the label leaves the term out."""
+    """Field value for which the label omits the term."""
 
 
 LINK_TERMS = (
@@ -73,7 +73,7 @@ LINK_TERMS = (
     LinkTerm("loss_pct", "%-loss", 1.0, 0.0),
     LinkTerm("delay_ms", "ms-rtt", 0.5, 0.0),
 )
-"""The terms of a label, in order; the round trip is two delays."""
+"""Terms of a label, in order; a round trip is twice the delay."""
 MAX_RTT_MS = 120_000.0
 MAX_OFFSET_S = 86_400.0
 
@@ -85,29 +85,29 @@ def _page_name(name: str) -> str:
 
 
 PageName = Annotated[str, AfterValidator(_page_name)]
-"""A name that the page gives a model or a predictor."""
+"""Name that the page gives to a model or predictor."""
 ModelName = PageName
-"""Of the page's models; it alone knows which there are."""
+"""Name of one of the page's models, which only the page knows."""
 PredictorName = Literal["off", "velocity", "linear"]
-"""The page's predictors of poses."""
+"""The page's pose predictors."""
 Overscan = Literal["auto"] | Annotated[float, Field(ge=0, le=0.5)]
-"""How much more frames show at each side, as a share of the viewport; `auto`: the page decides."""
+"""Additional margin of frames on each side, as a share of the viewport; `auto` lets the page decide."""
 AUTO: Literal["auto"] = "auto"
 
 
 class Network(WireModel):
-    """The network of a run: a constant link, a trace (of the shaper's, or from a file), or none of these."""
+    """The network of a run: a constant link, a trace (of the shaper or from a file), or unshaped."""
 
     link: LinkSetting | None = None
     """A constant link."""
     trace: str | None = Field(default=None, min_length=1, max_length=100)
-    """A trace's name: the shaper's own, or its file's."""
+    """Name of a trace: the shaper's own, or that of its file."""
     trace_file: Path | None = None
-    """The trace's file, as a person named it; without it, the shaper knows the trace by its name."""
+    """Path of the trace's file as given; None if the shaper knows the trace by name."""
     rtt_ms: float | None = Field(default=None, ge=0, le=MAX_RTT_MS)
-    """Replaces a trace's own delay and jitter. A constant link states its delay itself."""
+    """Replaces a trace's own delay and jitter. A constant link defines its delay itself."""
     offset_s: float = Field(default=0.0, ge=0, le=MAX_OFFSET_S)
-    """Of a trace: the position that a run begins at."""
+    """Position in the trace at which a run starts."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -128,7 +128,7 @@ class Network(WireModel):
 
     @property
     def round_trip_ms(self) -> float | None:
-        """That it adds, where it is constant and known before the run."""
+        """The added round trip, if it is constant and known before the run."""
         return self.rtt_ms if self.link is None else 2 * self.link.delay_ms
 
     @property
@@ -138,12 +138,12 @@ class Network(WireModel):
 
     @property
     def label(self) -> str:
-        """The network as an experiment's file names it: `20mbit,0.1%-loss,20ms-rtt` or `4g-bus,100ms-rtt`."""
+        """The network as named in an experiment file: `20mbit,0.1%-loss,20ms-rtt` or `4g-bus,100ms-rtt`."""
         rtt = self.round_trip_ms
         return self.name if rtt is None or (rtt == 0 and self.trace is None) else f"{self.name},{rtt:g}ms-rtt"
 
     def with_rtt(self, rtt_ms: float) -> Network:
-        """The same rates at another round trip. Raises ValueError."""
+        """The same rates with another round trip. Raises ValueError."""
         if self.link is not None:
             return self.model_copy(update={"link": replace(self.link, delay_ms=rtt_ms / 2)})
         if self.trace is None:
@@ -152,53 +152,51 @@ class Network(WireModel):
 
 
 class Configuration(WireModel):
-    """One run. Two runs with equal configurations get the same inputs."""
+    """Configuration of one run. Runs with equal configurations get equal inputs."""
 
     scene: str
     movement: str
-    """A generated movement's name, or the movement trace's file, as a person named it."""
+    """Name of a generated movement, or path of a movement trace as given."""
     movement_offset_s: float = Field(default=0.0, ge=0, le=MAX_OFFSET_S)
-    """The time of the movement that a run begins at."""
+    """Time in the movement at which a run starts."""
     network: Network
     mode: Mode
     duration_s: float = Field(ge=1, le=7200)
     width: int = Field(ge=64, le=MAX_SIDE)
     height: int = Field(ge=64, le=MAX_SIDE)
-    """The viewport, in CSS pixels."""
+    """Size of the viewport, in CSS pixels."""
     profile: int | str = "seen"
-    """Of the modes `stateless` and `video`: the ladder's rung, or the name of a controller."""
+    """Modes `stateless` and `video`: rung of the ladder, or name of a controller."""
     dash_frame_rate: FrameRate | None = None
-    """Of the modes with DASH, in frames a second; None: the preset's own."""
+    """DASH modes: frames per second; None for the preset's own."""
     dash_representation: RepresentationRequest | None = None
-    """For the modes with DASH: the stream's only representation; None: all offered by the packager."""
+    """DASH modes: the stream's only representation; None for all that the packager offers."""
     dash_transport: DashTransport = "tcp"
     restore: ModelName = OFF
-    """Of the modes `stateless` and `video`: the model that restores frames in the page, or `off`."""
+    """Modes `stateless` and `video`: the model that restores frames in the page, or `off`."""
     upscale: ModelName = OFF
-    """The model that enlarges them afterwards, or `off`."""
+    """Model that enlarges them afterwards, or `off`."""
     reprojection: bool = False
-    """Whether the page turns the newest frame to the pose of each animation frame."""
+    """Whether the page reprojects the newest frame to the pose of each animation frame."""
     prediction: PageName = OFF
-    """Predictor of the requested poses, or `off`; old runs may name a removed predictor."""
+    """Predictor of requested poses, or `off`; old runs may name a removed predictor."""
     overscan: Overscan = AUTO
-    """Of reprojection."""
+    """Reprojection: additional margin on each side, or `auto`."""
     depth: bool = True
-    """For reprojection: whether frames include a coarse depth."""
+    """Reprojection: whether frames include a coarse depth map."""
     surround: bool = True
-    """For reprojection, in the modes `stateless` and `video`: whether small pictures of all directions are
-    requested.
-    """
+    """Reprojection in the modes `stateless` and `video`: whether small pictures in all directions are requested."""
     seed: int = Field(default=1, ge=0, le=2**53 - 1)
-    """Of generated movements, and of the controllers' random numbers."""
+    """Seed of generated movements and of the controllers' random numbers."""
     segment: int = Field(default=0, ge=0)
-    """Of an experiment that uses several parts of its traces and movements: which of them."""
+    """Number of the segment, in an experiment that uses several parts of its traces and movements."""
     repeat: int = Field(default=0, ge=0)
     capture_every_ms: float = Field(default=1000.0, ge=0)
-    """A shown frame is kept so often; 0 keeps none."""
+    """Interval at which the screen is captured; 0 for none."""
     sample_stride: int = Field(default=0, ge=0, le=100_000)
-    """For the mode `stateless`: every n-th shown frame is sampled, with its request; 0 samples none."""
+    """Mode `stateless`: sample every n-th shown frame, with its request; 0 for none."""
     warm_up_s: float = Field(default=5.0, ge=0, le=600)
-    """How long the viewer stands at the first pose, with frames on the screen, before the movement begins."""
+    """Time for which the viewer stands at the first pose, with frames on screen, before the movement starts."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -208,7 +206,7 @@ class Configuration(WireModel):
 
     @property
     def streamed(self) -> bool:
-        """Whether it plays a stream of the packager's."""
+        """Whether it plays a stream from the packager."""
         return self.mode == "webrtc" or self.mode.startswith("dash")
 
     @property
@@ -218,12 +216,12 @@ class Configuration(WireModel):
 
     @property
     def local(self) -> bool:
-        """Whether the page downloads the scene, and draws it itself."""
+        """Whether the page downloads the scene and renders it itself."""
         return self.mode in LOCAL
 
     @property
     def download_form(self) -> str:
-        """The form of the scene that the mode downloads, as a SceneDownload has it."""
+        """The form of the scene that the mode downloads, as in SceneDownload."""
         return self.mode.removeprefix("local-")
 
     @property
@@ -233,7 +231,7 @@ class Configuration(WireModel):
 
     @property
     def motion(self) -> tuple[str, ...]:
-        """How the page meets movement: any of `reprojection`, `overscan-0.1`, `no-depth`, `no-surround` and
+        """Motion compensation of the page: any of `reprojection`, `overscan-0.1`, `no-depth`, `no-surround` and
         `prediction-linear`."""
         words = ["reprojection"] if self.reprojection else []
         if self.reprojection and self.overscan != AUTO:
@@ -254,12 +252,12 @@ class Configuration(WireModel):
 
     @property
     def slug(self) -> str:
-        """A name for its folder."""
+        """Name of the run's folder."""
         chosen = self.profile if self.mode in PER_VIEW else self.dash_representation
         transport = self.dash_transport if self.over_h3 else None
         mode = "-".join(str(part) for part in (self.mode, transport, chosen) if part is not None)
         name, label = self.network.name, self.network.label
-        network = name[:30] + label.removeprefix(name)  # a long name leaves room for the round trip
+        network = name[:30] + label.removeprefix(name)  # leaves room for the round trip after a long name
         models = (("restore", self.restore), ("upscale", self.upscale))
         enhanced = (f"{kind}-{name}" for kind, name in models if name != OFF)
         segment = (f"s{self.segment}",) if self.segment else ()
@@ -272,17 +270,17 @@ class RunPlan(WireModel):
     """The part of a run that the page plays and records."""
 
     points: Entries[TimedPose]
-    """The movement, in the order of time."""
+    """The movement, ordered by time."""
     duration_ms: float
     capture_every_ms: float
-    """Interval of keeping the screen's picture; 0 keeps none."""
+    """Interval at which the screen is captured; 0 for none."""
     sample_stride: int
-    """For the mode `stateless`: every n-th shown frame is sampled; 0 samples none."""
+    """Mode `stateless`: sample every n-th shown frame; 0 for none."""
     download: bool
-    """Whether the recording begins with the mode `local`, and so with the download of the scene."""
+    """Whether the recording starts with the mode `local`, and so with the download of the scene."""
 
 
 def _rates(link: LinkSetting) -> str:
-    """All terms but the round trip; usual values are left out."""
+    """All terms except the round trip, without usual values."""
     values = ((term, float(getattr(link, term.field))) for term in LINK_TERMS if term.field != "delay_ms")
     return ",".join(f"{value / term.scale:g}{term.unit}" for term, value in values if value != term.usual)

@@ -1,4 +1,4 @@
-"""The JSON Schema of the store's messages, and the constants that experiments share with the page.
+"""JSON Schema of the store's messages, and the constants that experiments share with the page.
 
 `python -m tigas_experiments.wire.schema store` prints the schema, `constants` the constants, for `npm run wire`.
 """
@@ -40,7 +40,7 @@ def schema() -> dict[str, Any]:
 
 
 def constants() -> dict[str, dict[str, Any]]:
-    """The constants that the page shares, by the name of their module here."""
+    """The constants that the page shares, keyed by the name of their module here."""
     terms = [term._asdict() for term in run.LINK_TERMS]
     return {
         "run": {

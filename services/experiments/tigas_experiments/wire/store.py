@@ -16,15 +16,15 @@ from tigas_experiments.wire.recording import LinkSample, Recording, Sample
 from tigas_experiments.wire.run import Configuration, RunPlan
 
 AROUND_MS = 600_000
-"""Maximum distance of records from a run's start and from its movement's end."""
+"""Maximum distance in time of records from a run's start and from its movement's end."""
 MOST_KBPS = 1e9
 MOST_BYTES = 10**15
 MOST_SAMPLES = 10_000
-"""Of a run."""
+"""Maximum number of samples in a run."""
 MOST_FILE_CHARACTERS = 100_000
-"""Of an experiment's file."""
+"""Maximum length of an experiment file."""
 LATEST_UNIX_MS = 4e12
-"""In the year 2096."""
+"""A time in the year 2096."""
 
 
 def _printable(text: str) -> str:
@@ -48,20 +48,20 @@ def _finite(plan: dict[str, JsonValue]) -> dict[str, JsonValue]:
 
 
 Plan = Annotated[dict[str, JsonValue], AfterValidator(_finite)]
-"""An experiment's file, parsed."""
+"""A parsed experiment file."""
 PageKey = Annotated[str, Field(pattern="^[A-Za-z0-9-]{1,64}$")]
-"""A page's own name for itself, by chance."""
+"""Random key with which a page identifies itself."""
 
 
 class ExperimentRequest(WireModel):
-    """An experiment's file (docs/experiments.md), and the inputs that only the page has."""
+    """An experiment file (docs/experiments.md), and inputs that only the page has."""
 
     file: str = Field(max_length=MOST_FILE_CHARACTERS)
     """TOML or JSON."""
     movements: dict[str, str] = Field(default_factory=dict)
-    """Movement traces by file name, as CSV."""
+    """Movement traces as CSV, by file name."""
     traces_s: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
-    """Durations of the shaper's traces by name; experiments with segments need them."""
+    """Durations of the shaper's traces by name, required for experiments with segments."""
 
 
 class PlanSummary(WireModel):
@@ -71,21 +71,21 @@ class PlanSummary(WireModel):
     lasting: str
     """Approximate duration for people, such as `6 minutes`."""
     problem: str | None
-    """Why it cannot be expanded, in one sentence."""
+    """Reason why the file cannot be expanded, in one sentence."""
 
 
 class ExperimentCreated(WireModel):
-    """The answer to an ExperimentRequest."""
+    """Answer to an ExperimentRequest."""
 
     id: str
 
 
 class NextRequest(WireModel):
-    """A page asks for a run to perform."""
+    """A page's request for a run to perform."""
 
     page: PageKey
     begin: bool = False
-    """Whether the page begins, so that failed runs are tried again."""
+    """Whether the page is starting over, so that failed runs are tried again."""
     allow_changes: bool = False
     """Resume even if the commit, ladder or a scene has changed."""
 
@@ -94,12 +94,12 @@ class RunJob(WireModel):
     """A run for the page to perform."""
 
     run: str
-    """Its folder."""
+    """The run's folder."""
     title: str
-    """Its display name, such as `DASH tuned, 20mbit,20ms-rtt, stroll`."""
+    """Display name, such as `DASH tuned, 20mbit,20ms-rtt, stroll`."""
     configuration: Configuration
     settings: dict[str, JsonValue]
-    """Of the viewer, with the seed; settings that are not here have their defaults."""
+    """Settings of the viewer, including the seed; settings not listed have their defaults."""
     plan: RunPlan
 
 
@@ -107,31 +107,31 @@ class NextRun(WireModel):
     """The next run of an experiment, or a reason to wait or stop."""
 
     job: RunJob | None
-    """Reserved for the page; null once all are complete, or while others make the rest."""
+    """Reserved for the page; null if all runs are complete, or if other pages are making the rest."""
     planned: int
     missing: int
     """Number of incomplete runs, including the job."""
     remaining_s: float
     """Approximate duration of the missing runs."""
     wait: bool
-    """Whether to ask again, since other pages perform the other runs."""
+    """Whether to ask again later, as other pages are performing the remaining runs."""
     problem: str | None
-    """Why the experiment has ended before its last run."""
+    """Reason why the experiment ended before its last run."""
 
 
 class RunUpload(WireModel):
-    """A performed run. Figures can be computed from any valid one."""
+    """A performed run. Metrics can be computed from any valid one."""
 
     problem: str | None = Field(default=None, min_length=1, max_length=1000)
-    """Why it failed."""
+    """Reason for a failure."""
     recording: Recording | None = None
-    """null only of a failed run."""
+    """null only for a failed run."""
     link: Entries[LinkSample] = ()
-    """The shaper's record of its link; none without one."""
+    """The shaper's record of its link; empty without a shaper."""
     backend: Backend | None = None
     """Implementation of the link's delay; null without a shaper."""
     sampling_problem: str | None = Field(default=None, min_length=1, max_length=1000)
-    """Why there are fewer samples than were asked for."""
+    """Reason why there are fewer samples than requested."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -156,7 +156,7 @@ class RunUpload(WireModel):
             yield f"the rates of link must be 0 to {MOST_KBPS:g} kbit/s"
         last = recording.duration_ms + AROUND_MS
         lists = (recording.inputs, recording.frames, recording.replies, recording.requests, recording.traffic, link)
-        for entries in lists:  # in the order of time
+        for entries in lists:  # ordered by time
             if entries and not -AROUND_MS <= entries[0].at <= entries[-1].at <= last:
                 yield "the recording has times long before or long after the run"
         if recording.ended_ms > last:
@@ -164,7 +164,7 @@ class RunUpload(WireModel):
 
 
 def mismatch(configuration: Configuration, recording: Recording) -> str | None:
-    """Why a recording is not of a run, in one sentence; None if it can be."""
+    """Reason why a recording cannot be of a run, in one sentence; None if it can."""
     if recording.scene != configuration.scene:
         return f"The recording is of the scene {recording.scene!r}, not of {configuration.scene!r}."
     if recording.mode != configuration.mode.partition("-")[0]:
@@ -181,13 +181,13 @@ class SampleCounts(WireModel):
     identical: int
     """Number of frames that were rendered identically, byte for byte."""
     different: int
-    """Number of differing frames: ground truth may be of another renderer than the frames."""
+    """Number of differing frames: ground truth may come from another renderer than the frames."""
     missing: int
     """Number of incomplete samples."""
 
 
 class SampleIndex(WireModel):
-    """All samples of a run, once their pictures are in the store."""
+    """All samples of a run, sent after their pictures."""
 
     samples: Annotated[tuple[Sample, ...], Field(min_length=1, max_length=MOST_SAMPLES, fail_fast=True)]
 
@@ -200,7 +200,7 @@ class UploadedFile(WireModel):
 
 
 class UploadedSamples(WireModel):
-    """The store's part of a run's samples: a resumed upload sends only the others."""
+    """The samples of a run that the store already has: a resumed upload sends only the others."""
 
     complete: bool
     """Whether their index is stored as well."""
@@ -214,13 +214,13 @@ class RunRow(WireModel):
     status: Literal["running", "complete", "failed"]
     """The status of a killed run stays `running`."""
     problem: str | None
-    """Why there are no figures."""
+    """Reason why there are no metrics."""
     configuration: Configuration
     samples: SampleCounts | None
-    """null of a run without any."""
+    """null for a run without samples."""
     saturated_share: float | None = None
-    """Share of the run's time in which processors or the render service were saturated, if large enough to affect
-    latencies; null otherwise, and if unknown.
+    """Share of the run in which processors or the render service were saturated, if large enough to affect latencies;
+    null otherwise, and if unknown.
     """
 
 
@@ -233,17 +233,17 @@ class ExperimentSummary(WireModel):
     """ISO 8601, UTC."""
     source: Literal["command", "page"]
     planned: int | None = None
-    """How many runs it has when it is complete; null if it does not say."""
+    """Number of runs in the complete experiment; null if unknown."""
     runs: int
     """Number of runs made, with any status."""
     complete: int
-    """Of these."""
+    """Number of these that are complete."""
     sampled: int
-    """Of these, runs that have samples."""
+    """Number of these that have samples."""
 
 
 class ExperimentList(WireModel):
-    """All experiments, the newest first."""
+    """All experiments, newest first."""
 
     experiments: Entries[ExperimentSummary]
 
@@ -256,17 +256,17 @@ class Experiment(WireModel):
     created: str
     source: Literal["command", "page"]
     plan: Plan
-    """As given."""
+    """The plan as given."""
     complete: int
     runs: Entries[RunRow]
 
 
 class SampleRow(WireModel):
-    """One sample of a run. Pictures are names of files (`/experiments/{id}/runs/{run}/samples/{name}`), or null."""
+    """One sample of a run. Pictures are file names (`/experiments/{id}/runs/{run}/samples/{name}`), or null."""
 
     seq: int
     at: float
-    """When it was on the screen, ms of the run's clock."""
+    """Time at which it was on screen, in ms on the run's clock."""
     rung: int | None
     bytes: int
     width: int
@@ -280,30 +280,30 @@ class SampleRow(WireModel):
     enhanced: str | None
     """The shown picture."""
     truth: str | None
-    """The same view without loss."""
+    """The same view, lossless."""
     replayed: str | None
     """A later answer to the same request, if it differs."""
     identical: bool | None
-    """Whether it got the same; null if that is not known."""
+    """Whether the later answer was identical; null if unknown."""
     problem: str | None
-    """Why something is missing."""
+    """Reason why something is missing."""
 
 
 class SampleList(WireModel):
-    """The samples of a run, in the order of time."""
+    """The samples of a run, ordered by time."""
 
     samples: Entries[SampleRow]
     problem: str | None
-    """Why they cannot be read, if so."""
+    """Reason why they cannot be read, if so."""
 
 
 class Materialisation(WireModel):
-    """How far the samples of an experiment are, rendered again."""
+    """Progress of rendering an experiment's samples again."""
 
     state: Literal["idle", "running"]
     done: int
     total: int
-    """Samples."""
+    """Number of samples."""
     problem: str | None
     """The last problem."""
 

@@ -5,7 +5,7 @@ import type { RenderRequest, ServerTiming } from "./render";
 import type { LinkSetting } from "./shaper";
 
 export type JsonValue = unknown;
-/** An experiment's file (docs/experiments.md), and the inputs that only the page has. */
+/** An experiment file (docs/experiments.md), and inputs that only the page has. */
 export interface ExperimentRequest {
   file: string;
   movements?: {
@@ -15,13 +15,13 @@ export interface ExperimentRequest {
     [k: string]: number;
   };
 }
-/** A page asks for a run to perform. */
+/** A page's request for a run to perform. */
 export interface NextRequest {
   page: string;
   begin?: boolean;
   allow_changes?: boolean;
 }
-/** A performed run. Figures can be computed from any valid one. */
+/** A performed run. Metrics can be computed from any valid one. */
 export interface RunUpload {
   problem?: string | null;
   recording?: Recording | null;
@@ -29,7 +29,7 @@ export interface RunUpload {
   backend?: ("netem" | "relay") | null;
   sampling_problem?: string | null;
 }
-/** One run, as the viewer saw it. */
+/** One run, as seen by the viewer. */
 export interface Recording {
   scene: string;
   mode: "stateless" | "video" | "dash" | "webrtc" | "side-by-side" | "local";
@@ -52,7 +52,7 @@ export interface Recording {
   captures: Capture[];
   traffic: Traffic[];
 }
-/** The stream of the modes with DASH, as made by the packager, and its player. */
+/** The stream of a DASH mode, as made by the packager, and its player. */
 export interface PlayedStream {
   representations: RepresentationInfo[];
   frame_rate: number;
@@ -72,7 +72,7 @@ export interface PlayedWebRtc {
   frame_rate: number;
   lost_packets: number;
 }
-/** Download and rendering of the scene in the mode `local`. Times in ms; None: it never happened. */
+/** Download and rendering of the scene in the mode `local`. Times in ms; None if something never happened. */
 export interface PlayedDownload {
   form: "compressed" | "streamed" | "ply";
   renderer: string | null;
@@ -83,7 +83,7 @@ export interface PlayedDownload {
   bytes: number;
   gaussians: number | null;
 }
-/** The viewport and its intrinsics, in its pixels. */
+/** The viewport and its intrinsics, in pixels. */
 export interface Lens {
   width: number;
   height: number;
@@ -92,7 +92,7 @@ export interface Lens {
   cx: number;
   cy: number;
 }
-/** A pose that the rig sampled, because it differs from the one before, or should have sampled. */
+/** A pose sampled by the rig because it changed, or one that the rig should have sampled. */
 export interface Input {
   at: number;
   pose: number;
@@ -100,7 +100,7 @@ export interface Input {
   position: [number, number, number];
   quaternion: [number, number, number, number];
 }
-/** A frame that was on the screen. */
+/** A frame that was on screen. */
 export interface ShownFrame {
   side: "stateless" | "dash" | "webrtc" | "local";
   at: number;
@@ -128,14 +128,14 @@ export interface Reply {
   server: ServerTiming | null;
   throughput_kbps: number | null;
 }
-/** A request of the mode `stateless` or `video`, and its outcome. */
+/** A request in the mode `stateless` or `video`, and its outcome. */
 export interface Request {
   at: number;
   pose: number;
   asked_rung: number | null;
   fate: "shown" | "overtaken" | "cancelled" | "dropped" | "unanswered";
 }
-/** The screen at a tick of the run's clock, with its picture kept. */
+/** The screen at a tick of the run's clock, kept as a picture. */
 export interface Capture {
   at: number;
   shown_at: number;
@@ -161,7 +161,7 @@ export interface LinkSample {
   drops: number;
   up_delivered_kbps: number;
 }
-/** All samples of a run, once their pictures are in the store. */
+/** All samples of a run, sent after their pictures. */
 export interface SampleIndex {
   samples: Sample[];
 }
@@ -185,7 +185,7 @@ export interface PlanSummary {
   lasting: string;
   problem: string | null;
 }
-/** The answer to an ExperimentRequest. */
+/** Answer to an ExperimentRequest. */
 export interface ExperimentCreated {
   id: string;
 }
@@ -208,7 +208,7 @@ export interface RunJob {
   };
   plan: RunPlan;
 }
-/** One run. Two runs with equal configurations get the same inputs. */
+/** Configuration of one run. Runs with equal configurations get equal inputs. */
 export interface Configuration {
   scene: string;
   movement: string;
@@ -245,7 +245,7 @@ export interface Configuration {
   sample_stride?: number;
   warm_up_s?: number;
 }
-/** The network of a run: a constant link, a trace (of the shaper's, or from a file), or none of these. */
+/** The network of a run: a constant link, a trace (of the shaper or from a file), or unshaped. */
 export interface Network {
   link?: LinkSetting | null;
   trace?: string | null;
@@ -267,7 +267,7 @@ export interface TimedPose {
   position: number[];
   quaternion: number[];
 }
-/** All experiments, the newest first. */
+/** All experiments, newest first. */
 export interface ExperimentList {
   experiments: ExperimentSummary[];
 }
@@ -310,12 +310,12 @@ export interface SampleCounts {
   different: number;
   missing: number;
 }
-/** The samples of a run, in the order of time. */
+/** The samples of a run, ordered by time. */
 export interface SampleList {
   samples: SampleRow[];
   problem: string | null;
 }
-/** One sample of a run. Pictures are names of files (`/experiments/{id}/runs/{run}/samples/{name}`), or null. */
+/** One sample of a run. Pictures are file names (`/experiments/{id}/runs/{run}/samples/{name}`), or null. */
 export interface SampleRow {
   seq: number;
   at: number;
@@ -333,14 +333,14 @@ export interface SampleRow {
   identical: boolean | null;
   problem: string | null;
 }
-/** How far the samples of an experiment are, rendered again. */
+/** Progress of rendering an experiment's samples again. */
 export interface Materialisation {
   state: "idle" | "running";
   done: number;
   total: number;
   problem: string | null;
 }
-/** The store's part of a run's samples: a resumed upload sends only the others. */
+/** The samples of a run that the store already has: a resumed upload sends only the others. */
 export interface UploadedSamples {
   complete: boolean;
   files: UploadedFile[];
