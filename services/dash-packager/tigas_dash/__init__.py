@@ -1,1 +1,1 @@
-"""The packager: a low-latency DASH (CMAF) live stream of each viewer's camera, as a baseline."""
+"""The packager: a baseline that streams each viewer's camera as low-latency live DASH (CMAF)."""

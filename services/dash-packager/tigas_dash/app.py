@@ -1,4 +1,4 @@
-"""The packager's HTTP interface: Starlette routes only."""
+"""The packager's HTTP interface: only Starlette routes."""
 
 from __future__ import annotations
 
@@ -49,19 +49,19 @@ from tigas_dash.stream import Stream
 from tigas_dash.webrtc.stream import WebRtc
 
 MAX_OFFER = 2 * MAX_SDP
-"""The longest body with an offer, in bytes: JSON escapes the ends of lines."""
+"""Maximum size of a body with an offer, in bytes: JSON escapes line ends."""
 TIME_FROM_MANIFEST = "../../time"
-"""The path of `time` relative to a manifest, for any origin and path."""
+"""Path of `time` relative to a manifest, which works for any origin and path."""
 STREAM_ENDED = 4001
-"""The pose socket's close code when the stream has ended."""
+"""Close code of the pose socket if the stream has ended."""
 UNKNOWN_SESSION = 4004
-"""The pose socket's close code when there is no such session."""
+"""Close code of the pose socket if there is no such session."""
 POSE_PAUSE_S = 0.001
-"""Pause after each pose, in which others have their turn: no viewer needs a thousand a second."""
+"""Pause after each pose that gives other tasks a turn, as no viewer needs a thousand per second."""
 
 
 def create_app(sessions: Sessions, policy: OriginPolicy, webrtc: WebRtc) -> ASGIApp:
-    """The application over running sessions, which are its caller's to open and close."""
+    """The application for running sessions, which the caller opens and closes."""
     registry = new_registry("dash", sessions.metrics)
     app = Starlette(
         routes=[
@@ -97,7 +97,7 @@ async def open_session(request: Request) -> ModelResponse[SessionInfo]:
 
 
 async def _end_if_alone(request: Request, session: Stream) -> None:
-    if await request.is_disconnected():  # the client would never learn its name
+    if await request.is_disconnected():  # the client would never learn the session's name
         await _sessions(request).end(session.name)
 
 
@@ -113,12 +113,12 @@ async def open_webrtc(request: Request) -> ModelResponse[WebRtcSession]:
 
 
 async def list_sessions(request: Request) -> ModelResponse[list[SessionStatus]]:
-    """How every stream does."""
+    """Status of all streams."""
     return list_response(session.status for session in _sessions(request).all())
 
 
 async def session_status(request: Request) -> ModelResponse[SessionStatus]:
-    """How a stream does."""
+    """Status of a stream."""
     return json_response(_sessions(request).get(request.path_params["session"]).status)
 
 
@@ -130,7 +130,7 @@ async def end_session(request: Request) -> Response:
 
 @described(gives=("application/dash+xml",))
 async def manifest(request: Request) -> Response:
-    """The MPD."""
+    """The stream's MPD."""
     published = _sessions(request).clock.wall_now()
     body = _session(request).media.manifest(TIME_FROM_MANIFEST, published)
     return Response(body, media_type="application/dash+xml", headers=NO_STORE)
@@ -138,14 +138,14 @@ async def manifest(request: Request) -> Response:
 
 @described(gives=("video/mp4",))
 async def init_segment(request: Request) -> Response:
-    """A representation's CMAF header."""
+    """The CMAF header of a representation."""
     track = _session(request).media.track(request.path_params["representation"])
     return Response(track.header, media_type="video/mp4", headers=NO_STORE)
 
 
 @described(gives=("video/iso.segment",))
 async def media_segment(request: Request) -> Response:
-    """A segment, sent while it grows; the response waits if it is about to begin."""
+    """A segment, sent while it grows. If it is about to begin, the response waits."""
     session = _session(request)
     track, number = session.media.track(request.path_params["representation"]), request.path_params["segment"]
     if not (number.isascii() and number.isdecimal() and len(number) <= 12):
@@ -153,12 +153,12 @@ async def media_segment(request: Request) -> Response:
     chunks = track.segments.read(int(number))
 
     async def counted() -> AsyncIterator[bytes]:
-        async with asyncio.timeout(session.media.readable_s):  # a stalled reader does not keep it in memory for ever
+        async with asyncio.timeout(session.media.readable_s):  # does not keep segments in memory for a stalled reader
             async for chunk in chunks:
                 session.sent(track.representation.rung, len(chunk))
                 yield chunk
 
-    headers = {**NO_STORE, "Timing-Allow-Origin": "*"}  # so that a page on another port sees the protocol
+    headers = {**NO_STORE, "Timing-Allow-Origin": "*"}  # shows the protocol to pages on another port
     return StreamingResponse(counted(), media_type="video/iso.segment", headers=headers)
 
 
@@ -169,7 +169,7 @@ async def time(request: Request) -> Response:
 
 
 async def poses(socket: WebSocket) -> None:
-    """Takes the viewer's poses and reports the pose of each frame; invalid messages are answered with an error."""
+    """Receive the viewer's poses and report the pose of each frame. Invalid messages are answered with an error."""
     await socket.accept()
     sessions: Sessions = socket.app.state.sessions
     try:

@@ -1,4 +1,4 @@
-"""The command `tigas dash`. Heavy imports wait until it runs."""
+"""The command `tigas dash`. Heavy modules are imported when it runs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tigas_dash.settings import DashSettings
 class Dash(DashSettings, Command):
     """Stream the render service's views, one stream per viewer, over low-latency DASH or WebRTC.
 
-    WebRTC is on the UDP port of the same number as the API.
+    WebRTC uses the UDP port with the same number as the API's port.
     """
 
     def run(self) -> None:

@@ -1,4 +1,4 @@
-"""The packager's clock: wall-clock time that never jumps."""
+"""The packager's clock: wall-clock time without jumps."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from datetime import UTC, datetime, timedelta
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """Wall-clock time, read once at the start and carried on by the monotonic clock.
+    """Wall-clock time, read once at the start and continued by the monotonic clock.
 
-    Manifest, producer reference times and the time that players ask for (UTCTiming) all come from here, so that media
-    time and wall-clock time stay locked even if the machine's own clock is set.
+    The manifest, producer reference times and the time given to players (UTCTiming) all come from here, so that media
+    time and wall-clock time stay locked even if the machine's clock is set.
     """
 
     _wall: datetime = field(default_factory=lambda: datetime.now(UTC))
@@ -23,11 +23,11 @@ class Clock:
         return time.monotonic()
 
     async def sleep_until(self, moment: float) -> None:
-        """Sleep until a time of the monotonic clock; a past time yields to other tasks."""
+        """Sleep until a time on the monotonic clock; a past time yields to other tasks."""
         await asyncio.sleep(max(0.0, moment - self.now()))
 
     def wall(self, at: float) -> datetime:
-        """The wall-clock time at a moment of the steady clock."""
+        """The wall-clock time at a time on the monotonic clock."""
         return self._wall + timedelta(seconds=at - self._monotonic)
 
     def wall_now(self) -> datetime:
@@ -35,5 +35,5 @@ class Clock:
 
 
 def iso(moment: datetime) -> str:
-    """xs:dateTime with milliseconds, such as 2026-01-31T12:00:00.000Z."""
+    """Format as xs:dateTime with milliseconds, such as 2026-01-31T12:00:00.000Z."""
     return moment.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

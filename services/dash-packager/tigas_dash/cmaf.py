@@ -1,4 +1,4 @@
-"""CMAF (ISO/IEC 23000-19) in bytes: the init segment (CMAF header) of an H.264 track, and its chunks."""
+"""CMAF (ISO/IEC 23000-19) as bytes: the init segment (CMAF header) of an H.264 track, and its chunks."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from datetime import UTC, datetime, timedelta
 
 TRACK_ID = 1
 BT709 = 1
-"""The code point of BT.709 for primaries, transfer characteristics and matrix (ISO/IEC 23091-2)."""
+"""Code point of BT.709 for primaries, transfer characteristics and matrix (ISO/IEC 23091-2)."""
 _UNITY_MATRIX = struct.pack(">9I", 0x10000, 0, 0, 0, 0x10000, 0, 0, 0, 0x40000000)
 _NTP_EPOCH = datetime(1900, 1, 1, tzinfo=UTC)
 _SYNC, _DEPENDS = 0x02000000, 0x01010000
-"""Sample flags: depends on no other frame; depends on others and is no sync sample."""
+"""Sample flags: depends on no other frame; depends on others and is not a sync sample."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +32,12 @@ class ParameterSets:
 @dataclass(frozen=True, slots=True)
 class Sample:
     data: bytes
-    """NAL units, each after four bytes with its length."""
+    """NAL units, each preceded by its length in four bytes."""
     keyframe: bool
 
 
 def init_segment(parameters: ParameterSets, width: int, height: int, timescale: int) -> bytes:
-    """The CMAF header of a track; width and height in pixels, `timescale` in units a second."""
+    """The CMAF header of a track; width and height in pixels, `timescale` in units per second."""
     return _box(b"ftyp", b"cmfc", bytes(4), b"cmfc", b"iso6", b"avc1", b"dash") + _box(
         b"moov",
         _full_box(
@@ -61,7 +61,7 @@ def chunk(
     """A chunk of a few frames: `prft`, `moof` and `mdat`.
 
     `sequence` counts chunks from 1; each frame's duration and `decode_time` are in units of the timescale; `captured`
-    is the time of the first frame's request; `first` is whether the chunk begins a segment.
+    is the time at which the first frame was requested; `first` is whether the chunk begins a segment.
     """
     brands = (b"cmfs", bytes(4), b"cmfs", b"cmff", b"cmfl") if first else (b"cmfl", bytes(4), b"cmfl")
     size = len(_moof(samples, durations, sequence, decode_time, 0))
@@ -71,7 +71,7 @@ def chunk(
 
 
 def _box(kind: bytes, *content: bytes) -> bytes:
-    """A box (ISO/IEC 14496-12): its length, its four-character code, its content."""
+    """A box (ISO/IEC 14496-12): its length, four-character code and content."""
     body = b"".join(content)
     return struct.pack(">I4s", 8 + len(body), kind) + body
 
@@ -112,7 +112,7 @@ def _sample_entry(parameters: ParameterSets, width: int, height: int) -> bytes:
     sps, pps = parameters.sps, parameters.pps
     configuration = _box(
         b"avcC",
-        bytes([1]), sps[1:4], bytes([0xFF]),  # four bytes of length before each NAL unit
+        bytes([1]), sps[1:4], bytes([0xFF]),  # four-byte length before each NAL unit
         bytes([0xE1]), struct.pack(">H", len(sps)), sps,
         bytes([1]), struct.pack(">H", len(pps)), pps,
     )  # fmt: skip
@@ -127,10 +127,10 @@ def _sample_entry(parameters: ParameterSets, width: int, height: int) -> bytes:
 
 
 def _prft(captured: datetime, media_time: int) -> bytes:
-    """Producer reference time: `captured` in NTP's format (seconds since 1900, 32 bits of fraction)."""
+    """Producer reference time: `captured` in NTP format (seconds since 1900, 32 bits of fraction)."""
     since = captured - _NTP_EPOCH
     fraction = round((since % timedelta(seconds=1)).total_seconds() * 2**32) & 0xFFFFFFFF
-    at_capture = 24  # the flags that say which moment this is
+    at_capture = 24  # flags that define the meaning of the time
     return _full_box(
         b"prft", 1, at_capture, struct.pack(">3IQ", TRACK_ID, since // timedelta(seconds=1), fraction, media_time)
     )

@@ -1,4 +1,4 @@
-"""H.264 with no delay: one rendered frame in, one encoded frame of every representation out."""
+"""H.264 encoding without delay: one rendered frame in, one encoded frame of every representation out."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _OPTIONS: dict[EncoderName, dict[str, str]] = {
     "h264_nvenc": {"preset": "p1", "tune": "ull", "rc": "cbr", "zerolatency": "1", "delay": "0", "forced-idr": "1"},
 }
 BUFFER_S = 0.25
-"""The rate is held over this long (the VBV buffer): a keyframe is no longer a burst than that, in seconds."""
+"""Duration in seconds over which the bitrate is enforced (the VBV buffer), which limits the burst of a keyframe."""
 _START_CODE = re.compile(rb"\x00\x00\x00?\x01")
 _SEI, _SPS, _PPS, _DELIMITER = 6, 7, 8, 9
 """Types of NAL units (ITU-T H.264, 7.4.1)."""
@@ -46,19 +46,19 @@ class RawFrame:
     width: int
     height: int
     pose: int
-    """The number of the pose that it shows."""
+    """Number of the pose that it shows."""
 
     def video_frame(self) -> av.VideoFrame:
-        """A copy for FFmpeg."""
+        """A copy as an FFmpeg frame."""
         planes = np.frombuffer(self.data, np.uint8).reshape(self.height * 3 // 2, self.width)
         return av.VideoFrame.from_ndarray(planes, format="yuv420p")
 
 
 class Encoder:
-    """One representation's encoder. Not for several threads at a time."""
+    """The encoder of one representation. Not thread-safe."""
 
     def __init__(self, name: EncoderName, representation: Representation, frame_rate: int) -> None:
-        """Raises EncoderUnavailable."""
+        """Open the encoder. Raises EncoderUnavailable."""
         codec = av.CodecContext.create(name, "w")
         assert isinstance(codec, av.VideoCodecContext)
         codec.width, codec.height, codec.pix_fmt = representation.width, representation.height, "yuv420p"
@@ -82,18 +82,18 @@ class Encoder:
             ) from None
 
     def encode(self, frame: av.VideoFrame, number: int, *, keyframe: bool) -> Sample:
-        """One frame. Raises av.FFmpegError, and ValueError if the encoder does not answer with exactly one frame."""
+        """Encode one frame. Raises av.FFmpegError, and ValueError unless the encoder returns exactly one frame."""
         frame.pts = number
         frame.time_base = self._codec.time_base
         frame.pict_type = PictureType.I if keyframe else PictureType.NONE
         packets = self._codec.encode(frame)
         if len(packets) != 1:
-            raise ValueError(f"the encoder gave {len(packets)} frames for one")
+            raise ValueError(f"the encoder returned {len(packets)} frames for one")
         return Sample(_to_sample(bytes(packets[0])), packets[0].is_keyframe)
 
 
 class LadderEncoder:
-    """The encoders of all representations: the largest has the rendered size, the others are scaled from it.
+    """The encoders of all representations: the largest has the size of rendered frames, and others are scaled from it.
 
     Not thread-safe.
     """
@@ -101,7 +101,7 @@ class LadderEncoder:
     def __init__(
         self, name: EncoderName, ladder: Sequence[Representation], frame_rate: int, keyframe_every: int
     ) -> None:
-        """Raises EncoderUnavailable."""
+        """Open all encoders. Raises EncoderUnavailable."""
         self._name = name
         self._ladder = ladder
         self._frame_rate = frame_rate
@@ -111,13 +111,13 @@ class LadderEncoder:
         self._scaled: tuple[RawFrame, list[av.VideoFrame]] | None = None
         self.failures = 0
         self.parameters = [encoder.parameters for encoder in self._encoders]
-        """One for each representation."""
+        """Parameter sets of each representation."""
 
     def encode(self, frame: RawFrame, number: int) -> list[Sample]:
-        """The frame with this `number` in the stream, once for each representation.
+        """Encode frame `number` of the stream, once for each representation.
 
-        A failing encoder is replaced, and the stream continues with a keyframe. Raises EncoderUnavailable if that
-        fails.
+        If an encoder fails, all are replaced and the stream continues with a keyframe. Raises EncoderUnavailable if
+        that fails too.
         """
         images = self._images(frame)
         keyframe = number % self._keyframe_every == 0
@@ -142,7 +142,7 @@ class LadderEncoder:
         return [Encoder(self._name, representation, self._frame_rate) for representation in self._ladder]
 
     def _images(self, frame: RawFrame) -> list[av.VideoFrame]:
-        """The frame at every resolution; a frame that is repeated is not scaled again."""
+        """The frame at every resolution; a repeated frame is not scaled again."""
         if self._scaled is None or self._scaled[0] is not frame:
             whole = frame.video_frame()
             images = [
@@ -156,7 +156,7 @@ class LadderEncoder:
 
 
 def choose_encoder(wanted: EncoderName | Literal["auto"]) -> EncoderName:
-    """The wanted encoder; for `auto`, NVIDIA's where it works, else x264. Raises StartError if the wanted one fails."""
+    """The wanted encoder; `auto` is NVIDIA's if it works, else x264. Raises StartError if the wanted one fails."""
     if wanted == "libx264":
         return wanted
     try:
@@ -174,21 +174,21 @@ def _reason(error: Exception) -> str:
 
 
 def _nal_units(stream: bytes) -> Iterator[tuple[int, bytes]]:
-    """Type and bytes of each NAL unit of a byte stream (ITU-T H.264, annex B)."""
+    """Type and bytes of each NAL unit in a byte stream (ITU-T H.264, annex B)."""
     for unit in _START_CODE.split(stream)[1:]:
         if unit:
             yield unit[0] & 0x1F, unit
 
 
 def _parameter_sets(stream: bytes) -> ParameterSets:
-    """The first parameter sets in a byte stream. Raises ValueError if it has none."""
+    """The first parameter sets in a byte stream. Raises ValueError if there are none."""
     found = dict(reversed(list(_nal_units(stream))))
     if _SPS not in found or _PPS not in found:
-        raise ValueError("the encoder gave no parameter sets")
+        raise ValueError("the encoder returned no parameter sets")
     return ParameterSets(found[_SPS], found[_PPS])
 
 
 def _to_sample(stream: bytes) -> bytes:
-    """A frame in an `mdat`: lengths for start codes, without the parameter sets of the init segment."""
+    """A frame for an `mdat`, with lengths instead of start codes and without the init segment's parameter sets."""
     units = (unit for kind, unit in _nal_units(stream) if kind not in (_SEI, _SPS, _PPS, _DELIMITER))
     return b"".join(struct.pack(">I", len(unit)) + unit for unit in units)

@@ -25,12 +25,12 @@ from tigas_dash.webrtc.stream import WebRtc
 async def serve(settings: DashSettings) -> None:
     """Run the packager until SIGINT or SIGTERM. Raises StartError."""
     keep_together()
-    av.logging.set_level(av.logging.PANIC)  # clients receive the encoder's refusal
+    av.logging.set_level(av.logging.PANIC)  # the encoder's errors are reported to clients
     limits = HttpLimits.of(settings.http_limits)
     async with AsyncExitStack() as stack:
-        with explained(settings.http, "--http"):  # before anything that takes time
+        with explained(settings.http, "--http"):  # before anything slow
             listener = stack.enter_context(settings.http.listen(limits.unread_s))
-        # Newest views only: a connection is made for each that is in flight, and none is waited for.
+        # Views in flight need a connection each, and none should wait for one.
         http = await stack.enter_async_context(
             httpx.AsyncClient(base_url=settings.render, limits=httpx.Limits(max_connections=None), trust_env=False)
         )

@@ -1,4 +1,4 @@
-"""A stream's media as players fetch it: the manifest, and each representation's header and segments."""
+"""A stream's media as fetched by players: the manifest, and each representation's header and segments."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from tigas_dash.representation import Representation
 from tigas_dash.segments import SegmentWindow
 
 WINDOW_S = 10.0
-"""How far back segments are kept, in seconds; at least three of them."""
+"""Seconds for which segments are kept; at least three of them are."""
 UNITS_PER_FRAME = 1000
-"""Units of the timescale in one frame's duration."""
+"""Duration of a frame, in units of the timescale."""
 UPDATE_S = 60
 """Minimum update period; the manifest never changes."""
 RATE_RANGE = 0.05
-"""How much faster or slower than live players may play to hold the latency; wider ranges make them swing."""
+"""Deviation from live speed that players may use to hold the latency; wider ranges make them oscillate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Media:
         parameters: Sequence[ParameterSets],
         start: datetime,
     ) -> None:
-        """`parameters` are each representation's; frame 0 was captured at `start`."""
+        """parameters: of each representation; start: capture time of frame 0."""
         self._request = request
         self._start = start
         self._segment_s = request.frames_per_segment / request.frame_rate
@@ -68,24 +68,24 @@ class Media:
 
     @property
     def tracks(self) -> list[Track]:
-        """All representations' segments, the best first."""
+        """The tracks of all representations, best first."""
         return list(self._tracks.values())
 
     def track(self, representation: str) -> Track:
-        """A representation's track. Raises UnknownSegment."""
+        """The track of a representation. Raises UnknownSegment."""
         if representation not in self._tracks:
             raise UnknownSegment(f"The session has no representation {representation[:64]!r}.")
         return self._tracks[representation]
 
     @property
     def readable_s(self) -> float:
-        """How long a segment can be read after its start."""
+        """Seconds after its start for which a segment can be read."""
         return (self._keep + 1) * self._segment_s
 
     def manifest(self, time_url: str, published: datetime) -> bytes:
         """A live MPD (ISO/IEC 23009-1) with a target latency for players, as XML.
 
-        Media time and wall-clock time run together from frame 0; players learn the time at `time_url` (UTCTiming).
+        Media time and wall-clock time are locked from frame 0; players get the time from `time_url` (UTCTiming).
         """
         request, start, best = self._request, iso(self._start), self.tracks[0].representation
         segment_s, segment = self._segment_s, _duration(self._segment_s)
@@ -137,12 +137,12 @@ class Media:
             self._publish_chunk(number + ticks - sum(self._pending_ticks))
 
     def close(self) -> None:
-        """There are no more frames: readers end."""
+        """End all readers, as there are no more frames."""
         for track in self.tracks:
             track.segments.close()
 
     def _publish_chunk(self, first: int) -> None:
-        """Flush pending frames; the first one is number `first`."""
+        """Publish the pending frames as a chunk; `first` is the number of the first one."""
         self._chunks += 1
         segment, place = divmod(first, self._request.frames_per_segment)
         durations = [ticks * UNITS_PER_FRAME for ticks in self._pending_ticks]

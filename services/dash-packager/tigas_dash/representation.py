@@ -1,4 +1,4 @@
-"""The representations of a session: resolution and bitrate of each."""
+"""The representations of a session, with their resolutions and bitrates."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from tigas_common.wire.render import Rung
 _REFERENCE_PIXELS, _REFERENCE_RATE, _REFERENCE_KBPS = 1280 * 720, 30, 4000
 MOST_SIZES = 4
 HIGH_BITRATE_FACTOR = 3
-"""The best resolution is also offered at this multiple of its bitrate, for faster links."""
+"""Multiple of its bitrate at which the best resolution is also offered, for faster links."""
 
 
 @dataclass(frozen=True, slots=True)
 class Representation:
-    """One of the qualities that a player may choose from."""
+    """One of the qualities among which a player can choose."""
 
     rung: int
     width: int
@@ -28,7 +28,7 @@ class Representation:
 
     @property
     def id(self) -> str:
-        """Such as r2-1414: rung and kilobits a second."""
+        """Rung and kilobits per second, such as r2-1414."""
         return f"r{self.rung}-{self.bitrate_kbps}"
 
     @property
@@ -37,9 +37,9 @@ class Representation:
 
 
 def representations(request: SessionRequest, ladder: Sequence[Rung]) -> tuple[Representation, ...]:
-    """The representations of a session, the best first.
+    """The representations of a session, best first.
 
-    Raises InvalidRequest for a rung that the ladder has not, and for two that are the same.
+    Raises InvalidRequest for a rung that is not in the ladder, and for duplicates.
     """
     if request.representations is None:
         made = _default_set(request, ladder)
@@ -51,20 +51,20 @@ def representations(request: SessionRequest, ladder: Sequence[Rung]) -> tuple[Re
 
 
 def single_size(request: StreamRequest, ladder: Sequence[Rung], rung: int | None) -> Representation:
-    """Of a stream with one size: a rung's, or the largest that fits into the viewport. Raises InvalidRequest."""
+    """A stream's only representation: a rung's, or the largest that fits into the viewport. Raises InvalidRequest."""
     if rung is not None:
         return _representation(request, ladder, rung, None)
     return max(_default_set(request, ladder), key=lambda one: one.pixels)
 
 
 def _default_set(request: StreamRequest, ladder: Sequence[Rung]) -> list[Representation]:
-    """Every size with no more pixels than the viewport, since more would be thrown away, or else the smallest.
+    """Every size with no more pixels than the viewport, as more would be wasted, or else the smallest size.
 
-    Of a ladder with many, each of which costs an encoder, MOST_SIZES from the largest to the smallest.
+    As each size costs an encoder, at most MOST_SIZES are chosen, from the largest to the smallest.
     """
     rungs: dict[int, int] = {}
     for number, rung in enumerate(ladder):
-        rungs.setdefault(rung.width * rung.height, number)  # a video's quality is its bitrate's
+        rungs.setdefault(rung.width * rung.height, number)  # a video's quality depends on its bitrate only
     limit = max(request.width * request.height, min(rungs))
     sizes = sorted((pixels for pixels in rungs if pixels <= limit), reverse=True)
     made = [_representation(request, ladder, rungs[pixels], None) for pixels in _spread(sizes)]
@@ -82,17 +82,17 @@ def _representation(
 
 
 def default_bitrate(width: int, height: int, frame_rate: int) -> int:
-    """Kilobits a second: 4000 for 1280×720 at 30 frames/s.
+    """Default bitrate in kilobits per second: 4000 for 1280×720 at 30 frames/s.
 
-    It grows with the number of pixels to the power of 0.75 (the rule of thumb of J. Ozer, "Encoding by the Numbers"),
-    and with the square root of the frame rate, since more frames differ less from one another.
+    It grows with the number of pixels to the power of 0.75 (a rule of thumb by J. Ozer, "Encoding by the Numbers"), and
+    with the square root of the frame rate, as consecutive frames differ less.
     """
     size = math.pow(width * height / _REFERENCE_PIXELS, 0.75)
     return max(50, round(_REFERENCE_KBPS * size * math.sqrt(frame_rate / _REFERENCE_RATE)))
 
 
 def _spread(sizes: Sequence[int]) -> list[int]:
-    """MOST_SIZES of descending sizes, as evenly by their logarithm as may be; all of fewer."""
+    """Up to MOST_SIZES of descending sizes, as evenly spaced in their logarithms as possible."""
     if len(sizes) <= MOST_SIZES:
         return list(sizes)
     step = math.log(sizes[-1] / sizes[0]) / (MOST_SIZES - 1)

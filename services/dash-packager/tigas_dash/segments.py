@@ -1,4 +1,4 @@
-"""Segments that are read while they grow."""
+"""Segments that can be read while they grow."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from collections.abc import AsyncIterator
 from tigas_dash.errors import ExpiredSegment, UnknownSegment
 
 AHEAD = 2
-"""A request for a segment this far ahead waits; one for a later segment is refused."""
+"""A request for a segment up to this far ahead waits; requests for later ones are refused."""
 
 
 class SegmentWindow:
-    """The last segments of one representation, numbered from 1; any number of readers follow the growing one."""
+    """The last segments of one representation, numbered from 1. Any number of readers can follow the growing one."""
 
     def __init__(self, keep: int) -> None:
         """Keeps `keep` complete segments in addition to the growing one."""
         self._keep = keep
         self._chunks: dict[int, list[bytes]] = {}
-        """By segment, also of those requested slightly early."""
+        """Chunks by segment, including segments requested slightly early."""
         self._growing = 0
         self._closed = False
         self._changed = asyncio.Event()
@@ -32,7 +32,7 @@ class SegmentWindow:
         self._wake()
 
     def close(self) -> None:
-        """End all readers, with the stream."""
+        """End all readers along with the stream."""
         self._closed = True
         self._wake()
 
@@ -61,6 +61,6 @@ class SegmentWindow:
                 await changed.wait()
 
     def _wake(self) -> None:
-        # Present waiters hold the old event; later ones get the new event.
+        # Current waiters hold the old event; later ones get the new event.
         self._changed.set()
         self._changed = asyncio.Event()

@@ -1,4 +1,4 @@
-"""One viewer's DASH stream: at each tick the view from the newest pose, encoded; media time is locked to the clock."""
+"""One viewer's DASH stream: the newest view is encoded at each tick, and media time is locked to the clock."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from tigas_dash.stream import Stream
 logger = logging.getLogger(__name__)
 
 LATE_S = 0.1
-"""A stream that is further behind the clock than this leaves frames out, in seconds."""
+"""Seconds behind the clock above which a stream skips frames."""
 MAX_UNREAD = 300
-"""Announcements that wait for a slow reader; it misses older ones."""
+"""Maximum number of announcements queued for a slow reader, which misses older ones."""
 
 
 class Session(Stream):
-    """A DASH stream, made and run by `Sessions.open`."""
+    """A DASH stream, created and run by `Sessions.open`."""
 
     transport = "dash"
     _request: SessionRequest
@@ -39,15 +39,15 @@ class Session(Stream):
         super().__init__(name, request, tuple(one.rung for one in ladder), source, first, clock)
         self.media = Media(request, ladder, encoder.parameters, clock.wall(self._started_at))
         self._next = 0
-        """The number of the frame to encode next."""
+        """Number of the next frame to encode."""
         self._encoder = encoder
-        # One frame waits while another is encoded; a longer queue would only make a slow stream late.
+        # One frame waits while another is encoded; a longer queue would only delay a slow stream.
         self._to_encode: asyncio.Queue[tuple[int, int, RawFrame]] = asyncio.Queue(1)
         self._watchers: set[asyncio.Queue[FrameShown | None]] = set()
 
     @property
     def info(self) -> SessionInfo:
-        """Its description for the viewer."""
+        """Description of the stream for the viewer."""
         request = self._request
         return SessionInfo(
             id=self.name,
@@ -77,7 +77,7 @@ class Session(Stream):
         return self._encoder.failures
 
     def sent(self, rung: int, size: int) -> None:
-        """A client has taken so many bytes of a rung's segments."""
+        """Count bytes of a rung's segments that were sent to a client."""
         self.sent_bytes[rung] += size
         self.used_at = self._clock.now()
 
@@ -87,7 +87,7 @@ class Session(Stream):
 
     @asynccontextmanager
     async def watch(self) -> AsyncIterator[asyncio.Queue[FrameShown | None]]:
-        """Announcements of frames, as a context manager; None when the stream has ended."""
+        """Subscribe to announcements of frames, as a context manager; None means that the stream has ended."""
         queue: asyncio.Queue[FrameShown | None] = asyncio.Queue(MAX_UNREAD)
         self._watchers.add(queue)
         try:
@@ -111,9 +111,9 @@ class Session(Stream):
             self._announce(None)
 
     async def _tick(self) -> None:
-        """Frame n is the newest view between its tick and the next one; if none comes, the last one again.
+        """Frame n is the newest view between its tick and the next one, or the previous view if none arrives.
 
-        Media time stays with the clock even if the encoder does not, or the process was stopped: see `_duration`.
+        Media time follows the clock even if the encoder is late or the process was stopped: see `_duration`.
         """
         shown = self._views.newest
         number = 0
@@ -131,7 +131,7 @@ class Session(Stream):
         return self._started_at + number / self._request.frame_rate
 
     def _duration(self, number: int) -> int:
-        """Duration of a frame in ticks: one, or up to the present if it is late, within its segment."""
+        """Duration of a frame in ticks: one or, if it is late, up to the present within its segment."""
         late_s = self._clock.now() - self._due(number)
         if late_s <= LATE_S:
             return 1

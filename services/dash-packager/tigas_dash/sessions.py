@@ -38,7 +38,7 @@ COUNTERS: Mapping[str, tuple[str, Sequence[str]]] = {
     "render_failures": ("Requests that the render service did not answer with a frame", ("transport",)),
     "encoder_failures": ("Frames that an encoder refused", ("transport",)),
 }
-"""Help text and labels of each counter, without its prefix."""
+"""Help text and labels of each counter, by name without prefix."""
 
 AnyStream = TypeVar("AnyStream", bound=Stream)
 
@@ -66,17 +66,17 @@ class Sessions:
                 await self._end(session)
 
     async def open(self, request: SessionRequest) -> Session:
-        """A new DASH stream, once its first frame is rendered.
+        """Open a DASH stream and render its first frame.
 
         Raises TooManySessions, InvalidRequest, RenderUnavailable, RenderProblem and EncoderUnavailable.
         """
         return await self.start(lambda: self._make(request))
 
     async def start(self, make: Callable[[], Awaitable[AnyStream]]) -> AnyStream:
-        """Open and run a stream if there is room. Raises TooManySessions, and the errors of making it."""
+        """Create and run a stream if there is room. Raises TooManySessions, and the errors of `make`."""
         if len(self._running) + self._opening >= self._limit:
             raise TooManySessions(
-                f"{self._limit} sessions are running already; end one, or start the packager with a higher limit."
+                f"{self._limit} sessions are already running; end one, or start the packager with a higher limit."
             )
         self._opening += 1
         try:
@@ -86,11 +86,11 @@ class Sessions:
         task = asyncio.create_task(session.run(), name=session.name)
         task.add_done_callback(self._ended)
         self._running[session.name] = session, task
-        await asyncio.sleep(0)  # a task that is cancelled before it has begun never cleans up
+        await asyncio.sleep(0)  # a task cancelled before its start would not clean up
         return session
 
     def get(self, name: str) -> Stream:
-        """A running stream, which counts as used by that. Raises UnknownSession."""
+        """A running stream, whose idle time restarts. Raises UnknownSession."""
         found = self._running.get(name)
         if found is None:
             raise UnknownSession("There is no such session; it may have ended.")
@@ -105,7 +105,7 @@ class Sessions:
         await self._end(self.get(name))
 
     async def _end(self, session: Stream) -> None:
-        """End a stream, unless it has ended by now."""
+        """End a stream, unless it has already ended."""
         if session.name in self._running:
             _, task = self._running[session.name]
             if not task.cancelling():
@@ -138,7 +138,7 @@ class Sessions:
 
 
 class DashMetrics(Collector):
-    """Of all streams of a packager. Nothing is counted here while they run."""
+    """Metrics of all streams, collected on request so that streams need not count here."""
 
     def __init__(self, streams: Callable[[], Sequence[Stream]], limit: int) -> None:
         """streams: the running ones; limit: their maximum number."""

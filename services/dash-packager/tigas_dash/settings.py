@@ -27,4 +27,4 @@ class DashSettings(ServiceSettings):
     idle_s: Annotated[float, NO_FLAG] = Field(default=15, gt=0, le=86_400)
     """Seconds after which a stream without a viewer is ended."""
     encoder: Annotated[Literal["auto", "libx264", "h264_nvenc"], NO_FLAG] = "auto"
-    """`auto` chooses NVIDIA's encoder if it works."""
+    """Video encoder; `auto` chooses NVIDIA's if it works."""

@@ -1,4 +1,4 @@
-"""Where frames come from: the render service, or a cluster's hosts, over HTTP."""
+"""Source of frames: the render service, or a cluster's hosts, over HTTP."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from tigas_dash.encoder import RawFrame
 from tigas_dash.representation import Representation
 
 FIRST_FRAME_S = 60
-"""The first frame may have to wait for its scene to load, in seconds."""
+"""Timeout of the first frame in seconds, as its scene may have to be loaded."""
 FRAME_S = 5
-"""After this the render service counts as dead, in seconds."""
+"""Seconds after which the render service counts as dead."""
 
 
 async def ladder(client: RenderClient, scene: str) -> tuple[Rung, ...]:
-    """The ladder that profiles index in a scene; without one, requests for its frames report the problem.
+    """The ladder to which profiles refer in a scene; empty for a missing scene, as requests for its frames report that.
 
     Raises RenderUnavailable.
     """
@@ -31,7 +31,7 @@ async def ladder(client: RenderClient, scene: str) -> tuple[Rung, ...]:
 
 
 class ViewSource:
-    """One session's views at the size that it is encoded from."""
+    """Views of one session, at the size from which they are encoded."""
 
     def __init__(self, client: RenderClient, request: StreamRequest, size: Representation) -> None:
         self.first_pose = PoseUpdate(seq=0, position=request.position, quaternion=request.quaternion)
@@ -42,7 +42,7 @@ class ViewSource:
         self._display_scale = max(1.0, math.sqrt(request.width * request.height / size.pixels))
 
     async def first(self) -> RawFrame:
-        """The view from the first pose, once the scene is loaded. Raises as `frame`."""
+        """The view from the first pose, once the scene is loaded. Raises as `frame` does."""
         return await self.frame(self.first_pose, FIRST_FRAME_S)
 
     async def frame(self, pose: PoseUpdate, within_s: float = FRAME_S) -> RawFrame:
@@ -53,7 +53,7 @@ class ViewSource:
             request = RenderRequest.at(
                 self._scene, pose.pose, lens, display_scale=self._display_scale, format="yuv420p"
             )
-        except ValidationError as error:  # a lens that fits the viewport may be too long for the stream's size
+        except ValidationError as error:  # intrinsics valid for the viewport may be too large for the stream's size
             raise InvalidRequest(f"The stream's size does not fit the intrinsics: {sentence(error)}") from None
         data = await self._client.frame(request, within_s)
         expected = self._width * self._height * 3 // 2

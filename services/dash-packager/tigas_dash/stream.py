@@ -1,4 +1,4 @@
-"""One viewer's stream, however it travels, and its views: the newest one, requested from the newest pose."""
+"""One viewer's stream over any transport, and its views, always requested from the newest pose."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ logger = logging.getLogger(__name__)
 
 Transport = Literal["dash", "webrtc"]
 IN_FLIGHT = 2
-"""Requests in flight at the render service: one more than it renders at a time, so that it never waits for us."""
+"""Requests in flight at the render service: one more than it renders at a time, so that it never idles."""
 
 
 @dataclass(slots=True)
 class Progress:
     frames: int = 0
     repeated: int = 0
-    """Frames that repeat the last view because no newer one arrived in time."""
+    """Frames that repeat the previous view because no newer one arrived in time."""
     dropped: int = 0
-    """Frames that were left out, as the stream was late."""
+    """Frames that were skipped because the stream was late."""
 
 
 class Stream(ABC):
-    """A running stream. `Sessions` runs it."""
+    """A running stream, run by `Sessions`."""
 
     transport: ClassVar[Transport]
 
@@ -48,12 +48,12 @@ class Stream(ABC):
     ) -> None:
         self.name = name
         self.rungs = rungs
-        """One for each representation."""
+        """Rung of each representation."""
         self.progress = Progress()
         self.sent_bytes: Counter[int] = Counter()
         """Bytes of segments or datagrams, by rung."""
         self.used_at = clock.now()
-        """Time of the viewer's last request or packet, on the steady clock."""
+        """Time of the viewer's last request or packet, on the monotonic clock."""
         self._request = request
         self._clock = clock
         self._started_at = clock.now()
@@ -62,26 +62,26 @@ class Stream(ABC):
 
     @abstractmethod
     async def run(self) -> None:
-        """Stream until cancelled, or until the stream cannot go on."""
+        """Stream until cancelled, or until the stream cannot continue."""
 
     @property
     @abstractmethod
     def behind_s(self) -> float:
-        """For how long the next frame has been due, in seconds."""
+        """Time in seconds for which the next frame has been due."""
 
     @property
     @abstractmethod
     def watchers(self) -> int:
-        """Connections of viewers."""
+        """Number of viewers' connections."""
 
     @property
     def watched(self) -> bool:
-        """Whether it is certainly being watched, however long ago it was used."""
+        """Whether it is certainly being watched, no matter how long ago it was used."""
         return False
 
     @property
     def encoder_failures(self) -> int:
-        """Frames that an encoder refused."""
+        """Number of frames that an encoder refused."""
         return 0
 
     @property
@@ -102,13 +102,13 @@ class Stream(ABC):
 
 
 class NewestView:
-    """Requests the view from the newest pose, and keeps the newest answer. Starts with a given one."""
+    """Requests views from the newest pose and keeps the newest answer, starting with a given one."""
 
     def __init__(self, session: str, source: ViewSource, first: RawFrame, clock: Clock) -> None:
         self.failures = 0
-        """Requests that the render service did not answer with a frame."""
+        """Number of requests that the render service did not answer with a frame."""
         self.problem: str | None = None
-        """Why it gives no frames at present."""
+        """Reason why the render service sends no frames at present."""
         self._session = session
         self._source = source
         self._clock = clock
@@ -128,7 +128,7 @@ class NewestView:
         return bool(self._requests or self.problem)
 
     async def after(self, shown: RawFrame, until: float) -> RawFrame:
-        """The next view as soon as it is available, or the present one at the end of its time."""
+        """Wait for a newer view than `shown`, at most until `until` on the monotonic clock. Returns the newest view."""
         if self._pose != self._requested and len(self._requests) < IN_FLIGHT:
             self._requested = self._pose
             self._request_number += 1
@@ -137,7 +137,7 @@ class NewestView:
             task.add_done_callback(self._requests.discard)
         if self.newest is shown and self._requests:
             self._arrived.clear()
-            # Not wait_for, which in Python 3.11 forgets a cancellation that comes together with the view.
+            # Not wait_for, which in Python 3.11 loses a cancellation that coincides with the view.
             with suppress(TimeoutError):
                 async with asyncio.timeout(until - self._clock.now()):
                     await self._arrived.wait()
@@ -156,9 +156,9 @@ class NewestView:
             if self.problem is None:
                 logger.warning("Session %s repeats its last frame: %s", self._session, error.detail)
             self.problem = error.detail
-            self._requested = None  # ask again
+            self._requested = None  # repeats the request
             return
         self.problem = None
-        if number > self._newest_number:  # else a newer one has overtaken it
+        if number > self._newest_number:  # otherwise a newer one has overtaken it
             self.newest, self._newest_number = frame, number
             self._arrived.set()

@@ -1,1 +1,1 @@
-"""The network-namespace lab: client, gateway and service on one machine, with the shaped link between them."""
+"""The network-namespace lab: client, gateway and service on one machine, connected by the shaped link."""

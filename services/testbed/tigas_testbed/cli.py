@@ -20,7 +20,7 @@ from tigas_testbed.services import NAME, https_port, run_demo, run_lab
 
 
 class Check(Command):
-    """Check whether this machine can run the lab: print one sentence and exit with status 1 if not."""
+    """Check whether this machine can run the lab. If not, print one sentence and exit with status 1."""
 
     https: Listen | None = None
     """Address of the page over HTTPS, on 127.0.0.1 and behind the same link."""
@@ -58,7 +58,7 @@ class Exec(Command):
     """Run a command inside the lab, such as a browser on the client."""
 
     role: Annotated[Role, POSITIONAL]
-    """client, gateway or service."""
+    """Namespace: client, gateway or service."""
     command: Annotated[tuple[str, ...], REST, Metavar("COMMAND")]
     """Command to run there, such as: chromium http://localhost:8080"""
 
@@ -94,12 +94,12 @@ def _has_store() -> bool:
     """Whether the experiment store can run. If not, print the command that installs it."""
     installed = not missing_packages("lab")
     if not installed:
-        print(f"Without experiments, which need: {install_command('lab')}", flush=True)
+        print(f"Experiments are disabled; to enable them: {install_command('lab')}", flush=True)
     return installed
 
 
 def _told_to_stop() -> threading.Event:
-    """Set by SIGINT and SIGTERM, from a thread: a handler may run while this one holds the event's lock."""
+    """An event set on SIGINT and SIGTERM by a thread, as a handler may run while this thread holds the event's lock."""
     stop = threading.Event()
     signals: SimpleQueue[int] = SimpleQueue()
 

@@ -46,12 +46,12 @@ TOOLS = {
     "setpriv": "util-linux",
     "mount": "mount",
 }
-"""Commands that the lab and the shaper in it run, and the Debian packages that they are in."""
+"""Commands used by the lab and its shaper, and the Debian packages that contain them."""
 STOP = b"stop"
 STOP_S = 20
-"""Longer than its services take to end."""
+"""Longer than the services take to end."""
 CREDENTIALS = struct.Struct("3i")
-"""A sender's process, user and group (unix(7))."""
+"""Process, user and group of a sender (unix(7))."""
 _NAME = re.compile(r"[a-z0-9]{1,20}")
 
 
@@ -62,11 +62,11 @@ class Lab:
         self.name = name
 
     def namespace(self, role: Role) -> str:
-        """The name that `ip netns` knows it by."""
+        """Name of the namespace for `ip netns`."""
         return f"{PREFIX}{self.name}-{role}"
 
     def command(self, role: Role, argv: Sequence[str]) -> list[str]:
-        """A command line that runs another one in a namespace, as root, and ends it when its parent ends."""
+        """Command line that runs another one in a namespace, as root, and ends it when its parent ends."""
         return ["ip", "netns", "exec", self.namespace(role), "setpriv", "--pdeathsig", "KILL", *argv]
 
     def exists(self) -> bool:
@@ -77,8 +77,8 @@ class Lab:
 
     @contextmanager
     def up(self, ports: Sequence[Port] = (), *, host: bool = False) -> Iterator[Lab]:
-        """The lab during the context, with `ports` of the client's 127.0.0.1 leading to the gateway's; `host` joins the
-        machine to the client's side, with the same ports.
+        """Run the lab during the context, with `ports` of the client's 127.0.0.1 leading to the gateway. `host`
+        connects this machine to the client's side, with the same ports.
 
         Removes a leftover lab of the same name first. Raises StartError.
         """
@@ -94,14 +94,14 @@ class Lab:
             yield self
 
     def stop(self) -> None:
-        """End the process that has the lab up, if there is one, as Ctrl+C would. Raises StartError if it goes on."""
+        """End the process that runs the lab, if any, like Ctrl+C. Raises StartError if it does not end."""
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as messenger:
             try:
                 messenger.sendto(STOP, _lock_address(self.name))
             except ConnectionRefusedError:
                 return
             except BrokenPipeError:
-                pass  # it is ending already
+                pass  # it is already ending
         latest = time.monotonic() + STOP_S
         while True:
             try:
@@ -113,7 +113,7 @@ class Lab:
                 time.sleep(0.1)
 
     def remove(self) -> None:
-        """End all processes in its namespaces, and remove the namespaces and the host's link."""
+        """End all processes in the lab's namespaces, and remove the namespaces and the host's link."""
         existing = _namespaces()
         for role in ROLES:
             namespace = self.namespace(role)
@@ -137,7 +137,7 @@ class Lab:
                 _set_tcp_congestion_control(namespace)
             _veth((client, "access", CLIENT_ADDRESS), (gateway, "access", GATEWAY_ADDRESS))
             _veth((gateway, "service", GATEWAY_SERVICE_ADDRESS), (service, "service", SERVICE_ADDRESS))
-            # Whole packets: a super-packet would burst through the link as one.
+            # No segmentation offload: a super-packet would cross the link as one burst.
             for namespace, interface in ((client, "access"), (service, "service")):
                 _run(*_in(namespace), "ethtool", "-K", interface, "tso", "off", "gso", "off",
                      "tx-udp-segmentation", "off")  # fmt: skip
@@ -156,13 +156,13 @@ class Lab:
 
 
 def _set_tcp_congestion_control(namespace: str) -> None:
-    """Every lab's TCP is CUBIC where the kernel allows it, whatever the machine's own is. Runs record the result."""
+    """Use CUBIC in every lab if the kernel allows it, whatever the machine's default. Runs record the result."""
     with suppress(subprocess.CalledProcessError):
         _run(*_in(namespace), "sysctl", "-qw", "net.ipv4.tcp_congestion_control=cubic")
 
 
 def check_rights() -> None:
-    """Raises StartError if this process cannot make network namespaces, or lacks a tool for it."""
+    """Raise StartError if this process cannot create network namespaces, or lacks a tool for it."""
     if os.geteuid() != 0 or not has_capabilities(CAP_NET_ADMIN, CAP_SYS_ADMIN):
         raise StartError("The lab creates network namespaces, which needs root: run it with sudo.")
     if missing := {package for tool, package in TOOLS.items() if shutil.which(tool) is None}:
@@ -175,7 +175,7 @@ def _lock_address(name: str) -> str:
 
 @contextmanager
 def _lock(name: str) -> Iterator[socket.socket]:
-    """The right to have the lab up: a socket, at which it can be told to stop. Raises StartError."""
+    """Exclusive right to run the lab: a socket that also receives the request to stop. Raises StartError."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as lock:
         lock.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
         try:
@@ -186,7 +186,7 @@ def _lock(name: str) -> Iterator[socket.socket]:
 
 
 def _end_when_told(lock: socket.socket) -> None:
-    """Wait for a message of this user's, until the socket is shut down, and end this process as SIGTERM does."""
+    """Wait for a message from this user, until the socket is shut down, and end this process as SIGTERM does."""
     while True:
         message, credentials, _, _ = lock.recvmsg(len(STOP), socket.CMSG_SPACE(CREDENTIALS.size))
         if not message:
@@ -196,7 +196,7 @@ def _end_when_told(lock: socket.socket) -> None:
 
 
 def _localhost(inside: Sequence[str], interface: str, address: str, table: str, ports: Sequence[Port]) -> None:
-    """Lead ports of 127.0.0.1 to the gateway, by way of an interface with an address."""
+    """Forward ports of 127.0.0.1 to the gateway, through an interface with this address."""
     if not ports:
         return
     _run(*inside, "sysctl", "-qw", f"net.ipv4.conf.{interface}.route_localnet=1")
@@ -214,7 +214,7 @@ def _localhost(inside: Sequence[str], interface: str, address: str, table: str, 
 
 
 def _veth(*ends: tuple[str | None, str, str]) -> None:
-    """A veth pair between two (namespace, interface, address), up and with its addresses; None is the host's own."""
+    """Create a veth pair between two (namespace, interface, address) and bring it up; None is the host's namespace."""
     (first, name, _), (second, peer_name, _) = ends
     peer = ["peer", "name", peer_name]
     _run(*_ip(first), "link", "add", name, "type", "veth", *peer, "netns", second or str(os.getpid()))

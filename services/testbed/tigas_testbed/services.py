@@ -1,4 +1,4 @@
-"""The services behind the gateway of the lab and the shaper on it, and the same services without a lab."""
+"""The services behind the lab's gateway, the shaper on the gateway, and the same services without a lab."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ from tigas_testbed.user import User, own_code, reaching
 
 NAME = "lab"
 FORWARDED = (PAGE, WEBTRANSPORT, DASH, WEBRTC, STORE)
-"""The ports of the services, which the gateway forwards."""
+"""Ports of the services, which the gateway forwards."""
 PORTS = (*FORWARDED, SHAPER)
-"""All that a client reaches at the gateway."""
+"""All ports that a client can reach on the gateway."""
 TUN = Path("/dev/net/tun")
-"""Requirements of the shaper's relay."""
+"""Device that the shaper's relay requires."""
 
 
 def render_command(scenes: Path | None, https: Port | None = None) -> list[str]:
-    """The render service, on all addresses of its namespace."""
+    """Command of the render service, on all addresses of its namespace."""
     chosen = [
         *(("--scenes", str(scenes)) if scenes else ()),
         *(("--https", str(https.everywhere)) if https else ()),
@@ -54,17 +54,17 @@ def render_command(scenes: Path | None, https: Port | None = None) -> list[str]:
 
 
 def dash_command() -> list[str]:
-    """The DASH packager next to the render service; views reach it without the shaped link."""
+    """Command of the packager next to the render service, which it reaches without the shaped link."""
     return tigas("dash", "--render", f"http://{PAGE.loopback}", "--http", str(DASH.everywhere))
 
 
 def store_command() -> list[str]:
-    """The experiments' store, which keeps results in the working directory by default."""
+    """Command of the experiment store, which keeps results in the working directory by default."""
     return tigas("store", "--http", str(STORE.everywhere))
 
 
 def shaper_command(*more: str, https: Port | None = None) -> list[str]:
-    """The shaper on the gateway, in front of the services."""
+    """Command of the shaper on the gateway, in front of the services."""
     ports = (*FORWARDED, *((https,) if https else ()))
     forwards = (f"--forward={port.protocol}:{port.number}={SERVICE_ADDRESS}:{port.number}" for port in ports)
     interfaces = ("--access", "access", "--service", "service")
@@ -78,18 +78,18 @@ class Runner:
     lab: Lab
     user: User
     needed: Sequence[Path] = ()
-    """Directories that they must reach, in addition to their code."""
+    """Directories that services must reach, in addition to their code."""
     environment: Mapping[str, str] = field(default_factory=dict)
-    """More than this process has in its own."""
+    """Additions to this process's environment."""
 
     def service(self, argv: Sequence[str]) -> list[str]:
-        """A command line that runs a service. Raises StartError."""
+        """Command line that runs a service. Raises StartError."""
         reached = reaching(self.user, (*own_code(), *self.needed), (), self.user.command(argv))
         return self.lab.command("service", reached)
 
     def shaper(self, *more: str, https: Port | None = None) -> list[str]:
-        """A command line that runs the shaper, which alone may change the network of its namespace, and go before other
-        processes. Raises StartError.
+        """Command line that runs the shaper, the only service that may change its namespace's network and raise its
+        priority. Raises StartError.
         """
         argv = self.user.command(shaper_command(*more, https=https), ("net_admin", "sys_nice"))
         return self.lab.command("gateway", reaching(self.user, (*own_code(), *self.needed), (TUN,), argv))
@@ -97,7 +97,7 @@ class Runner:
     def start(
         self, command: Sequence[str], environment: Mapping[str, str] = MappingProxyType({})
     ) -> subprocess.Popen[bytes]:
-        """Start such a command line as the leader of a session, with more in its environment."""
+        """Start such a command line as the leader of a session, with additional environment variables."""
         own = {name: value for name, value in os.environ.items() if not name.startswith("XDG_")}  # root's directories
         return subprocess.Popen(
             command,
@@ -107,12 +107,12 @@ class Runner:
 
 
 def https_port(address: Address | None) -> Port | None:
-    """The port of this machine where the lab's page is over HTTPS. Raises StartError for an address that cannot be."""
+    """The port on this machine of the lab's page over HTTPS. Raises StartError for an unusable address."""
     if address is None:
         return None
     if address.host not in ("localhost", "127.0.0.1"):
         raise StartError(
-            f"The lab is only for this machine, so not for --https {address}; for other devices, run the shaped "
+            f"The lab serves only this machine, so --https {address} is impossible; for other devices, run the shaped "
             "link in containers (docs/deploy.md)."
         )
     port = Port("tcp", address.port)
@@ -122,9 +122,9 @@ def https_port(address: Address | None) -> Port | None:
 
 
 def check_free(ports: Sequence[Port]) -> None:
-    """Raise StartError if a program on this machine has one of the ports that lead to the lab.
+    """Raise StartError if a program on this machine uses one of the lab's ports.
 
-    `localhost` is ::1 for a browser if a program listens there, so that counts too where there is IPv6.
+    For a browser, `localhost` is ::1 if a program listens there, so that address is checked as well if there is IPv6.
     """
     for port in ports:
         kind = socket.SOCK_STREAM if port.protocol == "tcp" else socket.SOCK_DGRAM
@@ -141,7 +141,7 @@ def check_free(ports: Sequence[Port]) -> None:
 def run_lab(*, https: Address | None, store: bool, stop: threading.Event) -> None:
     """Run the whole lab, with or without the experiment store, until `stop` is set.
 
-    Raises StartError if it cannot start, or if a service ends too often.
+    Raises StartError if it cannot start, or if a service exits too often.
     """
     secure = https_port(https)
     check_rights()
@@ -152,7 +152,7 @@ def run_lab(*, https: Address | None, store: bool, stop: threading.Event) -> Non
     traces: Path | None = settings_of(
         "shaper", access="access", service="service", forward=("tcp:1=localhost:1",)
     ).traces
-    lent = (results, *((models,) if models == MODELS else ()))  # a directory that was named keeps its owner
+    lent = (results, *((models,) if models == MODELS else ()))  # an explicitly named directory keeps its owner
     caller, user = User.caller(os.environ), User.of_services(os.environ, Path.cwd())
     options = ("--traces", str(traces)) if traces else ()
     page = {
@@ -200,7 +200,7 @@ def run_demo(render_options: Sequence[str], stop: threading.Event, *, store: boo
 
 
 def _own_names(service: str) -> dict[str, str]:
-    """The environment in which a service also answers to this machine's names on the network."""
+    """Environment in which a service also answers to this machine's names on the network."""
     own = socket.gethostname().lower()
     hosts = (*settings_of(service).allow_hosts, *((own, f"{own}.local") if host_of(own) == own else ()))
     return {f"TIGAS_{service.upper()}_ALLOW_HOSTS": json.dumps(hosts)}

@@ -1,8 +1,8 @@
-"""The user of the lab's services: an ordinary one without capabilities, although the lab itself needs root.
+"""The user that runs the lab's services: ordinary and without capabilities, although the lab itself needs root.
 
-Some files that services need may be root's alone, such as an interpreter below /root or a device. `ip netns exec` gives
-a command its own mounts: there, a directory that the user may not enter is covered by an empty one, into which only the
-needed files are bound. The machine's own files are not changed.
+Some required files may only be accessible to root, such as an interpreter below /root or a device. `ip netns exec`
+gives a command its own mounts: there, a directory that the user may not enter is covered by an empty one, into which
+only the required files are bound. The machine's own files are not changed.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _SPARE = "/mnt"
 
 @dataclass(frozen=True, slots=True)
 class User:
-    """A user and their main group; the services have none of their other groups."""
+    """A user and their main group; services run without their other groups."""
 
     uid: int
     gid: int
@@ -39,7 +39,7 @@ class User:
 
     @classmethod
     def of_services(cls, environment: Mapping[str, str], directory: Path) -> User:
-        """The caller, or else the owner of the working directory; where both are root, the system's `nobody`."""
+        """The caller, or else the owner of the working directory; if both are root, the system's `nobody`."""
         state = directory.stat()
         for user in (cls.caller(environment), cls(state.st_uid, state.st_gid)):
             if user.uid and user.gid:
@@ -47,7 +47,7 @@ class User:
         return cls(NOBODY, NOBODY)
 
     def environment(self) -> dict[str, str]:
-        """The user's home, created if missing, and identity."""
+        """Variables for the user's identity and home, which is created if missing."""
         try:
             known = pwd.getpwuid(self.uid)
         except KeyError:
@@ -61,7 +61,7 @@ class User:
         return {"HOME": str(home), "USER": name, "LOGNAME": name}
 
     def give(self, folder: Path) -> None:
-        """Make them the owner of a folder, which is made if it is missing, as `give` does. Raises StartError."""
+        """Make the user the owner of a folder, which is created if missing. Raises StartError."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
             give(folder, self.uid, self.gid)
@@ -69,15 +69,15 @@ class User:
             raise StartError(f"{folder} cannot be given to user {self.uid}: {error.strerror or error}.") from None
 
     def may_enter(self, folder: Path) -> bool:
-        """Whether its mode lets the user reach its contents."""
+        """Whether a folder's mode lets the user reach its contents."""
         state = folder.stat()
         if state.st_uid == self.uid:
             return bool(state.st_mode & stat.S_IXUSR)
         return bool(state.st_mode & (stat.S_IXGRP if state.st_gid == self.gid else stat.S_IXOTH))
 
     def command(self, argv: Sequence[str], capabilities: Iterable[str] = ()) -> list[str]:
-        """A command line, for root, that runs another one as this user, with these capabilities (capabilities(7), in
-        small letters and without `cap_`) and no way to get others."""
+        """Command line, for root, that runs another one as this user, with these capabilities (capabilities(7), in
+        lower case and without `cap_`) and no way to gain others."""
         held = ",".join(("-all", *(f"+{capability}" for capability in capabilities)))
         return [
             "setpriv",
@@ -94,13 +94,13 @@ class User:
 
 
 def own_code() -> list[Path]:
-    """The directories of this very Python and its packages, and the working directory."""
+    """Directories of the current interpreter and its packages, and the working directory."""
     places = (Path(place) for place in (sys.base_prefix, sys.prefix, *sys.path, "."))
     return [place.absolute() for place in places if place.is_dir()]
 
 
 def reaching(user: User, needed: Iterable[Path], devices: Iterable[Path], argv: Sequence[str]) -> list[str]:
-    """A command line that runs another one where `user` reaches all needed files, with private mounts under root.
+    """Command line that runs another one such that `user` reaches all needed files, through private mounts under root.
 
     Raises StartError for a needed directory that is closed to the user itself.
     """
@@ -112,7 +112,7 @@ def reaching(user: User, needed: Iterable[Path], devices: Iterable[Path], argv: 
 
 
 def _doors(user: User, needed: Iterable[Path]) -> list[Sequence[str]]:
-    """Commands that lead past closed directories."""
+    """Commands that make needed paths reachable past closed directories."""
     behind: dict[Path, set[Path]] = {}
     for path in {each for place in needed for each in (place.absolute(), place.resolve())}:
         if path.is_dir() and not user.may_enter(path):

@@ -1,1 +1,1 @@
-"""A viewer's stream over WebRTC, by aiortc, on one UDP port for all viewers."""
+"""Streams over WebRTC with aiortc, on a single UDP port for all viewers."""

@@ -1,4 +1,4 @@
-"""Answers a viewer's offer: one video to send and one data transport, on one connection through our port."""
+"""Answers to viewers' offers: one video to send and one data transport, on one connection through our port."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from aiortc.sdp import SessionDescription
 from tigas_common.errors import InvalidRequest
 
 MIN_BPS, MAX_BPS = 100_000, 10_000_000
-"""Bit rates that congestion control may set on encoders."""
+"""Range of bit rates that congestion control may set on encoders."""
 LEAST_MESSAGE = 1024
-"""A viewer must take messages of this size on the data channel, in bytes."""
+"""Minimum size in bytes of messages that a viewer must accept on the data channel."""
 UNLIMITED = 0
-"""The largest message of a viewer that takes messages of any size (RFC 8841, 6.1)."""
+"""Maximum message size that means any size (RFC 8841, 6.1)."""
 NO_SDP = "The offer is not SDP of a WebRTC connection."
 _CANDIDATES = re.compile(r"^a=(candidate:|end-of-candidates).*(\r\n|\n|$)", re.MULTILINE)
 _CODEC = re.compile(r"^a=rtpmap:\d+ ([\w-]+)/", re.MULTILINE)
 
 
 def widen_bitrates() -> None:
-    """aiortc holds H.264 between 0.5 and 3 Mbit/s, and VP8 between 0.25 and 1.5: too narrow for the links here."""
+    """Widen aiortc's ranges of 0.5 to 3 Mbit/s for H.264 and 0.25 to 1.5 for VP8, too narrow for the links here."""
     for codec in (h264, vpx):
         vars(codec).update(MIN_BITRATE=MIN_BPS, MAX_BITRATE=MAX_BPS)
 
 
 class _Limited:
-    """Before one of aiortc's encoders in the order of base classes."""
+    """Mixin that limits the bit rate of one of aiortc's encoders; it must come first in the base classes."""
 
     most_bps: int
 
     @property
     def target_bitrate(self) -> int:
-        """As congestion control has it, up to the limit."""
+        """Bit rate set by congestion control, up to the limit."""
         wanted: int = super().target_bitrate  # type: ignore[misc]
         return min(wanted, self.most_bps)
 
@@ -56,7 +56,7 @@ class _LimitedVp8(_Limited, vpx.Vp8Encoder):
 
 
 def limit_bitrate(sender: RTCRtpSender, codec: str, most_bps: int) -> None:
-    """Limit a sender's encoder, before its first frame, regardless of the link."""
+    """Limit the bit rate of a sender, before its first frame, on any link."""
     encoder = _LimitedH264() if codec == "H264" else _LimitedVp8()
     encoder.most_bps = most_bps
     vars(sender)["_RTCRtpSender__encoder"] = encoder
@@ -73,13 +73,13 @@ async def taken(offer: str) -> AsyncIterator[RTCPeerConnection]:
         await _take(connection, offer)
         yield connection
     except BaseException:
-        with suppress(AttributeError):  # aiortc's, after a partial success
+        with suppress(AttributeError):  # raised by aiortc after a partial success
             await connection.close()
         raise
 
 
 async def _take(connection: RTCPeerConnection, offer: str) -> None:
-    # Viewers are reached at the address of their packets: see `udp_port`.
+    # Candidates are removed, as viewers are reached at the address of their packets: see `udp_port`.
     description = RTCSessionDescription(sdp=_CANDIDATES.sub("", offer), type="offer")
     try:
         _check(SessionDescription.parse(description.sdp))
@@ -90,7 +90,7 @@ async def _take(connection: RTCPeerConnection, offer: str) -> None:
     except InvalidRequest:
         raise
     except OperationError:
-        raise InvalidRequest("The offer has no video codec that can be sent here: H.264 (baseline) or VP8.") from None
+        raise InvalidRequest("The offer has no video codec that can be sent: H.264 (baseline) or VP8.") from None
     except Exception:  # aiortc validates little of its input
         raise InvalidRequest(NO_SDP) from None
     if not bundled:
@@ -98,7 +98,7 @@ async def _take(connection: RTCPeerConnection, offer: str) -> None:
 
 
 def _check(offer: SessionDescription) -> None:
-    """Check fields that aiortc reads only once the viewer connects, or never checks. Raises InvalidRequest."""
+    """Check fields that aiortc reads only once the viewer connects, or never. Raises InvalidRequest."""
     for media in offer.media:
         fingerprints = media.dtls.fingerprints if media.dtls is not None else ()
         if not any(each.algorithm.lower() in X509_DIGEST_ALGORITHMS for each in fingerprints):
@@ -112,7 +112,7 @@ def _check(offer: SessionDescription) -> None:
 
 
 async def answered(connection: RTCPeerConnection, track: MediaStreamTrack, candidate: str) -> tuple[str, str]:
-    """Answers the offer that was taken: the SDP with this candidate, and the codec's name. Raises InvalidRequest."""
+    """Answer the accepted offer. Returns the SDP with this candidate, and the codec's name. Raises InvalidRequest."""
     (video,) = connection.getTransceivers()
     connection.addTrack(track)
     video.direction = "sendonly"

@@ -1,4 +1,4 @@
-"""Streams over WebRTC, from their offer on: poses come on a data channel, views go out as a video by aiortc."""
+"""Streams over WebRTC: poses arrive on a data channel, and views are sent as video by aiortc."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from tigas_dash.webrtc.udp_port import UdpPort
 logger = logging.getLogger(__name__)
 
 MOST_UNSENT = 65_536
-"""Maximum bytes queued on the channel `frames`; a viewer that does not read misses the rest."""
+"""Maximum number of bytes queued on the channel `frames`; a viewer that does not read misses the rest."""
 CLOSING_S = 5
-"""aiortc's closing is given up after this, in seconds."""
+"""Seconds after which waiting for aiortc to close is abandoned."""
 
 
 class WebRtcStream(Stream):
-    """A stream made by `WebRtc.make`. A present viewer keeps sending, at least receiver reports."""
+    """A stream made by `WebRtc.make`. A live viewer keeps sending at least receiver reports."""
 
     transport = "webrtc"
     _request: WebRtcRequest
@@ -46,7 +46,7 @@ class WebRtcStream(Stream):
     ) -> None:  # fmt: skip
         super().__init__(name, request, (size.rung,), source, first, clock)
         self.info: WebRtcSession
-        """Its description for the viewer, once it has begun."""
+        """Description of the stream for the viewer, once it has begun."""
         self._size = size
         self._connection = connection
         self._port = port
@@ -59,10 +59,10 @@ class WebRtcStream(Stream):
         self._ended = asyncio.Event()
         connection.add_listener("datachannel", self._opened)
         connection.add_listener("connectionstatechange", self._changed)
-        self._track.add_listener("ended", self._ended.set)  # its encoder failed
+        self._track.add_listener("ended", self._ended.set)  # when its encoder fails
 
     async def begin(self, host: str) -> None:
-        """Answers the offer; the viewer reaches the port under `host`. Raises InvalidRequest."""
+        """Answer the offer; the viewer reaches the port under `host`. Raises InvalidRequest."""
         candidate = self._port.candidate(host).to_sdp()
         sdp, codec = await answered(self._connection, self._track, candidate)
         if codec == "H264" and self._request.frame_rate != 30:
@@ -100,7 +100,7 @@ class WebRtcStream(Stream):
         self._views.close()
         self._track.stop()
         try:
-            with suppress(TimeoutError, AttributeError):  # aiortc's, of an offer that it took in part
+            with suppress(TimeoutError, AttributeError):  # raised by aiortc for an offer accepted in part
                 async with asyncio.timeout(CLOSING_S):
                     await self._connection.close()
         finally:
@@ -123,7 +123,7 @@ class WebRtcStream(Stream):
             channel.add_listener("message", self._told)
 
     def _told(self, message: str | bytes) -> None:
-        """The viewer's camera, perhaps overtaken: the channel is unordered."""
+        """Handle a pose of the viewer, which may be outdated as the channel is unordered."""
         try:
             pose = parse(PoseUpdate, message.encode() if isinstance(message, str) else message)
         except TigasError as error:
@@ -136,7 +136,7 @@ class WebRtcStream(Stream):
 
     def _sent(self, timestamp: int, pose: int) -> None:
         first = self._lane.first_rtp_timestamp
-        if first is not None:  # else it was not sent after all
+        if first is not None:  # otherwise the frame was not sent after all
             self._tell(SentFrame(rtp_timestamp=(first + timestamp) % 2**32, pose=pose))
 
     def _tell(self, message: WireModel) -> None:
@@ -149,7 +149,7 @@ class WebRtc:
     """State shared by all WebRTC streams; opened by `running`."""
 
     def __init__(self, client: RenderClient, port: UdpPort, clock: Clock, *, on_loopback: bool) -> None:
-        """on_loopback: only this machine reaches the port, although a render service proxies requests of others."""
+        """on_loopback: only this machine reaches the port, although a render service may proxy others' requests."""
         self._client = client
         self._on_loopback = on_loopback
         self._port = port
@@ -168,7 +168,7 @@ class WebRtc:
         return self._port.number
 
     async def make(self, request: WebRtcRequest, host: str) -> WebRtcStream:
-        """A stream with its first frame rendered, not running yet; its viewer reached this service at `host`.
+        """Create a stream, not yet running, and render its first frame; its viewer reached this service at `host`.
 
         Raises InvalidRequest, RenderUnavailable, RenderProblem, and WebRtcUnavailable for a viewer on another machine
         that cannot reach the port.

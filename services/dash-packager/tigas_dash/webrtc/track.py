@@ -1,4 +1,4 @@
-"""The video that aiortc encodes and sends: at each tick the newest view; timestamps stay with the clock."""
+"""The video that aiortc encodes and sends: the newest view at each tick, with timestamps that follow the clock."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from tigas_dash.clock import Clock
 from tigas_dash.stream import NewestView, Progress
 
 RTP_RATE = 90_000
-"""Ticks of a video's RTP timestamps in a second (RFC 6184, RFC 7741)."""
+"""Ticks per second of a video's RTP timestamps (RFC 6184, RFC 7741)."""
 PATIENCE_S = 0.25
-"""While a newer view is on its way, the last one is sent again only so often: encoding it would hold that up."""
+"""Seconds between repeats of the last view while a newer one is on its way, which encoding would delay."""
 
 
 class ViewTrack(MediaStreamTrack):
-    """Polled for the next frame once the previous one has been encoded and sent: a slow encoder skips frames."""
+    """Polled for the next frame once the previous one has been encoded and sent, so a slow encoder skips frames."""
 
     kind = "video"
 
@@ -31,7 +31,7 @@ class ViewTrack(MediaStreamTrack):
         progress: Progress,
         sent: Callable[[int, int], None],
     ) -> None:
-        """`sent` is called for each frame sent: its timestamp in RTP_RATE since the first one, and its pose."""
+        """sent: called for each sent frame with its timestamp, in RTP_RATE since the first frame, and its pose."""
         super().__init__()
         self._views = views
         self._frame_rate = frame_rate
@@ -44,11 +44,11 @@ class ViewTrack(MediaStreamTrack):
 
     @property
     def behind_s(self) -> float:
-        """For how long its next frame has been due, in seconds; 0 before the first one."""
+        """Seconds for which its next frame has been due; 0 before the first one."""
         return 0.0 if self._started_at is None else max(0.0, self._clock.now() - self._due)
 
     async def recv(self) -> av.VideoFrame:
-        """At the next tick, or later if a newer view is on its way then: that one. Otherwise the last one again."""
+        """The newest view at the next tick; if a newer one is on its way, waits for it up to PATIENCE_S."""
         if self._started_at is None:
             self._started_at = self._clock.now()
         else:
@@ -69,7 +69,7 @@ class ViewTrack(MediaStreamTrack):
 
     @property
     def _due(self) -> float:
-        """When the next frame is, on the steady clock."""
+        """Time of the next frame, on the monotonic clock."""
         assert self._started_at is not None
         return self._started_at + (self._number + 1) / self._frame_rate
 

@@ -1,8 +1,8 @@
 """One UDP port for all viewers: each datagram is dispatched to its connection.
 
-aioice binds a port for each connection, and a router would have to forward each of them. Here a STUN binding request
-identifies its connection by the user fragment (RFC 8445, 7.2.2), and its source address belongs to that connection from
-then on. The only candidate is this port under the host requested by the viewer, and viewers' own candidates are
+aioice binds a port for each connection, each of which a router would have to forward. Here, a STUN binding request
+identifies its connection by the user fragment (RFC 8445, 7.2.2), and from then on its source address belongs to that
+connection. The only candidate is this port under the host that the viewer requested, and viewers' own candidates are
 ignored: a viewer that reaches this port is a peer-reflexive candidate, and packets return the way they came.
 """
 
@@ -25,11 +25,11 @@ from tigas_common.udp import UdpEndpoint, bind
 
 Peer = tuple[str, int]
 MOST_PEERS = 16
-"""Addresses of one connection: a browser tries each network of its machine."""
+"""Maximum number of addresses per connection: a browser tries each of its machine's networks."""
 
 
 class UdpPort:
-    """The port; `running` opens it."""
+    """The port, opened by `running`."""
 
     def __init__(self, sock: socket.socket) -> None:
         self.host: str
@@ -48,9 +48,9 @@ class UdpPort:
             yield port
 
     def carry(self, connection: Connection, received: Callable[[], None], sent: Callable[[int], None]) -> Lane:
-        """Give a connection that has not gathered candidates this port instead of its own.
+        """Make a connection that has not gathered candidates use this port instead of its own.
 
-        `received` is called for each datagram from the viewer, and `sent` with the size of each to the viewer.
+        `received` is called for each datagram from the viewer, and `sent` with the size of each datagram to it.
         """
         lane = Lane(self, connection, received, sent)
         lane.local_candidate = self.candidate(self.host)
@@ -64,9 +64,9 @@ class UdpPort:
         return lane
 
     def candidate(self, host: str) -> Candidate:
-        """This port as a candidate, for a viewer that reaches it under `host`, an address or a name."""
+        """This port as a candidate for a viewer that reaches it under `host`, an address or a name."""
         if host == "localhost" or host.endswith(".localhost"):
-            # on all addresses, it takes IPv4 too, which every machine has
+            # a port on all addresses also accepts IPv4, which every machine has
             host = "::1" if ":" in self.host and self.host != "::" else "127.0.0.1"
         return Candidate(
             foundation=candidate_foundation("host", "udp", host),
@@ -98,13 +98,13 @@ class UdpPort:
         self._endpoint.send([(data, address)])
 
     def forget(self, lane: Lane) -> None:
-        """Its connection has ended."""
+        """Forget a lane whose connection has ended."""
         self._by_name = {name: each for name, each in self._by_name.items() if each is not lane}
         self._by_peer = {peer: each for peer, each in self._by_peer.items() if each is not lane}
 
 
 class Lane(StunProtocol):
-    """One connection's share of the port, which aioice uses like a socket."""
+    """A connection's share of the port, which aioice uses like a socket."""
 
     def __init__(
         self, port: UdpPort, connection: Connection, received: Callable[[], None], sent: Callable[[int], None]
@@ -114,9 +114,9 @@ class Lane(StunProtocol):
         self._received = received
         self._sent = sent
         self.addresses: dict[Peer, SocketAddress] = {}
-        """Of its viewer, oldest first."""
+        """Addresses of its viewer, oldest first."""
         self.first_rtp_timestamp: int | None = None
-        """Of the first RTP packet that was sent: SRTP leaves headers legible (RFC 3711, 3.1)."""
+        """Timestamp of the first RTP packet sent, readable as SRTP does not encrypt headers (RFC 3711, 3.1)."""
         self.connection_made(_Share(self))
 
     def received(self, data: bytes, peer: Peer) -> None:
@@ -132,7 +132,7 @@ class Lane(StunProtocol):
         self._port.send(data, self.addresses.get(peer, peer))
 
     def leave(self) -> None:
-        """The connection has ended; the port stays."""
+        """Leave the port, which stays open, at the end of the connection."""
         self._port.forget(self)
         self.connection_lost(None)
 
@@ -152,7 +152,7 @@ class _Share(asyncio.DatagramTransport):
 
 
 def _asked_for(data: bytes) -> str | None:
-    """The user fragment that a STUN binding request asks for; None of any other datagram."""
+    """The user fragment requested by a STUN binding request; None for any other datagram."""
     if len(data) < stun.HEADER_LENGTH or data[:2] != b"\x00\x01":
         return None
     try:
