@@ -69,7 +69,7 @@ def test_a_second_shaper_refuses_and_the_first_goes_on(own_lab: Lab) -> None:
     with echo_server(own_lab), shaper(own_lab):
         second = subprocess.run(own_lab.command("gateway", shaper_command()), capture_output=True, text=True)
         assert second.returncode == 1
-        assert second.stderr.strip() == "Another shaper already runs on this network; stop it first."
+        assert second.stderr.strip() == "Another shaper is already running on this network; stop it first."
         assert answers(own_lab)
 
 

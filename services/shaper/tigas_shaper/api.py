@@ -1,7 +1,7 @@
 """The shaper's HTTP interface: Starlette routes, and the metrics of the link.
 
-Requests that change something need an `Origin` allowed by the policy: browsers send it automatically, so that no other
-page can change the link; command-line tools add it (`curl -H 'Origin: http://localhost:8080' …`).
+Requests that change something need an `Origin` allowed by the policy. Browsers send it automatically, so that no other
+page can change the link; command-line tools must add it (`curl -H 'Origin: http://localhost:8080' …`).
 """
 
 from __future__ import annotations
@@ -54,11 +54,11 @@ from tigas_shaper.traces.library import points, summary
 BYTES_PER_KBIT = 125
 MAX_WATCHERS = 64
 MAX_UPLOADING = 4
-"""Traces at a time: each may take some hundred megabytes until it is read."""
+"""Maximum number of concurrent uploads: each may take a few hundred megabytes until it is parsed."""
 
 
 def create_app(shaper: Shaper, policy: OriginPolicy) -> ASGIApp:
-    """The application over a running shaper, which is its caller's to open and close."""
+    """The application for a running shaper, which the caller opens and closes."""
     registry = new_registry("shaper", ShaperMetrics(shaper))
     app = Starlette(
         routes=[
@@ -95,10 +95,10 @@ async def traces(request: Request) -> ModelResponse[TraceList]:
 
 @described(query={"name": "The file's name."}, takes=(BYTES,))
 async def upload(request: Request) -> ModelResponse[TraceSummary]:
-    """Keep a trace in any format that can be imported."""
+    """Store a trace in any supported format."""
     state = request.app.state
     if state.uploading >= MAX_UPLOADING:
-        raise Overloaded(f"{MAX_UPLOADING} traces are being uploaded already; try again later.")
+        raise Overloaded(f"{MAX_UPLOADING} traces are already being uploaded; try again later.")
     state.uploading += 1
     try:
         data = await read_body(request, MAX_UPLOAD_BYTES)
@@ -112,7 +112,7 @@ async def upload(request: Request) -> ModelResponse[TraceSummary]:
 
 
 async def trace(request: Request) -> ModelResponse[TracePoints]:
-    """A trace to be drawn."""
+    """A trace's outline, for drawing."""
     found = await asyncio.to_thread(_shaper(request).library.get, request.path_params["name"])
     return json_response(await asyncio.to_thread(points, found))
 
@@ -129,62 +129,62 @@ async def start(request: Request) -> ModelResponse[ShaperStatus]:
 
 
 async def stop(request: Request) -> ModelResponse[ShaperStatus]:
-    """Go back to the constant rate of the settings."""
+    """Return to the constant rate of the settings."""
     _shaper(request).player.stop()
     return _status(request)
 
 
 async def pause(request: Request) -> ModelResponse[ShaperStatus]:
-    """Hold the state in force."""
+    """Hold the current state."""
     _shaper(request).player.pause()
     return _status(request)
 
 
 async def resume(request: Request) -> ModelResponse[ShaperStatus]:
-    """Play on."""
+    """Continue playing."""
     _shaper(request).player.resume()
     return _status(request)
 
 
 @described(takes=SeekRequest)
 async def seek(request: Request) -> ModelResponse[ShaperStatus]:
-    """Go to a position."""
+    """Go to a position in the trace."""
     _shaper(request).player.seek((await read_message(request, SeekRequest)).position_ms)
     return _status(request)
 
 
 @described(takes=LoopRequest)
 async def loop(request: Request) -> ModelResponse[ShaperStatus]:
-    """Start again at the end, or not."""
+    """Set whether to start over at the end."""
     _shaper(request).player.set_loop((await read_message(request, LoopRequest)).loop)
     return _status(request)
 
 
 @described(takes=LinkSetting)
 async def link(request: Request) -> ModelResponse[ShaperStatus]:
-    """Keep one state."""
+    """Hold one constant state."""
     _shaper(request).player.constant(await read_message(request, LinkSetting))
     return _status(request)
 
 
 async def status(request: Request) -> ModelResponse[ShaperStatus]:
-    """The link now."""
+    """The link's current status."""
     return _status(request)
 
 
 @described(gives=("text/event-stream",))
 async def events(request: Request) -> Response:
-    """The link about five times a second, as server-sent events: each one's data is a ShaperStatus."""
+    """The link's status about five times per second, as server-sent events with a ShaperStatus each."""
     return _Events(_events(request), media_type="text/event-stream", headers=NO_STORE)
 
 
 class _Events(StreamingResponse):
-    """Counts a response from before its first byte, which a client may delay, to its end, for any reason."""
+    """Counts a response until its end, starting before its first byte, which a client may delay."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         state = scope["app"].state
         if state.watchers >= MAX_WATCHERS:
-            raise Overloaded(f"{MAX_WATCHERS} pages are watching the link already.")
+            raise Overloaded(f"{MAX_WATCHERS} pages are already watching the link.")
         state.watchers += 1
         try:
             await super().__call__(scope, receive, send)
@@ -216,7 +216,7 @@ def _status(request: Request) -> ModelResponse[ShaperStatus]:
 
 
 class ShaperMetrics(Collector):
-    """Of one link. Names of traces are no labels: anybody may upload some."""
+    """Metrics of one link. Trace names are not labels, as anybody may upload some."""
 
     def __init__(self, shaper: Shaper) -> None:
         self._shaper = shaper

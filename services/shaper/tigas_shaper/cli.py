@@ -1,4 +1,4 @@
-"""The command `tigas shaper`. Heavy imports wait until it runs."""
+"""The command `tigas shaper`. Heavy modules are imported when it runs."""
 
 from __future__ import annotations
 

@@ -41,10 +41,10 @@ async def serve(settings: ShaperSettings) -> None:
         raise StartError(f"{error}.") from None
     check_ports(forwards, settings.http)
     check_mtu(access, service)
-    # Python's threads take turns every 5 ms by default: reading a trace in a thread would make the player as late.
+    # By default, Python's threads take turns every 5 ms: reading a trace in a thread would make the player as late.
     sys.setswitchinterval(0.0005)
     with suppress(OSError):
-        os.nice(-10)  # a link does not become slow because its machine is busy
+        os.nice(-10)  # a link does not slow down because its machine is busy
     async with AsyncExitStack() as stack:
         shaper = await stack.enter_async_context(Shaper.open(settings, access, service, forwards))
         if settings.trace is not None:
@@ -65,17 +65,17 @@ async def serve(settings: ShaperSettings) -> None:
 
 
 def check_ports(forwards: Sequence[Forward], api: Address) -> None:
-    """Raises StartError if clients could not reach a forward, because another one or the API has its port."""
+    """Raise StartError if clients could not reach a forward because another one, or the API, uses its port."""
     ports = [(forward.protocol, forward.port) for forward in forwards]
     twice = next((port for port in ports if ports.count(port) > 1), None)
     if twice is not None:
         raise StartError(f"Port {twice[1]} ({twice[0]}) is forwarded twice.")
     if ("tcp", api.port) in ports and not api.is_loopback:
-        raise StartError(f"Port {api.port} cannot be forwarded, because the shaper's API has it.")
+        raise StartError(f"Port {api.port} cannot be forwarded, because the shaper's API uses it.")
 
 
 def check_mtu(*interfaces: Interface) -> None:
-    """Raises StartError if an interface sends longer packets than the link takes."""
+    """Raise StartError if an interface may send longer packets than the link accepts."""
     for interface in interfaces:
         if interface.mtu > MAX_MTU:
             raise StartError(
@@ -85,7 +85,7 @@ def check_mtu(*interfaces: Interface) -> None:
 
 
 def check_rights() -> None:
-    """Raises StartError if this process cannot shape a network."""
+    """Raise StartError if this process cannot shape a network."""
     if platform.system() != "Linux":
         raise StartError("The shaper needs Linux; on other systems, run it in its container.")
     if not has_capabilities(CAP_NET_ADMIN):
@@ -96,7 +96,7 @@ def check_rights() -> None:
 
 
 def find_interface(text: str) -> Interface:
-    """An interface by its name, or by an IPv4 network that it has an address in. Raises StartError."""
+    """Find an interface by name, or by an IPv4 network in which it has an address. Raises StartError."""
     try:
         network = ipaddress.IPv4Network(text, strict=False)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Plays network traces on a link: start, pause, seek, loop, stop, or one constant state."""
+"""Playback of network traces on a link: start, pause, seek, loop, stop, or one constant state."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ class NothingPlays(TigasError):
 
 
 class Link(Protocol):
-    """The required interface of a link."""
+    """The required operations of a link."""
 
     def apply(self, state: LinkSetting, mean_kbps: tuple[float, float] | None = None) -> None:
-        """Change the link, now; `mean_kbps`, down and up, sizes its queues. Raises a TigasError if it is closed."""
+        """Change the link now; `mean_kbps`, down and up, sizes its queues. Raises a TigasError if it is closed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Playback:
-    """A trace that plays, is paused, or has ended. Times are seconds of one monotonic clock, positions milliseconds."""
+    """A trace that is playing, paused or ended. Times are seconds on one monotonic clock, positions milliseconds."""
 
     trace: NetworkTrace
     loop: bool
     anchor_ms: float = 0.0
-    """The position at `since`, or while paused."""
+    """Position at `since`, or while paused."""
     since: float | None = None
-    """When it began to play from the anchor; None while paused."""
+    """Time at which it started to play from the anchor; None while paused."""
 
     def position_ms(self, now: float) -> float:
         run = self._run_ms(now)
@@ -42,11 +42,11 @@ class Playback:
         return not self.loop and self._run_ms(now) >= self.trace.duration_ms
 
     def state(self, now: float) -> LinkSetting:
-        """The state in force; after the end, the last one."""
+        """The current state; after the end, the last one."""
         return self.trace.states[-1] if self.ended(now) else self.trace.at(self.position_ms(now))
 
     def next_change(self, now: float) -> float | None:
-        """Time of the next state, or of the trace's end; None if neither will happen."""
+        """Time of the next state, or of the trace's end; None if neither will occur."""
         if self.since is None or self.ended(now):
             return None
         return self.since + (self.trace.next_change(self._run_ms(now)) - self.anchor_ms) / 1e3
@@ -55,27 +55,27 @@ class Playback:
         return replace(self, anchor_ms=self.position_ms(now), since=None)
 
     def playing(self, now: float) -> Playback:
-        """Goes on from where it is; from the start if it had ended."""
+        """Continue from the current position, or from the start after the end."""
         return replace(self, anchor_ms=0.0 if self.ended(now) else self.position_ms(now), since=now)
 
     def at(self, position_ms: float, now: float) -> Playback:
-        """The same, moved to a position within the trace."""
+        """The same playback, moved to a position within the trace."""
         bounded = min(max(position_ms, 0.0), float(self.trace.duration_ms))
         return replace(self, anchor_ms=bounded, since=None if self.since is None else now)
 
     def looping(self, loop: bool, now: float) -> Playback:
-        """The same, starting again at its end or not."""
+        """The same playback, with or without starting over at the end."""
         return replace(self.at(self.position_ms(now), now), loop=loop)
 
     def _run_ms(self, now: float) -> float:
-        # Rounded to the nanosecond: a time computed from a boundary must not fall a hair before that boundary.
+        # Rounded to the nanosecond, as a time computed from a boundary must not fall just before that boundary.
         return self.anchor_ms if self.since is None else round(self.anchor_ms + (now - self.since) * 1e3, 6)
 
 
 class Player:
     """Changes a link according to a trace. For use on one event loop.
 
-    Steps are timed from the start of playback, so they do not drift; a missed step is skipped.
+    Steps are timed from the start of playback, so that they do not drift; missed steps are skipped.
     """
 
     def __init__(
@@ -119,26 +119,26 @@ class Player:
         return "ended" if self._playback.ended(self._clock()) else "playing"
 
     def start(self, trace: NetworkTrace, *, loop: bool = True) -> None:
-        """Play a trace from its start, replacing the present one."""
-        means = trace.mean_down_kbps, trace.mean_up_kbps  # of a long trace, this takes a while
+        """Play a trace from its start, replacing the current one."""
+        means = trace.mean_down_kbps, trace.mean_up_kbps  # slow for a long trace
         self._go(Playback(trace, loop, since=self._clock()), means)
 
     def constant(self, state: LinkSetting) -> None:
-        """Hold one state, replacing the present one."""
+        """Hold one state, replacing the current one."""
         self._halt()
         self._apply(state, (state.down_kbps, state.up_kbps))
         self._playback = None
 
     def stop(self) -> None:
-        """Go back to the idle state."""
+        """Return to the idle state."""
         self.constant(self._idle)
 
     def pause(self) -> None:
-        """Hold the state in force. Raises NothingPlays."""
+        """Hold the current state. Raises NothingPlays."""
         self._go(self._current().paused(self._clock()))
 
     def resume(self) -> None:
-        """Play on. Raises NothingPlays."""
+        """Continue playing. Raises NothingPlays."""
         playback = self._current()
         if playback.since is None or playback.ended(self._clock()):
             self._go(playback.playing(self._clock()))
@@ -148,11 +148,11 @@ class Player:
         self._go(self._current().at(position_ms, self._clock()))
 
     def set_loop(self, loop: bool) -> None:
-        """Start again at the end, or stay there. Raises NothingPlays."""
+        """Set whether to start over at the end. Raises NothingPlays."""
         self._go(self._current().looping(loop, self._clock()))
 
     def close(self) -> None:
-        """Stop playback, and leave the link unchanged."""
+        """Stop playback, leaving the link unchanged."""
         self._halt()
 
     def _current(self) -> Playback:
@@ -171,10 +171,10 @@ class Player:
         try:
             while (change := playback.next_change(now := self._clock())) is not None:
                 await self._sleep(change - now)
-                # A sleep may end a hair early; the state is then that of the boundary all the same.
+                # A sleep may end slightly early; the state at the boundary applies regardless.
                 self._apply(playback.state(max(change, self._clock())))
         except TigasError:
-            return  # watchers of the link report it
+            return  # reported by watchers of the link
 
     def _apply(self, state: LinkSetting, mean_kbps: tuple[float, float] | None = None) -> None:
         self._link.apply(state, mean_kbps)

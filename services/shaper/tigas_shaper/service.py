@@ -1,4 +1,4 @@
-"""State of the running shaper: gateway, link, player and traces, and the watchers of the link."""
+"""State of the running shaper: gateway, link, player, traces, and the link's watchers."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from tigas_shaper.settings import ShaperSettings
 from tigas_shaper.traces.library import TraceLibrary
 
 SAMPLE_S = 0.2
-"""How often the link is looked at, in seconds."""
+"""Sampling interval of the link, in seconds."""
 _NOTHING = Counters(0, 0, 0)
 
 
 class Shaper:
-    """The running shaper. `api` turns it into HTTP."""
+    """The running shaper, which `api` exposes over HTTP."""
 
     def __init__(self, link: ShapedLink, gateway: Gateway, player: Player, library: TraceLibrary) -> None:
         self.player = player
@@ -64,7 +64,7 @@ class Shaper:
                 raise StartError(f"The shaper needs {error.filename}: install iproute2 and nftables.") from None
             shaper = cls(link, gateway, Player(link, idle, clock=time.monotonic), TraceLibrary(settings.traces))
             stack.callback(shaper.player.close)
-            # The gate is closed first and the shaping removed after it, so that no packet ever crosses unshaped.
+            # The gate is closed before the shaping is removed, so that no packet ever crosses unshaped.
             stack.push_async_callback(gateway.shut)
             gateway.open_gate()
             watching = asyncio.create_task(shaper._watch())
@@ -73,7 +73,7 @@ class Shaper:
 
     @property
     def closed(self) -> str | None:
-        """Why the link is closed, in one sentence."""
+        """Reason why the link is closed, in one sentence."""
         return self._link.closed
 
     @property
@@ -81,7 +81,7 @@ class Shaper:
         return {"down": self._down.sent_bytes, "up": self._up.sent_bytes}
 
     def status(self) -> ShaperStatus:
-        """The last sample of the link, and the present playback."""
+        """The last sample of the link, and the current playback."""
         player, state = self.player, self.player.state
         return ShaperStatus(
             time_ms=round(time.monotonic() * 1e3, 3),
@@ -98,13 +98,13 @@ class Shaper:
         )
 
     async def watch(self) -> AsyncIterator[ShaperStatus]:
-        """The status now and after each look at the link. A slow reader misses some, and gets no old ones."""
+        """Yield the status now and after each sample. A slow reader misses some, and never gets old ones."""
         while not self._stopping:
             yield self.status()
             await self._sampled.wait()
 
     def stop_watching(self) -> None:
-        """End every `watch`, so that the server can stop."""
+        """End all `watch` iterators, so that the server can stop."""
         self._stopping = True
         self._sampled.set()
 
@@ -131,7 +131,7 @@ class Shaper:
 
 
 class _Meter:
-    """Turns one direction's counters into rates."""
+    """Converts one direction's counters into rates."""
 
     def __init__(self) -> None:
         self._counters = _NOTHING
@@ -140,7 +140,7 @@ class _Meter:
         self._rate_kbps = 0.0
 
     def sample(self, counters: Counters, now: float, rate_kbps: float) -> None:
-        """Take the counters at a time in seconds, while the link had a rate."""
+        """Add counters read at a time in seconds, and the link's rate until then."""
         if self._at is not None:
             sent = counters.sent_bytes - self._counters.sent_bytes
             self._delivered_kbps = max(0, sent) * 8e-3 / (now - self._at)
@@ -152,7 +152,7 @@ class _Meter:
         return self._counters.sent_bytes
 
     def status(self, target_kbps: float) -> DirectionStatus:
-        """As last sampled."""
+        """Status at the last sample."""
         queue = self._counters.queue_bytes
         return DirectionStatus(
             target_kbps=target_kbps,

@@ -1,4 +1,4 @@
-"""Commands of iproute2 and nftables: safe names and filters in them, and a dialogue with a running tool."""
+"""Commands of iproute2 and nftables: validated names and filters, and a dialogue with a running tool."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
 
 TIMEOUT_S = 5
-"""A tool that does not answer by then is taken for dead."""
+"""Seconds without an answer after which a tool is considered dead."""
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,14}")
 _LINE = re.compile(r"[ -~]+")
 MARK = 0x7469
-"""Set by the gateway on forwarded packets."""
-# Classic BPF, instructions as "code jump-true jump-false operand"; the mark is at SKF_AD_OFF + SKF_AD_MARK. One word
-# for tc, which splits its lines at blanks outside quotes.
+"""Firewall mark that the gateway sets on forwarded packets."""
+# Classic BPF, with instructions as "code jump-true jump-false operand"; the mark is at SKF_AD_OFF + SKF_AD_MARK. It is
+# one word for tc, which splits lines at blanks outside quotes.
 SIOCGIFMTU = 0x8921
 IFREQ = struct.Struct("16si20x")
-"""An interface's name and a figure (netdevice(7))."""
+"""An interface's name and an integer (netdevice(7))."""
 MARKED = f'bpf bytecode "4,32 0 0 4294963220,21 0 1 {MARK},6 0 0 4294967295,6 0 0 0"'
 EVERYTHING = 'bpf bytecode "1,6 0 0 4294967295"'
 
 
 class Interface(str):
-    """The name of a network interface. Raises ValueError if it is invalid."""
+    """Name of a network interface. Raises ValueError if it is invalid."""
 
     __slots__ = ()
 
@@ -38,7 +38,7 @@ class Interface(str):
 
     @property
     def number(self) -> int | None:
-        """The kernel's number for it, or None if it does not exist. An interface made anew has a new number."""
+        """The kernel's index of the interface; None if it does not exist. A recreated interface has a new index."""
         try:
             return socket.if_nametoindex(self)
         except OSError:
@@ -46,20 +46,20 @@ class Interface(str):
 
     @property
     def mtu(self) -> int:
-        """The length of its longest packets, in bytes. Raises OSError if it does not exist."""
+        """Maximum length of the interface's packets, in bytes. Raises OSError if it does not exist."""
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
             answer = fcntl.ioctl(any_socket, SIOCGIFMTU, IFREQ.pack(self.encode(), 0))
         return int(IFREQ.unpack(answer)[1])
 
 
 class CommandError(Exception):
-    """The tool refused a line, or has exited. The message is its own."""
+    """The tool refused a line, or has exited. The message is the tool's."""
 
 
 class Channel:
-    """One running tool. After a CommandError the dialogue is out of step: close it.
+    """A running tool. After a CommandError the dialogue is out of step, so close it.
 
-    No shell is involved: a tool gets whole lines composed by our own code from numbers and checked names.
+    No shell is involved: a tool gets whole lines that our own code composes from numbers and validated names.
     """
 
     def __init__(self, process: Process, failure: str) -> None:
@@ -72,7 +72,7 @@ class Channel:
     @asynccontextmanager
     async def open(cls, argv: Sequence[str], failure: str) -> AsyncIterator[Channel]:
         """Run a tool, as a context manager. `failure` is the prefix of the last line of its error messages."""
-        # In a separate session, so that Ctrl+C reaches the shaper alone, which then ends the tool in order.
+        # In a separate session, so that Ctrl+C reaches only the shaper, which then ends the tool in an orderly way.
         process = await asyncio.create_subprocess_exec(
             *argv, stdin=PIPE, stdout=PIPE, stderr=STDOUT, start_new_session=True
         )
@@ -99,9 +99,9 @@ class Channel:
         self._process.stdin.write("".join(line + "\n" for line in lines).encode())
 
     async def ask(self, line: str, answer: str) -> str:
-        """Send a line and return the first line of output that begins with `answer`.
+        """Send a line and return the first output line that starts with `answer`.
 
-        Raises CommandError if this line or one before it was refused.
+        Raises CommandError if this line or an earlier one was refused.
         """
         async with self._asking:
             self.write(line)
@@ -127,7 +127,7 @@ class Channel:
 
 
 async def run(*argv: str) -> None:
-    """Run a command to its end. Raises CommandError with its complaint."""
+    """Run a command to its end. Raises CommandError with its error output."""
     process = await asyncio.create_subprocess_exec(*argv, stdin=DEVNULL, stdout=DEVNULL, stderr=PIPE)
     _, complaint = await process.communicate()
     if process.returncode:
@@ -135,7 +135,7 @@ async def run(*argv: str) -> None:
 
 
 async def attempt(*argv: str) -> bool:
-    """Run a command that may fail; whether it succeeded."""
+    """Run a command that may fail, and return whether it succeeded."""
     with suppress(CommandError):
         await run(*argv)
         return True

@@ -1,4 +1,4 @@
-"""Delay, jitter and loss behind the rate: by netem where the kernel has it, otherwise by our own relay."""
+"""Delay, jitter and loss behind the rate: with netem if the kernel has it, otherwise with our own relay."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class DelayStage(ABC):
 
     @abstractmethod
     def set(self, state: LinkSetting, *, blocked: bool) -> None:
-        """Change delay, jitter and loss; when blocked, no packet passes. Raises CommandError."""
+        """Change delay, jitter and loss. When blocked, no packet passes. Raises CommandError."""
 
     @abstractmethod
     async def check(self) -> None:
-        """Raises CommandError if the stage no longer works."""
+        """Raise CommandError if the stage no longer works."""
 
 
 class NetemStage(DelayStage):
@@ -44,8 +44,8 @@ class NetemStage(DelayStage):
     @classmethod
     @asynccontextmanager
     async def open(cls, tc: Channel, device: Interface, interface: Interface) -> AsyncIterator[NetemStage]:
-        """Make the rate device, and put a netem leaf in the path of marked packets on the interface; all others bypass
-        it unqueued. Raises CommandError.
+        """Create the rate device, and insert netem into the path of marked packets on the interface; all others bypass
+        it without queueing. Raises CommandError.
         """
         await run("ip", "link", "add", device, "type", "ifb")
         try:
@@ -63,7 +63,7 @@ class NetemStage(DelayStage):
 
     def set(self, state: LinkSetting, *, blocked: bool) -> None:
         loss = 100.0 if blocked else state.loss_pct
-        # Any rate, however high, makes netem keep packets in order despite jitter.
+        # A rate, however high, makes netem keep packets in order despite jitter.
         self._tc.write(
             f"qdisc change dev {self._interface} parent 2:1 handle 20: netem limit 100000 "
             f"delay {_us(state.delay_ms)}us {_us(state.jitter_ms)}us loss {loss:.4f}% rate 100gbit"
@@ -86,7 +86,7 @@ class RelayStage(DelayStage):
     @classmethod
     @asynccontextmanager
     async def open(cls, tc: Channel, device: Interface, interface: Interface) -> AsyncIterator[RelayStage]:
-        """Start the relay, which makes the rate device. Raises CommandError."""
+        """Start the relay, which creates the rate device. Raises CommandError."""
         process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "tigas_shaper.link.relay", device, stdin=PIPE, stdout=PIPE, start_new_session=True
         )
@@ -95,9 +95,9 @@ class RelayStage(DelayStage):
         try:
             if (answer := await process.stdout.readline()) != b"ready\n":
                 raise CommandError(f"The relay could not start: {answer.decode(errors='replace').strip()}.")
-            # Without an address, the kernel sends no packets of its own into the device.
+            # Without an address, the kernel sends no packets of its own to the device.
             await run("ip", "link", "set", device, "addrgenmode", "none", "up")
-            # Packets leaving the device's far end, the relay, go out of the interface.
+            # Packets that the relay writes back leave through the interface.
             tc.write(
                 f"qdisc add dev {device} clsact",
                 f"filter add dev {device} ingress protocol ip prio 1 {EVERYTHING} "
@@ -123,7 +123,7 @@ class RelayStage(DelayStage):
 
 
 async def detect() -> Backend:
-    """The best backend that this kernel has, found out by trying."""
+    """The best backend that works with this kernel, determined by trying."""
     if not await attempt("ip", "link", "add", _PROBE, "type", "ifb"):
         return "relay"
     try:

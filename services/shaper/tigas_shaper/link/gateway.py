@@ -1,7 +1,7 @@
-"""The router hop: forwards the services' ports from the access side to the service side, while its gate is open.
+"""The router hop: forwards the services' ports from the access side to the service side while its gate is open.
 
-Everything is in one nftables table of our own, owned by the `nft` process that we talk to: the kernel removes the table
-when that process ends, and the process ends with us, so that even a kill leaves no forwarding behind. (`fwd` is a
+Everything is in one nftables table, owned by the `nft` process that this module talks to: the kernel removes the table
+when that process ends, and the process ends with ours, so that even a kill leaves no forwarding behind. (`fwd` is a
 reserved word of nft, hence the names of chains.)
 """
 
@@ -25,7 +25,7 @@ IP_FORWARD = Path("/proc/sys/net/ipv4/ip_forward")
 
 @dataclass(frozen=True, slots=True)
 class Forward:
-    """One port of the gateway, and its destination."""
+    """A port of the gateway, and its destination."""
 
     protocol: Literal["tcp", "udp"]
     port: int
@@ -34,7 +34,7 @@ class Forward:
 
     @classmethod
     def parse(cls, text: str) -> Forward:
-        """Read `tcp:PORT=HOST:PORT` or `udp:PORT=HOST:PORT`. A host's name is looked up.
+        """Read `tcp:PORT=HOST:PORT` or `udp:PORT=HOST:PORT`, and resolve the host's name.
 
         Raises ValueError with one sentence.
         """
@@ -46,13 +46,13 @@ class Forward:
         try:
             address = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)[0][4][0]
         except (OSError, UnicodeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "it is not a host's name"
+            reason = error.strerror if isinstance(error, OSError) else "it is not a host name"
             raise ValueError(f"{host} has no IPv4 address ({reason})") from None
         return cls("tcp" if protocol == "tcp" else "udp", int(port), ipaddress.IPv4Address(address), int(host_port))
 
 
 class Gateway:
-    """Forwards while its gate is open; it starts closed."""
+    """Forwards while its gate is open; initially closed."""
 
     def __init__(self, nft: Channel) -> None:
         self._nft = nft
@@ -69,11 +69,11 @@ class Gateway:
             yield cls(nft)
 
     def open_gate(self) -> None:
-        """Let packets through. Raises CommandError."""
+        """Let packets pass. Raises CommandError."""
         self._nft.write(f"flush chain ip {TABLE} gate")
 
     def close_gate(self) -> None:
-        with suppress(CommandError):  # without the tool its table is removed, and forwarding has ended anyway
+        with suppress(CommandError):  # once the tool has ended, its table is gone and nothing is forwarded
             self._nft.write(f"add rule ip {TABLE} gate drop")
 
     async def shut(self) -> None:
@@ -83,7 +83,7 @@ class Gateway:
             await self.check()
 
     async def check(self) -> None:
-        """Raises CommandError if the rules are no longer there."""
+        """Raise CommandError if the rules are gone."""
         await self._nft.ask("list tables ip", f"table ip {TABLE}")
 
 
@@ -115,7 +115,7 @@ def rules(access: Interface, service: Interface, forwards: Sequence[Forward]) ->
 
 
 async def remove_leftovers(interfaces: Sequence[Interface]) -> None:
-    """Remove the leftovers of a killed shaper."""
+    """Remove what a killed shaper has left behind."""
     for interface in interfaces:
         await attempt("tc", "qdisc", "del", "dev", interface, "clsact")
         await attempt("tc", "qdisc", "del", "dev", interface, "root", "handle", "2:")
@@ -125,8 +125,8 @@ async def remove_leftovers(interfaces: Sequence[Interface]) -> None:
 
 @contextmanager
 def shaper_lock() -> Iterator[None]:
-    """Hold the lock of shaping in this network namespace, as a context manager. Raises StartError if another shaper has
-    it.
+    """Hold the lock on shaping in this network namespace, as a context manager. Raises StartError if another shaper
+    holds it.
 
     The lock is a Unix socket in the abstract namespace: it belongs to the network namespace, like links, and disappears
     with its process in any case.
@@ -135,13 +135,13 @@ def shaper_lock() -> Iterator[None]:
         try:
             lock.bind("\0tigas-shaper")
         except OSError:
-            raise StartError("Another shaper already runs on this network; stop it first.") from None
+            raise StartError("Another shaper is already running on this network; stop it first.") from None
         yield
 
 
 @contextmanager
 def _forwarding() -> Iterator[None]:
-    """The kernel forwards IPv4 packets as long as the context lasts."""
+    """Make the kernel forward IPv4 packets during the context."""
     before = IP_FORWARD.read_text().strip()
     if before == "1":
         yield

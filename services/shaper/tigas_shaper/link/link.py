@@ -29,21 +29,21 @@ DOWN_DEVICE = Interface("tigas-down")
 UP_DEVICE = Interface("tigas-up")
 TC = ("tc", "-force", "-s", "-j", "-batch", "-")
 FLOOR_KBPS = 50.0
-"""The minimum rate. HTB waits out a packet's time before it sends the next, even after the rate has risen: a quarter of
-a second at this rate. In an outage, HTB keeps its rate and the leaf is slowed to this one instead, since a token bucket
-loses its debt when it is changed: traffic resumes at once. The delay stage stops any remaining trickle.
+"""Minimum rate. HTB waits for a packet's transmission time before it sends the next, even if the rate has risen since:
+a quarter of a second at this rate. In an outage, HTB keeps its rate and the leaf is slowed to this one instead, since a
+token bucket loses its debt when changed, so that traffic resumes at once. The delay stage stops the remaining trickle.
 """
 FULL_PACKET = 1514
-"""Bytes of a full Ethernet packet, as tc counts it."""
+"""Size of a full Ethernet packet, as tc counts it."""
 MIN_QUEUE = 8 * FULL_PACKET
-"""A queue never holds less, in bytes: a slow link must still take a burst of a few packets."""
+"""Minimum size of a queue in bytes, as a slow link must still accept a burst of a few packets."""
 MOST_QUEUE = 2**32 - 1
-"""In bytes; tc takes no more."""
+"""Maximum size of a queue in bytes, a limit of tc."""
 LEAF_KBPS = 1e7
 LEAF_BURST = 2 * FULL_PACKET
-"""In bytes; the leaf drops longer packets."""
+"""Bytes; the leaf drops longer packets."""
 MAX_MTU = 3000
-"""Of the interfaces, in bytes: less than the burst by the link layer's headers."""
+"""Maximum MTU of the interfaces: less than the burst by the size of link-layer headers."""
 
 
 class LinkClosed(TigasError):
@@ -51,12 +51,12 @@ class LinkClosed(TigasError):
 
 
 class ShapedLink:
-    """A link in the kernel. Once closed it stays closed."""
+    """A link in the kernel. Once closed, it stays closed."""
 
     def __init__(self, down: Direction, up: Direction, backend: Backend, on_close: Callable[[], None]) -> None:
         self.backend = backend
         self.closed: str | None = None
-        """Why the link is closed, in one sentence."""
+        """Reason why the link is closed, in one sentence."""
         self._down = down
         self._up = up
         self._on_close = on_close
@@ -75,7 +75,7 @@ class ShapedLink:
     ) -> AsyncIterator[ShapedLink]:
         """Shape packets forwarded between two interfaces, as a context manager.
 
-        `on_close` is called when the link closes before that. Raises CommandError if it cannot be set up.
+        `on_close` is called if the link closes earlier. Raises CommandError if it cannot be set up.
         """
         async with AsyncExitStack() as stack:
             tc = await stack.enter_async_context(Channel.open(TC, "Command failed"))
@@ -91,14 +91,14 @@ class ShapedLink:
             yield link
 
     def apply(self, state: LinkSetting, mean_kbps: tuple[float, float] | None = None) -> None:
-        """Change the link, now; `mean_kbps`, down and up, sizes its queues. Raises LinkClosed."""
+        """Change the link now; `mean_kbps`, down and up, sizes its queues. Raises LinkClosed."""
         mean_down, mean_up = mean_kbps or (None, None)
         with self._closing():
             self._down.shape(state, state.down_kbps, mean_down)
             self._up.shape(state, state.up_kbps, mean_up)
 
     async def counters(self) -> tuple[Counters, Counters]:
-        """Counters of both directions, down first. Reports errors since the last call: raises LinkClosed."""
+        """Counters of both directions, down first. Raises LinkClosed, also for errors since the last call."""
         with self._closing():
             return await self._down.counters(), await self._up.counters()
 
@@ -109,7 +109,7 @@ class ShapedLink:
 
     @contextmanager
     def _closing(self) -> Iterator[None]:
-        """Close the link on a CommandError. Raises LinkClosed, also if it is closed already."""
+        """Close the link on a CommandError. Raises LinkClosed, also if it is already closed."""
         if self.closed is not None:
             raise LinkClosed(self.closed)
         try:
@@ -126,12 +126,12 @@ class Counters:
 
     sent_bytes: int
     dropped_packets: int
-    """Lost because the queue was full."""
+    """Packets lost because the queue was full."""
     queue_bytes: int
 
 
 class Direction:
-    """Present settings of one direction; only changes are sent to tc. All methods raise CommandError."""
+    """Current settings of one direction, of which only changes are sent to tc. Methods raise CommandError."""
 
     def __init__(
         self, tc: Channel, device: Interface, interface: Interface, stage: DelayStage, *, queue_ms: float
@@ -169,7 +169,7 @@ class Direction:
                 await attempt("tc", "qdisc", "del", "dev", interface, "clsact")
 
     def shape(self, state: LinkSetting, rate_kbps: float, mean_kbps: float | None) -> None:
-        """Apply a rate, and the state's delay, jitter and loss; the queue is sized for a mean rate if given."""
+        """Apply a rate, and the state's delay, jitter and loss; the queue is sized for the mean rate if given."""
         lines = []
         blocked = rate_kbps == 0
         if not blocked and rate_kbps != self._rate:
@@ -186,7 +186,7 @@ class Direction:
         self._tc.write(*lines)
 
     async def counters(self) -> Counters:
-        """tc's counters; also reports errors since the last call."""
+        """tc's counters. Also reports errors since the last call."""
         if self._interface.number != self._number:
             raise CommandError(f"the interface {self._interface} has disappeared.")
         await self._stage.check()
@@ -200,14 +200,14 @@ class Direction:
 
 
 def queue_bytes(rate_kbps: float, queue_ms: float) -> int:
-    """The length of a queue that takes `queue_ms` to drain at a rate."""
+    """Size of a queue that takes `queue_ms` to drain at this rate."""
     return min(MOST_QUEUE, max(MIN_QUEUE, round(rate_kbps * queue_ms / 8)))
 
 
 def rate_line(verb: str, device: Interface, rate_kbps: float) -> str:
-    """Add the rate device's class, or change its rate; queued packets stay."""
+    """Add the rate device's class, or change its rate; queued packets are kept."""
     rate = max(rate_kbps, FLOOR_KBPS)
-    # A timer that fires a little late may catch up; at most a millisecond of the rate goes at once.
+    # The burst lets a late timer catch up, by at most a millisecond of the rate.
     burst = max(2 * FULL_PACKET, round(rate / 8))
     return (
         f"class {verb} dev {device} parent 1: classid 1:1 htb "
@@ -216,7 +216,7 @@ def rate_line(verb: str, device: Interface, rate_kbps: float) -> str:
 
 
 def queue_line(verb: str, device: Interface, limit_bytes: int, rate_kbps: float) -> str:
-    """Add the queue, or change its length and how fast packets leave it."""
+    """Add the queue, or change its size and the rate at which packets leave it."""
     return (
         f"qdisc {verb} dev {device} parent 1:1 handle 10: "
         f"tbf rate {round(rate_kbps)}kbit burst {LEAF_BURST}b limit {limit_bytes}b"

@@ -1,11 +1,11 @@
 """Delay, jitter and loss for kernels without netem: a process that delays packets.
 
-`python -m tigas_shaper.link.relay DEVICE` makes a TAP device. Packets sent to it by the kernel are read, kept, and
-written back, which the kernel treats as packets received by the device; direction.py's filters route them there and
-back. The device disappears with the process, and the process ends when its standard input is closed, so that nothing
-stays behind and no packet passes once the shaper has ended. Standard input takes a sequence of packed RelayState.
+`python -m tigas_shaper.link.relay DEVICE` creates a TAP device. It reads and holds the packets that the kernel sends to
+it, and writes them back, which the kernel treats as packets received by the device; filters of `link` and `delay` route
+them there and back. The device disappears with the process, and the process ends when its standard input is closed, so
+that nothing stays behind and no packet passes once the shaper has ended. It reads packed RelayStates from there.
 
-There is one process per direction, using only the standard library: other work of the shaper cannot delay packets.
+One process per direction, using only the standard library, cannot be delayed by other work of the shaper.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ _TUNSETIFF = 0x400454CA
 _IFF_TAP_NO_PI = 0x0002 | 0x1000
 _LARGEST_FRAME = 65_536
 _MOST_AT_ONCE = 64
-"""Number of packets read before due ones are written."""
+"""Number of packets to read before due ones are written."""
 MAX_HELD = 64 * 1024 * 1024
-"""Bytes kept at most: more is lost. Two seconds at 250 Mbit/s."""
+"""Maximum number of bytes held; more is lost. Two seconds at 250 Mbit/s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +53,10 @@ class RelayState:
 
 
 class DelayLine:
-    """Packets in transit. They leave in order, as on a link, whatever the jitter.
+    """Packets in transit, which leave in order regardless of jitter, as on a link.
 
-    The delay of each is uniform between delay − jitter and delay + jitter, like netem's; a packet may leave later
-    because of an earlier one.
+    Each delay is uniform between delay − jitter and delay + jitter, as with netem; a packet may leave later because of
+    an earlier one.
     """
 
     def __init__(self, uniform: Callable[[float, float], float]) -> None:
@@ -66,7 +66,7 @@ class DelayLine:
         self._held = 0
 
     def enter(self, packet: bytes, now: float) -> None:
-        """Take a packet, unless it is lost. `now` in seconds."""
+        """Accept a packet, unless it is lost. `now` in seconds."""
         state = self.state
         if (state.loss and self._uniform(0.0, 1.0) < state.loss) or self._held + len(packet) > MAX_HELD:
             return
@@ -79,7 +79,7 @@ class DelayLine:
         self._held += len(packet)
 
     def leave(self, now: float) -> bytes | None:
-        """The next packet that is due, or None."""
+        """The next packet if it is due, or None."""
         if not self._packets or self._packets[0][0] > now:
             return None
         packet = self._packets.popleft()[1]
@@ -88,12 +88,12 @@ class DelayLine:
 
     @property
     def next_due(self) -> float | None:
-        """When the next packet leaves, in seconds, or None."""
+        """Time in seconds at which the next packet leaves, or None."""
         return self._packets[0][0] if self._packets else None
 
 
 def open_tap(name: str) -> int:
-    """Make a TAP device that exists while the returned descriptor is open. Raises OSError."""
+    """Create a TAP device that exists while the returned descriptor is open. Raises OSError."""
     tap = os.open(CLONE_DEVICE, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         ioctl(tap, _TUNSETIFF, struct.pack("16sH22x", name.encode(), _IFF_TAP_NO_PI))
@@ -126,9 +126,9 @@ def relay(tap: int, control: int) -> None:
 
 
 def main() -> None:
-    """Make the device, say `ready`, and relay."""
+    """Create the device, print `ready`, and relay."""
     with suppress(OSError):
-        os.nice(-10)  # a link does not become slow because its machine is busy
+        os.nice(-10)  # a link does not slow down because its machine is busy
     try:
         tap = open_tap(sys.argv[1])
         print("ready", flush=True)

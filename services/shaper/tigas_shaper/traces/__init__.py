@@ -1,1 +1,1 @@
-"""Network traces: the capacity of a link over time, and sources of such traces. Independent of any link."""
+"""Network traces: the capacity of a link over time, and sources of such traces, independent of any link."""

@@ -1,4 +1,4 @@
-"""The commands `tigas trace …`. Heavy imports wait until a command runs."""
+"""The commands `tigas trace …`. Heavy modules are imported when a command runs."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ FETCHED = Path("traces/fetched")
 
 
 class _RecordingCommand(Command):
-    """A command about a recording."""
+    """A command that takes a recording."""
 
     recording: Annotated[Path, POSITIONAL]
     """Trace in any format that TIGAS reads, gzipped or not."""
 
 
 class Import(_RecordingCommand):
-    """Convert a recording to TIGAS's own CSV."""
+    """Convert a recording to TIGAS's CSV format."""
 
     csv: Annotated[Path | None, POSITIONAL] = None
     """Output file; by default NAME.csv."""
@@ -68,7 +68,7 @@ class Info(_RecordingCommand):
     """Print a trace's duration, rates and outages."""
 
     plot: Path | None = None
-    """Plot to draw as well: .png, .svg or .pdf."""
+    """Also draw a plot: .png, .svg or .pdf."""
 
     def run(self) -> None:
         from rich.table import Table
@@ -115,7 +115,7 @@ class Fetch(Command):
     """Download a published set of traces; an interrupted download resumes where it stopped."""
 
     name: Annotated[str | None, POSITIONAL] = None
-    """Published set; without one, the sets are listed."""
+    """Name of a published set; without it, the sets are listed."""
 
     def run(self) -> None:
         from tigas_shaper.traces.fetch import load_sources
@@ -179,7 +179,7 @@ def _span(values: list[float], unit: str) -> str:
 
 
 def _plot(trace: NetworkTrace, path: Path) -> None:
-    """Draw rates over time, outages, and delay and loss below where there are any. Raises OSError."""
+    """Draw rates over time, outages, and delay and loss below them if there are any. Raises OSError."""
     from matplotlib.figure import Figure
 
     edges = [time / 1000 for time in (*trace.times_ms, trace.duration_ms)]
@@ -212,7 +212,7 @@ def _plot(trace: NetworkTrace, path: Path) -> None:
 
 
 def _small_panels(trace: NetworkTrace) -> list[tuple[str, dict[str, list[float]]]]:
-    """Unit and series of each panel under the rates, without those that are constantly 0."""
+    """Unit and series of each panel below the rates, without series that are constantly 0."""
     panels = [
         (
             "ms, one way",

@@ -1,8 +1,8 @@
-"""Our own CSV: `t_ms,down_kbps,up_kbps,delay_ms,jitter_ms,loss_pct`, one line per change. Described in docs/network.md.
+"""TIGAS's CSV format: `t_ms,down_kbps,up_kbps,delay_ms,jitter_ms,loss_pct`, one line per change (docs/network.md).
 
-An empty cell repeats the previous value. `t_ms` and `down_kbps` are required; another column that is absent, or empty
-before its first value, has its default. A last line with only a time marks the end, where the trace starts again;
-without it the last state is as long as the previous one.
+An empty cell repeats the previous value. `t_ms` and `down_kbps` are required; other columns have their defaults if they
+are absent, or empty before their first value. A last line with only a time marks the end, at which the trace starts
+over; without it, the last state is as long as the previous one.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from tigas_shaper.traces.text import DEFAULT_UP_KBPS, cells, lines, number, quot
 from tigas_shaper.traces.trace import NetworkTrace, TraceBuilder, TraceError
 
 VALUES = {"down_kbps": 0.0, "up_kbps": DEFAULT_UP_KBPS, "delay_ms": 0.0, "jitter_ms": 0.0, "loss_pct": 0.0}
-"""The columns after `t_ms` and their defaults."""
+"""The columns after `t_ms`, and their defaults."""
 ONLY_STEP_MS = 1000
-"""How long the state of a file with one line lasts."""
+"""Duration of the state in a file with a single line."""
 _TIME = re.compile(r"\d{1,15}", re.ASCII)
 
 
 def parse_csv(name: str, text: str, up_kbps: float = DEFAULT_UP_KBPS) -> NetworkTrace:
-    """A trace in our format; `up_kbps` is the default uplink. Raises TraceError."""
+    """Parse a trace in this format; `up_kbps` is the default uplink. Raises TraceError."""
     rows = lines(text)
     first, header = next(rows)
     columns = cells(first, header)
     _check_header(first, columns)
     values = {**VALUES, "up_kbps": up_kbps}
     builder = TraceBuilder(name)
-    start, lasts, pending = -1, ONLY_STEP_MS, 0  # `pending` is the line with an open end
+    start, lasts, pending = -1, ONLY_STEP_MS, 0  # `pending` is a line without an end yet
     changed = True
     for line, content in rows:
         found = cells(line, content)
@@ -54,7 +54,7 @@ def parse_csv(name: str, text: str, up_kbps: float = DEFAULT_UP_KBPS) -> Network
 
 
 def format_csv(trace: NetworkTrace) -> str:
-    """The trace in our format; `parse_csv` gives back an equal one."""
+    """Format a trace; `parse_csv` returns an equal one."""
     out = [",".join(("t_ms", *VALUES))]
     before: tuple[str, ...] = ("",) * len(VALUES)
     for time, state in zip(trace.times_ms, trace.states, strict=True):
@@ -89,5 +89,5 @@ def _time(cell: str, line: int, before: int) -> int:
 
 
 def _text(value: float) -> str:
-    """The shortest text that reads back as the same number."""
+    """The shortest text that parses to the same number."""
     return str(int(value)) if value == int(value) else repr(value)

@@ -1,4 +1,4 @@
-"""Fetches published trace sets: their list in sources.toml, their files, and archives that are distrusted."""
+"""Downloads of published trace sets: the list in sources.toml, the files, and untrusted archives."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tigas_common.downloads import FetchError
 
 DAMAGED = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError)
 MAX_BYTES = 1_000_000_000
-"""Of one file; a server that never stops must not fill the disk."""
+"""Maximum size of a file; a server that never stops must not fill the disk."""
 MAX_UNPACKED_FILES = 10_000
 MAX_UNPACKED_BYTES = 2_000_000_000
 _SAFE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+=-]{0,99}")
@@ -30,11 +30,11 @@ class SourceFile(BaseModel):
 
     url: str
     sha256: str | None = Field(default=None, pattern="^[0-9a-f]{64}$")
-    """Checksum of the served file; None where none has been published or verified."""
+    """Checksum of the file; None if none has been published or verified."""
 
     @property
     def name(self) -> str:
-        """File name on disk: the last part of its URL."""
+        """File name on disk: the last part of the URL."""
         return unquote(urlsplit(self.url).path).rpartition("/")[2]
 
 
@@ -49,7 +49,7 @@ class Source(BaseModel):
 
 
 def load_sources(path: Path | None = None) -> dict[str, Source]:
-    """The sets by name, from a TOML file or the list that TIGAS brings. Raises FetchError and OSError."""
+    """The sets by name, from a TOML file or the built-in list. Raises FetchError and OSError."""
     text = path.read_text("utf-8") if path else files("tigas_shaper.traces").joinpath("sources.toml").read_text("utf-8")
     try:
         sources = TypeAdapter(dict[str, Source]).validate_python(tomllib.loads(text))
@@ -66,9 +66,9 @@ def load_sources(path: Path | None = None) -> dict[str, Source]:
 
 
 def unpack(archive: Path) -> Path:
-    """The folder next to the archive, named without the suffix, with all its files; complete or absent.
+    """Unpack an archive into a folder next to it, named without the suffix. The folder is complete or absent.
 
-    Raises FetchError for an archive that is damaged, reaches outside, or is too large, and OSError.
+    Raises OSError, and FetchError for an archive that is damaged, too large, or writes outside the folder.
     """
     target = archive.with_suffix("")
     if target.exists():
@@ -89,7 +89,7 @@ def unpack(archive: Path) -> Path:
 
 
 def _check(archive: str, members: list[zipfile.ZipInfo]) -> None:
-    # zipfile never reads more of a member than the size that its header declares
+    # zipfile never reads more of a member than the size in its header
     if len(members) > MAX_UNPACKED_FILES or sum(member.file_size for member in members) > MAX_UNPACKED_BYTES:
         megabytes = MAX_UNPACKED_BYTES // 1_000_000
         raise FetchError(f"{archive} holds more than {MAX_UNPACKED_FILES:,} files or {megabytes:,} MB.")

@@ -1,4 +1,4 @@
-"""Reads traces in our own format and in the formats of published recordings; detected by content, never by name."""
+"""Readers for traces in TIGAS's format and in formats of published recordings, detected by content, never by name."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ FORMATS: dict[str, Callable[[str, str, float], NetworkTrace]] = {
     "irish-5g": importers.parse_irish,
     "plain": importers.parse_plain,
 }
-"""Parsers by the name of their format; each takes a trace's name, the text, and the uplink where none is recorded."""
+"""Parsers by format name; each takes a trace's name, its text, and the uplink to use if none is recorded."""
 
 _LINK = re.compile(r"\d+(\.\d+)?(mbit|kbit|ms-rtt|ms-jitter)|unshaped$")
-"""Begins a network that is no trace, such as `5mbit`, in an experiment's file."""
+"""Start of a network in an experiment file that is not a trace, such as `5mbit`."""
 
 
 def load_trace(path: Path, *, up_kbps: float = DEFAULT_UP_KBPS, format: str | None = None) -> NetworkTrace:
-    """The trace in a file, named after it. Raises TraceError and OSError."""
+    """Read the trace in a file, named after it. Raises TraceError and OSError."""
     return parse_trace(trace_name(path.name), read_bounded(path), up_kbps=up_kbps, format=format)
 
 
 def parse_trace(name: str, data: bytes, *, up_kbps: float = DEFAULT_UP_KBPS, format: str | None = None) -> NetworkTrace:
-    """The trace in a file's bytes, perhaps gzipped; `format` is one of FORMATS, recognised if None. Raises TraceError.
+    """Parse a trace, possibly gzipped; `format` is one of FORMATS, or None to detect it. Raises TraceError.
 
-    Takes time in proportion to the bytes, some ten seconds for the 64 MB that are the limit: not for an event loop.
+    Too slow for an event loop: takes about ten seconds for a file of the maximum size, 64 MB.
     """
     text = decode(data)
     return FORMATS[format or recognise(text)](name, text, up_kbps)
 
 
 def recognise(text: str) -> str:
-    """The format of a trace's text. Raises TraceError if it is unknown."""
+    """Detect the format of a trace. Raises TraceError if it is unknown."""
     line, first = next(lines(text)) if text.lstrip()[:1] not in ("[", "{") else (1, "[")
     if first == "[":
         return "sabre"
@@ -60,13 +60,13 @@ def recognise(text: str) -> str:
         return "pensieve"
     if len(words) == 6:
         return "ghent-4g"
-    raise TraceError(f"Line {line}: {quoted(first)} does not begin any trace format that TIGAS reads.")
+    raise TraceError(f"Line {line}: {quoted(first)} is not the start of any trace format that TIGAS reads.")
 
 
 def trace_name(filename: str) -> str:
-    """A valid trace name for a file: no folder, no suffix, and a hyphen for invalid characters.
+    """A valid trace name for a file: without folder and suffix, and with hyphens for invalid characters.
 
-    A name that an experiment's file would take for another network follows `trace-`.
+    A name that an experiment file would interpret as another network gets the prefix `trace-`.
     """
     path = PurePath(PurePath(filename).name)
     while path.suffix.lower() in TRACE_SUFFIXES:

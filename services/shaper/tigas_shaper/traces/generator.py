@@ -1,12 +1,11 @@
-"""The project's own traces in traces/network: shapes that test one thing each, and stochastic links.
+"""The project's own traces in traces/network: shapes that test one property each, and stochastic links.
 
-The data to which the stochastic ones were fitted are in docs/results/2026-11-trace-models.md. Changing anything here
-changes the files: run `python -m tigas_shaper.traces.generator traces/network` afterwards. Their model is a Markov
-chain of regimes, and autoregressive variation within each.
-
-Bit for bit the same everywhere: `random.Random.random` is documented to be stable for a seed, and its numbers are
-processed only with + − × ÷ and the square root, which IEEE 754 rounds exactly; no exp or log, whose last bit depends on
-the C library. Rates are whole kbit/s.
+The data to which the stochastic ones were fitted are in docs/results/2026-11-trace-models.md. Any change here changes
+the files: run `python -m tigas_shaper.traces.generator traces/network` afterwards. The model is a Markov chain of
+regimes, with autoregressive variation within each. The results are identical to the bit everywhere:
+`random.Random.random` is documented to be stable for a seed, and its numbers are processed only with + − × ÷ and the
+square root, which IEEE 754 rounds exactly; no exp or log, whose last bit depends on the C library. Rates are whole
+kbit/s.
 """
 
 from __future__ import annotations
@@ -23,24 +22,24 @@ from tigas_shaper.traces.csv_format import format_csv
 from tigas_shaper.traces.trace import NetworkTrace
 
 UP_KBPS = 10_000
-"""The shapes' uplink, fast enough not to matter. They have no delay or loss either: only the rate changes."""
+"""Uplink of the shapes, fast enough not to matter. They have no delay or loss either: only the rate changes."""
 MINUTE_MS = 60_000
 
 
 @dataclass(frozen=True, slots=True)
 class Regime:
-    """One condition of the link, such as "in coverage" or "in a fade"."""
+    """A state of the link, such as "in coverage" or "in a fade"."""
 
     down_kbps: float
-    """Mean rate while it lasts."""
+    """Mean rate during the regime."""
     spread: float
     """c in rate = mean (1 + c z)² / (1 + c²), z standard normal: never negative, exact mean, slightly skewed like
     measured rates, with a coefficient of variation of √(4c² + 2c⁴) / (1 + c²), about 2c.
     """
     dwell_s: float
-    """Mean time spent in it before it changes; geometrically distributed."""
+    """Mean duration of the regime; geometrically distributed."""
     next: Mapping[str, float]
-    """Probabilities of the next regime; they sum to 1."""
+    """Probabilities of the next regime, which sum to 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,20 +47,20 @@ class LinkModel:
     """A link: regimes, variation within them, and constants."""
 
     regimes: Mapping[str, Regime]
-    """By name; the first is where it starts."""
+    """Regimes by name; the link starts in the first one."""
     variation: tuple[tuple[float, float], ...]
-    """z as a sum of independent first-order autoregressive processes: the share of the variance and the correlation
-    time in seconds of each (0 is white noise). The shares sum to 1. Continues across regimes."""
+    """z as a sum of independent first-order autoregressive processes, each with its share of the variance and its
+    correlation time in seconds (0 is white noise). The shares sum to 1. Continues across regimes."""
     up_share: float
-    """The uplink's mean over the downlink's, in every regime; it varies with its own z."""
+    """Ratio of the uplink's mean to the downlink's, in every regime; it varies with its own z."""
     delay_ms: float
-    """One way."""
+    """One-way delay."""
     jitter_ms: float
     step_ms: int
 
 
 MOBILE_VARIATION = ((0.5, 20.0), (0.35, 1.5), (0.15, 0.0))
-"""Movement through the cell, changes of load and hand-overs, scheduling."""
+"""Movement through the cell, load changes and hand-overs, and scheduling."""
 
 BUS_4G = LinkModel(
     regimes={
@@ -120,8 +119,8 @@ def own_traces() -> tuple[NetworkTrace, ...]:
         _shape("cascade", [(10_000, rate) for rate in (40_000, 20_000, 10_000, 5_000, 10_000, 20_000)]),
         _shape("sawtooth", teeth * 3),
         _shape("outage", [(20_000, 20_000), (1_000, 0), (19_000, 20_000), (5_000, 0), (15_000, 20_000)]),
-        # Three minutes of a slow process may be far from typical: each seed is the first, counting from 1, with the
-        # mean and variation of the recordings within 5 %.
+        # Three minutes of a slow process may be far from typical: each seed is the first, counting from 1, with which
+        # mean and variation are within 5 % of the recordings'.
         generate("4g-bus", BUS_4G, 3 * MINUTE_MS, seed=46),
         generate("4g-train", TRAIN_4G, 3 * MINUTE_MS, seed=47),
         generate("5g-driving", DRIVING_5G, 3 * MINUTE_MS, seed=24),
@@ -130,7 +129,7 @@ def own_traces() -> tuple[NetworkTrace, ...]:
 
 
 def write_own_traces(directory: Path) -> list[Path]:
-    """Write each as a CSV named after it. Raises OSError."""
+    """Write each trace as a CSV file named after it. Raises OSError."""
     directory.mkdir(parents=True, exist_ok=True)
     paths = []
     for trace in own_traces():
@@ -141,7 +140,7 @@ def write_own_traces(directory: Path) -> list[Path]:
 
 
 def generate(name: str, model: LinkModel, duration_ms: int, seed: int) -> NetworkTrace:
-    """A trace of the model; the same for the same arguments on any machine."""
+    """Generate a trace of the model; equal arguments give equal traces on any machine."""
     random = Random(seed)
     step_s = model.step_ms / 1000
     down, up = (_variation(model.variation, step_s, random) for _ in range(2))
@@ -179,13 +178,13 @@ def _rate(mean: float, spread: float, z: float) -> int:
 
 
 def _variation(parts: tuple[tuple[float, float], ...], step_s: float, random: Random) -> Callable[[], float]:
-    """A stationary process of unit variance, one value a call."""
+    """A stationary process of unit variance, advanced by each call."""
     values = [_normal(random) for _ in parts]
 
     def advance() -> float:
         total = 0.0
         for index, (share, tau) in enumerate(parts):
-            keep = tau / (tau + step_s)  # the implicit-Euler form of exp(−step/τ): a plain division
+            keep = tau / (tau + step_s)  # implicit-Euler form of exp(−step/τ), a plain division
             values[index] = keep * values[index] + math.sqrt(1 - keep * keep) * _normal(random)
             total += math.sqrt(share) * values[index]
         return total
@@ -194,9 +193,9 @@ def _variation(parts: tuple[tuple[float, float], ...], step_s: float, random: Ra
 
 
 def _normal(random: Random) -> float:
-    """Standard normal to a good approximation: twelve uniform numbers have a variance of 1 (Irwin-Hall)."""
+    """Approximately standard normal: the sum of twelve uniform numbers has a variance of 1 (Irwin-Hall)."""
     total = -6.0
-    for _ in range(12):  # one after the other: `sum` of floats rounds differently since Python 3.12
+    for _ in range(12):  # in sequence, as `sum` of floats rounds differently since Python 3.12
         total += random.random()
     return total
 

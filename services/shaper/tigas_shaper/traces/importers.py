@@ -1,4 +1,4 @@
-"""Parsers of the formats in which network recordings are published; `formats` chooses among them."""
+"""Parsers for the formats of published network recordings; `formats` chooses among them."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from tigas_shaper.traces.trace import MAX_STEPS, NetworkTrace, TraceBuilder, Tra
 MISSING = "-"
 PACKET_BITS = 1500 * 8
 BIN_MS = 100
-"""Mahimahi's packets are counted in bins of this length: the shortest step at which replay is precise, and tens of
-packets at LTE rates, so that counting whole packets costs little."""
+"""Bin length for counting Mahimahi's packets: the shortest step at which replay is precise. It covers tens of packets
+at LTE rates, so counting whole packets costs little."""
 TYPICAL_GAP_MS = 100
 """Packet times are usually closer together than this, rates in kbit/s further apart."""
 SAMPLE = 10_000
 """Number of lines that suffice to decide."""
 FEW_FALLS = 0.1
-"""The share of changes downwards that rates have and packet times do not. Above 0, so that packet times with a fault
-are refused by line and not taken for rates."""
+"""Share of downward changes that rates exceed and packet times do not. Above 0, so that faulty packet times are
+reported by line rather than treated as rates."""
 
 
 def parse_ghent(name: str, text: str, up_kbps: float) -> NetworkTrace:
-    """4G/LTE logs of Ghent (van der Hooft et al. 2016), and 3G logs of Norway (Riiser et al. 2013) in their own format.
+    """Parse 4G/LTE logs of Ghent (van der Hooft et al. 2016) and 3G logs of Norway (Riiser et al. 2013).
 
-    Six columns: time stamp, ms since the start, latitude, longitude, BYTES received since the line before, ms since the
-    line before. So kbit/s = bytes × 8 / ms; a well-known copy of these logs holds kilobytes per second instead and is
-    replayed at one eighth of the recorded rate. Raises TraceError.
+    Six columns: time stamp, ms since the start, latitude, longitude, BYTES received since the previous line, ms since
+    the previous line. So kbit/s = bytes × 8 / ms. A well-known copy of these logs has kilobytes per second instead, and
+    is replayed at one eighth of the recorded rate. Raises TraceError.
     """
     builder = TraceBuilder(name)
     before = 0.0
@@ -54,10 +54,10 @@ def parse_ghent(name: str, text: str, up_kbps: float) -> NetworkTrace:
 
 
 def parse_pensieve(name: str, text: str, up_kbps: float) -> NetworkTrace:
-    """Lines of "seconds Mbit/s", as the Norwegian, FCC and Puffer sets in Pensieve (Mao et al. 2017) and later work.
+    """Parse lines of "seconds Mbit/s": the Norwegian, FCC and Puffer sets in Pensieve (Mao et al. 2017) and later work.
 
-    As in Pensieve's simulator, a line's rate was measured since the previous line, so it applies from there to its own
-    time, and the first line only marks the start. Raises TraceError.
+    As in Pensieve's simulator, a line's rate was measured since the previous line and applies from there to its own
+    time; the first line only marks the start. Raises TraceError.
     """
     builder = TraceBuilder(name)
     before: float | None = None
@@ -75,7 +75,7 @@ def parse_pensieve(name: str, text: str, up_kbps: float) -> NetworkTrace:
 
 
 def parse_plain(name: str, text: str, up_kbps: float) -> NetworkTrace:
-    """A plain list of rates in kbit/s, one a second. Raises TraceError."""
+    """Parse a plain list of rates in kbit/s, one per second. Raises TraceError."""
     builder = TraceBuilder(name)
     for line, rate in _column(text):
         builder.add(line, 1000, rate, up_kbps)
@@ -83,13 +83,13 @@ def parse_plain(name: str, text: str, up_kbps: float) -> NetworkTrace:
 
 
 def parse_mahimahi(name: str, text: str, up_kbps: float) -> NetworkTrace:
-    """Mahimahi's packet-delivery trace (Winstein et al. 2013; Netravali et al. 2015). Raises TraceError.
+    """Parse Mahimahi's packet-delivery trace (Winstein et al. 2013; Netravali et al. 2015). Raises TraceError.
 
-    Each line is the millisecond at which one packet of 1500 bytes may pass. The last is also the end, where the trace
-    starts again. The rate of a bin is its packets over its length.
+    Each line is the millisecond at which one packet of 1500 bytes may pass. The last one is also the end, at which the
+    trace starts over. The rate of a bin is its packets over its length.
     """
     packets = array("q")
-    """In each bin."""
+    """Number of packets in each bin."""
     end = line = 0
     for line, stamp in _column(text):
         if stamp != int(stamp):
@@ -106,7 +106,7 @@ def parse_mahimahi(name: str, text: str, up_kbps: float) -> NetworkTrace:
     if end == 0:
         raise TraceError(f"Line {line}: a Mahimahi trace must end after 0 ms.")
     builder = TraceBuilder(name)
-    if end < BIN_MS:  # a pattern such as the one line "1", 12 Mbit/s: only its mean matters
+    if end < BIN_MS:  # in a pattern such as the single line "1", 12 Mbit/s, only the mean matters
         builder.add(line, BIN_MS, packets[0] * PACKET_BITS / end, up_kbps)
         return builder.build()
     if end % BIN_MS == 0:  # packets at the very end belong to the last bin
@@ -119,7 +119,7 @@ def parse_mahimahi(name: str, text: str, up_kbps: float) -> NetworkTrace:
 
 
 def holds_packet_times(text: str) -> bool:
-    """Whether these are Mahimahi's milliseconds: whole, hardly ever falling, and mostly close together."""
+    """Whether the numbers are Mahimahi's milliseconds: whole, hardly ever decreasing, and mostly close together."""
     near = far = falls = 0
     before = 0.0
     for _, value in islice(_column(text), SAMPLE):
@@ -136,20 +136,20 @@ def holds_packet_times(text: str) -> bool:
 
 
 def _column(text: str) -> Iterator[tuple[int, float]]:
-    """Line and number of each line."""
+    """Line number and value of each line."""
     for line, content in lines(text):
-        # the quick way for plain digits: a 5G link passes a hundred thousand packets a second
+        # Fast path for plain digits, as a 5G link passes a hundred thousand packets per second.
         quick = len(content) < 16 and content.isascii() and content.isdigit()
         yield line, float(content) if quick else number(content, line, "each line of this file")
 
 
 def parse_irish(name: str, text: str, up_kbps: float) -> NetworkTrace:
-    """The 5G data set of Cork (Raca et al. 2020): CSV with, among others, Timestamp and DL_bitrate in kbit/s.
+    """Parse the 5G data set of Cork (Raca et al. 2020): CSV with columns such as Timestamp and DL_bitrate in kbit/s.
 
-    About one row a second; stamps repeat and skip, because sampling takes a little more than a second or less. Rows of
-    the same second are averaged, a skipped second keeps the state before it, and "-" is a value that was not measured,
-    also kept as before. So a trace lasts as long as its recording did. UL_bitrate is left aside: the phones only
-    downloaded, so it is the rate of their acknowledgements and no capacity. Raises TraceError.
+    About one row per second; time stamps repeat and skip, as the sampling interval varies around a second. Rows of the
+    same second are averaged, a skipped second keeps the previous state, and "-" is an unmeasured value, also kept as
+    before, so that a trace lasts as long as its recording. UL_bitrate is ignored: the phones only downloaded, so it is
+    the rate of their acknowledgements and not a capacity. Raises TraceError.
     """
     builder = TraceBuilder(name)
     begun: tuple[int, datetime] | None = None
@@ -195,14 +195,14 @@ def _rows(text: str) -> Iterator[tuple[int, datetime, float | None]]:
 
 _BEGIN = re.compile(r"\s*\[\s*")
 _PERIOD = re.compile(r"(\{[^{}]{0,1000}\})\s*[,\]]\s*")
-"""One period. Periods are flat: a hostile file builds no deep or large structure."""
+"""One period. Periods are flat, so that a hostile file cannot build a deep or large structure."""
 
 
 def parse_sabre(name: str, text: str, up_kbps: float) -> NetworkTrace:
-    """Sabre's JSON (Spiteri et al. 2018): a list of {duration_ms, bandwidth_kbps, latency_ms}.
+    """Parse Sabre's JSON (Spiteri et al. 2018): a list of {duration_ms, bandwidth_kbps, latency_ms}.
 
-    Sabre's latency is the time from a request to the first bit of its answer, hence a round trip: half of it is our
-    one-way delay. Raises TraceError.
+    Sabre's latency is the time from a request to the first bit of its answer, hence a round trip; our one-way delay is
+    half of it. Raises TraceError.
     """
     builder = TraceBuilder(name)
     for line, period in _periods(text):
@@ -221,7 +221,7 @@ def _periods(text: str) -> Iterator[tuple[int, dict[str, object]]]:
         line, position = line + part[0].count("\n"), part.end()
         if part[0].rstrip().endswith("]"):
             if position < len(text):
-                raise TraceError(f"Line {line}: there is something after the end of the list.")
+                raise TraceError(f"Line {line}: unexpected text after the end of the list.")
             return
         part = _PERIOD.match(text, position)
         if part is not None:
@@ -237,5 +237,5 @@ def _periods(text: str) -> Iterator[tuple[int, dict[str, object]]]:
 def _value(period: dict[str, object], key: str, line: int) -> float:
     value = period.get(key)
     if not isinstance(value, float) or not math.isfinite(value) or value < 0:
-        raise TraceError(f"Line {line}: {key} must be a number that is not negative.")
+        raise TraceError(f"Line {line}: {key} must be a non-negative number.")
     return value

@@ -1,4 +1,4 @@
-"""The available traces: a directory's, and uploaded ones."""
+"""The available traces: files in a directory, and uploaded ones."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tigas_shaper.traces.formats import load_trace, parse_trace, trace_name
 from tigas_shaper.traces.trace import NetworkTrace, TraceError
 
 MAX_UPLOADS = 16
-"""Number of uploaded traces that are kept; the oldest are dropped."""
+"""Maximum number of uploaded traces; the oldest are dropped."""
 POINTS = 600
 """Maximum number of points in a trace's outline."""
 
@@ -22,16 +22,16 @@ class UnknownTrace(TigasError):
 
 
 class TraceLibrary:
-    """Traces by name; an uploaded one hides a file of its name. Reading is too slow for an event loop."""
+    """Traces by name; an uploaded trace hides a file with the same name. Reading is too slow for an event loop."""
 
     def __init__(self, directory: Path | None) -> None:
         self._directory = directory
         self._uploads: dict[str, NetworkTrace] = {}
         self._files: dict[Path, tuple[tuple[int, int], NetworkTrace | TraceError]] = {}
-        """By path, each with the time and size that it was read at."""
+        """Parsed files by path, each with its time and size when it was read."""
 
     def summaries(self) -> list[TraceSummary]:
-        """All traces, by name; files are looked for anew."""
+        """All traces, by name; the directory is searched anew."""
         found = {name: summary(trace, uploaded=True) for name, trace in list(self._uploads.items())}
         for path in self._paths():
             name = trace_name(path.name)
@@ -45,7 +45,7 @@ class TraceLibrary:
         return [found[name] for name in sorted(found)]
 
     def get(self, name: str) -> NetworkTrace:
-        """A trace. Raises UnknownTrace and TraceError."""
+        """A trace by name. Raises UnknownTrace and TraceError."""
         if name in self._uploads:
             return self._uploads[name]
         for path in self._paths():
@@ -57,7 +57,7 @@ class TraceLibrary:
         raise UnknownTrace(f"There is no trace named {name[:100]!r}.")
 
     def add(self, filename: str, data: bytes) -> NetworkTrace:
-        """Keep an uploaded trace, in place of one of the same name, or of the oldest. Raises TraceError."""
+        """Store an uploaded trace in place of one of the same name, or of the oldest. Raises TraceError."""
         trace = parse_trace(trace_name(filename), data)
         self._uploads.pop(trace.name, None)
         self._uploads[trace.name] = trace
@@ -66,7 +66,7 @@ class TraceLibrary:
         return trace
 
     def _paths(self) -> Iterator[Path]:
-        """The directory's files; none if it cannot be read any more."""
+        """Files in the directory; none if it has become unreadable."""
         if self._directory is not None:
             with suppress(OSError):
                 for path in sorted(self._directory.iterdir()):
@@ -104,7 +104,7 @@ def summary(trace: NetworkTrace, *, uploaded: bool) -> TraceSummary:
 
 
 def points(trace: NetworkTrace) -> TracePoints:
-    """A trace's outline: unchanged if it is short, otherwise means over equal spans."""
+    """A trace's outline: unchanged if it is short, otherwise means over equal intervals."""
     times: Sequence[float] = trace.times_ms
     down: Sequence[float] = trace.down_kbps
     up: Sequence[float] = trace.up_kbps

@@ -1,6 +1,6 @@
 """Helpers of trace readers: bounded reading, numbered lines, and cells as numbers.
 
-All of it raises TraceError with one sentence that names the line.
+All of them raise TraceError with one sentence that names the line.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from tigas_common.files import open_regular
 from tigas_shaper.traces.trace import TraceError
 
 MAX_BYTES = 64_000_000
-"""Unpacked. The longest published recordings are a few megabytes."""
+"""Maximum size, uncompressed. The longest published recordings have a few megabytes."""
 MAX_LINE = 10_000
 """Characters; bounds the cost of splitting one hostile line."""
 DEFAULT_UP_KBPS = 10_000.0
-"""The uplink where only the downlink was recorded: a usual 4G uplink, and far more than poses and ACKs need, so that
-the recorded direction stays the bottleneck."""
+"""Uplink if only the downlink was recorded: a usual 4G uplink, and far more than poses and ACKs need, so that the
+recorded direction remains the bottleneck."""
 
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 
 
 def read_bounded(path: Path) -> bytes:
-    """A file's bytes, or TraceError if there are too many; never reads more than the limit. Raises OSError."""
+    """Read a file's bytes, up to the limit. Raises TraceError if it is larger, and OSError."""
     with open_regular(path) as file:
         data = file.read(MAX_BYTES + 1)
     if len(data) > MAX_BYTES:
@@ -38,10 +38,10 @@ def read_bounded(path: Path) -> bytes:
 
 
 def decode(data: bytes) -> str:
-    """The text of a trace file, unpacked if it is gzip."""
+    """The text of a trace file, decompressed if it is gzip."""
     if data.startswith(b"\x1f\x8b"):
         try:
-            # one byte over the limit is enough to know, so a bomb costs no more than the limit
+            # reading one byte over the limit detects larger files, so a bomb costs no more than the limit
             data = gzip.GzipFile(fileobj=io.BytesIO(data)).read(MAX_BYTES + 1)
         except (OSError, EOFError, zlib.error):
             raise TraceError("The gzip file is damaged or cut short.") from None
@@ -59,7 +59,7 @@ def decode(data: bytes) -> str:
 
 
 def lines(text: str) -> Iterator[tuple[int, str]]:
-    """Number and content of each line that is not blank."""
+    """Number and content of each non-blank line."""
     for line, content in enumerate(io.StringIO(text, newline=None), 1):
         if len(content) > MAX_LINE:
             raise TraceError(f"Line {line} is longer than {MAX_LINE:,} characters.")
@@ -76,12 +76,12 @@ def cells(line: int, content: str) -> list[str]:
 
 
 def quoted(cell: str) -> str:
-    """A cell in quotes, cut short, for a message."""
+    """A cell in quotes, truncated, for a message."""
     return repr(cell if len(cell) <= 30 else cell[:29] + "…")
 
 
 def number(cell: str, line: int, what: str) -> float:
-    """A cell as a finite number that is not negative. Plain decimal notation: not NaN, not 1_000, not other digits."""
+    """Parse a cell as a finite, non-negative number in plain decimal notation: not NaN, 1_000 or non-ASCII digits."""
     cell = cell.strip()
     if len(cell) > 40 or not _NUMBER.fullmatch(cell):
         raise TraceError(f"Line {line}: {what} must be a number, not {quoted(cell)}.")

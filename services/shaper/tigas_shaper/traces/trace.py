@@ -30,17 +30,17 @@ class TraceError(TigasError):
 class NetworkTrace:
     """A link's states over time, played from the start and repeated from there.
 
-    Raises TraceError if times do not start at 0 and increase, lengths differ, or a limit above is exceeded.
+    Raises TraceError unless times start at 0 and increase, lengths match, and the limits above are kept.
     """
 
     name: str
-    """Letters, digits and any of . _ + = -, at most 100: safe in a file name and in a URL's path."""
+    """Up to 100 letters, digits and any of . _ + = -, safe in file names and URL paths."""
     times_ms: tuple[int, ...]
     """Strictly increasing from 0."""
     states: tuple[LinkSetting, ...]
-    """One per time: the link's state from that time on."""
+    """One per time: the link's state from then on."""
     duration_ms: int
-    """The end of the last state, after the last time."""
+    """End of the last state, after the last time."""
 
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name):
@@ -63,27 +63,27 @@ class NetworkTrace:
             raise TraceError(f"A trace may last 30 days; this one ends at {self.duration_ms} ms.")
 
     def at(self, t_ms: float) -> LinkSetting:
-        """The state in force `t_ms` after the start of playing; past the end the trace starts again."""
+        """The state `t_ms` after the start of playback; at its end the trace starts over."""
         return self.states[bisect_right(self.times_ms, t_ms % self.duration_ms) - 1]
 
     def next_change(self, t_ms: float) -> float:
-        """When the state in force `t_ms` after the start of playing ends."""
+        """Time of the next state change, for `t_ms` after the start of playback."""
         turn, within = divmod(t_ms, self.duration_ms)
         step = bisect_right(self.times_ms, within)
         return turn * self.duration_ms + (self.times_ms[step] if step < len(self.times_ms) else self.duration_ms)
 
     def with_delay(self, delay_ms: float) -> NetworkTrace:
-        """The same rates and losses at one constant delay (one way, ms), without jitter. Raises ValueError."""
+        """The same rates and losses with one constant delay (one way, ms) and no jitter. Raises ValueError."""
         return replace(self, states=tuple(replace(state, delay_ms=delay_ms, jitter_ms=0.0) for state in self.states))
 
     def with_loss(self, loss_pct: float) -> NetworkTrace:
-        """The same rates and delays, at one constant loss. Raises ValueError."""
+        """The same rates and delays with one constant loss. Raises ValueError."""
         return replace(self, states=tuple(replace(state, loss_pct=loss_pct) for state in self.states))
 
     def with_uplink(self, up: NetworkTrace) -> NetworkTrace:
-        """The same with the rates of `up`, a recording of the other direction, as its uplink; it repeats if shorter.
+        """The same trace with the rates of `up`, a recording of the other direction, as its uplink.
 
-        Mahimahi, for one, publishes the two directions as two files. Raises TraceError.
+        A shorter uplink repeats. Mahimahi, for example, publishes the two directions as two files. Raises TraceError.
         """
         times: list[int] = []
         states: list[LinkSetting] = []
@@ -98,17 +98,17 @@ class NetworkTrace:
 
     @property
     def down_kbps(self) -> tuple[float, ...]:
-        """The rate towards the client, one a time."""
+        """Rate towards the client from each time on."""
         return tuple(state.down_kbps for state in self.states)
 
     @property
     def up_kbps(self) -> tuple[float, ...]:
-        """The rate from the client, one a time."""
+        """Rate from the client from each time on."""
         return tuple(state.up_kbps for state in self.states)
 
     @cached_property
     def steps_ms(self) -> tuple[int, ...]:
-        """How long each state lasts, ms."""
+        """Duration of each state in ms."""
         return tuple(end - start for start, end in pairwise((*self.times_ms, self.duration_ms)))
 
     @cached_property
@@ -138,14 +138,14 @@ class NetworkTrace:
 
 
 def rate_percentiles(rates: Sequence[float], steps_ms: Sequence[int]) -> dict[int, float]:
-    """Of rates and how long each lasts: what the link does not exceed for each of PERCENTILES of the time."""
+    """Rates that the link does not exceed for each of PERCENTILES of the time."""
     ranked = sorted(zip(rates, steps_ms, strict=True))
     passed = list(accumulate(100 * step for _, step in ranked))
     return {percent: ranked[bisect_left(passed, percent * sum(steps_ms))][0] for percent in PERCENTILES}
 
 
 class TraceBuilder:
-    """Puts a trace together from states and their durations, as found in recordings."""
+    """Assembles a trace from states and their durations, as found in recordings."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -163,8 +163,8 @@ class TraceBuilder:
         jitter_ms: float = 0.0,
         loss_pct: float = 0.0,
     ) -> None:
-        """Append a state. Times are rounded to whole milliseconds as they add up, so that nothing drifts; states
-        shorter than that are dropped.
+        """Append a state. Accumulated times are rounded to whole milliseconds, so that nothing drifts; shorter states
+        are dropped.
         """
         start, self._end = round(self._end), self._end + lasts_ms
         if self._end > MAX_DURATION_MS:
@@ -184,5 +184,5 @@ class TraceBuilder:
 
     def build(self) -> NetworkTrace:
         if not self._times:
-            raise TraceError("The file has no step that lasts a millisecond.")
+            raise TraceError("The file has no step of at least a millisecond.")
         return NetworkTrace(self._name, tuple(self._times), tuple(self._states), round(self._end))
