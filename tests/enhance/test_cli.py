@@ -127,7 +127,7 @@ def test_a_training_that_is_killed_leaves_the_weights_that_there_were(options: l
     [
         (["train", "nowhere"], "has no folder 'nowhere'"),
         (["train", "../garden"], "has no folder"),
-        (["train", "garden", "other", "--out", "x"], "--out is for one set"),
+        (["train", "garden", "other", "--out", "x"], "--out needs a single set"),
         (["train", "nowhere", "--out", "out"], "There is no such scene."),
         (["train", "garden", "--device", "tpu:7"], "There is no device 'tpu:7'"),
         (["evaluate", "garden"], "No such file"),

@@ -60,7 +60,7 @@ class AsyncClient:
         await self.aclose()
 
     async def aclose(self) -> None:
-        """Close its connections."""
+        """Close the client's connections."""
         if self._http3 is not None:
             await self._http3.aclose()
         await self._http.aclose()
@@ -70,7 +70,7 @@ class AsyncClient:
         return self._read(TypeAdapter(ServerConfig), await self._ask(lambda: self._http.get("/config.json")))
 
     async def scenes(self, *, scan: bool = False) -> list[SceneInfo]:
-        """List all scenes of the service; with `scan`, it looks for new ones first."""
+        """List all scenes of the service; `scan` makes it look for new ones first."""
         path = "/scenes?scan=1" if scan else "/scenes"
         return self._read(TypeAdapter(list[SceneInfo]), await self._ask(lambda: self._http.get(path)))
 
@@ -147,10 +147,10 @@ class AsyncClient:
         return self._only
 
     async def _ask(self, ask: Callable[[], Awaitable[httpx.Response]]) -> httpx.Response:
-        """The service's answer, with retries while it is busy."""
+        """The service's answer, after retries while it is busy."""
         try:
             answer = await retried(ask)
-        except RuntimeError:  # httpx's of a closed client
+        except RuntimeError:  # raised by httpx if the client is closed
             if not self._http.is_closed:
                 raise
             raise ClientError(CLOSED) from None
@@ -162,7 +162,7 @@ class AsyncClient:
         try:
             problem = Problem.model_validate_json(answer.content)
         except ValidationError:
-            raise Unreachable(f"{self._stranger()} It says {answer.status_code}.") from None
+            raise Unreachable(f"{self._stranger()} It answered with status {answer.status_code}.") from None
         raise Refused(problem)
 
     def _read(self, kind: TypeAdapter[Result], answer: httpx.Response) -> Result:

@@ -36,7 +36,7 @@ class Client:
         thread = threading.Thread(target=self._loop.run_forever, name="tigas client", daemon=True)
         thread.start()
         self.close = weakref.finalize(self, _close, self._client, self._loop, thread)
-        """Close the connections; `with` and the end of the program do the same."""
+        """Close the connections, as `with` and the end of the program do."""
 
     def __enter__(self) -> Self:
         return self
@@ -51,7 +51,7 @@ class Client:
         return self._run(self._client.config())
 
     def scenes(self, *, scan: bool = False) -> list[SceneInfo]:
-        """List all scenes of the service; with `scan`, it looks for new ones first."""
+        """List all scenes of the service; `scan` makes it look for new ones first."""
         return self._run(self._client.scenes(scan=scan))
 
     def scene(self, scene: str | None = None) -> SceneInfo:
@@ -67,7 +67,7 @@ class Client:
         return self._run(self._client.render(pose, **view))
 
     def render_path(self, poses: Iterable[Pose], **view: Unpack[View]) -> Iterator[Image.Image]:
-        """Render images from poses, in their order, with a few requests in flight."""
+        """Render images from poses, in order, with a few requests in flight."""
         pictures = self._client.render_path(poses, **view)
         try:
             while (picture := self._run(_next(pictures))) is not None:
@@ -100,14 +100,14 @@ async def _next(pictures: Any) -> Image.Image | None:
 
 
 async def _closed(pictures: Any) -> None:
-    """Close a generator, once it has ended the step that Ctrl+C has cancelled."""
+    """Close a generator once it has finished the step that Ctrl+C cancelled."""
     while pictures.ag_running:  # noqa: ASYNC110 - nothing announces it
         await asyncio.sleep(0.001)
     await pictures.aclose()
 
 
 async def _end(client: AsyncClient) -> None:
-    """Cancel the requests of other threads, and close the client."""
+    """Cancel requests of other threads, and close the client."""
     running = asyncio.all_tasks() - {asyncio.current_task()}
     for task in running:
         task.cancel()

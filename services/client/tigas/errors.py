@@ -1,4 +1,4 @@
-"""Errors between a client and a render service, each with one sentence."""
+"""Errors in communication between a client and a render service, with one sentence each."""
 
 from __future__ import annotations
 

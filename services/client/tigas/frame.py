@@ -22,7 +22,7 @@ class View(TypedDict, total=False):
     size: tuple[int, int]
     """Width and height in pixels, with a vertical field of view of 60°; by default 1280 × 720."""
     intrinsics: Intrinsics
-    """Intrinsics and size, instead of `size`."""
+    """Intrinsics with their image size, instead of `size`."""
     profile: int
     """Rung of the scene's quality ladder; by default the full size at the best rung's quality."""
     format: Literal["jpeg", "webp", "png"]
@@ -44,15 +44,15 @@ class Frame:
 
     @property
     def image(self) -> Image.Image:
-        """Decode the frame to RGB. Raises Unreachable if it is no image."""
+        """Decode the frame to RGB. Raises Unreachable if it is not an image."""
         try:
             with Image.open(io.BytesIO(self.body)) as picture:
                 return picture.convert("RGB")
         except OSError:
-            raise Unreachable("The server is not a TIGAS render service: it sent no image.") from None
+            raise Unreachable("The server is not a TIGAS render service: it did not send an image.") from None
 
 
 def read_timing(header: str) -> ServerTiming:
-    """The values of a Server-Timing header; 0 for missing ones."""
+    """Parse a Server-Timing header; missing values are 0."""
     found = {name: float(ms) for name, ms in re.findall(r"(\w+);dur=(\d+(?:\.\d+)?)", header)}
     return ServerTiming(**{name: found.get(name, 0.0) for name in ("queue", "render", "encode")})

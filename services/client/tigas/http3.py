@@ -1,4 +1,4 @@
-"""An HTTP/3 and WebTransport client. The server is identified by its certificate's digest."""
+"""An HTTP/3 and WebTransport client, which identifies the server by its certificate's digest."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from aioquic.quic.events import ConnectionTerminated, QuicEvent, StopSendingRece
 from cryptography.hazmat.primitives import hashes
 
 CONNECT_S = 3.0
-"""The limit for the handshake: a network that drops UDP gives no answer."""
+"""Timeout of the handshake in seconds, as a network that drops UDP does not answer."""
 WEBTRANSPORT_CANCELLED = 0x52E4A40FA8DB
-"""The application error code 0 as an HTTP/3 error code (draft-ietf-webtrans-http3), as Chromium sends it."""
+"""Application error code 0 as an HTTP/3 error code (draft-ietf-webtrans-http3), as sent by Chromium."""
 Fields = Iterable[tuple[bytes, bytes]]
 Protocol = TypeVar("Protocol", bound=QuicConnectionProtocol)
 
 
 class Http3Failed(ConnectionError):
-    """The connection cannot be made, or has ended."""
+    """The connection could not be established, or has ended."""
 
 
 @dataclass(slots=True)
 class Response:
-    """Everything received on one stream."""
+    """Data received on one stream so far."""
 
     fields: list[tuple[bytes, bytes]] = field(default_factory=list)
     body: bytearray = field(default_factory=bytearray)
@@ -48,22 +48,22 @@ class Response:
 
     @property
     def done(self) -> bool:
-        """Whether nothing more can arrive."""
+        """Whether no more data can arrive."""
         return self.ended or self.reset is not None
 
     @property
     def headers(self) -> dict[bytes, bytes]:
-        """The fields of its header section."""
+        """Fields of the header section."""
         return dict(self.fields)
 
     @property
     def status(self) -> int:
-        """The HTTP status; 0 before it has arrived."""
+        """HTTP status; 0 before it has arrived."""
         return int(self.headers.get(b":status", 0))
 
 
 class Http3Connection(QuicConnectionProtocol):
-    """One connection. Responses are collected per stream; `until` waits for a condition on them."""
+    """A connection that collects responses per stream; `until` waits for a condition on them."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
@@ -72,7 +72,7 @@ class Http3Connection(QuicConnectionProtocol):
         self.is_closed = False
         self._webtransport_streams: set[int] = set()
         self._withdrawn: set[int] = set()
-        """Streams with abandoned responses, until their end."""
+        """Streams with abandoned responses, until they end."""
         self._news = asyncio.Event()
 
     @property
@@ -103,7 +103,7 @@ class Http3Connection(QuicConnectionProtocol):
         self._news.set()
 
     def close(self, *args: Any, **options: Any) -> None:
-        """Close the connection, and end the wait for its responses."""
+        """Close the connection, and stop waiting for responses."""
         super().close(*args, **options)
         self.is_closed = True
         self._news.set()
@@ -122,13 +122,13 @@ class Http3Connection(QuicConnectionProtocol):
         response.ended |= ended
 
     async def until(self, condition: Callable[[], object]) -> None:
-        """Wait for something that an event brings about."""
+        """Wait until an event makes a condition true."""
         while not condition():
             self._news.clear()
             await self._news.wait()
 
     async def response(self, stream_id: int) -> Response:
-        """The whole response, or as much of it as arrived before it was reset. Raises Http3Failed."""
+        """The whole response, or the part that arrived before it was reset. Raises Http3Failed."""
         response = self.responses[stream_id]
         await self.until(lambda: response.done or self.is_closed)
         if not response.done:
@@ -140,7 +140,7 @@ class Http3Connection(QuicConnectionProtocol):
     def request(
         self, method: str, path: str, body: bytes | None = None, headers: Fields = (), *, authority: str = "localhost"
     ) -> int:
-        """Send a whole request; its stream's id."""
+        """Send a complete request, and return its stream's id."""
         stream_id = self.open_request(method, path, headers, authority=authority, end=body is None)
         if body is not None:
             self.h3.send_data(stream_id, body, end_stream=True)
@@ -150,7 +150,7 @@ class Http3Connection(QuicConnectionProtocol):
     def open_request(
         self, method: str, path: str, headers: Fields = (), *, authority: str = "localhost", end: bool = False
     ) -> int:
-        """Send a request's header section; its stream's id."""
+        """Send a request's header section, and return its stream's id."""
         self._check()
         stream_id = self._quic.get_next_available_stream_id()
         pseudo = {":method": method, ":scheme": "https", ":authority": authority, ":path": path}
@@ -160,7 +160,7 @@ class Http3Connection(QuicConnectionProtocol):
         return stream_id
 
     async def post(self, authority: str, path: str, body: bytes) -> httpx.Response:
-        """The whole answer. Raises Http3Failed. If it is cancelled, so is the request."""
+        """Send a POST request, and return the whole answer. Raises Http3Failed. Cancelling it cancels the request."""
         headers = ((b"content-type", b"application/json"), (b"content-length", str(len(body)).encode()))
         stream_id = self.request("POST", path, body, headers, authority=authority)
         try:
@@ -183,7 +183,7 @@ class Http3Connection(QuicConnectionProtocol):
     async def connect_webtransport(
         self, path: str = "/render", authority: str = "localhost", origin: str | None = None
     ) -> int:
-        """The id of a new session, and its response's status. Raises Http3Failed."""
+        """Open a session; returns its id and the response's status. Raises Http3Failed."""
         headers = [] if origin is None else [(b"origin", origin.encode())]
         protocol = (b":protocol", b"webtransport")
         session = self.open_request("CONNECT", path, [protocol, *headers], authority=authority)
@@ -193,7 +193,7 @@ class Http3Connection(QuicConnectionProtocol):
         return session
 
     def open_stream(self, session: int, data: bytes = b"", end: bool = True) -> int:
-        """Send data on a new stream of a session; the stream's id."""
+        """Send data on a new stream of a session, and return the stream's id."""
         self._check()
         stream_id = self.h3.create_webtransport_stream(session)
         self._webtransport_streams.add(stream_id)
@@ -202,13 +202,13 @@ class Http3Connection(QuicConnectionProtocol):
         return stream_id
 
     def stop(self, stream_id: int) -> None:
-        """Send STOP_SENDING, as a page does that cancels its reader."""
+        """Send STOP_SENDING, like a page that cancels its reader."""
         self._check()
         self._quic.stop_stream(stream_id, WEBTRANSPORT_CANCELLED)
         self.transmit()
 
     async def frame(self, session: int, request: bytes) -> tuple[dict[str, Any], bytes]:
-        """A FrameHeader's fields, and the frame's body. Raises Http3Failed. If it is cancelled, so is the request."""
+        """Request a frame; returns the FrameHeader's fields and the body. Cancellable. Raises Http3Failed."""
         stream_id = self.open_stream(session, request)
         try:
             response = await self.response(stream_id)
@@ -223,7 +223,7 @@ class Http3Connection(QuicConnectionProtocol):
         return split_frame(bytes(response.body))
 
     def _withdraw(self, stream_id: int, code: int) -> None:
-        """Refuse the rest of a response, if there is any."""
+        """Refuse the rest of a response, if any."""
         if not self.is_closed and not self.responses[stream_id].done:
             self._withdrawn.add(stream_id)
             self._quic.stop_stream(stream_id, code)
@@ -235,13 +235,13 @@ class Http3Connection(QuicConnectionProtocol):
 
 
 def split_frame(answer: bytes) -> tuple[dict[str, Any], bytes]:
-    """A FrameHeader's fields and the body after it."""
+    """Split an answer into the FrameHeader's fields and the body."""
     (length,) = struct.unpack_from("!I", answer)
     return json.loads(answer[4 : 4 + length]), answer[4 + length :]
 
 
 def configuration(**changes: Any) -> QuicConfiguration:
-    """A client's configuration, which accepts every certificate unless it is changed."""
+    """A client configuration that accepts any certificate unless changed."""
     usual = {"server_name": "localhost", "verify_mode": ssl.CERT_NONE, "max_datagram_frame_size": 65536}
     return QuicConfiguration(alpn_protocols=H3_ALPN, **{**usual, **changes})
 
@@ -255,7 +255,7 @@ async def connect(
     source: str | None = None,
     wait: bool = True,
 ) -> AsyncIterator[Protocol]:
-    """A connection to an IP address, from another address than the usual one if there is a `source`."""
+    """Connect to an IP address, from the local address `source` if given."""
     host, port = address
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     local = source or ("::" if family == socket.AF_INET6 else "0.0.0.0")
@@ -271,14 +271,14 @@ async def connect(
         if client._timer is not None:
             client._timer.cancel()
         assert client._transport is not None
-        client._transport.close()  # it may have changed since
+        client._transport.close()  # it may have been replaced since
 
 
 @asynccontextmanager
 async def connected(authority: str, certificate_sha256: str) -> AsyncIterator[Http3Connection]:
-    """A connection to HOST:PORT, whose certificate must have this digest. Raises Http3Failed."""
+    """Connect to HOST:PORT with a certificate of this digest. Raises Http3Failed."""
     url = urlsplit(f"//{authority}")
-    # Only the digest, which came over HTTP, authenticates the certificate.
+    # Only the digest, received over HTTP, authenticates the certificate.
     quic = QuicConnection(configuration=configuration(server_name=url.hostname))
     async with AsyncExitStack() as stack:
         try:

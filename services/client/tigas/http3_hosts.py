@@ -1,4 +1,4 @@
-"""HTTP/3 connections to the hosts of scenes, where UDP gets through."""
+"""HTTP/3 connections to the hosts of scenes, if UDP gets through."""
 
 from __future__ import annotations
 
@@ -15,40 +15,40 @@ from tigas.http3 import Http3Connection, Http3Failed, connected
 from tigas_common.wire.render import ServerConfig
 
 AGAIN_S = 30.0
-"""After a failure HTTP/1.1 is used for so long."""
+"""Seconds for which HTTP/1.1 is used after a failure."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Host:
-    """Where a scene's frames come from."""
+    """Source of a scene's frames."""
 
     authority: str
     connection: Http3Connection | None
-    """None: not by HTTP/3, until"""
+    """None: HTTP/1.1 is used until `again_at`."""
     again_at: float
 
     def is_over(self, now: float) -> bool:
-        """Whether it is to be found anew."""
+        """Whether the host has to be looked up again."""
         return now >= self.again_at if self.connection is None else self.connection.is_closed
 
 
 class Http3Hosts:
-    """The connections of one client."""
+    """HTTP/3 connections of one client."""
 
     def __init__(self, http: httpx.AsyncClient) -> None:
         self._http = http
         self._hosts: dict[str, _Host] = {}
         self._connections: dict[tuple[str, str], tuple[Http3Connection, AsyncExitStack]] = {}
-        """By authority and certificate, with what closes them."""
+        """Connections by authority and certificate, with their exit stacks."""
         self._connecting = asyncio.Lock()
 
     async def aclose(self) -> None:
-        """Close them all."""
+        """Close all connections."""
         for _, resources in self._connections.values():
             await resources.aclose()
 
     async def post(self, scene: str, path: str, body: str, timeout_s: float) -> httpx.Response | None:
-        """The response of the scene's host over HTTP/3, or None if the request should be made over HTTP/1.1."""
+        """The response of the scene's host over HTTP/3; None if the request should be made over HTTP/1.1."""
         async with self._connecting:
             host = await self._host_of(scene)
         if host.connection is None:
@@ -70,7 +70,7 @@ class Http3Hosts:
         return known
 
     async def _find(self, scene: str) -> _Host:
-        """Connect to the host that the service, or the cluster's head, gives for the scene."""
+        """Connect to the scene's host, as given by the service or by the director of a cluster."""
         try:
             answer = await self._http.get("/config.json", params={"scene": scene})
             config = ServerConfig.model_validate_json(answer.raise_for_status().content)
@@ -85,7 +85,7 @@ class Http3Hosts:
             return _nowhere()
 
     async def _connection(self, key: tuple[str, str]) -> Http3Connection:
-        """An open connection; ended ones are dropped. Raises Http3Failed."""
+        """An open connection, replacing one that has ended. Raises Http3Failed."""
         for ended in [other for other, (connection, _) in self._connections.items() if connection.is_closed]:
             _, resources = self._connections.pop(ended)
             await resources.aclose()

@@ -1,4 +1,4 @@
-"""Viewers in a notebook's cells, and the render service that they share unless another is named."""
+"""Viewers in notebook cells, and the render service that they share unless another is given."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 ANNOUNCED = re.compile(rb"Open (http://\S+)/")
 START_S = 120
-"""Seconds; the first start on a machine compiles the rasteriser."""
+"""Timeout in seconds, as the first start on a machine compiles the rasteriser."""
 LONGEST_NAME = 100
-"""Characters of a scene's name that come from its file; a number may follow."""
+"""Maximum length of a scene's name derived from its file; a number may follow."""
 _starting = threading.Lock()
 _services: list[OwnService] = []
 
@@ -35,25 +35,25 @@ _services: list[OwnService] = []
 def show(
     scene: str | os.PathLike[str] | None = None, *, server: str | None = None, height: int = 480, **settings: Any
 ) -> Viewer:
-    """Show a scene in a notebook's cell.
+    """Show a scene in a notebook cell.
 
-    The browser loads the viewer and its frames from the service, so it must reach the service. Without `server`, a
-    service on the kernel's machine is started, which all cells share and which ends with the kernel: right if the
-    browser runs there too, as with JupyterLab and VS Code on your own machine. With a kernel on another machine
-    (JupyterHub, Colab), start `tigas render` where the browser reaches it, and pass its URL.
+    The browser loads the viewer and its frames from the service, so it must be able to reach the service. Without
+    `server`, a service is started on the kernel's machine, shared by all cells and ended with the kernel. This works if
+    the browser runs there too, as with JupyterLab and VS Code on your own machine. If the kernel runs on another
+    machine (JupyterHub, Colab), start `tigas render` where the browser can reach it, and pass its URL.
 
     Pages on `localhost` may use the service. Any other page, such as VS Code's (`vscode-webview://…`), must be allowed
-    with the setting `allow_origins` of the service, also before it is started here:
-    `TIGAS_RENDER_ALLOW_ORIGINS='["https://page.example"]'`. The cell names the origin if that is missing.
+    with the service's setting `allow_origins`, before the service is started:
+    `TIGAS_RENDER_ALLOW_ORIGINS='["https://page.example"]'`. If that is missing, the cell names the origin.
 
     Args:
-        scene: Id of a scene; without `server`, also its file or folder. May be omitted if there is only one.
+        scene: Id of a scene or, without `server`, its file or folder. May be omitted if there is only one.
         server: URL of a running service.
         height: Height in CSS pixels.
         settings: `mode` and other settings of the viewer, such as `controller="fixed", profile=2`.
 
     Returns:
-        A widget with `camera`, `scene` and `mode` to read and set; `close()` ends it.
+        A widget with readable and writable `camera`, `scene` and `mode`; `close()` ends it.
 
     Raises ImportError without the extra `notebook`, StartError, FileNotFoundError and ClientError.
     """
@@ -85,7 +85,7 @@ class OwnService:
     """`tigas render` on free ports, in a child process that ends with this one."""
 
     def __init__(self) -> None:
-        """Raises StartError."""
+        """Start the service. Raises StartError."""
         require("render")
         self._scenes = TemporaryDirectory(prefix="tigas-scenes-")
         self._ids: dict[Path, str] = {}
@@ -105,7 +105,7 @@ class OwnService:
         return self._thread.is_alive()
 
     def load(self, scene: str | os.PathLike[str] | None) -> str:
-        """Load a scene by its id, or from its file or folder; return its id.
+        """Load a scene by its id, file or folder, and return its id.
 
         Raises FileNotFoundError and ClientError.
         """
@@ -117,7 +117,7 @@ class OwnService:
             return client.scene(id).id
 
     def _id(self, path: Path) -> str:
-        """The id of a file or folder, which the models directory gets a link to."""
+        """Id of a file or folder, which is linked into the models directory."""
         if path not in self._ids:
             name = re.sub(r"[^\w .()+-]", "-", path.name if path.is_dir() else path.stem)
             name = name.lstrip(" .()+-")[:LONGEST_NAME] or "scene"
@@ -142,7 +142,7 @@ class OwnService:
             except OSError as error:
                 self._url.set_exception(StartError(f"The render service cannot be started: {error}."))
                 return
-            atexit.register(process.terminate)  # where the system does not end it with the thread
+            atexit.register(process.terminate)  # on systems that do not end it with the thread
             output = iter(process.stdout or ())
             started = deque[bytes](maxlen=1)
             for line in output:
@@ -156,6 +156,6 @@ class OwnService:
 
 
 def _path(scene: str | os.PathLike[str] | None) -> Path | None:
-    """A scene's path; None if it is an id, which names no folder and has no file's ending."""
+    """A scene's path; None if it is an id: neither a folder nor a name with a file suffix."""
     path = Path(scene or "")
     return path if isinstance(scene, os.PathLike) or path.suffix or path.name != (scene or "") else None

@@ -1,4 +1,4 @@
-"""The viewer in a notebook's cell, an anywidget."""
+"""The viewer in a notebook cell, an anywidget."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from tigas_common.pose import Pose
 
 
 class Viewer(anywidget.AnyWidget):
-    """A viewer in a notebook's cell; `close()` ends it."""
+    """A viewer in a notebook cell; `close()` ends it."""
 
     _esm = Path(__file__).with_name("widget.js")
     _camera = traitlets.Any(None).tag(sync=True)
 
     server = traitlets.Unicode().tag(sync=True)
-    """The service's URL, as the browser reaches it."""
+    """URL of the service, reachable by the browser."""
     scene = traitlets.Unicode().tag(sync=True)
     """The scene's id."""
     mode = traitlets.Unicode("stateless").tag(sync=True)
@@ -28,9 +28,9 @@ class Viewer(anywidget.AnyWidget):
     height = traitlets.Int(480).tag(sync=True)
     """Height in CSS pixels; the width is the cell's."""
     camera = traitlets.Instance(Pose, allow_none=True)
-    """The camera's pose, which follows the user; setting it moves the camera, and None is the start view."""
+    """Pose of the camera, which follows the user; set it to move the camera, or to None for the start view."""
     error = traitlets.Unicode().tag(sync=True)
-    """Why there is no picture; empty otherwise."""
+    """Reason why there is no picture; empty otherwise."""
 
     @traitlets.observe("_camera")
     def _moved(self, change: Any) -> None:
@@ -39,7 +39,7 @@ class Viewer(anywidget.AnyWidget):
     @traitlets.observe("camera")
     def _aimed(self, change: Any) -> None:
         pose: Pose | None = change.new
-        if pose != _pose(self._camera):  # else the browser reported it
+        if pose != _pose(self._camera):  # otherwise the browser reported it
             self._camera = pose and {"position": list(pose.position), "quaternion": list(pose.quaternion)}
 
 

@@ -1,4 +1,4 @@
-"""The commands `tigas cluster up` and `status`. Heavy imports wait until a command runs."""
+"""The commands `tigas cluster up` and `status`. Heavy modules are imported when a command runs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tigas_common.terminal import make_console
 class Up(ClusterSettings, Command):
     """Serve scenes from all machines of a Ray cluster until Ctrl+C: open the printed URL.
 
-    RAY_ADDRESS names the cluster, which this machine is part of; without it, Ray is started on this machine alone.
+    RAY_ADDRESS names the cluster, to which this machine belongs; without it, Ray is started on this machine only.
     """
 
     render_options: Annotated[tuple[str, ...], REST, Metavar("OPTIONS")] = ()
@@ -30,7 +30,7 @@ class Up(ClusterSettings, Command):
         from tigas_cluster.up import up
 
         log_to_stdout()
-        logging.getLogger("httpx").setLevel(logging.WARNING)  # hosts are polled all the time
+        logging.getLogger("httpx").setLevel(logging.WARNING)  # hosts are polled continuously
         up(self, self.render_options)
 
 
@@ -38,7 +38,7 @@ class Status(Command):
     """Print the state of each host."""
 
     json_: bool = False
-    """Print JSON."""
+    """Print as JSON."""
 
     def run(self) -> None:
         from tigas_cluster.connection import check_ray

@@ -1,4 +1,4 @@
-"""This process' connection to a Ray cluster: the one in RAY_ADDRESS, or a private one on this machine.
+"""This process's connection to a Ray cluster: the one in RAY_ADDRESS, or a private one on this machine.
 
 Nothing here imports ray before its environment is set.
 """
@@ -28,37 +28,37 @@ from tigas_common.installation import install_command
 
 ADDRESS = "RAY_ADDRESS"
 AUTO = "auto"
-"""Its value for the cluster that runs on this machine."""
+"""Value of RAY_ADDRESS for the cluster running on this machine."""
 REACH_S = 5.0
-"""For the head to be reached, in seconds."""
+"""Timeout for reaching the head, in seconds."""
 NAMESPACE = "tigas"
 """Ray namespace of our actors."""
 RESOURCE = "tigas_host"
-"""Custom resource of its node, which may have no GPU."""
+"""Custom resource of a private Ray's node, which may have no GPU."""
 OBJECT_STORE = 80 * 1024 * 1024
-"""In bytes, hardly more than Ray's least: nothing large goes through Ray."""
+"""Size in bytes, hardly more than Ray's minimum, as nothing large goes through Ray."""
 START_S = 30.0
 STOP_S = 2.0
-"""Until it is killed, in seconds."""
+"""Seconds until Ray is killed."""
 _SETTINGS = {
     "RAY_USAGE_STATS_ENABLED": "0",
-    "RAY_GRACEFUL_SHUTDOWN_DRAIN_TIMEOUT_S": "0",  # nothing but our hosts is there, and they have ended
-    "RAY_memory_monitor_refresh_ms": "0",  # it would end hosts, which have their own memory limit
+    "RAY_GRACEFUL_SHUTDOWN_DRAIN_TIMEOUT_S": "0",  # only our hosts run there, and they have ended
+    "RAY_memory_monitor_refresh_ms": "0",  # it would kill hosts, which have their own memory limit
 }
 
 
 class AnotherUp(StartError):
-    """Another process looks after the cluster."""
+    """Another process is managing the cluster."""
 
     def __init__(self) -> None:
         super().__init__("Another `tigas cluster up` manages this cluster; stop it first.")
 
 
 class OwnRay:
-    """A private Ray, at most one for each user, with a token that only the user can read. It outlives its starter."""
+    """A private Ray, one per user, with a token that only the user can read. It outlives its starter."""
 
     def __init__(self, folder: Path | None = None) -> None:
-        """folder: its files; short, since the paths of Unix sockets below it are."""
+        """folder: for its files; short, as paths of Unix sockets in it are limited."""
         self._folder = folder or Path(tempfile.gettempdir()) / f"tigas-ray-{os.getuid()}"
         self._process = self._folder / "process"
         self._token = self._folder / "token"
@@ -66,15 +66,15 @@ class OwnRay:
 
     @property
     def environment(self) -> dict[str, str]:
-        """Environment that processes need before they import ray."""
+        """Environment variables that processes need before they import ray."""
         return {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN_PATH": str(self._token)}
 
     def running(self) -> str | None:
-        """Its address, if it runs."""
+        """The address of Ray, if it is running."""
         return self._address.read_text().strip() if self._pid() is not None and self._address.exists() else None
 
     def start(self) -> str:
-        """Start it unless it runs, and give its address. Raises StartError; AnotherUp if that is starting it."""
+        """Start Ray unless it runs, and return its address. Raises StartError; AnotherUp if another process does."""
         if self._pid() is None:
             self._launch()
         deadline = time.monotonic() + START_S
@@ -88,10 +88,10 @@ class OwnRay:
         log = self._folder / "log"
         lines = log.read_text(errors="replace").splitlines() if log.exists() else []
         said = next((line.strip() for line in reversed(lines) if line.strip()), "")
-        return said[:500] or f"it was not up within {START_S:.0f} s."
+        return said[:500] or f"it was not ready within {START_S:.0f} s."
 
     def stop(self) -> None:
-        """End it and remove its files."""
+        """End Ray and remove its files."""
         if (pid := self._pid()) is not None:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGTERM)
@@ -133,7 +133,7 @@ class OwnRay:
             raise StartError(f"Ray's folder {self._folder} belongs to somebody else.")
 
     def _renew_folder(self) -> None:
-        """Replace the files of a killed Ray, except the locked one of its process."""
+        """Replace the files of a killed Ray, except the file that its process has locked."""
         try:
             for path in self._folder.iterdir():
                 if path.is_dir() and not path.is_symlink():
@@ -145,7 +145,7 @@ class OwnRay:
             raise StartError(f"Ray's folder {self._folder} cannot be replaced ({error.strerror}).") from None
 
     def _pid(self) -> int | None:
-        """Its process, while it lives."""
+        """Process id of Ray, if it is alive."""
         with suppress(OSError, ValueError), self._process.open() as process:
             if self._folder.stat().st_uid != os.getuid():
                 return None
@@ -176,7 +176,7 @@ def check_ray() -> None:
 
 
 def named_cluster() -> str | None:
-    """The address of the cluster to join, if one is configured. Raises StartError."""
+    """Address of the cluster to join, if one is configured. Raises StartError."""
     address = os.environ.get(ADDRESS)
     if not address or address == AUTO:
         return address or None
@@ -196,7 +196,7 @@ def named_cluster() -> str | None:
 
 @contextmanager
 def connected(own: OwnRay | None, address: str) -> Iterator[None]:
-    """Connect to this cluster, which may be the private one, as a context manager. Raises StartError."""
+    """Connect to this cluster, possibly a private one, as a context manager. Raises StartError."""
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
     if own is not None:
         os.environ.update(own.environment)
@@ -213,7 +213,7 @@ def connected(own: OwnRay | None, address: str) -> Iterator[None]:
     except (ConnectionError, RuntimeError, TimeoutError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise StartError(f"The Ray cluster at {address} cannot be joined: {reason}") from None
-    ray._private.worker._worker_logs_enabled = False  # we report the state of hosts in fewer words
+    ray._private.worker._worker_logs_enabled = False  # hosts' states are reported in fewer words
     try:
         yield
     finally:

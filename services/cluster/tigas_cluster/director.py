@@ -38,7 +38,7 @@ from tigas_common.web import (
 from tigas_common.wire.render import RenderRequest, SceneInfo, ServerConfig
 
 MAX_NAME = 256
-"""Maximum length of a scene's or host's name in a query."""
+"""Maximum length of the name of a scene or host in a query."""
 HOST_GAUGES: Mapping[str, tuple[str, Callable[[HostState], float]]] = {
     "viewers": ("Viewers of a host", lambda host: host.viewers),
     "host_full": ("Whether it refuses new viewers", lambda host: host.full is not None),
@@ -46,7 +46,7 @@ HOST_GAUGES: Mapping[str, tuple[str, Callable[[HostState], float]]] = {
     "host_utilisation_ratio": ("Share of time at work, 0 to 1", lambda host: host.load.utilisation),
     "host_queue_age_seconds": ("Longest wait in the last second", lambda host: host.load.queue_age_s),
 }
-"""Prometheus' gauges of each host: their meaning, and their value."""
+"""Prometheus gauges of each host, with their help text and value."""
 
 
 @asynccontextmanager
@@ -58,10 +58,10 @@ async def create_director(
     services: Mapping[str, str] | None = None,
     transport: httpx.AsyncBaseTransport | None = None,
 ) -> AsyncIterator[ASGIApp]:
-    """The application over a fleet, which the caller opens and closes.
+    """The application for a fleet, which the caller opens and closes.
 
     clock: in seconds. services: base URLs for the page, by name; a bare `:PORT` means the page's own host. transport:
-    replaces HTTP to the hosts, for tests.
+    replaces HTTP to the hosts in tests.
     """
     proxy = HostProxy(fleet, transport)
     registry = new_registry("director", _HostGauges(fleet))
@@ -106,7 +106,7 @@ class Director:
     async def place(
         self, scene: str, *, at: str | None = None, silent: str | None = None, lost: str | None = None
     ) -> HostState:
-        """The host for a viewer of this scene: the reported one, unless it must leave. Raises NoHost.
+        """Choose the host for a viewer of this scene: its present one, unless it has to leave. Raises NoHost.
 
         at: its present host. silent: its present host, which does not answer. lost: a host that refused it.
         """
@@ -133,7 +133,7 @@ class Director:
                 "render_url": host.render_url,
                 "https_url": None,
                 "services": {name: fitted(url, page_host) for name, url in self._services.items()},
-                "dash_h3_url": None,  # a host's packager is another one
+                "dash_h3_url": None,  # each host has its own packager
                 "max_upload_bytes": None,  # data stored by one host is missing on the others
             }
         )
@@ -153,9 +153,9 @@ class _HostGauges(Collector):
 @described(
     query={
         "scene": "Which it shows.",
-        "at": "Its host's name, while all is well.",
-        "silent": "Its host's name, if it hears nothing of it.",
-        "lost": "Its host's name, if it could not get in there.",
+        "at": "Name of the present host, if it works.",
+        "silent": "Name of the present host, if it does not answer.",
+        "lost": "Name of a host that refused the viewer.",
     }
 )
 async def config(request: Request) -> ModelResponse[ServerConfig]:
@@ -167,13 +167,13 @@ async def config(request: Request) -> ModelResponse[ServerConfig]:
 
 
 @described(
-    query={"host": "The host's name: hand the request on to it."},
+    query={"host": "Name of a host to which to forward the request."},
     takes=RenderRequest,
     gives=PICTURES,
-    also={307: "The frame is at the scene's host."},
+    also={307: "Redirect to the scene's host."},
 )
 class _Render:
-    """One frame: a redirect to the scene's host, for programs that know only this address.
+    """Renders one frame: redirects to the scene's host, for programs that only know this address.
 
     With `?host=` the request is proxied, for pages over HTTPS without WebTransport: browsers block them from HTTP
     hosts.
@@ -191,7 +191,7 @@ class _Render:
         return await RedirectResponse(f"{host.render_url}/render", 307)(scope, receive, send)
 
 
-@described(query={"scan": "`1`: each host looks at its models directory again first."})
+@described(query={"scan": "`1`: each host rescans its models directory first."})
 async def scenes(request: Request) -> ModelResponse[list[SceneInfo]]:
     """The scenes of all hosts."""
     return list_response(await _proxy(request).scenes(scan=bool(request.query_params.get("scan"))))
@@ -206,7 +206,7 @@ async def unload(request: Request) -> Response:
 
 @described(gives=(JSON,))
 async def healthz(request: Request) -> Response:
-    """Whether there is a host."""
+    """Whether any host is up."""
     if not _director(request).fleet.hosts():
         raise NoHost
     return healthy()

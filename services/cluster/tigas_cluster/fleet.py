@@ -1,4 +1,4 @@
-"""The hosts, as known to the director: their addresses, and their reports, which are polled several times a second."""
+"""The hosts as known to the director: their addresses, and their reports, polled several times per second."""
 
 from __future__ import annotations
 
@@ -17,35 +17,35 @@ from tigas_common.parsing import parse
 from tigas_common.wire.render import HostLoad
 
 PRESSED_UTILISATION, PRESSED_AGE_S = 0.8, 0.06
-"""A host that is busier than this, or in which something waits for longer (in seconds), has no room to speak of."""
+"""Utilisation, and longest wait in seconds, above which a host counts as under pressure."""
 POLL_S = 0.25
 """Polling interval of each host, in seconds."""
 GONE_S = 1.0
-"""A host without an answer for this many seconds is down until it answers."""
+"""Seconds without an answer after which a host counts as down until it answers."""
 ANSWER_S = GONE_S - POLL_S
-"""How long it has to answer, in seconds."""
+"""Timeout of an answer, in seconds."""
 SUSPECT_S = 0.3
 """Time for a host reported as silent to answer, in seconds."""
 MAX_LOAD = 1_000_000
-"""Maximum length of a report, in bytes: it lists scenes."""
+"""Maximum size of a report in bytes; it lists scenes."""
 
 
 @dataclass(frozen=True, slots=True)
 class HostAddress:
-    """Where a host is."""
+    """The addresses of a host."""
 
     name: str
-    """As pages show it; unlike any other's."""
+    """Unique name, as shown on pages."""
     api_url: str
     """Its API over plain HTTP for the director, such as `http://10.0.0.5:8080`."""
     public_host: str | None = None
-    """The name or address under which pages reach it, if that is not the one in `api_url`; its ports are the same."""
+    """Name or address under which pages reach it, if not the one in `api_url`; the ports are the same."""
     draining: bool = False
-    """It is about to end: it gets no new viewers, and its viewers move elsewhere."""
+    """Whether it is about to end: it gets no new viewers, and its viewers move to other hosts."""
 
     @property
     def public(self) -> str:
-        """HOST:PORT of its API, as pages write it."""
+        """HOST:PORT of its API, as used by pages."""
         url = urlsplit(self.api_url)
         host = bracketed(self.public_host or url.hostname or "localhost")
         return f"{host}:{url.port}" if url.port else host
@@ -78,18 +78,18 @@ class HostState:
 
     @property
     def full(self) -> float | None:
-        """Seconds after which a new viewer may try again; None if it is admitted."""
+        """Seconds after which a new viewer may try again; None if new viewers are admitted."""
         return self.load.config.retry_after_s
 
     @property
     def pressed(self) -> bool:
-        """Whether its scenes could do with another host."""
+        """Whether its scenes would benefit from another host."""
         busy = self.load.utilisation > PRESSED_UTILISATION or self.load.queue_age_s > PRESSED_AGE_S
         return busy or self.full is not None
 
 
 class Fleet:
-    """An async context manager that polls the hosts. Their list may change any time."""
+    """An async context manager that polls the hosts. Their list may change at any time."""
 
     def __init__(
         self,
@@ -97,7 +97,7 @@ class Fleet:
         clock: Callable[[], float],
         transport: httpx.AsyncBaseTransport | None = None,
     ) -> None:
-        """clock: in seconds; transport: another than HTTP, for tests."""
+        """clock: in seconds; transport: replaces HTTP in tests."""
         self._clock = clock
         self._client = httpx.AsyncClient(
             transport=transport or httpx.AsyncHTTPTransport(limits=httpx.Limits(max_connections=None))
@@ -107,7 +107,7 @@ class Fleet:
         self.follow(addresses)
 
     async def __aenter__(self) -> Self:
-        """Poll each host once, then begin to do so regularly."""
+        """Poll each host once, then start polling regularly."""
         self._running = True
         await asyncio.gather(*(polled.ask() for polled in self._polled.values()))
         for polled in self._polled.values():
@@ -121,7 +121,7 @@ class Fleet:
         await self._client.aclose()
 
     def follow(self, addresses: Iterable[HostAddress]) -> None:
-        """Set the hosts. The state of hosts already known is kept."""
+        """Set the hosts. The state of known hosts is kept."""
         wanted = {address.name: address for address in addresses}
         for name, polled in list(self._polled.items()):
             address = wanted.get(name)
@@ -140,7 +140,7 @@ class Fleet:
         return [state for polled in self._polled.values() if (state := polled.state) is not None]
 
     async def suspect(self, name: str) -> None:
-        """Check this host now, because a viewer reports it as silent. `hosts` reflects the outcome on return."""
+        """Poll a host now, as a viewer reports it as silent. `hosts` reflects the outcome on return."""
         if (polled := self._polled.get(name)) is not None:
             await polled.check()
 
@@ -153,7 +153,7 @@ class _Polled:
         self._load: HostLoad | None = None
         self._answered_at = -math.inf
         self._failing = False
-        """Whether the last poll failed. A pause of this process alone does not make a host look down."""
+        """Whether the last poll failed, so that a pause of this process alone does not make a host seem down."""
         self._asked_at: float | None = None
         """Start of the pending poll, if any."""
         self._polling: asyncio.Task[None] | None = None
@@ -161,7 +161,7 @@ class _Polled:
 
     @property
     def state(self) -> HostState | None:
-        """None if it is down, or has never been up."""
+        """State of the host; None if it is down, or has never been up."""
         if self._load is None or (self._failing and self._clock() - self._answered_at >= GONE_S):
             return None
         return HostState(self.address, self._load)
@@ -175,13 +175,13 @@ class _Polled:
                 task.cancel()
 
     async def check(self) -> None:
-        """Poll at once, shared by concurrent callers; without an answer, the host is down."""
+        """Poll now, sharing the poll among concurrent callers; without an answer, the host is down."""
         if self._checking is None or self._checking.done():
             self._checking = asyncio.create_task(self._check())
         await asyncio.wait([self._checking])
 
     async def ask(self, limit_s: float | None = None) -> bool:
-        """Poll once; whether an answer came within the limit."""
+        """Poll once, and return whether an answer arrived within the limit."""
         began = self._clock()
         try:
             async with asyncio.timeout(limit_s or ANSWER_S):
@@ -198,7 +198,7 @@ class _Polled:
 
     async def _check(self) -> None:
         asked_at = self._clock() if self._asked_at is None else self._asked_at
-        known = self._failing or self._clock() - asked_at >= SUSPECT_S  # it had its time to answer already
+        known = self._failing or self._clock() - asked_at >= SUSPECT_S  # it already had time to answer
         if known or not await self.ask(SUSPECT_S):
             self._answered_at, self._failing = -math.inf, True
 

@@ -1,4 +1,4 @@
-"""One host of the cluster: a `tigas render` on this machine, a child of this process, which is kept running."""
+"""A host of the cluster: a `tigas render` on this machine, kept running as a child of this process."""
 
 from __future__ import annotations
 
@@ -16,40 +16,40 @@ from tigas_common.errors import StartError
 from tigas_common.processes import Service, keep_running, tigas, with_parent
 
 VIEWER_ADDRESS = "TIGAS_VIEWER_ADDRESS"
-"""The environment variable of a machine that viewers reach under another name or address than the cluster does."""
+"""Environment variable of a machine that viewers reach under another name or address than the cluster does."""
 RETRY_S = 60.0
-"""Seconds until a failing service is tried again: its machine may have recovered."""
+"""Seconds until a failing service is retried, as its machine may have recovered."""
 OPEN = re.compile(r"Open http://[^/]+:([0-9]+)/")
 """Pattern of the last line of `tigas render`'s start message."""
 FOR_THE_MACHINE = ("Preparing ", "Open to the network ")
-"""Lines of output omitted here, because they only help a user at its terminal."""
+"""Prefixes of output lines that are omitted, as they only help users at the machine's terminal."""
 
 
 class Facts(TypedDict):
-    """A host's report to the rest of the cluster, in a form that every version understands."""
+    """A host's report to the rest of the cluster, in a format that all versions understand."""
 
     version: str
-    """Of TIGAS."""
+    """Version of TIGAS."""
     address: str
-    """Of its machine, within the cluster."""
+    """Address of its machine within the cluster."""
     viewer_address: str
-    """The name or address under which viewers reach it."""
+    """Name or address under which viewers reach it."""
     since: float
-    """When it was started, in seconds since 1970."""
+    """Start time, in seconds since 1970."""
     url: str | None
-    """Its API over HTTP, within the cluster; None while it does not serve."""
+    """Its API over HTTP within the cluster; None while it is not serving."""
     said: list[str]
     """The start message of `tigas render`."""
     failure: str | None
-    """Why it does not serve, if its last start failed."""
+    """Reason why it is not serving, if its last start failed."""
 
 
 class Host:
     """Runs `tigas render` until `stop`. Ray runs it as an actor, and other processes call its methods through Ray."""
 
     def __init__(self, address: str | None, http_port: int, quic_port: int, options: Sequence[str]) -> None:
-        """address: of this machine, within the cluster; None: the one that Ray knows. ports: 0 for any free one.
-        options: more, of `tigas render`.
+        """address: of this machine within the cluster; None for the one known to Ray. ports: 0 for any free one.
+        options: further ones for `tigas render`.
         """
         if address is None:
             import ray.util
@@ -66,7 +66,7 @@ class Host:
         self._render = _Render()
         self._failure: str | None = None
         self._stop = threading.Event()
-        # The service ends when the thread that started it does, so that none is left if this process is killed.
+        # The service ends with the thread that started it, so that it does not outlive this process if that is killed.
         self._keeping = threading.Thread(target=self._keep, name="keep the render service", daemon=True)
         self._keeping.start()
 
@@ -85,7 +85,7 @@ class Host:
         )
 
     def stop(self) -> None:
-        """End it, and wait until it has ended."""
+        """End the service, and wait until it has ended."""
         self._stop.set()
         self._keeping.join()
 
@@ -116,13 +116,13 @@ class _Render:
 
     def __init__(self) -> None:
         self.port: int | None = None
-        """Of its API, while it serves."""
+        """Port of its API while it is serving."""
         self.said: list[str] = []
-        """Until it began to serve."""
+        """Output until it started serving."""
         self.last = ""
 
     def listen(self, output: IO[bytes]) -> None:
-        """Read all of it, and write it to the log."""
+        """Read all output, and write it to the log."""
         with output:
             for line in output:
                 text = line.decode(errors="replace").rstrip("\n")

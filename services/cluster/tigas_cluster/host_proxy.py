@@ -1,4 +1,4 @@
-"""The hosts' HTTP interface behind the director's address: everything except frames, which pages fetch themselves."""
+"""The hosts' HTTP interface behind the director's address: everything except frames, which pages fetch directly."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from tigas_common.web import page_policy, read_body
 from tigas_common.wire.render import SceneInfo
 
 MAX_CONNECTIONS = 128
-"""To all hosts together."""
+"""Maximum number of connections to all hosts together."""
 MOST, MOST_PER_ADDRESS = 96, 48
-"""Requests that may wait for hosts at a time, in total and of one address; the rest is for lists of scenes."""
+"""Requests that may wait for hosts at a time, in total and per address; other connections are for scene lists."""
 LOOK_S = 0.25
-"""Seconds between two looks whether a host that has not answered yet is still up."""
+"""Interval in seconds of checking whether a host that has not answered yet is still up."""
 ANSWER_S = 4.0
-"""Seconds for a host to list its scenes, or be left out; the page waits for 5 s."""
+"""Seconds for a host to list its scenes before it is left out; the page waits for 5 s."""
 MAX_LIST = 10_000_000
-"""The longest list of scenes that is read, in bytes."""
+"""Maximum size of a scene list, in bytes."""
 FROM_THE_PAGE = frozenset((b"host", b"origin", b"sec-fetch-site", b"sec-fetch-mode", b"sec-fetch-dest"))
-"""Fields about the origin of a request: checked by the director, with names unknown to a host."""
+"""Headers about a request's origin, which the director checks, as a host does not know the names in them."""
 PAGES_HOSTS = ("http:", "https:")
-"""The sources that a page may connect to: hosts come and go while it is open."""
+"""Sources to which a page may connect: any host, as hosts come and go while it is open."""
 
 
 class HostsBusy(Overloaded):
@@ -55,7 +55,7 @@ def _headers(answer: httpx.Response) -> list[tuple[bytes, bytes]]:
     """Headers of a host's answer, with the director's policy for pages."""
     headers = headers_of(answer)
     content_type = Headers(raw=headers).get("content-type", "")
-    if not content_type.startswith("text/javascript"):  # scripts' policies are the same on all hosts
+    if not content_type.startswith("text/javascript"):  # scripts have the same policy on all hosts
         headers = [each for each in headers if each[0] != b"content-security-policy"]
     if content_type.startswith("text/html"):
         headers.append((b"content-security-policy", page_policy(PAGES_HOSTS).encode()))
@@ -63,10 +63,10 @@ def _headers(answer: httpx.Response) -> list[tuple[bytes, bytes]]:
 
 
 class HostProxy:
-    """An ASGI application that hands requests on to a host: the one in `?host=NAME`, or the likeliest for the scene."""
+    """An ASGI application that forwards requests to a host: the one in `?host=NAME`, or the likeliest for the scene."""
 
     def __init__(self, fleet: Fleet, transport: httpx.AsyncBaseTransport | None = None) -> None:
-        """transport: another than HTTP, for tests."""
+        """transport: replaces HTTP in tests."""
         self._fleet = fleet
         self._transport = transport or httpx.AsyncHTTPTransport(limits=httpx.Limits(max_connections=MAX_CONNECTIONS))
         self._client = httpx.AsyncClient(transport=self._transport)
@@ -76,7 +76,7 @@ class HostProxy:
         await self._client.aclose()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Raises NoHost and HostsBusy."""
+        """Forward a request. Raises NoHost and HostsBusy."""
         with self._running.one_more(client_of(scope), HostsBusy()):
             body = await read_body(Request(scope, receive), MAX_BODY)
             answer = await unless(until_left(receive), self._first_answer(scope, body))
@@ -91,7 +91,7 @@ class HostProxy:
         raise NoHost
 
     async def scenes(self, *, scan: bool) -> list[SceneInfo]:
-        """The scenes of all hosts, by id: loaded if any host has loaded them. Raises NoHost."""
+        """The scenes of all hosts, by id; a scene is loaded if any host has loaded it. Raises NoHost."""
         target = "/scenes?scan=1" if scan else "/scenes"
         lists = await asyncio.gather(*(self._scenes_of(host.address.api_url + target) for host in self._fleet.hosts()))
         answered = [each for each in lists if each is not None]
@@ -100,7 +100,7 @@ class HostProxy:
         return merged_scenes(answered)
 
     async def unload(self, scene: str) -> httpx.Response:
-        """Unload a scene wherever it is loaded; the answer of a host that refused, or the last one. Raises NoHost."""
+        """Unload a scene on all hosts. Returns the answer of a host that refused, or the last one. Raises NoHost."""
         hosts, answer = self._fleet.hosts(), None
         for host in [each for each in hosts if scene in each.load.scenes] or hosts[:1]:
             url = f"{host.address.api_url}/scenes/{quote(scene, safe='')}/unload"
@@ -122,7 +122,7 @@ class HostProxy:
         return None
 
     def _in_order(self, path: str, wanted: str | None) -> Sequence[HostState]:
-        """The hosts in the order to try: the wanted one, then the likeliest one for the scene in the path."""
+        """The hosts in the order in which to try them: the wanted one, then the likeliest for the scene in the path."""
         hosts = {host.name: host for host in self._fleet.hosts()}
         parts = path.split("/")
         scene = parts[2] if len(parts) > 2 and parts[1] == "scenes" else ""
@@ -130,7 +130,7 @@ class HostProxy:
         return sorted(order, key=lambda host: (host.name != wanted, host.draining))
 
     async def _answer(self, host: HostState, scope: Scope, body: bytes) -> httpx.Response | None:
-        """Return None if the host is lost before it answers."""
+        """A host's answer; None if the host is lost before it answers."""
         try:
             asking = ask(self._transport, host.address.api_url, scope, body, FROM_THE_PAGE)
             return await unless(self._lost(host), asking)

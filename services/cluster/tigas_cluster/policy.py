@@ -1,4 +1,4 @@
-"""Decisions from the hosts' reports: where a viewer is sent, how many hosts there are, and which ones end. No I/O."""
+"""Decisions from the hosts' reports: where to send a viewer, how many hosts to run, and which ones to end. No I/O."""
 
 from __future__ import annotations
 
@@ -16,32 +16,32 @@ COUNTED_S = 2.0
 MOST_SENT = 1000
 """Maximum number of assignments remembered until then."""
 LASTING_S = 2.0
-"""Seconds of pressure on most hosts before another is added: a pause of a host is not enough."""
+"""Seconds of pressure on most hosts before another one is added, longer than a host may pause."""
 FILL, ROOMY = 0.85, 0.6
-"""A host is added if hosts would exceed this share of their capacity, and removed if the remaining ones would stay
-below the second share.
+"""A host is added if the hosts would exceed the first share of their capacity, and removed if the remaining ones would
+stay below the second.
 """
 SETTLED_S = 5.0
-"""Seconds within which viewers sent to a host before it began to drain have arrived."""
+"""Seconds within which viewers that were sent to a host before it began to drain have arrived."""
 
 
 class Choice:
-    """Sends viewers of a scene to as few hosts as its demand needs, and among those to the one with the fewest."""
+    """Sends a scene's viewers to as few hosts as demand requires, and among them to the one with the fewest."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         """clock: in seconds."""
         self._clock = clock
         self._placement = Placement(clock)
         self._sent: deque[tuple[float, str]] = deque(maxlen=MOST_SENT)
-        """Times of assignments that hosts may not have counted yet, by host."""
+        """Time and host of assignments that hosts may not have counted yet."""
 
     def host(
         self, scene: str, hosts: Sequence[HostState], *, at: str | None = None, avoid: str | None = None
     ) -> HostState | None:
         """The host for a viewer of this scene; None if no host is up.
 
-        at: its present host, which it keeps unless that host is down or draining. avoid: the host that refused it,
-        chosen only if there is no other. If all hosts are full, one of them is returned.
+        at: its present host, kept unless that is down or draining. avoid: the host that refused it, chosen only if
+        there is no other. If all hosts are full, one of them is returned.
         """
         if not hosts:
             return None
@@ -54,7 +54,7 @@ class Choice:
         taking = [host for host in usable if host.full is None]
         if not taking:
             return min(usable, key=lambda host: host.full or 0.0)
-        # Those after its places, if they cannot have it, are the same for every viewer.
+        # If none of the scene's places can take it, all viewers fall back to the same host.
         of_scene = [host for host in taking if host.name in places]
         order = ranked(scene, tuple(host.name for host in taking))
         chosen = min(
@@ -75,24 +75,24 @@ class Choice:
 @dataclass(frozen=True, slots=True)
 class Plan:
     wanted: int
-    """Number of hosts that take viewers."""
+    """Number of hosts that should take viewers."""
     draining: frozenset[str]
-    """These take no new viewers."""
+    """Hosts that take no new viewers."""
     ending: frozenset[str]
-    """Draining hosts that end now: they have no viewers left, or their time is up."""
+    """Draining hosts to end now: they have no viewers left, or their time is up."""
 
 
 class Scaler:
     """State of scaling: the wanted number of hosts, the capacity of one, and the draining ones.
 
-    Up at once: while more than half of the hosts are under pressure, or when there are more viewers than the hosts are
-    known to hold. Down slowly: after a calm period the host with the fewest viewers drains, and ends once they have
-    left.
+    Scales up immediately, while more than half of the hosts are under pressure, or if there are more viewers than the
+    hosts are known to hold. Scales down slowly: after a calm period the host with the fewest viewers drains, and it
+    ends once they have left.
     """
 
     def __init__(self, allowed: HostRange, calm_s: float, grace_s: float, clock: Callable[[], float]) -> None:
-        """calm_s: how long fewer hosts must have been enough before one drains; grace_s: how long its viewers may
-        stay; clock: seconds.
+        """calm_s: how long fewer hosts must have sufficed before one drains; grace_s: how long its viewers may stay;
+        clock: in seconds.
         """
         self._allowed = allowed
         self._calm_s = calm_s
@@ -100,16 +100,16 @@ class Scaler:
         self._clock = clock
         self._wanted = allowed.lowest
         self._draining: dict[str, float] = {}
-        """When each began to."""
+        """Start of draining, by host."""
         self._held = 0
-        """The most viewers that one host has had without being full."""
+        """Largest number of viewers that a host has had without being full."""
         self._full_at: int | None = None
         """Number of viewers of a host when it reported being full."""
         self._pressed_since: float | None = None
         self._calm_since: float | None = None
 
     def plan(self, hosts: Sequence[HostState], starting: int = 0) -> Plan:
-        """The decision from the hosts' reports; `starting` more have not reported yet."""
+        """Decide from the hosts' reports; `starting` more hosts have not reported yet."""
         now = self._clock()
         names = {host.name for host in hosts}
         self._draining = {name: since for name, since in self._draining.items() if name in names}
@@ -154,7 +154,7 @@ class Scaler:
             self._calm_since = now
 
     def _fit(self, serving: Sequence[HostState], starting: int, now: float) -> None:
-        """Drain hosts, fewest viewers first, or restore them, most recent first."""
+        """Drain hosts, fewest viewers first, or restore draining ones, most recent first."""
         excess = len(serving) - self._wanted
         for host in sorted(serving, key=lambda host: (host.viewers, host.name))[: max(0, excess)]:
             self._draining[host.name] = now

@@ -1,4 +1,4 @@
-"""Interface to Ray: its machines, detached actors as hosts on them, and the lease of the process that keeps them."""
+"""Interface to Ray: its machines, detached actors as hosts on them, and the lease of the process that manages them."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from tigas_common.errors import StartError
 
 GPU = "GPU"
 ACTOR = re.compile(r"(?P<host>host-[0-9]+) (?P<node>[0-9a-f]+)")
-"""Prefix of an actor's name, followed by its machine, so that finding it is enough."""
+"""An actor's name: the host's, followed by its machine, so that finding the actor is enough."""
 ANSWER_S = 2.0
-"""For an actor to answer, in seconds."""
+"""Timeout for an actor's answer, in seconds."""
 START_S = 60.0
-"""For an actor's process to start, in seconds."""
+"""Timeout for the start of an actor's process, in seconds."""
 STOP_S = 3.5
-"""For hosts to end, in seconds."""
+"""Timeout for hosts to end, in seconds."""
 LEASE = "director"
 FREED_S, AGAIN_S = 3.0, 0.2
-"""Within which Ray notices that an earlier holder was killed, and how often it is tried until then, in seconds."""
+"""Time in which Ray notices that an earlier holder was killed, and interval of attempts until then, in seconds."""
 
 
 class RayCluster(Cluster):
-    """The cluster that this process is connected to."""
+    """The cluster to which this process is connected."""
 
     def __init__(self, resource: str, *arguments: Any) -> None:
-        """resource: the Ray resource of machines that may be hosts; each host takes all of it. arguments: of `Host`."""
+        """resource: the Ray resource of possible hosts, all of which a host takes. arguments: for `Host`."""
         self._resource = resource
         self._arguments = arguments
 
@@ -54,7 +54,7 @@ class RayCluster(Cluster):
         return {each["host"]: each["node"] for each in found if each}
 
     def start(self, name: str, node: Node) -> None:
-        """Make a machine a host, which stays one if this process ends; Ray restarts it. Raises StartError."""
+        """Make a machine a host. The host outlives this process, and Ray restarts it. Raises StartError."""
         own = {} if self._resource == GPU else {self._resource: node.amount}
         try:
             actor = _actor(
@@ -99,12 +99,12 @@ class RayCluster(Cluster):
 
 
 class Holder:
-    """An idle actor. Ray allows a name only once, and ends the actor with its owning process."""
+    """An idle actor. Ray allows each name only once, and ends the actor with its owning process."""
 
 
 @contextmanager
 def leased() -> Iterator[None]:
-    """Keep hosts alone, as a context manager: two would start and end each other's. Raises AnotherUp."""
+    """Exclusive right to manage hosts, as a context manager: two would undo each other's work. Raises AnotherUp."""
     deadline = time.monotonic() + FREED_S
     here = ray.get_runtime_context().get_node_id()
     while True:
@@ -122,7 +122,7 @@ def leased() -> Iterator[None]:
 
 
 def _actor(kind: type, name: str, node: str, *arguments: Any, **options: Any) -> Any:
-    """A new actor on a machine, started again if it dies. Raises ValueError if there is one of this name."""
+    """Create an actor on a machine, restarted if it dies. Raises ValueError if the name is taken."""
     here = NodeAffinitySchedulingStrategy(node, soft=False)
     fixed = {"namespace": NAMESPACE, "num_cpus": 0, "max_restarts": -1, "scheduling_strategy": here}
     return ray.remote(kind).options(name=name, **fixed, **options).remote(*arguments)

@@ -1,4 +1,4 @@
-"""The hosts of a Ray cluster: as many as are wanted, on the machines that may be hosts."""
+"""The hosts of a Ray cluster: as many as wanted, on the machines that may be hosts."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from tigas_cluster.policy import Scaler
 from tigas_common.errors import StartError
 
 LOOK_S, PAUSE_S = 0.5, 5.0
-"""Interval of asking Ray for hosts and machines in seconds, and the interval after a failure."""
+"""Interval in seconds at which Ray is asked for hosts and machines, and the interval after a failure."""
 PATIENCE_S = 60.0
-"""A host without an answer for this many seconds is replaced if another machine is free."""
+"""Seconds without an answer after which a host is replaced if another machine is free."""
 AGAIN_S = 10.0
 """Seconds until a machine that failed to become a host is tried again."""
 VERSION = version("tigas")
@@ -34,7 +34,7 @@ class Node:
     id: str
     address: str
     amount: float
-    """Amount of the host resource; 0: it cannot be a host."""
+    """Amount of the host resource; 0 if it cannot be a host."""
     gpus: float
 
 
@@ -45,10 +45,10 @@ class Cluster(Protocol):
         """The machines that are up."""
 
     def hosts(self) -> Mapping[str, str]:
-        """Every host by name, with the id of its machine, whether it serves or not."""
+        """All hosts by name, with the ids of their machines, whether they are serving or not."""
 
     def facts(self, hosts: Mapping[str, str]) -> Mapping[str, Facts]:
-        """The facts reported by these hosts; silent ones are left out."""
+        """Facts reported by these hosts, without those that do not answer."""
 
     def start(self, name: str, node: Node) -> None:
         """Make a machine a host. Raises StartError."""
@@ -57,11 +57,11 @@ class Cluster(Protocol):
         """End these hosts."""
 
     def ask_for(self, number: int) -> None:
-        """Request this number of possible hosts, for an autoscaler."""
+        """Request this number of possible hosts from an autoscaler."""
 
 
 class RayFleet:
-    """An async context manager that maintains the hosts, which outlive it."""
+    """An async context manager that manages the hosts, which outlive it."""
 
     def __init__(
         self,
@@ -80,24 +80,24 @@ class RayFleet:
         self._facts: dict[str, Facts] = {}
         self._draining: frozenset[str] = frozenset()
         self._up: frozenset[str] = frozenset()
-        """The hosts that answered when it was looked last."""
+        """Hosts that answered the last time."""
         self._silent_since: dict[str, float] = {}
-        """When the others were first seen so."""
+        """Time since when each other host has been silent."""
         self._failures: dict[str, str] = {}
-        """Last reported reasons of hosts and machines that do not serve."""
+        """Last reported reasons of hosts and machines that are not serving."""
         self._beginning: dict[str, str] = {}
         """Hosts that are being started, with the ids of their machines."""
         self._ending: set[str] = set()
         self._tried: dict[str, float] = {}
-        """When each machine was last to become a host."""
+        """Time of the last attempt to make each machine a host."""
         self._asked_for = 0
         self._missing = 0
-        """How many more hosts there would be if there were machines for them."""
+        """Number of additional hosts that would run if there were machines for them."""
         self._tasks: set[asyncio.Task[None]] = set()
         self._starts: set[asyncio.Task[None]] = set()
-        """Starts of hosts, which cannot be cancelled, as they run in threads."""
+        """Starts of hosts, which cannot be cancelled because they run in threads."""
         self.began: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        """Done once a host serves; has a StartError if none can."""
+        """Done once a host is serving; has a StartError if none can."""
 
     async def __aenter__(self) -> Self:
         self._do(self._keep_looking(), self._tasks)
@@ -107,7 +107,7 @@ class RayFleet:
         self._stop_looking()
 
     async def end(self) -> None:
-        """End all hosts, including those still starting."""
+        """End all hosts, including those that are still starting."""
         self._stop_looking()
         starts = tuple(self._starts)
         await asyncio.to_thread(self._stop_all)
@@ -124,13 +124,13 @@ class RayFleet:
             try:
                 await self._look()
                 await asyncio.sleep(LOOK_S)
-            except Exception:  # Ray's calls fail in many ways while a machine goes; the next one may not
+            except Exception:  # Ray's calls fail in many ways while a machine disappears; the next one may succeed
                 logger.exception("Ray did not answer")
                 await asyncio.sleep(PAUSE_S)
 
     async def _look(self) -> None:
         """Read the cluster's state and act on it."""
-        ending = frozenset(self._ending)  # some may have ended once their machines have answered
+        ending = frozenset(self._ending)  # some may have ended by the time their machines have answered
         nodes, found = await asyncio.to_thread(lambda: (self._cluster.nodes(), self._cluster.hosts()))
         hosts = {**self._beginning, **found}
         alive = {node.id for node in nodes}
@@ -174,13 +174,13 @@ class RayFleet:
             self._fails(name, _failure(facts))
 
     def _tell_missing(self, number: int) -> None:
-        """Say that there are too few machines, once."""
+        """Report once that there are too few machines."""
         if number > max(0, self._missing):
             self._say(f"There is no machine for {number} more {'host' if number == 1 else 'hosts'} yet.")
         self._missing = number
 
     def _fails(self, name: str, why: str | None) -> None:
-        """Say why a host does not serve, once."""
+        """Report once why a host is not serving."""
         if why is None:
             self._failures.pop(name, None)
         elif self._failures.get(name) != why:
@@ -188,7 +188,7 @@ class RayFleet:
             self._say(f"{name}: {why}")
 
     def _note_silence(self, present: Mapping[str, str]) -> frozenset[str]:
-        """The hosts that serve, or may be expected to soon."""
+        """Record silent hosts; returns the hosts that are serving, or may be expected to soon."""
         now = self._clock()
         silent = present.keys() - self._up
         self._silent_since = {name: self._silent_since.get(name, now) for name in silent}
@@ -202,7 +202,7 @@ class RayFleet:
             self.began.set_exception(StartError(next(iter(self._failures.values()))))
 
     def _start(self, number: int, free: Sequence[Node], hosts: Mapping[str, str]) -> None:
-        """Start this number of hosts on free machines, as far as available."""
+        """Start up to this number of hosts on free machines."""
         self._tell_missing(number - len(free))
         now = self._clock()
         names = (name for each in itertools.count(1) if (name := f"host-{each}") not in hosts)

@@ -41,7 +41,7 @@ def _range(value: Any) -> Any:
 
 
 Hosts = Annotated[HostRange, NoDecode, BeforeValidator(_range), Metavar("N|MIN..MAX")]
-"""A setting that is a number of hosts, written N or MIN..MAX."""
+"""A setting for a number of hosts, written N or MIN..MAX."""
 PortNumber = Annotated[int, Field(ge=0, le=65535)]
 
 
@@ -60,12 +60,12 @@ class ClusterSettings(ServiceSettings):
     resource: Annotated[str | None, NO_FLAG] = None
     """Ray resource of the machines that may be hosts; a host takes all of it. By default GPU."""
     host_http_port: Annotated[PortNumber, NO_FLAG] = 0
-    """Port of each host's API; 0: any free one."""
+    """Port of each host's API; 0 for any free one."""
     host_quic_port: Annotated[PortNumber, NO_FLAG] = 0
-    """Port of each host's HTTP/3 and WebTransport; 0: any free one."""
+    """Port of each host's HTTP/3 and WebTransport; 0 for any free one."""
     calm_minutes: Annotated[float, NO_FLAG] = Field(default=5.0, gt=0, le=1440)
     """Minutes for which fewer hosts must have sufficed before one drains."""
     grace_minutes: Annotated[float, NO_FLAG] = Field(default=10.0, gt=0, le=1440)
-    """Minutes after which a draining host ends, even if viewers are left."""
+    """Minutes after which a draining host ends, even if viewers remain."""
     services: Annotated[dict[str, str], NO_FLAG] = Field(default_factory=dict)
     """Base URLs of other services for the page, by name; a bare `:PORT` means the page's own host."""

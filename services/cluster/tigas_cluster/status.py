@@ -24,13 +24,13 @@ ANSWER_S = 2.0
 
 
 class HostStatus(BaseModel):
-    """Status of one host; fields are None if it does not serve."""
+    """Status of one host; fields are None if it is not serving."""
 
     host: str
     address: str | None = None
-    """Of its machine."""
+    """Address of its machine."""
     url: str | None = None
-    """Of its API, within the cluster."""
+    """URL of its API within the cluster."""
     since: datetime | None = None
     failure: str | None = None
     """Reported reason for not serving."""
@@ -46,7 +46,7 @@ class HostStatus(BaseModel):
 
 
 def status() -> Sequence[HostStatus]:
-    """Of every host. Raises StartError."""
+    """Status of every host. Raises StartError."""
     address, own = named_cluster(), None
     if address is None:
         own = OwnRay()

@@ -1,4 +1,4 @@
-"""`tigas cluster up`: joins or starts Ray, maintains the hosts, and serves the director."""
+"""`tigas cluster up`: joins or starts Ray, manages the hosts, and serves the director."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 LOOPBACK = "127.0.0.1"
 END_S = 4.5
-"""For all hosts to end, in seconds."""
+"""Timeout for all hosts to end, in seconds."""
 
 
 def up(settings: ClusterSettings, render_options: Sequence[str]) -> None:
@@ -50,7 +50,7 @@ def up(settings: ClusterSettings, render_options: Sequence[str]) -> None:
             try:
                 _run(settings, render_options, listener, own.start(), own, after)
             except AnotherUp:
-                after.pop_all()  # it is the other's Ray
+                after.pop_all()  # that process needs this Ray
                 raise
 
 
@@ -62,7 +62,7 @@ def _run(
     own: OwnRay | None,
     after: ExitStack,
 ) -> None:
-    """Serve until stopped, on the Ray at this address. One of our own is ended by `after`, unless another has it."""
+    """Serve until stopped, on the Ray at this address. `after` ends a private Ray, unless another process uses it."""
     with connected(own, address):
         import ray.util
 
@@ -119,8 +119,8 @@ async def _serve(settings: ClusterSettings, cluster: RayCluster, listener: socke
 
 
 def _abandon(own: OwnRay | None) -> NoReturn:
-    """Exit without Ray: its calls wait for a minute once the head is down, and cannot be interrupted."""
-    print("Ray does not answer; hosts that are left end when it does on their machines.", file=sys.stderr, flush=True)
+    """Exit without Ray, as its calls block for a minute once the head is down, and cannot be interrupted."""
+    print("Ray does not answer; remaining hosts end with Ray on their machines.", file=sys.stderr, flush=True)
     if own is not None:
         own.stop()
     os._exit(1)

@@ -1,1 +1,1 @@
-"""Networks that a scene's own views train to enhance the low rungs of its quality ladder."""
+"""Networks, trained on a scene's own views, that enhance the low rungs of its quality ladder."""

@@ -1,4 +1,4 @@
-"""The commands `tigas enhance train` and `evaluate`. Heavy imports wait until a command runs."""
+"""The commands `tigas enhance train` and `evaluate`. Heavy modules are imported when a command runs."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class _EnhanceCommand(Command):
     """A command that compares renderings of scenes."""
 
     render: Annotated[str | None, Metavar("URL")] = None
-    """Running render service; without it, one is started."""
+    """URL of a running render service; by default, one is started."""
     device: Annotated[str, Metavar("auto|cpu|cuda[:N]")] = "auto"
-    """Device to compute on, and to render on if a service is started."""
+    """Device for computation, and for rendering if a service is started."""
 
     def _file(self, name: str | None) -> Path:
         """Path of a scene's weights: next to its file, in the render service's models directory."""
@@ -61,7 +61,7 @@ class _EnhanceCommand(Command):
 
     @contextmanager
     def _renderer(self, *, own_ladders: bool = True) -> Iterator[Renderer]:
-        """The running service, or a new one for the duration of the context."""
+        """The running service, or one that runs during the context."""
         from tigas_common.render_requests import render_service
         from tigas_enhance.renderer import Renderer
 
@@ -71,16 +71,16 @@ class _EnhanceCommand(Command):
 
 
 class Train(_EnhanceCommand):
-    """Train networks on a scene's own views, and write them next to the scene. A stopped run changes nothing."""
+    """Train networks on a scene's own views, and write them next to the scene. If stopped, nothing changes."""
 
     names: Annotated[tuple[str, ...], POSITIONAL, Metavar("SCENE")]
     """Scenes to train on."""
     general: bool = False
-    """Train one set on all of them, for any scene."""
+    """Train one set on all scenes, for use with any scene."""
     out: Path | None = None
     """Output file; by default enhance.safetensors next to the scene."""
     seconds: Annotated[float | None, Field(ge=1, le=36_000)] = None
-    """Time for each set; by default 60 on a GPU and 180 on a CPU."""
+    """Training time for each set; by default 60 on a GPU and 180 on a CPU."""
     json_: bool = False
     """Report progress as lines of JSON."""
 
@@ -91,7 +91,7 @@ class Train(_EnhanceCommand):
         with terminated_as_interrupted():
             sets = [self.names] if self.general else [[name] for name in self.names]
             if self.out is not None and len(sets) > 1:
-                raise StartError("--out is for one set: give one scene, or --general.")
+                raise StartError("--out needs a single set: give one scene, or --general.")
             files = [self.out or self._file(None if self.general else each[0]) for each in sets]
             where = self._device()
             with self._renderer(own_ladders=not self.general) as renderer:
@@ -109,9 +109,9 @@ class Evaluate(_EnhanceCommand):
     """Compare networks with bicubic enlargement on held-out views of a scene, at display size."""
 
     name: Annotated[str, POSITIONAL, Metavar("SCENE")]
-    """Scene."""
+    """Scene to evaluate."""
     weights: Path | None = None
-    """Networks' file; by default enhance.safetensors next to the scene."""
+    """Weights file; by default enhance.safetensors next to the scene."""
 
     def run(self) -> None:
         from rich.table import Table
@@ -154,7 +154,7 @@ enhance = Group(
 
 @contextmanager
 def _listening(as_json: bool) -> Iterator[Listener]:
-    """A progress bar, or a line of JSON for each hundredth."""
+    """Report progress with a bar, or with a line of JSON per percent."""
     if as_json:
         said = -1.0
 

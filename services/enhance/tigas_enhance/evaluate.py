@@ -21,7 +21,7 @@ RESAMPLES = 2000
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """PSNR in dB and SSIM of N views, over the pixels that are not background."""
+    """PSNR in dB and SSIM of N views, over all pixels except the background."""
 
     psnr: NDArray[np.float64]  # [N]
     ssim: NDArray[np.float64]  # [N]
@@ -29,7 +29,7 @@ class Scores:
 
 @torch.no_grad()
 def scores(pairs: Sequence[Pair], rung: int, network: Network | None, device: torch.device) -> Scores:
-    """Scores of a rung's frames at display size: enhanced, or, without a network, enlarged bicubically."""
+    """Scores of a rung's frames at display size: enhanced or, without a network, enlarged bicubically."""
     network = network and network.to(device)
     psnr, ssim = [], []
     for pair in pairs:
@@ -45,12 +45,12 @@ def scores(pairs: Sequence[Pair], rung: int, network: Network | None, device: to
 
 
 def gains(pairs: Sequence[Pair], rung: int, network: Network, device: torch.device) -> NDArray[np.float64]:
-    """PSNR over bicubic enlargement, in dB, of each view [N]."""
+    """Gain in PSNR over bicubic enlargement, in dB, for each view [N]."""
     return scores(pairs, rung, network, device).psnr - scores(pairs, rung, None, device).psnr
 
 
 def interval(gains: NDArray[np.float64]) -> tuple[float, float]:
-    """The 95 % interval of the mean of gains [N], bootstrapped over views."""
+    """95 % confidence interval of the mean of gains [N], bootstrapped over views."""
     random = np.random.default_rng(0)
     means = gains[random.integers(len(gains), size=(RESAMPLES, len(gains)))].mean(axis=1)
     low, high = np.quantile(means, (0.025, 0.975))
@@ -62,7 +62,7 @@ def _picture(pixels: Pixels, device: torch.device) -> Tensor:
 
 
 def _similarity(a: Tensor, b: Tensor) -> Tensor:
-    """SSIM's map [B, 1, H, W] of luma, with a Gaussian window of 11 pixels, σ = 1.5 (Wang et al., TIP 13, 2004)."""
+    """SSIM map [B, 1, H, W] of luma, with a Gaussian window of 11 pixels and σ = 1.5 (Wang et al., TIP 13, 2004)."""
     at = torch.arange(-5, 6, device=a.device) / 1.5
     line = torch.exp(-at.square() / 2)
     line = line / line.sum()

@@ -18,7 +18,7 @@ NEGATIVE_SLOPE = 0.1
 
 
 class Network(nn.Module):
-    """A network of `layers` 3×3 convolutions; the last one gives the pixels of a picture `scale` times the size.
+    """A network of `layers` 3×3 convolutions; the last one outputs the pixels of a picture `scale` times the size.
 
     Its output is added to the bilinearly enlarged input. Edges are replicated before each convolution.
     """
@@ -32,21 +32,21 @@ class Network(nn.Module):
         convolutions = [nn.Conv2d(before, after, 3) for before, after in pairwise(widths)]
         for convolution in convolutions:
             nn.init.kaiming_normal_(convolution.weight, NEGATIVE_SLOPE, nonlinearity="leaky_relu")
-            nn.init.zeros_(convolution.bias)  # type: ignore[arg-type]  # each has one
-        nn.init.zeros_(convolutions[-1].weight)  # an untrained network enlarges bilinearly
+            nn.init.zeros_(convolution.bias)  # type: ignore[arg-type]  # never None here
+        nn.init.zeros_(convolutions[-1].weight)  # so that an untrained network enlarges bilinearly
         self.convolutions = nn.ModuleList(convolutions)
 
     def forward(self, pictures: Tensor) -> Tensor:
-        """Pictures [B, 3, H, W] of sRGB-coded values from 0 to 1, `scale` times as large."""
+        """Enhance pictures [B, 3, H, W] of sRGB-coded values from 0 to 1; the result is `scale` times as large."""
         features = pictures
         for index in range(self.layers):
             features = self._convolved(index, functional.pad(features, (1, 1, 1, 1), mode="replicate"))
         return self._added(features, pictures).clamp(0, 1)
 
     def inner(self, pictures: Tensor) -> Tensor:
-        """Output without the outermost `layers` pixels, which does not depend on the surroundings.
+        """Output without the outermost `layers` pixels, so that it does not depend on the surroundings.
 
-        Values are not clipped to 0 to 1, because clipping would stop gradients.
+        Values are not clipped to 0 to 1, as clipping would stop gradients.
         """
         features = pictures
         for index in range(self.layers):
@@ -65,33 +65,33 @@ class Network(nn.Module):
 
 
 def enlarged(pictures: Tensor, scale: int) -> Tensor:
-    """Pictures [B, C, H, W], bilinearly `scale` times as large."""
+    """Enlarge pictures [B, C, H, W] bilinearly by `scale`."""
     if scale == 1:
         return pictures
     return functional.interpolate(pictures, scale_factor=float(scale), mode="bilinear", align_corners=False)
 
 
 def resampled(pictures: Tensor, width: int, height: int) -> Tensor:
-    """Pictures [B, C, H, W] at another size, by Catmull-Rom's bicubic, widened where it reduces, as Pillow does it."""
+    """Resample pictures [B, C, H, W] with Catmull-Rom's bicubic filter, widened when reducing, as Pillow does."""
     if pictures.shape[-2:] == (height, width):
         return pictures
     return functional.interpolate(pictures, (height, width), mode="bicubic", align_corners=False, antialias=True)
 
 
 def shown(network: Network, pictures: Tensor, width: int, height: int) -> Tensor:
-    """Pictures [B, 3, H, W] of a rung, enhanced, at the size at which they are displayed."""
+    """Enhance a rung's pictures [B, 3, H, W] and resample them to the size at which they are displayed."""
     enhanced = network(pictures)
     result: Tensor = torch.clamp(resampled(enhanced, width, height), 0, 1)
     return result
 
 
 def rounded(network: Network) -> Network:
-    """The network with weights that 16-bit floats can hold, as a file has them."""
+    """The network with its weights rounded to 16-bit floats, as stored in a file."""
     return network.half().float()
 
 
 def to_tensors(rung: int, network: Network) -> dict[str, NDArray[np.float16]]:
-    """A network's weights by the names that a file gives them."""
+    """A network's weights, keyed by their names in a file."""
     return {
         _name_in_file(rung, name): value.detach().cpu().contiguous().half().numpy()
         for name, value in network.state_dict().items()
@@ -99,7 +99,7 @@ def to_tensors(rung: int, network: Network) -> dict[str, NDArray[np.float16]]:
 
 
 def described(network: Network, number: int, rung: Rung, gain_db: float) -> NetworkInfo:
-    """The description of a rung's network in a file; gain_db: on held-out views."""
+    """Description of a rung's network for a file; gain_db: on held-out views."""
     return NetworkInfo(
         rung=number,
         width=rung.width,
@@ -113,7 +113,7 @@ def described(network: Network, number: int, rung: Rung, gain_db: float) -> Netw
 
 
 def to_network(info: NetworkInfo, weights: Weights) -> Network:
-    """A network from a file's weights."""
+    """Create a network from a file's weights."""
     network = Network(info.scale, info.layers, info.channels)
     state = {
         name: torch.from_numpy(weights.tensors[_name_in_file(info.rung, name)].astype(np.float32))

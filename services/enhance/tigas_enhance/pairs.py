@@ -1,7 +1,7 @@
-"""Training pairs: a view's frame at each low rung, and the same view lossless at display size.
+"""Training pairs: a view's frame at each low rung, and the same view, lossless, at display size.
 
-Cameras are on movements around a scene's start camera and its subject. Held-out views are on separate movements, and no
-training view is next to one of them.
+Cameras move around a scene's start camera and its subject. Held-out views are on separate movements, and no training
+view is close to one of them.
 """
 
 from __future__ import annotations
@@ -24,36 +24,36 @@ from tigas_common.wire.render import RenderRequest, Rung, SceneInfo
 from tigas_enhance.renderer import Pixels, Renderer
 
 WORKERS = 3
-"""Views that are rendered at a time."""
+"""Number of views rendered at a time."""
 POSES_PER_VIEW = 4
-"""Maximum number of poses tried for a view that shows something."""
+"""Maximum number of poses tried for a view that is not empty."""
 LEAST_CONTENT = 0.04
-"""The share of a view's pixels that must show something other than the background."""
+"""Minimum share of a view's pixels that show something other than the background."""
 LEAST_VIEWS = 4
-"""Views that are rendered even after the time is up."""
+"""Number of views rendered even if the time is up."""
 MOST_HELD_OUT = 96
-"""Views that may be asked for to test."""
+"""Maximum number of views for testing."""
 
 
 class NothingToLearn(StartError):
-    """No view of the scene shows anything, or the ladder has no rung below the best."""
+    """All views of the scene are empty, or the ladder has no rung below the best."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """One view."""
+    """A view at display size, and its frames at low rungs."""
 
     full: Pixels
-    """[H, W, 3] Displayed sRGB."""
+    """[H, W, 3] sRGB as displayed."""
     content: NDArray[np.bool_]
-    """[H, W], where it is not the background."""
+    """[H, W], true except in the background."""
     rungs: dict[int, Pixels]
-    """[h, w, 3] by rung: the decoded frames."""
+    """[h, w, 3] decoded frames, by rung."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScenePairs:
-    """The pairs of a scene, at some rungs of its ladder. Methods raise as those of Renderer, and NothingToLearn."""
+    """Pairs of a scene at some rungs of its ladder. Methods raise as those of Renderer, and NothingToLearn."""
 
     renderer: Renderer
     scene: SceneInfo
@@ -61,11 +61,11 @@ class ScenePairs:
     rungs: Sequence[int]
 
     def training(self, number: int, until: float) -> list[Pair]:
-        """Up to `number` views, or as many as are rendered until a time of the monotonic clock."""
+        """Up to `number` views, or as many as can be rendered until a time on the monotonic clock."""
         return self._several(islice(training_views(self.scene), POSES_PER_VIEW * number), number, until)
 
     def held_out(self, number: int) -> list[Pair]:
-        """Views that no training sees."""
+        """Views that are never used for training."""
         return self._several(held_out_views(self.scene, POSES_PER_VIEW * number), number, float("inf"))
 
     def _several(self, poses: Iterable[Pose], number: int, until: float) -> list[Pair]:
@@ -79,7 +79,7 @@ class ScenePairs:
         return found
 
     def _rendered(self, poses: Iterator[Pose]) -> Iterator[Pair]:
-        """The views that show something, in order."""
+        """The views that are not empty, in order."""
         pool = ThreadPoolExecutor(WORKERS)
 
         def begun(number: int) -> list[Future[Pair | None]]:
@@ -96,7 +96,7 @@ class ScenePairs:
             pool.shutdown(cancel_futures=True)
 
     def _pair(self, pose: Pose) -> Pair | None:
-        """One view at the best rung's size, and its frames; None if it shows next to nothing."""
+        """A view at the best rung's size with its frames; None if it is nearly empty."""
         scene, lens = self.scene, intrinsics(self.ladder[0].width, self.ladder[0].height)
         full = self.renderer.picture(RenderRequest.at(scene.id, pose, lens, format="png"))
         background = np.round(np.array(scene.background) * 255).astype(np.int16)
@@ -109,12 +109,12 @@ class ScenePairs:
 
 
 def held_out_views(scene: SceneInfo, number: int) -> list[Pose]:
-    """The views of a scene that no training sees; the same ones for the same scene. Raises StartError."""
+    """Views of a scene that are never used for training; the same ones each time. Raises StartError."""
     return list(islice(_views(_axes(scene), Random(f"held out {scene.id}")), number))
 
 
 def training_views(scene: SceneInfo) -> Iterator[Pose]:
-    """Views without end, none of them a neighbour of a held-out one. Raises StartError."""
+    """Endless views, none of which is a neighbour of a held-out one. Raises StartError."""
     axes = _axes(scene)
     held_out = held_out_views(scene, MOST_HELD_OUT)
     for pose in _views(axes, Random(f"training {scene.id} 0")):

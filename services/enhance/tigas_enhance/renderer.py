@@ -1,4 +1,4 @@
-"""A render service that views come from, asked from any thread."""
+"""A render service that provides views, usable from any thread."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Pixels = NDArray[np.uint8]
 
 
 class Renderer:
-    """A render service, asked from any thread. Methods raise RenderUnavailable and RenderProblem."""
+    """A client of a render service, usable from any thread. Methods raise RenderUnavailable and RenderProblem."""
 
     def __init__(self, portal: BlockingPortal, client: RenderClient) -> None:
         self._portal = portal
@@ -28,7 +28,7 @@ class Renderer:
     @classmethod
     @contextmanager
     def at(cls, url: str) -> Iterator[Self]:
-        """The service at a URL during the context."""
+        """Connect to the service at a URL during the context."""
         with start_blocking_portal() as portal, portal.wrap_async_context_manager(RenderClient.at(url)) as client:
             yield cls(portal, client)
 
@@ -36,11 +36,11 @@ class Renderer:
         return scene.ladder or self._portal.call(self._client.config).ladder
 
     def load(self, scene_id: str) -> SceneInfo:
-        """A scene that is loaded, so that its camera and its file's digest are known."""
+        """Load a scene, so that its camera and its file's digest are known."""
         return self._portal.call(self._client.load, scene_id)
 
     def picture(self, request: RenderRequest) -> Pixels:
-        """A frame's pixels [H, W, 3]."""
+        """Pixels [H, W, 3] of a frame."""
         body = self._portal.call(self._client.frame, request)
         try:
             return np.asarray(Image.open(io.BytesIO(body)).convert("RGB"))

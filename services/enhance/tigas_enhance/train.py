@@ -1,4 +1,4 @@
-"""Trains networks on pairs, for a given time: Adam with a cosine schedule, L1 at display size, on random crops."""
+"""Training of networks on pairs for a given time: Adam with a cosine schedule, L1 at display size, on random crops."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from tigas_enhance.pairs import NothingToLearn, Pair
 
 LEARNING_RATE = 4e-3
 BETAS = (0.9, 0.99)
-"""Adam's, the second shorter than usual: a training has few steps on a CPU."""
+"""Adam's decay rates, the second lower than usual, as a training on a CPU has few steps."""
 WARM_UP = 10
-"""Steps in which the learning rate rises."""
+"""Number of steps during which the learning rate rises."""
 CROP = 64
-"""The longest side of a crop, in pixels of the rung."""
+"""Maximum side length of a crop, in pixels of the rung."""
 CANDIDATES = 4
-"""Places that are tried for each crop, until one shows something other than the background."""
+"""Number of places tried for each crop until one is not background."""
 LEAST_STEPS = 60
-"""A slow machine takes longer than the given time rather than fewer steps."""
+"""Minimum number of steps: a slow machine exceeds the given time rather than make fewer."""
 
 Report = Callable[[float], None]
 """Progress callback with the completed share of a training, 0 to 1."""
@@ -32,7 +32,7 @@ Report = Callable[[float], None]
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """A network's shape, and how many crops it learns from at once."""
+    """Shape of a network, and the number of crops per step."""
 
     scale: int = 2
     layers: int = 5
@@ -51,14 +51,14 @@ def train(
     *,
     varied: bool = False,
 ) -> Network:
-    """A network for one rung, on the CPU, after at least LEAST_STEPS steps. Raises NothingToLearn.
+    """Train a network for one rung, with at least LEAST_STEPS steps; it is returned on the CPU. Raises NothingToLearn.
 
-    varied: learn from pictures in other colours, flipped and transposed, so that it holds for scenes it never saw.
+    varied: whether to vary colours, and flip and transpose, so that the network generalises to new scenes.
     """
     torch.manual_seed(0)
     crops = Crops(pairs, rung, recipe, device)
     network = Network(recipe.scale, recipe.layers, recipe.channels).to(device)
-    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # PyTorch's own signature lacks it
+    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # missing in PyTorch's signature
     optimiser = torch.optim.Adam(network.parameters(), LEARNING_RATE, BETAS, fused=device.type == "cuda")
     began, step, done = clock(), 0, 0.0
     while done < 1:
@@ -74,7 +74,7 @@ def train(
         loss.backward()  # type: ignore[no-untyped-call]
         optimiser.step()
         step += 1
-        if device.type == "cpu" or step % 20 == 0:  # so that the processor waits for a GPU now and then
+        if device.type == "cpu" or step % 20 == 0:  # makes the processor wait for a GPU occasionally
             loss.item()
             done = min(step / LEAST_STEPS, (clock() - began) / seconds, 1)
             report(done)
@@ -86,9 +86,9 @@ class Variation:
     """An augmentation that does not affect the learnt mapping; the identity by default."""
 
     colours: tuple[Tensor, Tensor, Tensor] | None = None
-    """Which channel becomes each channel [3], and each picture's contrast and brightness [B, 1, 1, 1]."""
+    """Source of each channel [3], and contrast and brightness of each picture [B, 1, 1, 1]."""
     flips: tuple[int, ...] = ()
-    """The dimensions that are flipped."""
+    """Dimensions to flip."""
     transposed: bool = False
 
     @classmethod
@@ -99,14 +99,14 @@ class Variation:
         return cls((torch.randperm(3, device=device), contrast, brightness), flips, bool(torch.rand(()) < 0.5))
 
     def coloured(self, pictures: Tensor) -> Tensor:
-        """Pictures [B, 3, H, W] of values from 0 to 1 in other colours."""
+        """Change the colours of pictures [B, 3, H, W] of values from 0 to 1."""
         if self.colours is None:
             return pictures
         channels, contrast, brightness = self.colours
         return pictures[:, channels] * contrast + brightness
 
     def turned(self, pictures: Tensor) -> Tensor:
-        """Pictures [B, 3, H, W], flipped, and then transposed."""
+        """Flip and then transpose pictures [B, 3, H, W]."""
         flipped = pictures.flip(self.flips)
         return flipped.mT if self.transposed else flipped
 
@@ -129,7 +129,7 @@ class Crops:
     def draw(self) -> tuple[Tensor, Callable[[Tensor], Tensor], Tensor]:
         """Crops [B, 3, c, c], the resampling of network outputs to display size, and targets [B, 3, d, d].
 
-        At display size, a crop excludes the margin that its surroundings affect.
+        At display size, a crop excludes the margin that depends on its surroundings.
         """
         view, y, x = self._places()
         low = _cut(self._low, view, _window(y, self._rows.crop), _window(x, self._columns.crop))
@@ -143,7 +143,7 @@ class Crops:
         return low, place, full
 
     def _places(self) -> tuple[Tensor, Tensor, Tensor]:
-        """Views, first rows and first columns [B]; of several candidates the first that shows something."""
+        """Views, first rows and first columns [B]: of several candidates, the first that is not background."""
         shape = (CANDIDATES, self._batch)
         views = self._random(len(self._low), shape)
         ys, xs = self._random(self._rows.places, shape), self._random(self._columns.places, shape)
@@ -158,20 +158,20 @@ class Crops:
 
 @dataclass(frozen=True, slots=True)
 class _Axis:
-    """Resampling matrix from crop to display pixels, for rows or columns. `place` is the crop's first pixel."""
+    """Resampling from crop to display pixels, for rows or columns. `place` is the first pixel of a crop."""
 
     size: int
-    """Pixels of the rung."""
+    """Size of the rung in pixels."""
     crop: int
     inner: int
-    """Pixels of a crop, on each side, that a network needs to see but gives nothing of."""
+    """Pixels on each side of a crop that a network reads but does not output."""
     margin: int
-    """Ignored margin on each side: those pixels and the support of the resampling."""
+    """Ignored margin on each side: those pixels, and the support of the resampling."""
     scale: int
     ratio: float
-    """Display pixels for one of the rung."""
+    """Display pixels per pixel of the rung."""
     matrix: Tensor
-    """[display, scale · size]: the resampling of a whole line."""
+    """[display, scale · size] resampling of a whole line."""
 
     @classmethod
     def of(cls, size: int, display: int, recipe: Recipe, device: torch.device) -> _Axis:

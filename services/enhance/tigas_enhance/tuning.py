@@ -1,4 +1,4 @@
-"""Trains a set of networks, one for each rung below the best: for one scene, or for any from several."""
+"""Training of a set of networks, one for each rung below the best, for one scene or for any scene."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from tigas_enhance.renderer import Renderer
 from tigas_enhance.train import Recipe, train
 
 RENDERING = 0.25
-"""The share of the time in which views are rendered, at most."""
+"""Maximum share of the time used to render views."""
 NETWORKS = 3
 """Maximum number of networks for a ladder."""
 HELD_OUT = {"cpu": 4, "cuda": 12}
-"""Views that a training's gains are measured on."""
+"""Number of views on which gains are measured, by device."""
 VIEWS = {"cpu": 64, "cuda": 256}
-"""Training views of all scenes together, by device."""
+"""Number of training views of all scenes together, by device."""
 RECIPES = {"cpu": Recipe(batch=8), "cuda": Recipe(batch=64)}
 
 Listener = Callable[[str, float], None]
@@ -45,7 +45,7 @@ def tune(
     *,
     general: bool = False,
 ) -> Weights:
-    """Weights for the scene, or, if they are `general`, for any scene. Raises as Renderer, and NothingToLearn."""
+    """Train weights for a scene or, if `general`, for any scene. Raises as Renderer does, and NothingToLearn."""
     began = time.monotonic()
     scenes = [renderer.load(scene_id) for scene_id in scene_ids]
     ladders = {renderer.ladder(scene) for scene in scenes}
@@ -72,19 +72,19 @@ def tune(
 
         share = max(remaining / (len(rungs) - number), 0.01)
         network = rounded(train(training, rung, RECIPES[device.type], share, device, report, varied=general))
-        gain_db = float(np.mean([gains(pairs, rung, network, device).mean() for pairs in tests]))  # scenes count alike
+        gain_db = float(np.mean([gains(pairs, rung, network, device).mean() for pairs in tests]))  # equal weights
         networks.append(described(network, rung, named, gain_db))
         tensors |= to_tensors(rung, network)
     digest = GENERAL if general else scenes[0].file_sha256
-    assert digest is not None, "the service knows it of every scene that it has loaded"
+    assert digest is not None, "known for every loaded scene"
     created = datetime.now(UTC).isoformat(timespec="seconds")
     return gaining(Weights(digest, tuple(networks), tensors, created, version("tigas")))
 
 
 def training_rungs(ladder: Sequence[Rung]) -> tuple[int, ...]:
-    """The rungs below the best with networks of their own: all of a short ladder, else NETWORKS of them.
+    """The rungs below the best that get networks: all of a short ladder, else NETWORKS of them.
 
-    Chosen to serve the most rungs, then the nearest ones. Raises NothingToLearn.
+    They are chosen to serve the most rungs and, among these choices, the nearest ones. Raises NothingToLearn.
     """
     low = range(1, len(ladder))
     if not low:
@@ -99,7 +99,7 @@ def training_rungs(ladder: Sequence[Rung]) -> tuple[int, ...]:
 
 
 def gaining(weights: Weights) -> Weights:
-    """Without the networks that make held-out views no better. Raises NothingToLearn if none is left."""
+    """Drop networks that do not improve held-out views. Raises NothingToLearn if none remains."""
     networks = tuple(network for network in weights.networks if (network.gain_db or 0) > 0)
     if not networks:
         raise NothingToLearn("The networks are no better than bicubic enlargement; give them more --seconds.")
