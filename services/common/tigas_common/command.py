@@ -97,7 +97,7 @@ def load(model: type[Model], values: Mapping[str, Any]) -> Model:
         loc = list(map(str, first["loc"]))
         if first["type"] == "missing" and len(loc) == 1:
             raise UsageError(f"{_name(loc[0], model.model_fields[loc[0]])} is missing.") from None
-        problem = "there is no such setting" if first["type"] == "extra_forbidden" else first["msg"]
+        problem = "unknown setting" if first["type"] == "extra_forbidden" else first["msg"]
         raise UsageError(f"{_place(model, loc, values)}: {problem.removeprefix('Value error, ')}") from None
     except SettingsError as error:
         _, name, *_ = str(error).split('"')
@@ -209,8 +209,8 @@ def _epilog(model: type[BaseModel]) -> str | None:
     if not issubclass(model, BaseSettings):
         return None
     return (
-        f"Settings are also read from the table `{getattr(model, 'table', '')}` of tigas.toml, or of the file that\n"
-        "TIGAS_CONFIG names, and from the environment variables in brackets."
+        f"Settings are also read from the table `{getattr(model, 'table', '')}` of tigas.toml, or of the file in\n"
+        "TIGAS_CONFIG, and from the environment variables in brackets."
     )
 
 

@@ -36,7 +36,7 @@ class BodyTooLarge(TigasError):
 
 
 class TooCostly(TigasError):
-    status, type, title = 422, "too-costly", "Checking it takes too much"
+    status, type, title = 422, "too-costly", "Checking the request takes too much"
 
 
 class DiskFull(TigasError):

@@ -121,7 +121,7 @@ def storage_explained(what: str) -> Iterator[None]:
     except OSError as error:
         if error.errno in NO_SPACE:
             raise DiskFull(f"The disk that holds the {what} is full.") from None
-        raise StorageFailed(f"The disk that holds the {what} refused: {error.strerror or error}.") from error
+        raise StorageFailed(f"The disk that holds the {what} reported an error: {error.strerror or error}.") from error
 
 
 def _replace_placeholder(source: Path, target: Path) -> None:

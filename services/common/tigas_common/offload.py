@@ -59,7 +59,7 @@ async def offload_to_process(function: Callable[[*Ts], T], *arguments: *Ts, limi
     except (BrokenWorkerProcess, MemoryError):
         if limit:
             raise TooCostly(
-                f"It took more than {limit.memory // 1_000_000:,} MB of memory or {limit.cpu_s} s to check, "
+                f"Checking it took more than {limit.memory // 1_000_000:,} MB of memory or {limit.cpu_s} s, "
                 "or more than the machine has."
             ) from None
         raise Overloaded("The system killed the process, probably because memory is short.") from None

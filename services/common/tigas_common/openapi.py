@@ -97,10 +97,10 @@ def _operation(route: Route, method: str, references: References) -> dict[str, A
             for place, name, more in parameters
         ],
         "responses": {
-            "2XX": {"description": "It is done."},
+            "2XX": {"description": "Success."},
             **{str(status): {"description": text} for status, text in documentation.also.items()},
             "default": {
-                "description": "Why it is not.",
+                "description": "Failure.",
                 "content": {"application/problem+json": {"schema": references[PROBLEM]}},
             },
         },

@@ -23,9 +23,9 @@ from tigas_common.wire.render import Problem
 logger = logging.getLogger(__name__)
 
 BODY_S = 10.0
-"""Seconds without data after which a body is abandoned,"""
+"""Seconds without data after which a body is abandoned."""
 BODY_BYTES_PER_S = 500.0
-"""and the sustained rate below which it is, too."""
+"""Sustained rate below which a body is abandoned."""
 
 ARRIVED = "arrived"
 """Key of the request's arrival time in an ASGI scope's `state`, in seconds of the monotonic clock."""

@@ -91,7 +91,7 @@ class Weights:
         if self.scene_sha256 not in (GENERAL, scene_sha256):
             return "The scene's file has changed since these weights were trained; train them again."
         if all(self.network_for(rung) is None for rung in ladder):
-            return "These weights were trained for frames of other sizes than the ladder's; train them again."
+            return "These weights were trained for other frame sizes than the ladder's; train them again."
         return None
 
     def network_for(self, rung: Rung) -> NetworkInfo | None:

@@ -303,5 +303,5 @@ async def test_a_results_folder_that_may_not_be_written_is_told(
     monkeypatch.setattr(Path, "rename", refused)
     answer = await store.http.put(f"/experiments/{experiment}/runs/{slug()}", json=upload())
     assert (answer.status_code, answer.json()["type"]) == (500, "tigas:storage-failed")
-    assert answer.json()["detail"] == "The disk that holds the results refused: Permission denied."
+    assert answer.json()["detail"] == "The disk that holds the results reported an error: Permission denied."
     assert store.kept() == before

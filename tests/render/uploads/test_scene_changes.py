@@ -72,7 +72,7 @@ async def test_a_failed_rename_changes_nothing(
         broken.setattr(Path, "rename", fail)
         for id in ("attic", "hall"):
             refused = await client.post(f"/scenes/{id}/rename", json={"name": "loft"})
-            assert refused.json()["detail"] == "The disk that holds the models refused: Input/output error."
+            assert refused.json()["detail"] == "The disk that holds the models reported an error: Input/output error."
     assert names(models) == ["attic.ply", "hall"]
     assert json.loads((models / "hall" / "scene.json").read_text()) == {"name": "The hall"}
     assert (await client.post("/scenes/attic/rename", json={"name": "loft"})).status_code == 200
@@ -101,7 +101,7 @@ async def test_a_failed_removal_leaves_no_folder_behind(
     with monkeypatch.context() as broken:
         broken.setattr(Path, "rename", fail)
         refused = await client.delete("/scenes/hall")
-    assert refused.json()["detail"] == "The disk that holds the models refused: Input/output error."
+    assert refused.json()["detail"] == "The disk that holds the models reported an error: Input/output error."
     assert names(models) == ["attic.ply", "hall"]
 
 

@@ -25,7 +25,7 @@ LIMIT = 0.9
 TOO_OFTEN = 0.1
 """Share of a run's samples above which exceeding the limit is reported."""
 WatchedServices = Literal["threads", "processors", "elsewhere"]
-"""What is monitored: each of the services' threads; only the processors, which they share with the browser; or neither,
+"""What is monitored: each of the services' threads; only the processors, which they share with the browser; or nothing,
 as some services ran on another machine.
 """
 Processes = Mapping[psutil.Process, str]

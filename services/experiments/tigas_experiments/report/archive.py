@@ -30,7 +30,7 @@ TABLE_FILES = (
     *(f"{name}.md" for name in ("table", "overall", "best")),
 )
 PICTURES = ("captures", "samples")
-"""Folders with a run's pictures, which reports do not need, as quality is in the records."""
+"""Folders with a run's pictures, which tables and figures do not need, as their quality is in the records."""
 
 
 class Options(WireModel):

@@ -98,7 +98,7 @@ async def read_config(url: str) -> ServerConfig:
 
 
 async def fault(target: Target) -> str | None:
-    """One sentence if a service does not answer, was restarted, or has closed the link; otherwise None.
+    """One sentence if a service does not answer or was restarted, or the link is closed; otherwise None.
 
     A restarted render service has another certificate in its configuration, a restarted lab service another process.
     """

@@ -109,7 +109,7 @@ class Rerendering:
         except RenderUnavailable as error:
             job.problem = str(error)
         except OSError as error:
-            job.problem = f"The store's disk refused: {error.strerror or error}."
+            job.problem = f"The store's disk reported an error: {error.strerror or error}."
         except Exception:
             logger.exception("Samples could not be rendered again")
             job.problem = "The store failed; its log says why."

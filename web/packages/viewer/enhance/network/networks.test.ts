@@ -103,6 +103,6 @@ test("networks that are near no rung are refused in a sentence", () => {
   const networks = readNetworks(safetensors(SOUND.header, SOUND.data));
   expect(() => networksFor(networks, LADDER)).not.toThrow();
   expect(() => networksFor(networks, LADDER.slice(0, 1))).toThrow(
-    new EnhancementError("its weights were trained for frames of other sizes than this ladder's."),
+    new EnhancementError("its weights were trained for other frame sizes than this ladder's."),
   );
 });

@@ -113,7 +113,7 @@ const NEAR = 1.25;
 export function networksFor(networks: readonly Network[], ladder: readonly Rung[]): (Network | undefined)[] {
   const found = ladder.map((rung) => nearest(networks, rung));
   if (found.every((network) => network === undefined)) {
-    throw new EnhancementError("its weights were trained for frames of other sizes than this ladder's.");
+    throw new EnhancementError("its weights were trained for other frame sizes than this ladder's.");
   }
   return found;
 }
