@@ -43,7 +43,7 @@ STATIC = Path(__file__).parents[1] / "static"
 
 
 def create_app(service: RenderService) -> ASGIApp:
-    """The application over a running service, which is its caller's to open and close."""
+    """Create the application for a running service, which the caller opens and closes."""
     registry = new_registry("render", *service.metrics)
     app = Starlette(
         routes=[
@@ -77,13 +77,13 @@ def create_app(service: RenderService) -> ASGIApp:
     app.state.settings = service.settings
     app.state.frames = HttpFrames(service, service.admission.http_viewers, service.admission.rate)
     if STATIC.is_dir():
-        # Not a mount: that would match before a wrong method of the routes above is noticed.
+        # Not a mount, which would match before the router could reject a wrong method for the routes above.
         app.router.default = Page(STATIC, _config)
-    # Frames are counted by the engine, including those for other processes.
+    # The engine counts frames, including the ones it renders for other processes.
     return CountedRequests(OriginCheck(app, service.origins), app.routes, registry, besides=PATH)
 
 
-@described(query={"scan": "`1`: look at the models directory again first."})
+@described(query={"scan": "`1`: rescan the models directory first."})
 async def scenes(request: Request) -> ModelResponse[list[SceneInfo]]:
     """All scenes."""
     service = _service(request)
@@ -120,12 +120,12 @@ async def edit(request: Request) -> ModelResponse[SceneInfo]:
 
 
 async def add(request: Request) -> ModelResponse[AddedScene]:
-    """Make an upload that is whole a scene, once its file has been checked."""
+    """Check a complete upload, and add it as a scene."""
     id = await _service(request).library.add(request.path_params["id"])
     return created_response(AddedScene(id=id), f"/scenes/{quote(id)}")
 
 
-@described(query={"coarse": "`1`: wait no longer than until there are coarse frames of it."})
+@described(query={"coarse": "`1`: return as soon as the service can render coarse frames of it."})
 async def load(request: Request) -> ModelResponse[SceneInfo]:
     """Load a scene and wait until it is loaded."""
     service, id = _service(request), request.path_params["id"]
@@ -134,7 +134,7 @@ async def load(request: Request) -> ModelResponse[SceneInfo]:
 
 
 async def unload(request: Request) -> ModelResponse[SceneInfo]:
-    """Unload a scene without viewers."""
+    """Unload a scene that has no viewers."""
     service, id = _service(request), request.path_params["id"]
     service.registry.unload(id)
     return json_response(await service.info(id))
@@ -142,7 +142,7 @@ async def unload(request: Request) -> ModelResponse[SceneInfo]:
 
 @described(gives=PICTURES)
 async def preview(request: Request) -> Response:
-    """A scene's thumbnail, rendered if the scene brings none."""
+    """A scene's thumbnail, rendered unless the scene includes one."""
     image = await _service(request).preview(request.path_params["id"])
     return Response(image.body, media_type=image.media_type, headers={"Cache-Control": "max-age=60"})
 
@@ -167,19 +167,19 @@ async def streamed_download(request: Request) -> Response:
 
 
 async def training(request: Request) -> ModelResponse[Training]:
-    """How far the training of a scene's networks is."""
+    """Progress of the training of a scene's networks."""
     return json_response(await _service(request).training(request.path_params["id"]))
 
 
 async def train(request: Request) -> ModelResponse[Training]:
-    """Start to train a scene's networks."""
+    """Start training a scene's networks."""
     answer = json_response(_service(request).train(request.path_params["id"]))
     answer.status_code = 202
     return answer
 
 
 async def stop_training(request: Request) -> ModelResponse[Training]:
-    """Stop it; the scene keeps the networks that it had."""
+    """Stop the training; the scene keeps its previous networks."""
     return json_response(await _service(request).stop_training(request.path_params["id"]))
 
 
@@ -198,22 +198,22 @@ async def general_weights(request: Request) -> Response:
     return (await asyncio.to_thread(lambda: Tagged(shelf.general(), BYTES))).answer(request)
 
 
-@described(query={"scene": "Which it shows: `has_scene` says whether that is still there."})
+@described(query={"scene": "The scene that the page shows: `has_scene` says whether it still exists."})
 async def config(request: Request) -> ModelResponse[ServerConfig]:
-    """The page's configuration, for the address that it was opened under."""
+    """The page's configuration, for the address at which it was opened."""
     scene = request.query_params.get("scene")
     has_scene = None if scene is None else _service(request).registry.has(scene)
     return json_response(_config(request).model_copy(update={"has_scene": has_scene}))
 
 
 async def own_load(request: Request) -> ModelResponse[HostLoad]:
-    """Load of the service, for a director that assigns viewers to hosts."""
+    """The service's load, for a director that assigns viewers to hosts."""
     return json_response(_service(request).host_load(_origin(request)))
 
 
 @described(gives=(JSON,))
 async def healthz(request: Request) -> Response:
-    """Whether the service can render; after its device was lost it answers until it has stopped."""
+    """Whether the service can render: an error after the loss of its device, until the process exits."""
     lost = _service(request).engine.device_lost
     if lost.done():
         return problem_response(problem(lost.result()))

@@ -16,20 +16,20 @@ from tigas_render.transport.certificate import Certificate
 logger = logging.getLogger(__name__)
 
 LOOK_S = 15
-"""How often it is looked after, in seconds."""
+"""Seconds between checks of the certificate."""
 
 Use = Callable[[Certificate], None]
 
 
 class CertificateKeeper:
-    """Makes certificates, and passes them to the servers."""
+    """Creates certificates, and passes them to the servers."""
 
     def __init__(self, settings: RenderSettings) -> None:
         self._names = [socket.gethostname(), *(address.host for address in settings.addresses)]
         self.certificate = Certificate.create(self._names, datetime.now(UTC))
         self._uses: list[Use] = []
         self._to_renew: list[Use] = []
-        """Servers without the newest certificate."""
+        """Callbacks that have not received the newest certificate yet."""
 
     @classmethod
     @asynccontextmanager
@@ -43,7 +43,7 @@ class CertificateKeeper:
             looking.cancel()
 
     def on_renewal(self, use: Use) -> None:
-        """Call `use` with the certificate now, and with each that replaces it."""
+        """Call `use` with the current certificate, and again with each replacement."""
         use(self.certificate)
         self._uses.append(use)
 
@@ -52,7 +52,7 @@ class CertificateKeeper:
             await asyncio.sleep(LOOK_S)
             try:
                 self._renew()
-            except Exception:  # such as a full disk: retried the next time
+            except Exception:  # a full disk, for example; the next check tries again
                 logger.exception("The certificate could not be renewed")
 
     def _renew(self) -> None:

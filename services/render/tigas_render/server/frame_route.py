@@ -1,4 +1,4 @@
-"""`POST /render`: the only part of the HTTP interface that needs just a source of frames."""
+"""`POST /render`, which needs nothing but a source of frames, so that every edge process can serve it."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from tigas_render.frame import Client, Frame, FrameSource, Transport
 
 PATH = "/render"
 VIEWER, MOST_NAME = "Tigas-Viewer", 64
-"""The header with a viewer's own name for itself, and how many characters that may have."""
+"""The header by which a viewer identifies itself, and its maximum length in characters."""
 CLIENT_GONE = 499
-"""An unread status: the client disconnected before its answer."""
+"""The status for a client that disconnected before its answer, and so never reads it."""
 
 
 @dataclass(frozen=True, slots=True)
 class HttpFrames:
-    """The source of frames, and the admission of its clients."""
+    """A source of frames, and the admission of its clients."""
 
     source: FrameSource
     viewers: HttpViewers
@@ -62,7 +62,7 @@ async def render(request: Request) -> Response:
         **NO_STORE,
         "Timing-Allow-Origin": "*",
     }
-    body = bytes(frame.body)  # a slow reader must not hold memory that all frames need
+    body = bytes(frame.body)  # a slow reader must not hold a buffer that other frames need
     frame.release()
     return Response(body, headers=headers, media_type=frame.content_type)
 
@@ -83,7 +83,7 @@ def _about(frame: Frame, requests_per_s: float | None) -> str:
 
 
 def _viewer(request: Request) -> str:
-    """The viewer's identifier, which separates it from others behind the same gateway."""
+    """The viewer's identifier, which distinguishes it from others behind the same gateway."""
     name = request.headers.get(VIEWER, "")
     if len(name) > MOST_NAME:
         raise InvalidRequest(f"{VIEWER}: a name has at most {MOST_NAME} characters.")
@@ -100,4 +100,4 @@ def _client(request: Request, viewers: HttpViewers) -> Client:
 
 
 FRAMES = Route(PATH, render, methods=["POST"])
-"""For an application with HttpFrames as `state.frames`."""
+"""The route, for an application with HttpFrames as `state.frames`."""

@@ -1,4 +1,4 @@
-"""Changes of the models directory by pages: uploads become scenes, and scenes are renamed and removed."""
+"""Changes that pages make to the models directory: adding uploads, and editing, renaming and removing scenes."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from tigas_render.uploads.parts import MODELS, ScenesFixed, Uploads, WrongOffset
 _log = logging.getLogger(__name__)
 
 CHECK_MEMORY = 500_000_000
-"""Additional memory limit of checking a file, in bytes."""
+"""Memory that the check of a file may use in addition to the upload limit, in bytes."""
 CHECK_CPU_S = 600
-"""A hundred million Gaussians take less."""
+"""CPU time limit of a check, in seconds: a hundred million Gaussians take less."""
 
 
 class BuiltIn(TigasError):
@@ -36,12 +36,12 @@ class BuiltIn(TigasError):
 
 
 class Library:
-    """Changes the models directory, and lets the registry know."""
+    """Changes the models directory, and has the registry scan it again."""
 
     def __init__(
         self, settings: RenderSettings, registry: SceneRegistry, shelf: Shelf, offload: Offload = offload_to_process
     ) -> None:
-        """offload: where files are checked."""
+        """offload: runs the check of a file in another process."""
         self._settings = settings
         self._registry = registry
         self._shelf = shelf
@@ -51,20 +51,20 @@ class Library:
 
     @property
     def max_upload_bytes(self) -> int | None:
-        """Maximum size of uploads; None: pages may change nothing."""
+        """Maximum size of an upload in bytes; None if pages may not change scenes."""
         try:
             return open_uploads(self._settings).limit
         except ScenesFixed:
             return None
 
     async def add(self, upload_id: str) -> str:
-        """Check a complete upload, and make it a scene; its id. Repeated calls get the same answer.
+        """Check a complete upload, add it as a scene, and return its id. Repeated calls return the same id.
 
         Raises ScenesFixed, UnknownUpload, WrongOffset, BrokenScene, NotAdded, TooCostly, DiskFull and
         StorageFailed.
         """
         uploads = open_uploads(self._settings)
-        # A client that disconnects may return and ask again.
+        # A client that has disconnected may come back and repeat its request.
         return await self._adding.get(upload_id, lambda: self._add(uploads, upload_id))
 
     async def remove(self, scene_id: str) -> None:
@@ -74,13 +74,13 @@ class Library:
         await asyncio.to_thread(self._shelf.remove, source)
 
     async def rename(self, scene_id: str, name: str) -> None:
-        """Give a scene another id. Raises as `remove`, and NotAdded if there cannot be such a scene."""
+        """Change a scene's id. Raises the errors of `remove`, and NotAdded for an id that is taken or invalid."""
         source = self._registry.source(scene_id)
         await self._change(scene_id, partial(rename_scene, name=name))
         await asyncio.to_thread(self._shelf.rename, source, name)
 
     async def edit(self, scene_id: str, edit: SceneEdit) -> None:
-        """Change a scene's description. Raises as `remove`, and InvalidRequest if the result is not valid."""
+        """Change a scene's description. Raises the errors of `remove`, and InvalidRequest for an invalid result."""
         await self._change(scene_id, partial(edit_scene, edit=edit))
 
     def tidy(self) -> None:
@@ -107,7 +107,7 @@ class Library:
         try:
             async with self._checks:
                 await self._offload(keep_upload, uploads, upload.id, limit=limit)
-        except (Overloaded, DiskFull):  # it may be added later
+        except (Overloaded, DiskFull):  # a later attempt may succeed
             raise
         except TigasError as error:
             _log.warning("The upload of %s was refused: %s", upload.scene, error.detail)
@@ -119,15 +119,15 @@ class Library:
 
 
 def keep_upload(uploads: Uploads, id: str) -> None:
-    """Check an upload that is whole, and make it a scene, unless it is one already.
+    """Check a complete upload, and add it as a scene unless that has been done already.
 
-    In a process of its own, as the file may be hostile. Raises UnknownUpload, NotAdded, BrokenScene, DiskFull and
-    MemoryError.
+    Runs in a separate process because the file may be malicious. Raises UnknownUpload, NotAdded, BrokenScene, DiskFull
+    and MemoryError.
     """
     upload = uploads.get(id)
     try:
         with uploads.locked(upload):
-            if uploads.get(id).added:  # by a check that outlived its service
+            if uploads.get(id).added:  # by a check that outlived an earlier service
                 return
             needed = read_scene_file(upload.path).packed_bytes
             if needed > uploads.limit:
@@ -141,5 +141,5 @@ def keep_upload(uploads: Uploads, id: str) -> None:
         if error.errno in NO_SPACE:
             raise DiskFull(f"There is no room on the disk for {upload.scene}; free some, and try again.") from None
         raise NotAdded(f"{upload.scene} could not be kept: {error.strerror or error}.") from None
-    except RuntimeError as error:  # PyTorch's for a lack of memory
+    except RuntimeError as error:  # raised by PyTorch when it runs out of memory
         raise MemoryError from error

@@ -1,4 +1,4 @@
-"""The render service in a single process, and the parts of its start and stop that an engine shares."""
+"""The render service in a single process, and the start and stop code that it shares with an engine process."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from tigas_render.transport.shared_port import Share
 logger = logging.getLogger(__name__)
 
 LOST_GRACE_S = 5.0
-"""Seconds that a process has to exit once its device is lost."""
+"""Seconds in which a process must exit after its device is lost."""
 MOST_BROKEN = 20
-"""Broken scenes that the start message names."""
+"""Maximum number of broken scenes that the start message lists."""
 SWITCH_S = 0.0001
-"""How often Python's threads take turns, in seconds: at the default, 5 ms, a busy event loop makes each frame late."""
+"""Python's thread switch interval in seconds: with the default, 5 ms, a busy event loop delays every frame."""
 
 
 async def serve(settings: RenderSettings) -> None:
-    """Run the render service in this process until SIGINT or SIGTERM. Raises StartError, also for a lost device."""
+    """Run the render service in this process until SIGINT or SIGTERM. Raises StartError, also if the device is lost."""
     async with AsyncExitStack() as stack:
         sockets = stack.enter_context(PublicSockets.bound(settings, 1))
         service = await stack.enter_async_context(opened(settings, say))
@@ -70,7 +70,7 @@ def say(line: str) -> None:
 
 @asynccontextmanager
 async def opened(settings: RenderSettings, say: Callable[[str], None]) -> AsyncIterator[RenderService]:
-    """The service without anything that serves it, and the process fit for it. Raises StartError."""
+    """Prepare the process and open the service, without any servers, as a context manager. Raises StartError."""
     keep_together()
     _prepare_directory(settings)
     try:
@@ -81,15 +81,15 @@ async def opened(settings: RenderSettings, say: Callable[[str], None]) -> AsyncI
     async with AsyncExitStack() as stack:
         try:
             service = await stack.enter_async_context(RenderService.open(settings, rasterizer))
-        except TigasError as error:  # a GPU that is full, or lost
+        except TigasError as error:  # a GPU out of memory, or lost
             raise StartError(error.detail) from None
         sys.setswitchinterval(SWITCH_S)
         yield service
 
 
 async def until_stopped_or_lost(stop: Coroutine[None, None, None], service: RenderService) -> None:
-    """Wait for `stop`, then end long work. Raises StartError if the device is lost first: only a new process can use
-    it. The process then ends within `LOST_GRACE_S`, even if threads are stuck in calls to the device.
+    """Wait for `stop`, then end long-running work. Raises StartError if the device is lost first, since only a new
+    process can use it. The process then exits within `LOST_GRACE_S`, even if threads are stuck in calls to the device.
     """
     engine = service.engine
     stopped = asyncio.create_task(stop)
@@ -100,7 +100,7 @@ async def until_stopped_or_lost(stop: Coroutine[None, None, None], service: Rend
         service.stop_work()
     if engine.device_lost.done():
         reason = engine.device_lost.result().detail
-        logger.error("%s", reason)  # the process may not get as far as to report it otherwise
+        logger.error("%s", reason)  # the process may be killed before it reports the StartError
         end = threading.Timer(LOST_GRACE_S, os._exit, (1,))
         end.daemon = True
         end.start()
@@ -108,9 +108,9 @@ async def until_stopped_or_lost(stop: Coroutine[None, None, None], service: Rend
 
 
 def _prepare_directory(settings: RenderSettings) -> None:
-    """Make the models directory if it is the default or pages may add scenes; any other name may be mistyped.
+    """Create the models directory if it is the default or if pages may add scenes; any other path may be a typo.
 
-    If the default cannot be made, only the built-in scenes are available. Raises StartError.
+    If the default cannot be created, only the built-in scenes are available. Raises StartError.
     """
     scenes = settings.scenes
     if scenes == MODELS or settings.edit_scenes:
@@ -125,7 +125,7 @@ def _prepare_directory(settings: RenderSettings) -> None:
 
 
 def announcement(service: RenderService, http_port: int, devices: Sequence[str]) -> list[str]:
-    """The start message, with all rendering devices; from now on the service knows its own URL as well."""
+    """Set the service's URL, and return the lines of the start message. devices: the rendering devices' names."""
     http = Address(service.settings.http.host, http_port)
     service.url = f"http://{http.reachable_host}:{http.port}"
     lines = []

@@ -18,14 +18,14 @@ from tigas_common.web import WORKER_POLICY, page_policy
 from tigas_common.wire.render import ServerConfig
 
 ENCODINGS = {"br": ".br", "gzip": ".gz"}
-"""Suffixes, the smallest first."""
+"""File suffixes by encoding, in order of preference: Brotli files are smaller."""
 
 
 class Page(StaticFiles):
-    """Hashed assets are cached for good, the page itself is revalidated."""
+    """Serves hashed assets to be cached forever, and the page itself to be revalidated."""
 
     def __init__(self, directory: Path, config: Callable[[Request], ServerConfig]) -> None:
-        """config: the page's configuration for a request."""
+        """config: returns the page's configuration for a request."""
         super().__init__(directory=directory, html=True)
         self._config = config
 
@@ -40,7 +40,7 @@ class Page(StaticFiles):
     def file_response(
         self, full_path: str | os.PathLike[str], stat_result: os.stat_result, scope: Scope, status_code: int = 200
     ) -> Response:
-        """The file in the first encoding that exists and that the client takes; 304 if the client has just that."""
+        """The file in the first encoding that exists and the client accepts; 304 if the client already has it."""
         headers = Headers(scope=scope)
         accepted = _accepted(headers.get("accept-encoding", ""))
         for encoding, suffix in ENCODINGS.items():
@@ -61,14 +61,14 @@ class Page(StaticFiles):
 
 
 def _accepted(header: str) -> set[str]:
-    """The codings in an Accept-Encoding (RFC 9110, 12.5.3), whatever the client's preference."""
+    """The codings that an Accept-Encoding header allows (RFC 9110, 12.5.3), ignoring the order of preference."""
     parts = [part.replace(" ", "").partition(";") for part in header.lower().split(",")]
     return {coding for coding, _, weight in parts if weight.rstrip("0").rstrip(".") not in ("q=0", "q=")}
 
 
 def _policy(config: ServerConfig) -> str:
-    """Content-Security-Policy of the page: its own origin, and connections to the services' hosts on any port."""
+    """The page's Content-Security-Policy: its own origin, and connections to the services' hosts on any port."""
     urls = [urlsplit(url) for url in (*config.services.values(), config.webtransport_url) if url]
-    # There is no way to write an IPv6 address.
+    # The syntax of host sources has no IPv6 addresses, so only the scheme can be restricted.
     sources = (f"{url.scheme}:" if "[" in url.netloc else f"{url.scheme}://{url.hostname}:*" for url in urls)
     return page_policy(set(sources))

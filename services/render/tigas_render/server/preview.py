@@ -1,4 +1,4 @@
-"""A scene's thumbnail: its own picture, or a rendered one, which is kept."""
+"""Thumbnails of scenes: the scene's own image, or a rendered one from the cache."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tigas_render.single_flight import SingleFlight
 
 WIDTH, HEIGHT = 640, 360
 MAX_BYTES = 8_000_000
-"""The largest preview that a scene may bring."""
+"""Maximum size of the image that a scene may include."""
 MAX_PIXELS = 33_000_000
 
 _MEDIA_TYPES = {"JPEG": "image/jpeg", "PNG": "image/png"}
@@ -33,19 +33,19 @@ _MEDIA_TYPES = {"JPEG": "image/jpeg", "PNG": "image/png"}
 _log = logging.getLogger(__name__)
 
 Render = Callable[[str], Awaitable[bytes]]
-"""Renders a scene (by id) from its start camera, of WIDTH × HEIGHT pixels, as JPEG."""
+"""Renders a scene (by id) from its start camera as a JPEG of WIDTH × HEIGHT pixels."""
 
 
 @dataclass(frozen=True, slots=True)
 class Preview:
-    """An image file's content."""
+    """The content of an image file."""
 
     body: bytes
     media_type: str
 
 
 class PreviewCache:
-    """Previews of scenes; rendered ones are kept in `directory`, which is made when it is needed."""
+    """Previews of scenes. Rendered ones are cached in `directory`, which is created when needed."""
 
     def __init__(self, directory: Path, render: Render) -> None:
         self._directory = directory
@@ -53,7 +53,7 @@ class PreviewCache:
         self._rendering = SingleFlight[Path, Preview]()
 
     async def get(self, source: SceneSource) -> Preview:
-        """The scene's preview; concurrent first requests render once. Raises the errors of rendering."""
+        """The scene's preview, rendered once for concurrent requests. Raises the errors of rendering."""
         if source.preview is not None:
             own = await asyncio.to_thread(read_preview, source.preview)
             if own is not None:
@@ -65,7 +65,7 @@ class PreviewCache:
         return await self._rendering.get(path, lambda: self._cached_or_rendered(source.id, path))
 
     def _path(self, source: SceneSource) -> Path:
-        """The file's name depends on everything that the picture depends on."""
+        """The cache file, whose name depends on everything that the image depends on."""
         key = f"{VERSION}|{source.id}|{source.version}|{source.metadata.look}|{WIDTH}x{HEIGHT}"
         return self._directory / f"preview-{hashlib.sha256(key.encode()).hexdigest()[:32]}.jpg"
 
@@ -79,7 +79,7 @@ class PreviewCache:
 
 
 def read_preview(path: Path) -> Preview | None:
-    """An image file, or None if it is missing, too large, or not a valid JPEG or PNG by content."""
+    """Read an image file: None if it is missing, too large, or not a valid JPEG or PNG by its content."""
     try:
         body = read_regular(path, MAX_BYTES)
         with Image.open(io.BytesIO(body), formats=tuple(_MEDIA_TYPES)) as image:

@@ -40,10 +40,10 @@ async def public_servers(
     quic: Share | None,
     edges: int = 1,
 ) -> AsyncIterator[Callable[[Certificate], None]]:
-    """Serve, as a context manager. The result replaces the certificate for new connections.
+    """Serve, as a context manager that yields a function to replace the certificate for new connections.
 
-    app: the HTTP interface without the proxied services. frames: the source for WebTransport sessions, here or behind a
-    pipe. http, https: listening sockets. edges: the number of processes among which the limits are divided.
+    app: the HTTP interface without the proxied services. frames: the source for WebTransport sessions, in this process
+    or behind a pipe. http, https: listening sockets. edges: the number of processes that share the limits.
     """
     limits = HttpLimits.of(settings.http_limits).of_each(edges)
     users: list[Callable[[Certificate], None]] = []
@@ -56,7 +56,7 @@ async def public_servers(
             users.append(lambda renewed: renewed.load_into(tls))
             await stack.enter_async_context(serve_listener(app, https, limits, tls, websockets=True))
         await stack.enter_async_context(serve_listener(app, http, limits, websockets=True))
-        if quic is not None:  # closed first: viewers are told, while HTTP/1.1 may wait for long answers
+        if quic is not None:  # closed first, to notify viewers at once: HTTP/1.1 may wait for long answers
             server = Http3Server(
                 app,
                 certificate=certificate,

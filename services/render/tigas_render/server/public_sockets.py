@@ -1,6 +1,6 @@
-"""All public sockets of the service. The supervisor keeps them open, so that an edge can end without a packet's loss.
+"""All public sockets of the service. The supervisor keeps them open, so that an edge can exit without losing packets.
 
-An edge that is started again gets the same ones: the numbers of the sockets of a port never change.
+A restarted edge gets the same sockets: the kernel steers packets by a socket's number within the port, which is fixed.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from tigas_render.transport.shared_port import steer
 
 @dataclass(frozen=True, slots=True)
 class PublicSockets:
-    """Bound, and listening where they are TCP's."""
+    """Bound sockets; the TCP ones are listening."""
 
     http: socket.socket
     https: socket.socket | None
     quic: tuple[tuple[socket.socket, ...], ...]
-    """Of each edge: one, or one for each of two families; none if QUIC is off."""
+    """The sockets of each edge, one for each address family; empty if QUIC is off."""
 
     @property
     def http_port(self) -> int:
@@ -41,7 +41,7 @@ class PublicSockets:
         return int(self.quic[0][0].getsockname()[1]) if self.quic else None
 
     def fds(self) -> tuple[int, ...]:
-        """The file descriptors of all edges, each of which inherits them all."""
+        """The file descriptors of all sockets; every edge inherits all of them."""
         tcp = (self.http,) if self.https is None else (self.http, self.https)
         groups = (tcp, *self.quic)
         return tuple(sock.fileno() for group in groups for sock in group)

@@ -1,4 +1,4 @@
-"""Everything that the render service holds while it runs: rasteriser, scenes, engine and previews."""
+"""The running render service: its rasteriser, scenes, engine, previews, downloads and training."""
 
 from __future__ import annotations
 
@@ -56,11 +56,11 @@ HOUSEKEEPING_S = 15
 """Seconds between checks for idle scenes, unfinished uploads and a stuck renderer."""
 
 PREVIEWS = "previews"
-"""Address in whose name thumbnails are rendered, for all visitors; each scene is a session, as one has few requests."""
+"""The client address of all thumbnails. Each scene is a session, because a session may queue only a few requests."""
 
 
 class StateMetrics(Collector):
-    """An engine's unanswered requests and its scenes, for Prometheus."""
+    """Prometheus metrics of an engine's unanswered requests and of its scenes."""
 
     def __init__(self, engine: Engine, scenes: SceneRegistry) -> None:
         self._engine = engine
@@ -99,17 +99,17 @@ class RenderService(FrameSource):
         )
         self.engine = Engine(rasterizer, self.registry, DEFAULT_LADDER, metrics, time.monotonic)
         self.certificate: Certificate | None = None
-        """The certificate shown over QUIC, once it is served."""
+        """The certificate presented over QUIC, once QUIC is served."""
         self.origins = OriginPolicy.of(settings.addresses, settings.allow_hosts, settings.allow_origins)
         self.loads = EdgeLoads(time.monotonic)
         self.metrics = (metrics, StateMetrics(self.engine, self.registry), self.loads)
         self.admission = ViewerAdmission(settings.quic_limits)
-        """The admission of viewers that this process serves itself."""
+        """Admission of the viewers that this process serves itself."""
         self.quic_port: int | None = None
-        """Where QUIC is served, once it is."""
+        """The port of QUIC, once it is served."""
         self.https_port: int | None = None
         self.url: str | None = None
-        """Where the API is over HTTP/1.1, from this machine, once it is."""
+        """The API's URL on this machine over HTTP/1.1, once it is served."""
         self.shelf = Shelf(DEFAULT_LADDER, settings.cache)
         self.trainer = Trainer(rasterizer.device)
         self._why_no_training = why_no_training() if settings.pages_edit_scenes else EDITING_FORBIDDEN
@@ -135,12 +135,12 @@ class RenderService(FrameSource):
         service.stop_work()
 
     def stop_work(self) -> None:
-        """End the loading of scenes and the making of downloads soon: the service is stopping."""
+        """Abort the loading of scenes and the preparation of downloads, because the service is stopping."""
         self.registry.close()
         self.downloads.close()
 
     def show(self, certificate: Certificate) -> None:
-        """Announce this certificate to pages from now on."""
+        """Announce a certificate to pages from now on."""
         self.certificate = certificate
 
     def measured(self) -> AbstractAsyncContextManager[None]:
@@ -152,7 +152,7 @@ class RenderService(FrameSource):
         self.admission.load.engine(*self.engine.state())
 
     def config(self, page: str) -> ServerConfig:
-        """The configuration of a page of this origin."""
+        """The configuration of a page that was opened at this origin."""
         host = urlsplit(page).hostname or "localhost"
         # QUIC does not fall back from ::1 to 127.0.0.1, so a browser must not choose between them.
         quic_host = "127.0.0.1" if host == "localhost" else host
@@ -179,7 +179,7 @@ class RenderService(FrameSource):
         )
 
     def host_load(self, page: str) -> HostLoad:
-        """Load of this host under this origin, for a director that assigns viewers to hosts."""
+        """The load of this host, for a director that assigns viewers to hosts. page: the origin of its URLs."""
         return HostLoad(
             config=self.config(page),
             viewers=self.loads.viewers,
@@ -189,7 +189,7 @@ class RenderService(FrameSource):
         )
 
     def _reaches_quic(self, host: str) -> bool:
-        """Whether a page that was opened under `host` may find QUIC there: another machine does not, on loopback."""
+        """Whether a page that was opened at `host` can reach QUIC there; on loopback, only a local page can."""
         return self.settings.quic is not None and (not self.settings.quic.is_loopback or is_loopback(host))
 
     def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
@@ -204,12 +204,12 @@ class RenderService(FrameSource):
         self.engine.forget(client)
 
     async def load(self, scene_id: str, *, coarse: bool = False) -> None:
-        """Load a scene and wait until it is loaded, as `SceneRegistry.load` does; also raises as that."""
+        """Load a scene and wait until it is loaded, like `SceneRegistry.load`; raises the same errors."""
         with self._noticing_loss():
             await self.registry.load(scene_id, coarse=coarse)
 
     async def infos(self) -> list[SceneInfo]:
-        """Every scene, with the networks and downloads that there are for it."""
+        """All scenes, with the networks and downloads available for each."""
         found = [(info, self.registry.source(info.id)) for info in self.registry.infos()]
         return await asyncio.to_thread(lambda: [self._with_files(*each) for each in found])
 
@@ -219,20 +219,20 @@ class RenderService(FrameSource):
         return await asyncio.to_thread(self._with_files, info, source)
 
     def _with_files(self, info: SceneInfo, source: SceneSource) -> SceneInfo:
-        """A scene's description, including its additional files, in a worker thread."""
+        """A scene's description, including its additional files. Reads the disk, so call it in a worker thread."""
         files = {"enhance": self.shelf.kind(source), "downloads": self.downloads.offered(source)}
         return info.model_copy(update=files)
 
     async def training(self, scene_id: str) -> Training:
-        """How far the training of a scene's networks is. Raises UnknownScene."""
+        """Progress of the training of a scene's networks. Raises UnknownScene."""
         source, state = self.registry.source(scene_id), self.trainer.state(scene_id)
         if state.state in ("running", "failed"):
             return state
         return state.model_copy(update={"problem": await asyncio.to_thread(self.shelf.problem, source)})
 
     def train(self, scene_id: str) -> Training:
-        """Train a scene's networks. Raises UnknownScene, BrokenScene, ScenesFixed, NoTraining, TrainingRuns and
-        NoPlace.
+        """Start training a scene's networks. Raises UnknownScene, BrokenScene, ScenesFixed, NoTraining, TrainingRuns
+        and NoPlace.
         """
         source = self.registry.source(scene_id)
         if source.error is not None:
@@ -260,7 +260,7 @@ class RenderService(FrameSource):
         return await self._previews.get(self.registry.source(scene_id))
 
     async def _render_preview(self, scene_id: str) -> bytes:
-        """From the start camera, through the engine like every other frame, so that it waits for its turn."""
+        """Render a scene from its start camera, through the engine, so that it waits its turn like any other frame."""
         with self._noticing_loss():
             async with self.registry.use(scene_id) as scene:
                 camera = preview_camera(scene.view.camera, scene.view.up, WIDTH, HEIGHT)
@@ -270,7 +270,7 @@ class RenderService(FrameSource):
 
     @contextmanager
     def _noticing_loss(self) -> Iterator[None]:
-        """Scenes are loaded outside of the engine, which must learn of a device lost meanwhile."""
+        """Report a device lost in the meantime to the engine, since scenes are loaded outside it."""
         try:
             yield
         except DeviceLost as error:
@@ -285,5 +285,5 @@ class RenderService(FrameSource):
                 self.engine.videos.forget_idle()
                 self.registry.evict_idle(time.monotonic())
                 await asyncio.to_thread(self.library.tidy)
-            except Exception:  # it is tried again the next time
+            except Exception:  # the next round tries again
                 logger.exception("Housekeeping failed")

@@ -1,7 +1,7 @@
-"""Proxies for other services under this one's origin, below `/services/NAME/`.
+"""Proxies for the other services on this service's origin, at `/services/NAME/`.
 
-A page over HTTPS may not use plain HTTP, and one on another machine may reach only this port. Services get the
-browser's own Host, Origin and Sec-Fetch fields, and apply their rules after this service's.
+A page loaded over HTTPS may not use plain HTTP, and a page on another machine may reach only this port. The services
+receive the browser's own Host, Origin and Sec-Fetch headers, and apply their own rules after this service's.
 """
 
 from __future__ import annotations
@@ -32,26 +32,26 @@ TITLES: Mapping[ServiceName, str] = {
     "shaper": "network shaper",
     "store": "experiment store",
 }
-"""Names in a sentence."""
+"""Names of the services in error messages."""
 MOST, MOST_PER_ADDRESS = 96, 48
-"""Requests to a service at a time: in all, fewer than its limit of connections of one address, and of one client."""
+"""Concurrent requests to a service: in total, which stays below the service's own limit per address, and per client."""
 SILENCE_S = 120.0
-"""Seconds without an answer before a service is given up: a large scene, or a report, takes a minute."""
+"""Seconds to wait for an answer before giving up: a large scene, or a report, takes a minute."""
 IDLE_S = 2.0
-"""Seconds for which an idle connection is kept: less than services keep it."""
+"""Seconds for which an idle connection is kept, shorter than the services keep it."""
 OPEN_S, CLOSE_S = 10.0, 1.0
-"""For a service to take a WebSocket, and to let it go."""
+"""Timeouts in seconds for a service to accept a WebSocket, and to close it."""
 NORMAL, NO_CODE, SERVICE_LOST = 1000, 1005, 1014
-"""Close codes (RFC 6455, 7.4.1): normal; without a code; the gateway's service is down."""
+"""Close codes (RFC 6455, 7.4.1): normal closure, no code received, and bad gateway."""
 
 
 class Upstreams:
-    """An ASGI application around another one, which gets all paths except the services'."""
+    """ASGI middleware that forwards the services' paths to them, and passes all others to the application."""
 
     def __init__(
         self, app: ASGIApp, urls: Mapping[ServiceName, str], origins: OriginPolicy, processes: int = 1
     ) -> None:
-        """urls: base URLs. origins: the pages that are allowed. processes: the number that shares the limits."""
+        """urls: base URLs. origins: the allowed pages. processes: the number of processes that share the limits."""
         self._app = app
         self._origins = origins
         prefix = f"{SERVICES_PATH}/".encode()
@@ -95,21 +95,21 @@ class _Service:
         self.close = self._transport.aclose
 
     async def answer(self, scope: Scope, prefix: bytes, receive: Receive, send: Send) -> None:
-        """Pass a request on. Raises Overloaded, ServiceAway and ServiceSilent before the answer has begun."""
-        busy = Overloaded(f"The {self._title} has too many requests at a time; try again later.")
+        """Forward a request. Raises Overloaded, ServiceAway and ServiceSilent before the answer has begun."""
+        busy = Overloaded(f"The {self._title} is handling too many requests; try again later.")
         with self._running.one_more(client_of(scope), busy):
             if scope["type"] == "websocket":
                 with self._explained():
                     await _relay(self._url, scope, receive, send)
             elif (answer := await self._ask(scope, receive)) is not None:
-                # `Location` as the client knows it
+                # `Location` must be a path on this origin
                 headers = [
                     (name, prefix + value if name == b"location" else value) for name, value in headers_of(answer)
                 ]
                 await hand_back(answer, headers, receive, send)
 
     async def _ask(self, scope: Scope, receive: Receive) -> httpx.Response | None:
-        """Return the answer, or None if the client leaves before it."""
+        """Return the answer, or None if the client disconnects first."""
         sent = asyncio.Event()
         body = b"" if scope["method"] in ("GET", "HEAD") else _parts(Request(scope, receive), sent)
         if isinstance(body, bytes):
@@ -127,7 +127,7 @@ class _Service:
 
     @contextmanager
     def _explained(self) -> Iterator[None]:
-        """Turn errors of the connection into sentences."""
+        """Turn connection errors into errors with a readable message."""
         try:
             yield
         except httpx.ReadTimeout:
@@ -145,7 +145,7 @@ async def _parts(request: Request, sent: asyncio.Event) -> AsyncIterator[bytes]:
 
 
 async def _relay(url: httpx.URL, scope: Scope, receive: Receive, send: Send) -> None:
-    """Relay a WebSocket's messages until one side closes it, and close the other. A refusal is relayed unchanged.
+    """Relay a WebSocket's messages until one side closes it, then close the other. A rejection is relayed unchanged.
 
     Raises OSError if the service does not answer.
     """
@@ -156,7 +156,7 @@ async def _relay(url: httpx.URL, scope: Scope, receive: Receive, send: Send) -> 
     origin = headers.get("origin")
     try:
         service = await connect(
-            f"ws://{headers['host']}{target}",  # as the browser called it, at its own address
+            f"ws://{headers['host']}{target}",  # the browser's Host, although the connection goes to `url`
             host=url.host,
             port=url.port or 80,
             origin=None if origin is None else Origin(origin),
@@ -179,7 +179,7 @@ async def _relay(url: httpx.URL, scope: Scope, receive: Receive, send: Send) -> 
 
 
 async def _carry(socket: WebSocket, service: ClientConnection) -> None:
-    with suppress(RuntimeError, WebSocketDisconnect):  # the client has just left
+    with suppress(RuntimeError, WebSocketDisconnect):  # the client has just disconnected
         await socket.accept()
         directions = [asyncio.create_task(_up(socket, service)), asyncio.create_task(_down(socket, service))]
         try:
