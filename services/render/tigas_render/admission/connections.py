@@ -10,25 +10,25 @@ from tigas_render.admission.limits import Limits
 from tigas_render.admission.load import Load
 
 HANDSHAKES_AT_ONCE, HANDSHAKES_PER_S = 2, 25.0
-"""Handshakes of one address that begin at once and in the long run: each takes the event loop some milliseconds. The
-packets of further ones are dropped, and QUIC clients send them again."""
+"""Burst and sustained rate of an address's new handshakes, each of which costs the event loop a few milliseconds.
+Packets of further handshakes are dropped, and QUIC clients resend them."""
 
 
 @dataclass(slots=True, eq=False)
 class Usage:
-    """The open connections, sessions and requests of one address, and its waiting answers."""
+    """Open connections, sessions and requests of one address, and its waiting answers."""
 
     address: str
     connections: int = 0
     sessions: int = 0
     """WebTransport sessions."""
     requests: int = 0
-    """Running requests, and incomplete ones."""
+    """Requests that are running or still incomplete."""
     waiting: int = 0
-    """Bytes of answers that wait in writers because the client or the network does not take them."""
+    """Bytes of answers waiting in writers because the client or the network does not accept them."""
 
     def request_refusal(self, limits: Limits, running: int) -> str | None:
-        """Return the reason to refuse another request of a connection with so many running ones, if any."""
+        """Return the reason, if any, to refuse a request on a connection with this number of running ones."""
         if running >= limits.requests:
             return "This connection has too many running requests."
         if self.requests >= limits.requests_per_address:
@@ -36,7 +36,7 @@ class Usage:
         return None
 
     def session_refusal(self, limits: Limits, open_sessions: int) -> str | None:
-        """Return the reason to refuse another session of a connection with so many open ones, if any."""
+        """Return the reason, if any, to refuse a session on a connection with this number of open ones."""
         if open_sessions >= limits.sessions:
             return "This connection has the maximum number of sessions."
         if self.sessions >= limits.sessions_per_address:
@@ -45,7 +45,7 @@ class Usage:
 
 
 class ConnectionAdmission:
-    """Decides which addresses may open connections now, and replace streams that they have reset."""
+    """Decides when addresses may open connections, and replace streams that they have reset."""
 
     def __init__(self, limits: Limits, load: Load) -> None:
         self._limits = limits
@@ -55,17 +55,17 @@ class ConnectionAdmission:
         self._resets = RateLimit[str]()
 
     def must_prove_address(self, handshaking: int, of_address: int) -> bool:
-        """Whether a new client gets a Retry first, given the numbers of handshakes under way."""
+        """Whether a new client gets a Retry first, given the numbers of unfinished handshakes: all, and per address."""
         return handshaking >= self._limits.unvalidated or of_address >= self._limits.unvalidated_per_address
 
     def may_begin(self, address: str, now: float) -> bool:
-        """Whether a handshake of an address begins now, which is then counted, or its packet is dropped."""
+        """Whether an address may begin a handshake now, which counts it; if not, its packet is dropped."""
         return self._pace.allows(address, now, HANDSHAKES_PER_S, HANDSHAKES_AT_ONCE / HANDSHAKES_PER_S)
 
     def refusal(self, usage: Usage, connections: int, now: float) -> str | None:
-        """Return the reason to refuse another connection of an address, if any.
+        """Return the reason, if any, to refuse another connection from an address.
 
-        connections: open ones of all addresses.
+        connections: number of open connections from all addresses.
         """
         try:
             self._load.check()
@@ -81,7 +81,7 @@ class ConnectionAdmission:
         return None
 
     def reset_delay(self, address: str, now: float) -> float:
-        """Return the seconds until an address may replace a stream that it has reset. A delay of 0 is counted."""
+        """Return the seconds until an address may replace a stream that it has reset; 0 counts as a replacement."""
         rate = self._limits.resets_per_s
         delay = self._resets.delay(address, now, rate, burst_s=max(1.0, 1 / rate))
         if not delay:

@@ -16,7 +16,7 @@ STALE_S = 5.0
 
 
 class EdgeLoads(Collector):
-    """The newest state of each, also for Prometheus."""
+    """The newest load state of each edge, with Prometheus metrics."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
@@ -27,13 +27,13 @@ class EdgeLoads(Collector):
 
     @property
     def states(self) -> dict[int, LoadState]:
-        """The present edges' reports, by edge."""
+        """The newest report of each running edge, by edge number."""
         since = self._clock() - STALE_S
         return {edge: state for edge, (at, state) in sorted(self._heard.items()) if at >= since}
 
     def full(self) -> float | None:
-        """Seconds after which a new viewer may try again; None if most edges admit one, since clients cannot choose an
-        edge.
+        """Seconds after which a new viewer may try again; None if most edges would admit it, since clients cannot
+        choose an edge.
         """
         states = self.states.values()
         waits = [state.full for state in states if state.full is not None]
@@ -41,19 +41,19 @@ class EdgeLoads(Collector):
 
     @property
     def viewers(self) -> int:
-        """Of all edges."""
+        """Number of viewers on all edges."""
         return sum(state.viewers for state in self.states.values())
 
     @property
     def utilisation(self) -> float:
-        """Utilisation of the edges taken together, or of the renderer, whichever is higher, 0 to 1."""
+        """Utilisation of all edges together or of the renderer, whichever is higher, 0 to 1."""
         states = self.states.values()
         shares = ([state.utilisation for state in states], [state.engine_utilisation for state in states])
         return min(1.0, max(sum(each) / max(1, len(each)) for each in shares))
 
     @property
     def queue_age_s(self) -> float:
-        """The longest that anything waited anywhere in the last second."""
+        """The longest wait in any queue during the last second."""
         return max((age for state in self.states.values() for age in state.ages.values()), default=0.0)
 
     def collect(self) -> Iterator[Metric]:

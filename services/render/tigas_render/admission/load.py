@@ -1,15 +1,17 @@
-"""The control loop of admission: it measures an event loop, and decides on new viewers, their rate, and old datagrams.
+"""The control loop of admission. It measures an event loop, and decides on new viewers, their rate, and old datagrams.
 
-Ten times a second, `tick` classifies the last tenth: it was *bad* if the utilisation was at least FULL_AT, if most
-datagrams were late (a standing queue), or if the engine was full; it was *hot* above HOT_AT or with a standing queue.
-Counters turn ticks into states, so that a single pause, however long, refuses no one:
+Ten times a second, `tick` classifies the last tenth of a second as *bad* if the utilisation was at least FULL_AT, if
+most datagrams were late (a standing queue), or if the engine was full; and as *hot* if the utilisation was above HOT_AT
+or there was a standing queue. Counters turn ticks into states, so that no viewer is refused because of a single pause:
 
-- LASTING more bad ticks than good ones: *full*, until CALM ticks in a row were calm (below FREE_AT, no queue).
-- LASTING more hot ticks than others: the allowed rate is multiplied by CUT. LASTING cool ticks in a row: by GROWTH.
+- With LASTING more bad ticks than good ones, the process is *full* until CALM ticks in a row are calm: utilisation
+  below FREE_AT and no queue.
+- With LASTING more hot ticks than others, the allowed rate is multiplied by CUT; after LASTING cool ticks in a row, by
+  GROWTH.
 
-Utilisation is the share of time in which the thread of the loop computes or waits for a processor. It rises early, but
-misses threads that hold the interpreter; the age of datagrams shows these. New viewers count with their expected cost
-until it has been measured (SETTLED_S), so that a crowd is not admitted at once.
+Utilisation is the share of time in which the loop's thread computes or waits for a processor. It rises early, but does
+not show when other threads hold the interpreter's lock; the age of datagrams does. A new viewer counts with its
+expected cost until the real one has been measured (SETTLED_S), so that a crowd is not admitted all at once.
 """
 
 from __future__ import annotations
@@ -29,43 +31,43 @@ SCHEDSTAT = Path("/proc/thread-self/schedstat")
 TICK_S = 0.1
 """Seconds between measurements."""
 SMOOTHING_S, MOST_TICK_S = 1.0, 0.3
-"""Time constant of the average utilisation, and the most that one pause counts in it, in seconds."""
+"""Time constant of the average utilisation, and the longest that one pause counts in it, in seconds."""
 FULL_AT, FREE_AT = 0.85, 0.7
 """Utilisation at which the process is full, and below which it may be free again."""
 HOT_AT = 0.92
 """Utilisation above which the rate of admitted viewers is cut."""
 LATE_S = 0.01
-"""The age in seconds from which on a datagram is late when it is handled."""
+"""Age in seconds above which a datagram counts as late when it is handled."""
 ENOUGH = 3
-"""The least number of datagrams in a tick that can show a standing queue."""
+"""Minimum number of datagrams in a tick that can reveal a standing queue."""
 TURN_LATE_S, ENGINE_FULL_AT = 0.06, 0.95
-"""The engine is full above this wait for a client's turn, in seconds, and above this utilisation."""
+"""The engine is full if a client waits longer than this for its turn, in seconds, and utilisation is above this."""
 FEW = 8
-"""This many viewers are always admitted, at any rate: they cannot keep the machine busy."""
+"""Number of viewers that are always admitted, without a rate limit: they cannot keep the machine busy."""
 LASTING, CALM = 5, 20
-"""Surplus of bad ticks that makes the process full, and calm ticks in a row that make it free."""
+"""Surplus of bad ticks that makes the process full, and number of calm ticks in a row that makes it free again."""
 SETTLED_S = 2.0
-"""Seconds after which the cost of a new viewer is part of the measured utilisation."""
+"""Seconds after which a new viewer's cost is part of the measured utilisation."""
 EXPECTED_COST = 0.03
-"""The expected utilisation by one viewer, until a few have been measured."""
+"""Expected utilisation per viewer, until a few have been measured."""
 RETRY_S = 5.0
 """Seconds after which a refused viewer may try again."""
 CUT, GROWTH = 0.8, 1.1
-"""Factors by which the allowed rate falls and rises, every LASTING ticks."""
+"""Factors by which the allowed rate falls and rises, at most once every LASTING ticks."""
 FIRST_RATE, LEAST_RATE, MOST_RATE = 60.0, 5.0, 120.0
-"""Requests a second: the rate before the first cut, the lowest rate, and the rate above which there is no limit."""
+"""Requests per second: the rate before the first cut, the lowest rate, and the rate above which there is no limit."""
 PROMISED_RATE = 30.0
-"""No viewer is admitted while the allowed rate is lower than this, in requests a second."""
+"""Allowed rate in requests per second below which no new viewer is admitted."""
 MAX_AGE_S, STANDING_AGE_S = 1.0, 0.1
-"""Ages in seconds above which datagrams are dropped: after a pause, and while a queue stands. QUIC sees loss."""
+"""Ages in seconds above which datagrams are dropped, normally and with a standing queue. To QUIC they are lost."""
 WINDOW_TICKS = 10
-"""The number of ticks over which the largest age is reported."""
+"""Number of ticks over which the largest age is reported."""
 
 
 def busy_time() -> float:
-    """Seconds for which the calling thread has computed or waited for a processor; if that is unknown, computed.
+    """Seconds for which the calling thread has computed or waited for a processor; without schedstat, only computed.
 
-    A loop that shares its processor with others is as busy as one that computes all the time.
+    Waiting counts because a loop that has to share its processor is as busy as one that computes all the time.
     """
     try:
         on_processor, waiting, _ = SCHEDSTAT.read_bytes().split()
@@ -76,55 +78,55 @@ def busy_time() -> float:
 
 @dataclass(frozen=True, slots=True)
 class LoadState:
-    """The measurements and decisions of a process."""
+    """Measurements and decisions of one process. The counters count from its start."""
 
     utilisation: float
-    """Of the event loop's thread, 0 to 1."""
+    """Utilisation of the event loop's thread, 0 to 1."""
     engine_utilisation: float
-    """Of the renderer, 0 to 1."""
+    """Utilisation of the renderer, 0 to 1."""
     ages: dict[str, float]
-    """The largest recent age in each queue, in seconds, by its name: `datagrams`, `loop`, `engine`."""
+    """The largest recent age in each queue, in seconds, by name: `datagrams`, `loop`, `engine`."""
     viewers: int
     full: float | None
-    """As `Load.full`."""
+    """Seconds after which a new viewer may try again; None if it would be admitted."""
     requests_per_s: float | None
-    """As `Load.requests_per_s`."""
+    """The allowed rate of each viewer; None without a limit."""
     refused: int
-    """Refused viewers since the start."""
+    """Number of refused viewers."""
     stale: int
-    """Datagrams dropped for their age since the start."""
+    """Number of datagrams dropped because of their age."""
     refused_batches: int
-    """Batches of datagrams that the kernel refused since the start, so that they were sent one by one."""
+    """Number of datagram batches that the kernel refused, so that they were sent one by one."""
 
 
 class Load:
-    """The load of one event loop. All methods run in the loop's thread, and `keep` must be running."""
+    """The load of one event loop. Call all methods in the loop's thread, and keep `keep` running."""
 
     def __init__(
         self, clock: Callable[[], float] = time.monotonic, busy_clock: Callable[[], float] = busy_time
     ) -> None:
-        """clock, busy_clock: seconds, and seconds of work of the loop's thread."""
+        """clock: time in seconds. busy_clock: seconds for which the loop's thread has been busy."""
         self._clock = clock
         self._busy_clock = busy_clock
         self._ticked_at, self._busy = clock(), busy_clock()
         self._utilisation = 0.0
         self._engine_age = self._engine_utilisation = 0.0
         self._handled = self._late = 0
-        """Datagrams of this tick, and the late ones among them."""
+        """Number of datagrams in this tick, and of late ones among them."""
         self._oldest = 0.0
-        """Their largest age."""
+        """The largest age of a datagram in this tick, in seconds."""
         self._ages: deque[tuple[float, float, float]] = deque(maxlen=WINDOW_TICKS)
-        """The largest age of a datagram, the lateness of the loop, and the wait for the engine, by tick."""
+        """For each tick: the largest age of a datagram, the delay of the loop, and the wait for the engine."""
         self._stands = self._presses = self._calms = 0
-        """Surpluses of ticks with a standing queue, and of bad ones, and the number of calm ones in a row."""
+        """Surplus of ticks with a standing queue, surplus of bad ticks, and number of calm ticks in a row."""
         self._heats = self._cools = 0
-        """The surplus of hot ticks, and the number of cool ones in a row."""
+        """Surplus of hot ticks, and number of cool ticks in a row."""
         self._full = False
         self._rate: float | None = None
         self._entered: deque[float] = deque()
-        """Arrival times of viewers without a measured cost."""
+        """Arrival times of viewers with a cost that is not measured yet."""
         self.viewers = 0
-        """Present viewers."""
+        """Number of viewers now."""
         self._refused = self._stale = self._refused_batches = 0
 
     async def keep(self, ticked: Callable[[], None] = lambda: None) -> None:
@@ -135,7 +137,7 @@ class Load:
             ticked()
 
     def handled(self, age: float) -> bool:
-        """Count a datagram by its age in seconds, and return whether to handle it, or drop it."""
+        """Count a datagram of this age in seconds; False if it must be dropped."""
         self._handled += 1
         self._late += age > LATE_S
         self._oldest = max(self._oldest, age)
@@ -145,7 +147,7 @@ class Load:
         return False
 
     def engine(self, queue_age_s: float, utilisation: float) -> None:
-        """Note how long a client waits for its turn at the renderer, in seconds, and the renderer's utilisation."""
+        """Record the longest wait for the renderer, in seconds, and the renderer's utilisation."""
         self._engine_age, self._engine_utilisation = queue_age_s, utilisation
 
     def entered(self) -> None:
@@ -156,7 +158,7 @@ class Load:
         self._refused_batches += 1
 
     def tick(self) -> None:
-        """Measure, every TICK_S."""
+        """Measure and decide. Called every TICK_S."""
         now, busy = self._clock(), self._busy_clock()
         elapsed = max(1e-6, now - self._ticked_at)
         share = min(1.0, (busy - self._busy) / elapsed)
@@ -182,7 +184,7 @@ class Load:
             self._full = False
 
     def _adapt(self, stands: bool) -> None:
-        """Cut the rate fast and raise it slowly, as congestion control does."""
+        """Cut the rate quickly and raise it slowly, like congestion control."""
         hot = stands or self._utilisation > HOT_AT
         self._heats = _more(self._heats, hot)
         self._cools = self._cools + 1 if not hot and self._utilisation < FULL_AT else 0
@@ -200,14 +202,14 @@ class Load:
         return RETRY_S if self._full or self._expected() >= FULL_AT else None
 
     def check(self) -> None:
-        """Raise ServerFull, which is counted, unless a new viewer is admitted."""
+        """Raise ServerFull, and count it, unless a new viewer can be admitted."""
         if (retry_after_s := self.full()) is not None:
             self._refused += 1
             raise ServerFull("The server is full; try again in a few seconds.", retry_after_s)
 
     @property
     def requests_per_s(self) -> float | None:
-        """The allowed rate of each viewer now; None without a limit."""
+        """The currently allowed rate of each viewer; None without a limit."""
         return self._rate if self.viewers > FEW else None
 
     @property
@@ -227,12 +229,12 @@ class Load:
         )
 
     def _expected(self) -> float:
-        """Return the expected utilisation once the cost of new viewers is measured."""
+        """Return the utilisation to expect once the cost of new viewers has been measured."""
         settled = self._clock() - SETTLED_S
         while self._entered and self._entered[0] < settled:
             self._entered.popleft()
         known = max(0, self.viewers - len(self._entered))
-        of_known = self._utilisation if known else 0.0  # else their arrival keeps the loop busy
+        of_known = self._utilisation if known else 0.0  # with new viewers only, their arrival keeps the loop busy
         each = (of_known + FEW * EXPECTED_COST) / (known + FEW)
         return self._utilisation + each * len(self._entered)
 

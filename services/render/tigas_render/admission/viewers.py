@@ -1,4 +1,4 @@
-"""Admission of viewers by one process: how busy it is, its viewers over HTTP, and the rate of each session."""
+"""Admission of viewers by one process: its load, its viewers over HTTP, and the request rate of each session."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from tigas_render.admission.load import Load, LoadState
 from tigas_render.frame import Client
 
 SLACK = 1.25
-"""The tolerated excess over the announced rate: clocks differ, and announcements take time."""
+"""Tolerated excess over the announced rate, because clocks differ and announcements take time to arrive."""
 BURST_S, LEAST_BURST = 0.25, 4
-"""Burst in seconds, and its minimum in requests: the network bunches them."""
+"""Burst in seconds, and its minimum in requests, because the network bunches requests."""
 STAY_S = 30.0
 """Seconds for which a viewer over HTTP stays admitted after its last request."""
 MOST_NAMED: Final = 64
-"""The most viewers over HTTP of one address that are distinguished, as many as its sessions; others count as one."""
+"""Maximum number of viewers over HTTP distinguished per address, equal to its sessions; further ones count as one."""
 
 
 class ViewerAdmission:
-    """The state behind every decision of one process that serves viewers."""
+    """The admission state of one process that serves viewers."""
 
     def __init__(self, limits: QuicLimits) -> None:
         self.load = Load(time.monotonic)
@@ -35,7 +35,7 @@ class ViewerAdmission:
 
     @asynccontextmanager
     async def measured(self, report: Callable[[LoadState], None]) -> AsyncIterator[None]:
-        """Measure the event loop, as a context manager. `report` gets the state after each measurement."""
+        """Measure the event loop, as a context manager. `report` receives the state after each measurement."""
 
         def ticked() -> None:
             self.http_viewers.forget_absent()
@@ -49,10 +49,10 @@ class ViewerAdmission:
 
 
 class RequestRate:
-    """A token bucket of requests for each session: the announced rate with some slack, or above any display's."""
+    """A token bucket for each session: at the announced rate with some slack, or at `most` without one."""
 
     def __init__(self, load: Load, most: float, clock: Callable[[], float]) -> None:
-        """most: requests of a session a second on an idle server."""
+        """most: requests per second of a session on an idle server."""
         self._load = load
         self._most = most
         self._clock = clock
@@ -60,11 +60,11 @@ class RequestRate:
 
     @property
     def told(self) -> float | None:
-        """The announced rate in requests a second; None if a client may ask as often as its display refreshes."""
+        """The announced rate in requests per second; None if a client may ask as often as its display refreshes."""
         return self._load.requests_per_s
 
     def check(self, client: Client) -> None:
-        """Count a request of a session. Raises AskedTooOften."""
+        """Count a session's request. Raises AskedTooOften."""
         told = self.told
         rate = self._most if told is None else min(self._most, SLACK * told)
         if not self._limit.allows(client, self._clock(), rate, max(LEAST_BURST / rate, BURST_S)):
@@ -73,24 +73,24 @@ class RequestRate:
 
 
 class HttpViewers:
-    """Viewers by `POST /render`. They have no session that could be refused, so they name themselves.
+    """Viewers that use `POST /render`, and so have no session that could be refused.
 
-    Browsers open and close connections as they like, so a viewer is a name that it chooses at its address, or the
-    address itself without a name.
+    Connections do not identify them either, because browsers open and close these as they like. A viewer is therefore
+    a name that it chooses together with its address, or the address alone.
     """
 
     def __init__(self, load: Load, clock: Callable[[], float]) -> None:
         self._load = load
         self._clock = clock
         self._asked: dict[tuple[str, str], float] = {}
-        """The time of the last request, by address and name, the oldest first."""
+        """Time of each viewer's last request by address and name, oldest first."""
         self._named: Counter[str] = Counter()
-        """The number of viewers of each address."""
+        """Number of viewers per address."""
 
     def admit(self, address: str, name: str = "") -> str:
-        """Admit a viewer, or note its request, and return its name: empty for one name too many of its address.
+        """Admit a viewer, or record its next request, and return its name: empty if its address has too many names.
 
-        Raises ServerFull for a new one while there is no room.
+        Raises ServerFull for a new viewer while the server is full.
         """
         self.forget_absent()
         if (address, name) not in self._asked and self._named.get(address, 0) >= MOST_NAMED:
@@ -104,7 +104,7 @@ class HttpViewers:
         return name
 
     def forget_absent(self) -> None:
-        """Forget viewers without a request for STAY_S. Call it regularly, as there may be no other request."""
+        """Forget viewers without a request for STAY_S. Must be called regularly, in case no further request arrives."""
         since = self._clock() - STAY_S
         while self._asked and (first := next(iter(self._asked.items())))[1] < since:
             address, _ = first[0]

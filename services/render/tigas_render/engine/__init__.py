@@ -1,1 +1,1 @@
-"""Frames from requests: queues, render lanes and threads, and the encoder stage."""
+"""The engine, which turns requests into frames: queues, render lanes and threads, and the encoder stage."""

@@ -1,4 +1,4 @@
-"""Predicted costs of frames, and the refusal of frames that would hold up other clients."""
+"""Predicted frame costs, and the refusal of frames that would hold up other clients."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ NEWEST = 0.2
 ACTIVE_S = 2.0
 """Seconds for which a client counts as active after a request or a frame."""
 USUAL_OVERSCAN = 0.25
-"""A rung with at most this overscan is a display's normal need: the page requests no more by itself."""
+"""Overscan up to which a rung is considered normal use; the page never requests more unless the user chooses it."""
 SHORT_S = 0.05
-"""Acceptable wait for another client's frame of any size, in seconds."""
+"""Seconds that a client may have to wait for another client's frame, whatever the frame's size."""
 
 
 class CostModel:
-    """Running means by scene, format and size class, each class spanning a factor of two.
+    """Running means of frame costs by scene, format and size class, where each class spans a factor of two.
 
-    Cost is not proportional to pixels, because projecting and sorting take as long for a small frame. For other sizes
-    the model therefore gives bounds only: a larger frame costs at least as much, and at most in proportion to its
-    pixels.
+    Cost is not proportional to pixels, because projecting and sorting take as long for a small frame. For sizes that
+    have not been measured the model therefore gives only bounds: a larger frame costs at least as much as a smaller
+    one, and at most in proportion to its pixels.
     """
 
     def __init__(self) -> None:
@@ -36,28 +36,28 @@ class CostModel:
         means[size] = (1 - NEWEST) * means.get(size, seconds) + NEWEST * seconds
 
     def at_least(self, scene: str, format: AnswerFormat, pixels: int) -> float:
-        """A lower bound on the cost of a frame of this size: 0 without measurements."""
+        """A lower bound on the cost of a frame of this size, in seconds; 0 without measurements."""
         means, size = self._means.get((scene, format), {}), pixels.bit_length()
         if size in means:
             return means[size]
         return max((seconds * min(1.0, 2.0 ** (size - other)) for other, seconds in means.items()), default=0.0)
 
     def at_most(self, scene: str, format: AnswerFormat, pixels: int) -> float:
-        """An upper bound on the cost of a frame of this size: infinite without measurements."""
+        """An upper bound on the cost of a frame of this size, in seconds; infinite without measurements."""
         means, size = self._means.get((scene, format), {}), pixels.bit_length()
         if size in means:
             return means[size]
         return min((seconds * max(1.0, 2.0 ** (size - other)) for other, seconds in means.items()), default=math.inf)
 
     def doubt(self, scene: str, format: AnswerFormat) -> None:
-        """Lower the estimates that led to refusing a frame; otherwise they would never be measured again."""
+        """Lower the estimates that led to a refusal; otherwise they would never be measured again."""
         means = self._means.get((scene, format), {})
         for size in means:
             means[size] *= 0.9
 
 
 class LargeFrames:
-    """Refuses frames above the server's best rung that would take long, as long as another client is active."""
+    """Refuses slow frames larger than the best rung while another client is active."""
 
     def __init__(self, ladder: tuple[Rung, ...], costs: CostModel) -> None:
         self._costs = costs
@@ -73,7 +73,7 @@ class LargeFrames:
         self._forget(now)
 
     def check(self, client: Client, request: RenderRequest, size: FrameSize, now: float, *, others_wait: bool) -> None:
-        """Raises Overloaded, with a retry time, if a request must wait until no other client is active."""
+        """Raise Overloaded, with a retry time, if a request must wait until no other client is active."""
         is_usual = request.profile is not None and request.overscan <= USUAL_OVERSCAN
         if is_usual or size.pixels <= self._best or not (others_wait or self._others(client, now)):
             return

@@ -1,4 +1,4 @@
-"""The engine: takes requests from any transport and answers with frames, rendering one while others are encoded.
+"""The engine: takes requests from any transport and answers them with frames, rendering one while encoding others.
 
 Requests wait in a queue (work_queue.py) until the frame maker can start them (frame_maker.py). Nothing here blocks the
 event loop.
@@ -28,17 +28,17 @@ from tigas_render.raster.lanes import LaneRasterizer
 logger = logging.getLogger(__name__)
 
 STUCK_S: Final = 120.0
-"""Seconds after which a frame that shows no progress counts as stuck; the largest take a tenth of that on two cores."""
+"""Seconds without progress after which a frame counts as stuck; the largest frames take a tenth of it on two cores."""
 
 
 class Scenes(Protocol):
-    """Where scenes come from: the registry, or a test's stand-in."""
+    """The source of scenes: the registry, or a test double."""
 
     def use(self, scene_id: str, *, coarse: bool = False) -> SceneUse:
-        """A context manager that holds the scene in memory. coarse: while it loads, a coarse one will do."""
+        """A context manager that holds the scene in memory. coarse: accept a coarse version while it loads."""
 
     def evict(self) -> bool:
-        """Unload the least recently used of the unused scenes; False without any."""
+        """Unload the least recently used scene that is not in use; False if there is no such scene."""
 
 
 class Engine(FrameSource):
@@ -52,15 +52,15 @@ class Engine(FrameSource):
         metrics: EngineMetrics,
         clock: Callable[[], float],
     ) -> None:
-        """ladder: the default for scenes."""
+        """ladder: for scenes without their own."""
         self._scenes = scenes
         self._ladder = ladder
         self._metrics = metrics
         self._clock = clock
         self.device_lost: asyncio.Future[DeviceLost] = asyncio.get_running_loop().create_future()
-        """Set with the reason when the device has failed for good."""
+        """Resolves with the reason when the device has failed permanently."""
         self._loading: set[asyncio.Task[None]] = set()
-        """Requests that wait for a scene."""
+        """Tasks of the requests that are waiting for a scene."""
         self._answers: CallbackQueue[tuple[Work, Frame | Exception]] = CallbackQueue(
             lambda answer: self._deliver(*answer)
         )
@@ -83,10 +83,10 @@ class Engine(FrameSource):
         self._answers.deliver()
 
     def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
-        """Request a frame like `FrameSource.request`, at a time of the engine's clock.
+        """Request a frame, as in `FrameSource.request`; `arrived` is a time of the engine's clock.
 
-        Answers InvalidRequest for a rung beyond the scene's ladder, UnknownScene, BrokenScene, Superseded,
-        DeadlineExceeded and Overloaded; OutOfDeviceMemory, if unloading an unused scene does not help; and DeviceLost.
+        The answer may be InvalidRequest for a rung beyond the scene's ladder, UnknownScene, BrokenScene, Superseded,
+        DeadlineExceeded, Overloaded, OutOfDeviceMemory if unloading an unused scene does not help, or DeviceLost.
         """
         may_be_coarse = request.coarse and request.detail == "auto" and request.format != "png"
         use = self._scenes.use(request.scene, coarse=may_be_coarse)
@@ -107,22 +107,22 @@ class Engine(FrameSource):
         self.videos.forget(client)
 
     def state(self) -> tuple[float, float]:
-        """How busy the renderer is, as `WorkQueue.state`."""
+        """The longest wait in seconds and the renderer's utilisation, as in `WorkQueue.state`."""
         return self._queue.state()
 
     @property
     def in_flight(self) -> dict[str, int]:
-        """Unanswered requests, by stage: waiting for their scene, waiting for their turn, and in progress."""
+        """Numbers of unanswered requests by stage: waiting for a scene, waiting for their turn, and in progress."""
         return {"loading": len(self._loading), "waiting": len(self._queue), "rendering": self._queue.at_work}
 
     def check_progress(self) -> None:
-        """Give the device up if a frame has been rendering for longer than `STUCK_S`."""
+        """Declare the device lost if a frame has been rendering for longer than `STUCK_S`."""
         if self._queue.longest_silence() > STUCK_S:
             reason = f"The renderer is stuck: a frame has been rendering for more than {STUCK_S:g} s."
             self.lose_device(DeviceLost(reason))
 
     def lose_device(self, reason: DeviceLost) -> None:
-        """Remember that the device failed for good: only a new process can use it."""
+        """Record that the device has failed permanently: only a new process can use it."""
         if not self.device_lost.done():
             self.device_lost.set_result(reason)
 
@@ -138,7 +138,7 @@ class Engine(FrameSource):
             self._answer(work, error)
 
     def _begin(self, work: Work, scene: LoadedScene) -> None:
-        """The scene is entered: queue the work. Raises InvalidRequest and Overloaded."""
+        """Queue work whose scene is loaded and in use. Raises InvalidRequest and Overloaded."""
         request = work.request
         work.scene, work.is_entered = scene, True
         work.ladder = ladder = scene.ladder or self._ladder
@@ -159,7 +159,7 @@ class Engine(FrameSource):
             work.use.leave()
 
     def _finish(self, work: Work, result: Frame | Exception) -> None:
-        """Answer work that was begun: at once on the event loop, soon from any other thread."""
+        """Answer work that has begun: immediately on the event loop, or soon when called from another thread."""
         if threading.get_ident() == self._thread:
             self._deliver(work, result)
         else:
@@ -169,7 +169,7 @@ class Engine(FrameSource):
         self._answers.put((work, result))
 
     def _deliver(self, work: Work, result: Frame | Exception) -> None:
-        """Answer on the event loop, unless the deadline has passed or another attempt is worthwhile."""
+        """Answer on the event loop: with an error if the deadline has passed, and not yet if a retry is worthwhile."""
         if isinstance(result, Frame):
             try:
                 work.check_deadline(self._clock())
@@ -177,7 +177,7 @@ class Engine(FrameSource):
                 self._lost(work, result)
                 result = error
         elif isinstance(result, OutOfDeviceMemory) and self._may_try_again(work):
-            # only after the error is released, which references the allocations
+            # later, once the error has been released, because it references the failed attempt's allocations
             asyncio.get_running_loop().call_soon(self._try_again, work)
             return
         self._answer(work, result)
@@ -209,7 +209,7 @@ class Engine(FrameSource):
             self._metrics.count(result.type)
         try:
             answered(result)
-        except Exception:  # one viewer's answer must not cost the others theirs
+        except Exception:  # one viewer's failure must not affect the others
             logger.exception("An answer was not delivered")
             if isinstance(result, Frame):
                 result.release()

@@ -1,6 +1,6 @@
-"""Frame makers: take work from the queue, render it, encode the images, and answer.
+"""Frame makers, which take work from the queue, render it, encode the images, and answer.
 
-A rasteriser with lanes (CUDA, synthetic frames) is driven from the event loop; the CPU rasteriser by threads.
+A rasteriser with lanes (CUDA, synthetic frames) is driven from the event loop; the CPU rasteriser from threads.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ logger = logging.getLogger(__name__)
 
 
 ENOUGH_LANES: Final = 6
-"""Frames at once that keep a device busy."""
+"""Number of concurrent frames that keeps a device busy."""
 MOST_BEGUN_S: Final = 0.05
-"""Expected seconds of frames in lanes beyond which no more than ENOUGH_LANES are used: where the device is slow, frames
-wait in the queue, which knows which is newest, rather than in the device."""
+"""Expected seconds of work in lanes above which only ENOUGH_LANES are used: for a slow device, requests had better wait
+in the queue, where newer ones can replace them."""
 
 
 @dataclass(eq=False)
@@ -44,19 +44,19 @@ class FrameMaker(ABC):
     queue: WorkQueue
     clock: Callable[[], float]
     answer: Callable[[Work, Frame | Exception], None]
-    """Called with the outcome of each work, on any thread."""
+    """Called with the outcome of each work item, on any thread."""
     videos: VideoChains
 
     @abstractmethod
     async def start(self) -> None:
-        """Warm up the rasteriser, then begin to take work."""
+        """Warm up the rasteriser, then start taking work."""
 
     @abstractmethod
     async def stop(self) -> None:
         """Finish the frames in flight, once the queue is closed."""
 
     def _finish(self, work: Work, image: Image) -> None:
-        """Encode and close the image, and answer. On any thread."""
+        """Encode and close the image, and answer. May be called on any thread."""
         request, size, rendering, encoded = work.request, work.size, image.rendering, image.encoding
         body, video = None, None
         try:
@@ -97,17 +97,17 @@ class FrameMaker(ABC):
 
 
 class LaneFrameMaker(FrameMaker):
-    """Starts a frame whenever a lane is free, and finishes JPEGs, on the event loop.
+    """Starts a frame whenever a lane is free, and finishes JPEGs, all on the event loop.
 
-    Lanes beyond ENOUGH_LANES hide that a finished lane waits for a busy event loop.
-    Threads do the remaining work on the host, such as video and WebP.
+    Lanes beyond ENOUGH_LANES keep the device busy while finished lanes wait for a busy event loop.
+    Threads do the remaining work on the host, such as encoding video and WebP.
     """
 
     rasterizer: LaneRasterizer
 
     async def start(self) -> None:
         self._begun_s = 0.0  # expected seconds of frames in lanes
-        self._on_host = 0  # images that the threads encode or will encode
+        self._on_host = 0  # images that the threads are encoding or about to encode
         self._is_scheduled = False  # whether the event loop is about to run `_begin_all`
         self._loop = asyncio.get_running_loop()
         self._most_on_host = max(self.rasterizer.frames_in_flight, os.cpu_count() or 1)
@@ -117,7 +117,7 @@ class LaneFrameMaker(FrameMaker):
         self._lanes: Lanes | None = Lanes(self.rasterizer.frames_in_flight, self.rasterizer.enter_thread)
         self._loop.add_reader(self._lanes.fileno(), self._collect)
         self.queue.on_work(self._schedule)
-        self._begin_all()  # work that is already waiting; otherwise the queue learns that the renderer is idle
+        self._begin_all()  # starts waiting work; if there is no work, the queue notes that the renderer is idle
 
     async def stop(self) -> None:
         if self._lanes is not None:
@@ -129,7 +129,7 @@ class LaneFrameMaker(FrameMaker):
         await self._loop.run_in_executor(None, self._threads.shutdown)
 
     def _schedule(self) -> None:
-        """Start new work soon; once for a burst of requests."""
+        """Start new work soon, once for a burst of requests."""
         if not self._is_scheduled:
             self._is_scheduled = True
             self._loop.call_soon(self._begin_all)
@@ -191,8 +191,8 @@ class LaneFrameMaker(FrameMaker):
 class ThreadFrameMaker(FrameMaker):
     """Runs one thread for each frame in flight.
 
-    Each thread renders in turn and then encodes its own image, so that a frame under load wakes no other thread. Work
-    is chosen as late as possible, by a thread that can start it at once.
+    The threads take turns to render, and each encodes its own image, so that under load no frame has to wake another
+    thread. Work is chosen as late as possible, by a thread that can start it immediately.
     """
 
     async def start(self) -> None:
@@ -208,11 +208,11 @@ class ThreadFrameMaker(FrameMaker):
         self._threads.shutdown()
 
     def _run(self) -> None:
-        while self._make_next():  # keeps no reference while it waits, so that an unloaded scene is freed at once
+        while self._make_next():  # a separate call, so that no reference keeps an unloaded scene alive while waiting
             pass
 
     def _make_next(self) -> bool:
-        """Wait for work and make its frame; False once the queue is closed."""
+        """Wait for work and make its frame. Returns False once the queue is closed."""
         work = self.queue.next()
         if work is None:
             return False
@@ -223,7 +223,7 @@ class ThreadFrameMaker(FrameMaker):
         return True
 
     def _render(self, work: Work, *, is_interruptible: bool) -> Image | None:
-        """The image, with the time spent on it minus interruptions; None if rendering failed."""
+        """Render the image and set its rendering time without interruptions; None if rendering failed."""
         interrupted = 0.0
 
         def pause() -> None:
@@ -249,7 +249,7 @@ class ThreadFrameMaker(FrameMaker):
         return image
 
     def _make_ahead_of(self, work: Work) -> None:
-        """Make much smaller frames of other clients before a frame in progress continues."""
+        """Make much cheaper frames of other clients before continuing with a frame in progress."""
         while (urgent := self.queue.next_ahead_of(work)) is not None:
             image = self._render(urgent, is_interruptible=False)
             if image is not None:
@@ -272,7 +272,7 @@ def picture_format(request: RenderRequest) -> FrameFormat:
 
 
 def _encoded(work: Work, image: Image) -> bytes:
-    """The frame's body; rasterisers do not support WebP."""
+    """The frame's body. Rasterisers cannot encode WebP, so the host does."""
     if work.request.format == "webp":
         body = encode_webp(image.to_host(), work.quality)
     else:

@@ -1,4 +1,4 @@
-"""How large a frame becomes: the rung's pixels, or the viewport's own, and the margins of its overscan."""
+"""The size of a frame: the pixels of the rung or of the viewport, plus the margins for overscan."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from tigas_render.raster.base import Camera
 
 MIN_VIDEO_SIDE: Final = 16
 MAX_VIDEO_PIXELS: Final = 36_864 * 256
-"""In a frame of H.264's level 5.2 (ITU-T H.264, table A-1)."""
+"""Maximum frame size of H.264 level 5.2 (ITU-T H.264, table A-1)."""
 
 
 @dataclass(frozen=True, slots=True)
 class FrameSize:
-    """A frame's size in pixels: the viewport's part, and margins around it. Width and height include both."""
+    """A frame's size in pixels: the viewport's part and the margins around it. Width and height include both."""
 
     inner_width: int
     inner_height: int
     margin_x: int
-    """Columns at the left, and as many at the right."""
+    """Columns on each side, left and right."""
     margin_y: int
-    """Rows at the top, and as many at the bottom."""
+    """Rows on each side, top and bottom."""
     width: int = field(init=False, compare=False)
     height: int = field(init=False, compare=False)
     pixels: int = field(init=False, compare=False)
@@ -52,11 +52,11 @@ class FrameSize:
         return Camera(request.pose, intrinsics, background, scale, (self.margin_x, self.margin_y), full_detail)
 
 
-@lru_cache(maxsize=1024)  # a viewer asks with one lens, or a few, thousands of times
+@lru_cache(maxsize=1024)  # a viewer sends thousands of requests with the same lens, or a few
 def _lens(
     size: FrameSize, fx: float, fy: float, cx: float, cy: float, width: int, height: int
 ) -> tuple[Intrinsics, float]:
-    """A frame's intrinsics, and the scale from it to the viewport: one number, as both sides differ by rounding only.
+    """A frame's intrinsics, and the scale from its pixels to the viewport's, equal on both axes up to rounding.
 
     The other arguments are the viewport's intrinsics.
     """
@@ -65,7 +65,7 @@ def _lens(
     return intrinsics, math.sqrt(width * height / (size.inner_width * size.inner_height))
 
 
-@lru_cache(maxsize=1024)  # as well
+@lru_cache(maxsize=1024)  # for the same reason
 def _sized(width: int, height: int, rung: Rung | None, overscan: float, is_video: bool) -> FrameSize:
     if rung is not None:
         width, height = rung.size_for(width, height)

@@ -1,4 +1,4 @@
-"""Measurements of the engine: counters for Prometheus, and the share of busy time."""
+"""The engine's metrics: counters and histograms for Prometheus, and utilisation."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BOUNDS = [*map(str, map(float, BUCKETS)), "+Inf"]
 
 
 class Times:
-    """How often something took how long."""
+    """A histogram of durations in seconds."""
 
     def __init__(self) -> None:
         self.sum = 0.0
@@ -30,27 +30,27 @@ class Times:
 
     @property
     def buckets(self) -> list[tuple[str, float]]:
-        """Upper bounds, with the cumulative count of each."""
+        """Upper bounds, each with its cumulative count."""
         return list(zip(BOUNDS, accumulate(self._counts), strict=True))
 
 
 class EngineMetrics(Collector):
     """The engine's counters and histograms.
 
-    Thousands of frames are counted between two reads, on one thread: prometheus_client's own counters, which have
-    locks, would take a twentieth of the engine's process.
+    Thousands of frames are counted between two reads, all on one thread: prometheus_client's own counters, which take
+    locks, would use a twentieth of the engine's CPU time.
     """
 
     def __init__(self) -> None:
         self._requests = {"frame": 0}
-        """By outcome."""
+        """Number of requests by outcome."""
         self._frames: dict[tuple[str, int | None, Transport], list[int]] = {}
-        """How many frames, and of how many bytes, by scene, rung and transport."""
+        """Number of frames and their total bytes, by scene, rung and transport."""
         self._scenes = SceneNames()
         self._queue, self._render, self._encode = Times(), Times(), Times()
 
     def count(self, outcome: str) -> None:
-        """One request that ended without a frame, by the error's type or `cancelled`."""
+        """Count a request that ended without a frame. outcome: the error's type, or `cancelled`."""
         self._requests[outcome] = self._requests.get(outcome, 0) + 1
 
     def frame(self, scene: str, transport: Transport, frame: Frame) -> None:
@@ -83,7 +83,7 @@ class EngineMetrics(Collector):
 
 
 class Utilisation:
-    """Records the end and the start of work, which begins at once; times are seconds of one clock."""
+    """The share of time spent working. Starts out busy; all times are seconds of the same clock."""
 
     def __init__(self, now: float) -> None:
         self._asked = now
@@ -101,7 +101,7 @@ class Utilisation:
             self._idle_since = None
 
     def share(self, now: float) -> float:
-        """The share of the time since this was asked last, 0 to 1, that was work."""
+        """The share of busy time since the last call, 0 to 1."""
         if self._idle_since is not None:
             self._idle += now - max(self._idle_since, self._asked)
         passed, idle = now - self._asked, self._idle

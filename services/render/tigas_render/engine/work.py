@@ -1,4 +1,4 @@
-"""Work of the engine: a request on its way to a frame, and the queue by which threads call the event loop."""
+"""The engine's work items, each a request on its way to a frame, and a queue from threads to the event loop."""
 
 from __future__ import annotations
 
@@ -37,20 +37,20 @@ class LoadedScene(Protocol):
 
     @property
     def is_coarse(self) -> bool:
-        """Whether it stands in for the scene, which is loading."""
+        """Whether this is a coarse stand-in for a scene that is still loading."""
 
 
 class SceneUse(Protocol):
-    """Holds a scene in memory, from one of the ways to enter until `leave`."""
+    """Holds a scene in memory, from `enter` or `enter_if_loaded` until `leave`."""
 
     def enter_if_loaded(self) -> LoadedScene | None:
         """The scene; None if it must be loaded first. Raises UnknownScene."""
 
     async def enter(self) -> LoadedScene:
-        """The scene, loaded if need be. Raises UnknownScene, BrokenScene, Overloaded."""
+        """The scene, loaded if necessary. Raises UnknownScene, BrokenScene and Overloaded."""
 
     def leave(self) -> None:
-        """The scene may be unloaded again."""
+        """Allow the scene to be unloaded again."""
 
 
 @dataclass(slots=True, eq=False)
@@ -60,21 +60,21 @@ class Work:
     client: Client
     request: RenderRequest
     arrived: float
-    """In seconds of the engine's clock."""
+    """When the request arrived, in seconds of the engine's clock."""
     use: SceneUse
     answered: Answered | None
-    """The recipient of the frame; None once it was answered or cancelled."""
+    """Callback for the frame or error; None once the request is answered or cancelled."""
     loading: asyncio.Task[None] | None = None
-    """Waits for the scene, which is to be loaded."""
+    """The task that waits for the scene to load."""
     is_second_try: bool = False
     is_entered: bool = False
-    """Whether the scene is in use for it; all below is set then."""
+    """Whether the scene is in use for this work; the fields below are set only then."""
     scene: LoadedScene = field(init=False)
     ladder: tuple[Rung, ...] = field(init=False)
     """The ladder that the request's profile indexes."""
     size: FrameSize = field(init=False)
     expected: float = field(init=False)
-    """Seconds that the frame is expected to cost."""
+    """Expected cost of the frame, in seconds."""
 
     @property
     def quality(self) -> int:
@@ -87,7 +87,7 @@ class Work:
         return self.answered is None
 
     def check_deadline(self, ready_at: float) -> None:
-        """Raises DeadlineExceeded if the frame is of no use then."""
+        """Raise DeadlineExceeded if a frame that is ready at this time would be too late."""
         deadline_ms = self.request.deadline_ms
         if deadline_ms is not None and ready_at > self.arrived + deadline_ms / 1000:
             raise DeadlineExceeded(f"The frame could not be ready within {deadline_ms:g} ms.")
@@ -96,8 +96,8 @@ class Work:
 class CallbackQueue(Generic[Item]):
     """Passes items from threads to `receive`, in order, on the event loop that created it.
 
-    One wakeup serves all items until the loop reads them: it costs the thread a system call, and with it the
-    interpreter's lock.
+    One wakeup serves all items put before the loop reads them, because a wakeup is a system call for which the thread
+    gives up the interpreter's lock.
     """
 
     def __init__(self, receive: Callable[[Item], None]) -> None:
@@ -107,17 +107,17 @@ class CallbackQueue(Generic[Item]):
         self._is_woken = False
 
     def put(self, item: Item) -> None:
-        """Hand over an item, from any thread; the loop receives it soon, never at once."""
+        """Hand over an item, from any thread; the loop receives it later, never during this call."""
         self._items.append(item)
         if not self._is_woken:
             self._is_woken = True
             self._loop.call_soon_threadsafe(self.deliver)
 
     def deliver(self) -> None:
-        """Receive all items so far. On the event loop."""
-        self._is_woken = False  # first of all: the thread of any later item wakes the loop again
+        """Receive all items so far. Must be called on the event loop."""
+        self._is_woken = False  # first, so that any item put from here on wakes the loop again
         for _ in range(len(self._items)):
             try:
                 self._receive(self._items.popleft())
-            except Exception:  # the others' answers are not to be lost with one
+            except Exception:  # a failure must not lose the remaining answers
                 logger.exception("An answer was not delivered")

@@ -1,4 +1,4 @@
-"""Requests waiting to be rendered: queues work, chooses the next item, and answers dropped ones. Thread-safe."""
+"""The queue of requests to render: adds work, chooses the next item, and answers dropped ones. Thread-safe."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from tigas_render.fair_queue import FairSchedule
 from tigas_render.frame import Client, obsoletes
 
 QUEUE_DEPTH = 4
-"""Maximum number of waiting requests of one session: enough for a burst, too few to build up delay."""
+"""Maximum number of waiting requests per session: enough for a burst, too few to build up delay."""
 MAX_WAITING = 512
-"""Requests of all clients together that may wait."""
+"""Maximum number of waiting requests of all clients together."""
 WAITING_PER_ADDRESS = 128
-"""Requests of one address that may wait; further ones are refused."""
+"""Maximum number of waiting requests per address; further ones are refused."""
 MIN_COST_S = 0.0001
-"""Minimum charge of a turn in seconds, so that clients with frames of unknown cost take turns."""
+"""Minimum charge for a turn in seconds, so that clients take turns even while the cost of their frames is unknown."""
 INTERRUPTED_FOR = 4
-"""A frame is interrupted for one of another address with an expected cost lower by this factor."""
+"""A frame is interrupted for one of another address that is expected to be cheaper by this factor."""
 
 STOPPING = "The server is stopping."
 
 
 class WorkQueue:
-    """Between the event loop, which adds and removes work, and the threads that make frames of it."""
+    """A queue between the event loop, which adds and removes work, and the threads that make the frames."""
 
     def __init__(
         self,
@@ -43,25 +43,25 @@ class WorkQueue:
         self._clock = clock
         self._refuse = refuse
         self._most_at_work = max(2, frames_in_flight - 1)
-        """Frames of one address: a large picture takes a tenth of a second to encode."""
+        """Maximum number of an address's frames at work: encoding a large image takes a tenth of a second."""
         self._schedule: FairSchedule[Work] = FairSchedule(QUEUE_DEPTH)
         self._costs = CostModel()
         self._large_frames = LargeFrames(ladder, self._costs)
         self._utilisation = Utilisation(clock())
         self._waits_since: dict[Client, float] = {}
-        """Start of each client's wait for its next frame, for any of its requests."""
+        """Since when each client has been waiting for any of its requests to begin."""
         self._at_work: Counter[str] = Counter()
-        """Frames that have begun and are not done, by address."""
+        """Number of frames that have begun and are not done, by address."""
         self._alive: dict[Work, float] = {}
-        """When each of them began, or last let another frame go first."""
+        """When each frame at work began, or last let another frame go first."""
         self._all_at_work: set[str] = set()
-        """Addresses that have as many as they may."""
+        """Addresses with the maximum number of frames at work."""
         self._lock = threading.Lock()
         self._changed = threading.Condition(self._lock)
         self._on_work: Callable[[], object] | None = None
         self._is_rendering = False
         self._is_called = False
-        """Whether a thread was woken and has not called `next` since."""
+        """Whether a thread has been woken and has not called `next` since."""
         self._closed = False
 
     def __len__(self) -> int:
@@ -69,17 +69,17 @@ class WorkQueue:
 
     @property
     def at_work(self) -> int:
-        """Frames that have begun and are not done."""
+        """Number of frames that have begun and are not done."""
         with self._lock:
             return len(self._alive)
 
     def longest_silence(self) -> float:
-        """Seconds for which the slowest frame has been rendering without a sign of progress; 0 if none is."""
+        """Seconds since the slowest frame at work last showed progress; 0 if there is no frame at work."""
         with self._lock:
             return self._clock() - min(self._alive.values()) if self._alive else 0.0
 
     def push(self, work: Work) -> None:
-        """Add work. Raises Overloaded."""
+        """Add work. Raises Overloaded if too many requests are waiting."""
         client, request = work.client, work.request
         with self._lock:
             if self._closed or len(self._schedule) >= MAX_WAITING:
@@ -98,19 +98,18 @@ class WorkQueue:
             self._refuse(pushed_out, Superseded("Newer requests of this client superseded this one."))
 
     def remove(self, work: Work) -> None:
-        """Remove cancelled work, if it waits."""
+        """Remove cancelled work if it is still waiting."""
         with self._lock:
             self._schedule.remove(work.client, work)
 
     def on_work(self, tell: Callable[[], object]) -> None:
-        """Call this for new work instead of waking a thread in `next`. It must lead to `take`, until that gives None.
-
-        Called on the thread that pushes, with the lock held.
+        """Call `tell` for new work instead of waking a thread in `next`. It must cause calls of `take` until that
+        returns None. It is called on the thread that pushes, with the lock held.
         """
         self._on_work = tell
 
     def take(self) -> Work | None:
-        """Begin the work that is next: `done` must follow. None if none can begin; until then there is no pause."""
+        """Begin the next work, which the caller must pass to `done`. After None, the renderer counts as idle."""
         with self._lock:
             work = self._pop()
             if work is None:
@@ -118,7 +117,7 @@ class WorkQueue:
             return work
 
     def next(self) -> Work | None:
-        """Wait for a turn, and begin the work that is next: `rendered` and `done` must follow. None once closed."""
+        """Wait for a turn and begin the next work; None once closed. The caller must call `rendered` and `done`."""
         with self._lock:
             while not self._closed:
                 self._is_called = False
@@ -133,7 +132,7 @@ class WorkQueue:
             return None
 
     def rendered(self) -> None:
-        """Pass the turn to render to another thread, if there is work."""
+        """Pass the turn to another thread, if there is work."""
         with self._lock:
             self._is_rendering = False
             if self._schedule:
@@ -142,16 +141,16 @@ class WorkQueue:
                 self._utilisation.rest(self._clock())
 
     def next_ahead_of(self, work: Work) -> Work | None:
-        """Like `next`, but without waiting, and only for work that justifies an interruption."""
+        """Like `next`, but does not wait, and takes only work that justifies interrupting this work."""
         with self._lock:
             self._alive[work] = self._clock()
             return self._pop({work.client.address}, work.expected / INTERRUPTED_FOR)
 
     def done(self, work: Work, seconds: float | None = None, *, is_whole: bool = False) -> None:
-        """Record the end of work, and its cost in seconds; None: as expected.
+        """Record the end of work, and its cost in seconds; None means the expected cost.
 
-        is_whole: it produced a frame, so that its cost predicts similar ones. The caller will call `next` itself, so no
-        thread is woken.
+        is_whole: the work produced a frame, so its cost predicts similar ones. No thread is woken, because the caller
+        goes on to call `next`.
         """
         address, request = work.client.address, work.request
         with self._lock:
@@ -166,8 +165,8 @@ class WorkQueue:
                     self._costs.measured(request.scene, request.format, work.size.pixels, seconds)
 
     def state(self) -> tuple[float, float]:
-        """How long the client has waited, in seconds, that has waited longest for its next frame to begin; and the
-        share of the time since the last call, 0 to 1, in which there was something to render.
+        """The longest time, in seconds, that any client has been waiting for its next frame to begin; and the share of
+        the time since the last call, 0 to 1, in which there was work.
         """
         with self._lock:
             now = self._clock()
@@ -186,7 +185,7 @@ class WorkQueue:
             self._changed.notify_all()
 
     def _call(self) -> None:
-        """Announce work. A burst wakes one thread only, because waking costs more than adding work."""
+        """Announce work. A burst wakes only one thread, because waking costs more than adding work."""
         if self._on_work is not None:
             self._on_work()
         elif not self._is_called:
@@ -194,10 +193,10 @@ class WorkQueue:
             self._changed.notify()
 
     def _pop(self, besides: Collection[str] = (), at_most: float = math.inf) -> Work | None:
-        """The next work that can begin now, charged to its client; None without any.
+        """Begin the next work that is allowed to, and charge it to its client; None if there is no such work.
 
-        Skips the addresses `besides`, addresses with their maximum number of frames at work, and work above the given
-        cost.
+        Skips the addresses in `besides`, addresses with the maximum number of frames at work, and work with an expected
+        cost above `at_most`.
         """
         left_out = self._all_at_work.union(besides) if besides else self._all_at_work
         while (work := self._schedule.pop(left_out, at_most)) is not None:
@@ -224,7 +223,7 @@ class WorkQueue:
             self._refuse(older, Superseded("A newer view of this client is rendered instead."))
 
     def _check(self, work: Work) -> None:
-        """Raises DeadlineExceeded and Overloaded if a frame is not to be rendered now."""
+        """Raise DeadlineExceeded or Overloaded if a frame must not be rendered now."""
         request, now = work.request, self._clock()
         if request.deadline_ms is not None:
             try:
