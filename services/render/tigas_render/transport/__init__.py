@@ -1,1 +1,1 @@
-"""HTTP/3 and WebTransport on aioquic: an ASGI server, and the render session that frames travel in."""
+"""HTTP/3 and WebTransport on aioquic: an ASGI server, and the render session that carries frames."""

@@ -1,6 +1,6 @@
-"""The server's own certificate: short-lived, made in memory at start-up, trusted by its hash alone.
+"""The server's self-signed certificate, which is short-lived, created in memory at start, and trusted by its hash.
 
-A browser accepts it for WebTransport through `serverCertificateHashes`, which asks for ECDSA P-256 and a validity of
+A browser accepts it for WebTransport through `serverCertificateHashes`, which requires ECDSA P-256 and a validity of
 at most 14 days, so neither a browser flag nor an installed CA is needed.
 """
 
@@ -23,11 +23,11 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 VALIDITY = timedelta(days=13)
-"""The whole span from not-before to not-after."""
+"""Time from not-before to not-after."""
 CLOCK_SKEW = timedelta(hours=1)
 """A certificate becomes valid this long before its creation, for clients with a slow clock."""
 RENEW_BEFORE = timedelta(days=3)
-"""A certificate with less time left than this should be replaced."""
+"""A certificate with less time left than this must be replaced."""
 LOOPBACK_NAMES = ("localhost", "127.0.0.1", "::1")
 
 
@@ -40,9 +40,9 @@ class Certificate:
 
     @classmethod
     def create(cls, names: Iterable[str], now: datetime) -> Certificate:
-        """A new certificate for loopback and the given host names and IP addresses, valid 13 days around `now`.
+        """Create a certificate for loopback and the given host names and IP addresses, valid for 13 days around `now`.
 
-        `now` knows its time zone. Raises ValueError for a name that is neither a host name nor an address.
+        `now` must be timezone-aware. Raises ValueError for a name that is neither a host name nor an IP address.
         """
         key = ec.generate_private_key(ec.SECP256R1())
         subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "TIGAS")])
@@ -65,12 +65,12 @@ class Certificate:
 
     @property
     def pem(self) -> bytes:
-        """The certificate in PEM, without its key."""
+        """The certificate in PEM format, without its key."""
         return self.x509.public_bytes(serialization.Encoding.PEM)
 
     @property
     def with_key(self) -> bytes:
-        """Private key and certificate in PEM, as `with_its_key` reads them."""
+        """Private key and certificate in PEM format, the input of `with_its_key`."""
         key = self.private_key.private_bytes(
             serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
         )
@@ -78,14 +78,14 @@ class Certificate:
 
     @classmethod
     def with_its_key(cls, pem: bytes) -> Certificate:
-        """The certificate that another process made."""
+        """Load a certificate that another process created, from the PEM of `with_key`."""
         key = serialization.load_pem_private_key(pem, None)
         assert isinstance(key, ec.EllipticCurvePrivateKey)
         return cls(x509.load_pem_x509_certificate(pem), key)
 
     @property
     def sha256(self) -> str:
-        """Base64 of the SHA-256 of the DER, as `/config.json` gives it to the page."""
+        """Base64 of the SHA-256 of the DER form, as announced to the page in `/config.json`."""
         return base64.b64encode(self.x509.fingerprint(hashes.SHA256())).decode()
 
     @property
@@ -98,18 +98,17 @@ class Certificate:
 
     @property
     def not_after(self) -> datetime:
-        """When it expires, in UTC."""
+        """Expiry time in UTC."""
         return self.x509.not_valid_after_utc
 
     def needs_renewal(self, now: datetime) -> bool:
-        """Whether it is time to make another, also because the clock was ahead when this one was made."""
+        """Whether to replace it, because it expires soon or because the clock was ahead when it was created."""
         return not self.x509.not_valid_before_utc <= now < self.not_after - RENEW_BEFORE
 
     def load_into(self, context: ssl.SSLContext) -> None:
-        """Let a TLS server use this certificate.
+        """Load this certificate into a TLS server's context.
 
-        Python's ssl reads keys from files only, so they are written to a private temporary directory, removed on
-        return.
+        Python's ssl module reads keys only from files, so the key is written to a private temporary directory first.
         """
         with tempfile.TemporaryDirectory(prefix="tigas-") as directory:  # made with mode 0700
             path = Path(directory) / "certificate.pem"

@@ -1,4 +1,4 @@
-"""One client's QUIC connection: datagrams and time in, datagrams out; contents are handled by `routing`."""
+"""One client's QUIC connection: datagrams and time in, datagrams out. `routing` handles the contents."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from tigas_render.transport.routing import Router
 logger = logging.getLogger(__name__)
 
 _now = time.monotonic
-"""The event loop's own clock, read afresh: uvloop's `time()` is constant within an iteration and ticks in milliseconds,
-too coarse for round trips and pacing.
+"""The event loop's clock, read directly: uvloop's `time()` is constant within an iteration and has a resolution of a
+millisecond, which is too coarse for round trips and pacing.
 """
 
 
@@ -33,17 +33,17 @@ class Connections:
     """All connections of a server, by connection id and by address."""
 
     def __init__(self, send: Callable[[list[Datagram]], None], counted: Callable[[int], None]) -> None:
-        """send: puts datagrams for one address on the network; counted: called with each new number of connections."""
+        """send: sends datagrams to one address. counted: called with the number of connections when it changes."""
         self.send = send
         self._counted = counted
         self._cids: dict[Connection, set[bytes]] = {}
-        """The connection ids that the client of each connection may use."""
+        """The connection ids that each connection's client may use."""
         self.by_cid: dict[bytes, Connection] = {}
         self.handshaking: set[Connection] = set()
         self.dirty: set[Connection] = set()
-        """Connections that have received something, and must transmit."""
+        """Connections that have received something and must transmit."""
         self.usage: dict[str, Usage] = {}
-        """By address, for addresses with connections."""
+        """Resource usage by address, for addresses with connections."""
 
     def __len__(self) -> int:
         return len(self._cids)
@@ -52,7 +52,7 @@ class Connections:
         return iter(self._cids)
 
     def add(self, connection: Connection, *cids: bytes) -> None:
-        """Take in a new connection with the ids that its client may use at first."""
+        """Add a connection, with the connection ids that its client may use at first."""
         self._cids[connection] = set()
         for cid in cids:
             self.issued(connection, cid)
@@ -62,17 +62,17 @@ class Connections:
         self._counted(len(self._cids))
 
     def issued(self, connection: Connection, cid: bytes) -> None:
-        """The client may use this connection id from now on."""
+        """Record that the client may use a connection id from now on."""
         self.by_cid[cid] = connection
         self._cids[connection].add(cid)
 
     def retired(self, connection: Connection, cid: bytes) -> None:
-        """The client does not use this connection id any more."""
+        """Record that the client no longer uses a connection id."""
         self.by_cid.pop(cid, None)
         self._cids[connection].discard(cid)
 
     def remove(self, connection: Connection) -> None:
-        """Forget a connection that is over, once."""
+        """Remove a connection that has ended. Further calls have no effect."""
         self.dirty.discard(connection)
         self.handshaking.discard(connection)
         if connection not in self._cids:
@@ -96,7 +96,7 @@ class Connection:
         make_router: Callable[[Callable[[], None]], Router],
         handshake_timeout: float,
     ) -> None:
-        """usage: resource usage of the client's address; make_router: called with `transmit_soon`."""
+        """usage: resource usage of the client's address. make_router: called with `transmit_soon`."""
         self.usage = usage
         self.router: Router | None = None
         """The client's open streams and sessions, once the handshake has begun."""
@@ -106,11 +106,11 @@ class Connection:
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._timer_at = 0.0
-        """Time of the armed timer: before `_due` if that was postponed, since a timer costs more than reading the
-        clock.
+        """When the timer fires: before `_due` if that has been postponed, because setting a timer costs more than
+        reading the clock.
         """
         self._due: float | None = None
-        """When there is something to do."""
+        """When there will be something to do."""
         self._transmit_handle: asyncio.Handle | None = None
         self._abandoned = False
         self._handshake_timer = self._loop.call_later(
@@ -118,7 +118,7 @@ class Connection:
         )
 
     def receive(self, data: bytes, address: Address, arrived: float) -> None:
-        """Take one datagram that arrived some time ago; `transmit` must follow once all that wait are in."""
+        """Handle a datagram that arrived at `arrived`. Call `transmit` after all waiting datagrams are handled."""
         try:
             self._quic.receive_datagram(data, address, now=_now())
             self._process_events(arrived)
@@ -126,7 +126,7 @@ class Connection:
             self._fail()
 
     def transmit(self) -> None:
-        """Send everything allowed now, and arm the timer for the rest."""
+        """Send all that may be sent now, and set the timer for the rest."""
         if self._transmit_handle is not None:
             self._transmit_handle.cancel()
             self._transmit_handle = None
@@ -137,7 +137,7 @@ class Connection:
             self._fail()
 
     def transmit_soon(self) -> None:
-        """Send once the running callbacks are done, so that many writes share packets."""
+        """Send after the current callbacks of the event loop, so that many writes share packets."""
         if self._transmit_handle is None and not self._abandoned:
             self._transmit_handle = self._loop.call_soon(self.transmit)
 
@@ -154,7 +154,7 @@ class Connection:
             self.router.set_away(self._quic.is_away(_now()))
         due = self._quic.get_timer()
         late = self.router.deadline if self.router is not None else None
-        self._due = due if due is None or late is None else min(due, late)  # none once the connection has ended
+        self._due = due if due is None or late is None else min(due, late)  # None once the connection has ended
         self._arm()
 
     def _arm(self) -> None:
@@ -181,7 +181,7 @@ class Connection:
         self.transmit()
 
     def _fail(self) -> None:
-        """An error provoked by a client ends only its own connection."""
+        """End this connection only, after an error that its client may have provoked."""
         logger.exception("The connection from %s failed", self.usage.address)
         self.abandon()
         self._connections.remove(self)
@@ -193,7 +193,7 @@ class Connection:
         self.transmit()
 
     def abandon(self) -> None:
-        """Forget the connection without a word to the client: no more timers, no more tasks."""
+        """End the connection without notifying the client, including all timers and tasks."""
         self._abandoned = True
         self._handshake_timer.cancel()
         if self._timer is not None:

@@ -22,29 +22,29 @@ from tigas_render.transport.outlet import Datagrams, NewestFrames, Outlet, Waiti
 logger = logging.getLogger(__name__)
 
 DRAFT_HEADER = (b"sec-webtransport-http3-draft", b"draft02")
-"""The draft that browsers speak and expect in the answer."""
+"""The WebTransport draft that browsers use, and expect in the answer."""
 CANCELLED = 0x52E4A40FA8DB
-"""WebTransport's application error 0 as an HTTP/3 error code."""
+"""WebTransport's application error 0, as an HTTP/3 error code."""
 MAX_DATAGRAM_REQUESTS = 16
-"""Requests by datagram that one session may have running."""
+"""Maximum number of a session's running requests that arrived as datagrams."""
 
 
 class RenderSession:
-    """One viewer. No method may wait."""
+    """A viewer's WebTransport session. No method blocks."""
 
     def __init__(self, source: FrameSource, rate: RequestRate, client: Client, writer: Writer, session_id: int) -> None:
-        """client: unique to the session. session_id: the id of the stream that opened it."""
+        """client: unique to the session. session_id: the id of the stream that opened the session."""
         self._source = source
         self._rate = rate
         self._client = client
         self._datagrams = Datagrams(writer, session_id)
         self.frames = NewestFrames(writer)
         self._running: dict[int, Withdraw] = {}
-        """Cancel functions of requests received by datagram, by number."""
+        """Functions that cancel the running requests that arrived as datagrams, by request number."""
         self._has_video = False
 
     def closed(self) -> None:
-        """The session has ended, its streams are cancelled, and so are its requests by datagram."""
+        """Cancel the requests that arrived as datagrams, when the session has ended and its streams are cancelled."""
         self.stopped()
         for withdraw in self._running.values():
             withdraw()
@@ -53,17 +53,17 @@ class RenderSession:
         self.frames.close()
 
     def stopped(self) -> None:
-        """The client does not get all of an answer: it has stopped reading, or is too slow."""
+        """Note that the client misses a part of an answer, because it has stopped reading or is too slow."""
         if self._has_video:
             self._has_video = False
             self._source.forget(self._client)
 
     def check(self) -> None:
-        """Count a request. Raises a TigasError if the client asks more often than it may."""
+        """Count a request. Raises AskedTooOften."""
         self._rate.check(self._client)
 
     def request(self, body: bytes, arrived: float, answered: Answered, *, is_ordered: bool = True) -> Withdraw:
-        """As `FrameSource.request`, for a client's message. is_ordered: whether no part of the answer gets lost."""
+        """Parse a client's message and call `FrameSource.request`. is_ordered: whether the answer uses a stream."""
         try:
             request = parse(RenderRequest, body)
             if not is_ordered:
@@ -76,7 +76,7 @@ class RenderSession:
             return _nothing
 
     def datagram(self, body: bytes, arrived: float) -> None:
-        """Answer a request in a datagram that arrived at a time of the monotonic clock."""
+        """Answer a request that arrived as a datagram, at `arrived` on the monotonic clock."""
         if not self._datagrams.can_send:
             return
         number = self._datagrams.next_request()
@@ -127,7 +127,7 @@ class RenderSession:
         )
 
     def failure(self, error: Exception, body: bytes) -> bytes:
-        """The answer to a failed request, which was this message."""
+        """The answer to a failed request. body: the message with the request."""
         if not isinstance(error, TigasError):
             logger.error("A render request failed", exc_info=error)
         about = problem(error)
@@ -141,23 +141,23 @@ class RenderSession:
 
 
 SessionFactory = Callable[[Client, Writer, int], RenderSession]
-"""Makes a new session, from its client, which no other session has, its connection's writer, and its id."""
+"""Creates a session from its unique client, its connection's writer, and its id."""
 
 
 def render_session(source: FrameSource, rate: RequestRate | None = None) -> SessionFactory:
-    """Factory of the `/render` sessions. rate: request rate of each; None: unlimited."""
+    """Create a factory of `/render` sessions. rate: limits each session's requests; None for no limit."""
     rates = RequestRate(Load(), math.inf, time.monotonic) if rate is None else rate
     return partial(RenderSession, source, rates)
 
 
 class WebTransportStream:
-    """A bidirectional stream that the client opened: one request, and its answer."""
+    """A bidirectional stream that the client opened, with one request and its answer."""
 
     abort_code: int = CANCELLED
     task = None
 
     def __init__(self, outlet: Outlet, session: RenderSession, overload: str | None = None) -> None:
-        """overload: why the request is not taken, if it is not."""
+        """overload: the reason to refuse the request, if any."""
         self.outlet = outlet
         self.session = session
         self._overload = overload
@@ -167,20 +167,20 @@ class WebTransportStream:
         self._withdraw: Withdraw | None = None
         self._timeout: asyncio.TimerHandle | None = None
         self._ended: Callable[[], None] | None = None
-        """None before it is started, and once it is over."""
+        """The callback of `start`; None before the stream has started and after it has ended."""
 
     def start(self, ended: Callable[[], None]) -> None:
-        """Handle incoming data from now on; `ended` is called at the end."""
+        """Start handling incoming data. ended: called when the stream has ended."""
         self._ended = ended
         try:
             if self._overload is not None:
                 raise Overloaded(self._overload)
-            self.session.check()  # without a look at the request
+            self.session.check()  # before any of the request is read
         except TigasError as error:
             self._answer(error)
 
     def data_received(self, data: bytes, ended: bool, arrived: float) -> None:
-        """Handle a part of the client's data; `ended` with the last."""
+        """Handle a part of the client's data. ended: whether it is the last part."""
         if self._is_read:
             return
         self._body += data
@@ -230,13 +230,13 @@ class WebTransportStream:
     def _end(self) -> None:
         ended, self._ended = self._ended, None
         if ended is not None:
-            if self._is_answered and self.outlet.is_open:  # not all of it was handed over
+            if self._is_answered and self.outlet.is_open:  # the answer was not handed over completely
                 self.session.stopped()
             ended()
 
 
 def _nothing() -> None:
-    """Withdraws a request that was answered already."""
+    """Withdraw a request that has been answered already, which does nothing."""
 
 
 def _encode(header: FrameHeader) -> bytes:
@@ -245,7 +245,7 @@ def _encode(header: FrameHeader) -> bytes:
 
 
 def _seq(body: bytes) -> int:
-    """The number of an unreadable request, if it can be determined; 0 otherwise."""
+    """The number of a request that may be invalid; 0 if the number cannot be determined."""
     try:
         seq = json.loads(body)["seq"]
     except (ValueError, TypeError, KeyError, RecursionError):

@@ -21,7 +21,7 @@ from tigas_render.transport.outlet import Outlet, StreamClosed
 logger = logging.getLogger(__name__)
 
 FAILED = error_response(Exception())
-"""The answer if the application fails."""
+"""The answer when the application fails."""
 
 
 def http_scope(headers: Headers, client: tuple[str, int], server: tuple[str, int]) -> Scope:
@@ -46,7 +46,7 @@ def http_scope(headers: Headers, client: tuple[str, int], server: tuple[str, int
 
 
 def refusal(status: int, detail: str) -> ASGIApp:
-    """The application that answers in place of the real one, with one sentence."""
+    """An application that refuses every request with this status and sentence."""
     title = HTTPStatus(status).phrase
     return problem_response(Problem(type="about:blank", title=title, status=status, detail=detail))
 
@@ -62,7 +62,7 @@ class HttpRequest:
         self._scope = scope
         self._app = app
         self._body = bytearray()
-        """Not read by the application yet, and at most QUIC's window of a stream."""
+        """Data that the application has not read yet, at most QUIC's stream window."""
         self._ended = False
         self._end_delivered = False
         self._disconnected = False
@@ -71,7 +71,7 @@ class HttpRequest:
         self._complete = False
 
     def data_received(self, data: bytes, ended: bool, arrived: float) -> None:
-        """The next part of the body; `ended` with the last."""
+        """Add the next part of the body. ended: whether it is the last part."""
         self._ended |= ended
         self._scope["state"][ARRIVED] = arrived
         if data and not self._disconnected and not self._complete:
@@ -80,7 +80,7 @@ class HttpRequest:
         self._news.set()
 
     def cancelled(self) -> None:
-        """The client has cancelled the request or disconnected."""
+        """Note that the client has cancelled the request or disconnected."""
         self._disconnected = True
         self._clear_body()
         self._news.set()
@@ -90,7 +90,7 @@ class HttpRequest:
         self.outlet.set_unread(0)
 
     def start(self, ended: Callable[[], None]) -> None:
-        """Let the application answer in a task; `ended` is called when that is done."""
+        """Run the application in a task. ended: called when the task is done."""
         self.task = asyncio.create_task(self._run())
         # A callback, because a task that is cancelled before it starts never enters its own `finally`.
         self.task.add_done_callback(partial(_done, ended))
@@ -108,7 +108,7 @@ class HttpRequest:
             self.outlet.abort(ErrorCode.H3_INTERNAL_ERROR)
 
     async def receive(self) -> Message:
-        """ASGI's receive: the body part by part, then, when the client or the response is done, the disconnect."""
+        """ASGI's receive: the parts of the body, then a disconnect once the client or the response is done."""
         while not (self._disconnected or self._complete):
             self._news.clear()
             if self._body or (self._ended and not self._end_delivered):
@@ -128,7 +128,7 @@ class HttpRequest:
     async def send(self, message: Message) -> None:
         """ASGI's send. Waits while the client or the network cannot keep up.
 
-        Does nothing after a disconnect, as in ASGI up to 2.3, uvicorn's version; later versions raise.
+        Does nothing after a disconnect, as in ASGI 2.3, uvicorn's version; later versions raise an error.
         """
         if self._disconnected:
             return

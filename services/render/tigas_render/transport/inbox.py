@@ -1,4 +1,4 @@
-"""Received datagrams waiting to be handled: addresses share the event loop's time equally, whatever they send."""
+"""Received datagrams waiting to be handled. Addresses share the event loop's time equally, however much they send."""
 
 from __future__ import annotations
 
@@ -11,33 +11,33 @@ from tigas_common.udp import Address
 from tigas_render.fair_queue import Turns
 
 MAX_WAITING = 512
-"""Datagrams of one address that wait; further ones are dropped, which QUIC sees as loss."""
+"""Maximum number of waiting datagrams per address; further ones are dropped, which QUIC treats as loss."""
 EXPECTED_S = 0.0001
 """Assumed handling time of a datagram before it is measured, in seconds."""
 
 
 class Received(NamedTuple):
-    """A datagram."""
+    """A received datagram."""
 
     data: bytes
     address: Address
     arrived: float
-    """Seconds of the monotonic clock."""
+    """Time of arrival in seconds of the monotonic clock."""
 
 
 class Inbox:
-    """A plain FIFO would favour the heaviest sender."""
+    """A fair queue of datagrams; a plain FIFO would favour the heaviest sender."""
 
     def __init__(self) -> None:
         self._waiting: dict[str, deque[Received]] = {}
-        """By network; none is empty."""
+        """Waiting datagrams by network, without empty queues."""
         self._turns = Turns()
 
     def __bool__(self) -> bool:
         return bool(self._waiting)
 
     def add(self, data: bytes, address: Address, arrived: float) -> None:
-        """Keep a datagram until it is its sender's turn."""
+        """Keep a datagram until its sender's turn."""
         network = client_network(str(address[0]))
         if network not in self._waiting:
             self._waiting[network] = deque()
@@ -46,7 +46,7 @@ class Inbox:
             self._waiting[network].append(Received(data, address, arrived))
 
     def take(self, besides: Collection[str] = ()) -> tuple[str, Received] | None:
-        """The oldest datagram of the next address in turn, except those in `besides`; None if nothing waits."""
+        """Take the oldest datagram of the next address that is not in `besides`; None if no datagram is left."""
         network = self._turns.next(besides)
         if network is None:
             return None
@@ -61,5 +61,5 @@ class Inbox:
         return len(self._waiting.get(network, ()))
 
     def settle(self, network: str, seconds: float) -> None:
-        """Record the handling time of the last datagram of an address."""
+        """Record how long it took to handle an address's last datagram, in seconds."""
         self._turns.settle(network, seconds - EXPECTED_S)

@@ -1,4 +1,4 @@
-"""Where a connection's streams and sessions send: no faster than the network and the client take it."""
+"""Sending on a connection's streams and sessions, no faster than the network and the client accept data."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from tigas_render.transport.aioquic_ext.h3 import ServerH3Connection
 from tigas_render.transport.aioquic_ext.quic import ServerQuicConnection
 
 CHUNK = 64 * 1024
-"""Bytes handed to QUIC at a time."""
+"""Minimum number of bytes handed to QUIC at a time."""
 FRAGMENT_HEADER = struct.Struct("!IHH")
-"""seq, the fragment's number from 0, number of fragments."""
+"""seq, fragment number from 0, number of fragments."""
 MAX_FRAGMENTS = 0xFFFF
 MAX_URGENT = 64
-"""Datagrams of one session that may wait ahead of others."""
+"""Maximum number of a session's datagrams that wait ahead of its frames."""
 SESSION_ID_BYTES = 8
-"""The most that the session's id takes of a datagram."""
+"""Maximum size of the session id in a datagram."""
 MIN_DATAGRAM = 100
-"""Bytes that a client's datagrams must be able to hold for frames to be sent in them."""
+"""Minimum size in bytes of a client's datagrams for frames to be sent in them."""
 
 
 class StreamClosed(ConnectionError):
@@ -49,29 +49,29 @@ class Writer:
         usage: Usage,
         transmit_soon: Callable[[], None],
     ) -> None:
-        """usage: resource usage of the client's address, in which waiting answers are counted."""
+        """usage: resource usage of the client's address, including its waiting answers."""
         self.quic = quic
         self.h3 = h3
         self.limits = limits
         self._usage = usage
         self.transmit_soon = transmit_soon
         self.waiting: dict[int, Callable[[], None]] = {}
-        """Callbacks of writers that wait for room, by stream."""
+        """Callbacks of streams that wait for room, by stream id."""
         self.handing_over: list[Callable[[], bool]] = []
-        """`hand_over` of everything that waits to be handed to QUIC."""
+        """The `hand_over` functions of frames and datagrams that wait to be handed to QUIC."""
         self.closed = False
 
     def room(self, stream_id: int) -> int:
-        """Bytes that a stream may hand to QUIC now: none, or at least a chunk."""
+        """Number of bytes that a stream may hand to QUIC now: 0, or at least CHUNK."""
         network, total = self.quic.unsent_total()
         used = max(self.quic.unsent(stream_id), network)
         room = min(self.limits.unsent - used, self.limits.unread_answers - total)
         return max(room, CHUNK) if room > 0 else 0
 
     def hold(self, size: int) -> bool:
-        """Count bytes of an answer that waits, until `let_go`; False, and nothing counted, if the address has too many.
+        """Count bytes of a waiting answer until `let_go`. Returns False, without counting, if the address has too many.
 
-        An answer may wait alone, however long it is.
+        An address's only waiting answer may have any size.
         """
         waiting = self._usage.waiting
         if waiting and waiting + size > self.limits.waiting_per_address:
@@ -83,24 +83,24 @@ class Writer:
         self._usage.waiting -= size
 
     def wake(self) -> None:
-        """Resume writers with room, oldest stream first."""
+        """Resume the streams that have room again, oldest first."""
         for stream_id in sorted(self.waiting):
             if not self.quic.can_write(stream_id) or self.room(stream_id):
                 self.waiting[stream_id]()
 
     def hand_over(self) -> bool:
-        """Give QUIC as many frames and datagrams as it can send soon; whether any are left."""
+        """Give QUIC as many frames and datagrams as it can send soon. Returns whether any are left."""
         self.handing_over = [hand_over for hand_over in self.handing_over if hand_over()]
         return bool(self.handing_over)
 
     def hand_over_soon(self, hand_over: Callable[[], bool]) -> None:
-        """Call this, at once and whenever there may be room, until it returns False because nothing is left."""
+        """Call `hand_over` soon, and again whenever there may be room, until it returns False: nothing is left."""
         if hand_over not in self.handing_over:
             self.handing_over.append(hand_over)
         self.transmit_soon()
 
     def close(self) -> None:
-        """Resume all writers, which then find the connection closed."""
+        """Resume all waiting streams, which then find the connection closed."""
         self.closed = True
         for go_on in list(self.waiting.values()):
             go_on()
@@ -116,7 +116,7 @@ class Outlet:
 
     @property
     def is_open(self) -> bool:
-        """Whether the server's side is neither finished nor reset."""
+        """Whether the server's side of the stream is neither finished nor reset."""
         return self.writer.quic.can_write(self.stream_id)
 
     def send_headers(self, headers: Headers) -> None:
@@ -125,10 +125,10 @@ class Outlet:
             self.writer.transmit_soon()
 
     async def send_data(self, data: memoryview) -> None:
-        """Send a part of an HTTP body; waits while the network or the client cannot keep up.
+        """Send a part of an HTTP body, waiting while the network or the client cannot keep up.
 
-        data: must not change until then. Raises StreamClosed if the client has cancelled, disconnected, or not read for
-        too long, or its address has too many answers waiting.
+        data: must not change before this returns. Raises StreamClosed if the client has cancelled, disconnected or
+        stopped reading for too long, or if its address has too many waiting answers.
         """
         if not data:
             return
@@ -144,9 +144,9 @@ class Outlet:
             raise StreamClosed
 
     def finish(self, parts: Sequence[bytes | memoryview], ended: Callable[[], None]) -> None:
-        """Send bytes and end the stream; then call `ended`, also on failure.
+        """Send bytes and end the stream; then call `ended`, even on failure.
 
-        The parts need not be kept: data that the network or the client cannot take yet is copied.
+        The caller may release the parts at once: data that the network or the client cannot accept yet is copied.
         """
         _Sending(self, list(parts), ended, ends_stream=True).go_on()
 
@@ -157,19 +157,19 @@ class Outlet:
             self.writer.transmit_soon()
 
     def set_unread(self, size: int) -> None:
-        """Count received bytes that wait for the application; the client may send more once they are read."""
+        """Set the number of received bytes that wait for the application; reading them lets the client send more."""
         self.writer.quic.set_unread(self.stream_id, size)
         if not size and self.writer.quic.is_receiving(self.stream_id):
             self.writer.transmit_soon()
 
     def stop_reading(self, error_code: int) -> None:
-        """Ask the client to send no more."""
+        """Ask the client to stop sending."""
         if self.writer.quic.is_receiving(self.stream_id):
             self.writer.quic.stop_stream(self.stream_id, error_code)
             self.writer.transmit_soon()
 
     def abort(self, error_code: int) -> None:
-        """End both directions, unless ended already."""
+        """End both directions, unless they have ended already."""
         self.stop_reading(error_code)
         if self.is_open:
             self.writer.quic.reset_stream(self.stream_id, error_code)
@@ -183,14 +183,14 @@ class _Sending:
 
     outlet: Outlet
     parts: list[bytes | memoryview]
-    """Not handed over yet."""
+    """The data that has not been handed over yet."""
     ended: Callable[[], None]
-    """Called at the end of all work."""
+    """Called when all is handed over, or on failure."""
     ends_stream: bool = False
-    """Whether nothing follows; then the caller does not keep the parts."""
+    """Whether to end the stream afterwards. If so, the caller does not keep the parts, so they are copied to wait."""
     stalled: asyncio.TimerHandle | None = None
     held: int = 0
-    """Bytes counted as waiting."""
+    """Number of bytes counted as waiting."""
 
     def go_on(self) -> None:
         """Hand over as much as fits, and wait for room for the rest."""
@@ -229,32 +229,32 @@ class _Sending:
             del self.outlet.writer.waiting[self.outlet.stream_id]
 
     def stop(self) -> None:
-        """Do not go on by itself any more."""
+        """Stop sending, and stop counting the bytes that wait."""
         self.stop_waiting()
         self.outlet.writer.let_go(self.held)
         self.held = 0
 
     def give_up(self) -> None:
-        """The client does not read."""
+        """Stop sending because the client does not read."""
         self.stop()
         self.ended()
 
 
 class WaitingFrame(NamedTuple):
-    """An answer on a stream that is not handed to QUIC yet."""
+    """A stream's answer that has not been handed to QUIC yet."""
 
     request: RenderRequest
     size: int
-    """In bytes."""
+    """Size in bytes."""
     send: Callable[[], None]
     refuse: Callable[[], None]
 
 
 class NewestFrames:
-    """A session's frames on streams while the congestion window is full, as it is for the first round trips.
+    """A session's frames for streams while the congestion window is full, as in the first round trips.
 
-    They wait here, where the newest of a view takes the place of older ones, which would arrive late and hold it up.
-    Those are refused when it leaves, so that the client requests no more than the link carries.
+    While they wait here, a view's newest frame replaces older ones, which would arrive late and delay it. The older
+    ones are refused only when the newest leaves, so that the client does not request more than the link can carry.
     """
 
     def __init__(self, writer: Writer) -> None:
@@ -264,11 +264,11 @@ class NewestFrames:
 
     @property
     def may_leave(self) -> bool:
-        """Whether a frame need not wait."""
+        """Whether a frame may be sent without waiting."""
         return not self._waiting and self._writer.quic.has_room
 
     def wait(self, frame: WaitingFrame) -> None:
-        """Send a frame as soon as there is room, unless a newer one of its view is there by then."""
+        """Send a frame as soon as there is room, unless a newer frame of its view replaces it before."""
         if not self._writer.hold(frame.size):
             frame.refuse()
             return
@@ -283,7 +283,7 @@ class NewestFrames:
         self._writer.hand_over_soon(self.hand_over)
 
     def hand_over(self) -> bool:
-        """As `Writer.hand_over`."""
+        """Send the frames for which there is room. Returns whether any are left."""
         while self._waiting and self._writer.quic.has_room:
             frame = self._waiting.popleft()
             self._writer.let_go(frame.size)
@@ -300,9 +300,9 @@ class NewestFrames:
 
 
 def fragments(seq: int, answer: bytes, max_datagram: int) -> list[bytes]:
-    """Cut an answer into datagrams of at most `max_datagram` bytes, header included.
+    """Split an answer into datagrams of at most `max_datagram` bytes, including their headers.
 
-    All but the last carry equally much. Raises InvalidRequest if it takes more than 65,535 of them.
+    All but the last are equally large. Raises InvalidRequest if this takes more than 65,535 of them.
     """
     size = max_datagram - FRAGMENT_HEADER.size
     count = max(1, -(-len(answer) // size))
@@ -315,9 +315,9 @@ def fragments(seq: int, answer: bytes, max_datagram: int) -> list[bytes]:
 
 
 class Datagrams:
-    """A session's frames in datagrams, the newest only: at most one frame's fragments ever wait.
+    """A session's newest frame as datagrams: at most one frame's fragments wait at any time.
 
-    They wait here, where they can be taken back, until the network has room.
+    They wait here, where they can still be withdrawn, until the network has room.
     """
 
     def __init__(self, writer: Writer, session_id: int) -> None:
@@ -331,30 +331,30 @@ class Datagrams:
 
     @property
     def _max_size(self) -> int:
-        """The longest datagram that fits in a packet now, in bytes; it may shrink with the path."""
+        """Size in bytes of the largest datagram that fits in a packet now, which may shrink with the path."""
         return self._writer.quic.max_datagram_payload - SESSION_ID_BYTES
 
     @property
     def can_send(self) -> bool:
-        """Whether the client takes datagrams at all."""
+        """Whether the client accepts datagrams at all."""
         return self._max_size > FRAGMENT_HEADER.size
 
     def check(self, request: RenderRequest) -> None:
-        """Raises InvalidRequest if datagrams cannot carry the answer."""
+        """Raise InvalidRequest if datagrams cannot carry the answer."""
         if self._max_size < MIN_DATAGRAM:
             raise InvalidRequest("Your datagrams are too small for frames: send the request on a stream.")
         if request.video is not None:
             raise InvalidRequest("format: h264 needs a stream, as a video's frames refer to each other.")
 
     def next_request(self) -> int:
-        """The number of a request in the order of arrival, from 1."""
+        """Return the next request's number, counting from 1 in the order of arrival."""
         self._requests += 1
         return self._requests
 
     def send_frame(self, request: int, seq: int, answer: bytes) -> None:
-        """Send a frame in place of waiting ones, unless a newer request of the session was answered already.
+        """Send a frame in place of the waiting one, unless a newer request of the session has been answered already.
 
-        Raises InvalidRequest if it takes too many datagrams.
+        Raises InvalidRequest if the frame takes too many datagrams.
         """
         if request >= self._newest_sent:
             self._newest_sent = request
@@ -362,15 +362,18 @@ class Datagrams:
             self._writer.hand_over_soon(self.hand_over)
 
     def send_problem(self, seq: int, answer: bytes) -> None:
-        """Send a short answer ahead of the frame that is on its way, which stays good.
+        """Send a short answer ahead of the waiting frame, which is still sent.
 
-        Beyond the limit, the oldest are dropped.
+        If more than MAX_URGENT datagrams wait, the oldest are dropped.
         """
         self._urgent.extend(fragments(seq, answer, self._max_size))
         self._writer.hand_over_soon(self.hand_over)
 
     def hand_over(self) -> bool:
-        """As `Writer.hand_over`. A datagram that has become too long for the path is dropped."""
+        """Send the datagrams for which there is room, dropping any that no longer fit the path's packets.
+
+        Returns whether any are left.
+        """
         quic = self._writer.quic
         for queue in (self._urgent, self._waiting):
             while queue and quic.datagram_room:

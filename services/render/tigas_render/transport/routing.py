@@ -1,4 +1,4 @@
-"""HTTP/3 on one connection: dispatches events to their requests and sessions."""
+"""HTTP/3 on one connection: the router that dispatches events to requests and sessions."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ from tigas_render.transport.http import HttpRequest, http_scope, refusal
 from tigas_render.transport.outlet import Outlet, Writer
 
 BUFFERED_STREAM_REJECTED = 0x3994BD84
-"""WebTransport's error for a stream of a session that does not exist."""
+"""WebTransport's error code for a stream of an unknown session."""
 EARLY_POST = (b"POST", "/render")
-"""Idempotent, and therefore allowed as early data."""
+"""The method and path of an idempotent request, which is therefore allowed as early data."""
 TOO_EARLY = "This request may not be sent before the connection is established; send it again."
 
 
@@ -44,7 +44,7 @@ Stream = HttpRequest | WebTransportStream
 """A bidirectional stream opened by a client."""
 
 _numbers = itertools.count(1)
-"""Numbers of sessions."""
+"""Session numbers, unique in this process."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,15 +53,15 @@ class Service:
 
     app: ASGIApp
     webtransport: Mapping[str, SessionFactory]
-    """By path."""
+    """Session factories by path."""
     limits: Limits = field(default_factory=Limits)
     load: Load = field(default_factory=Load)
     origins: OriginPolicy = field(default_factory=OriginPolicy)
-    """Which pages may open sessions."""
+    """The pages that may open sessions."""
 
 
 class Router:
-    """All that a client has open: requests, sessions, and their streams."""
+    """A client's open requests and sessions, and their streams."""
 
     def __init__(
         self,
@@ -79,20 +79,20 @@ class Router:
         self._server = server
         self._usage = usage
         self._counted = 0
-        """How many requests are counted in `usage`."""
+        """Number of this connection's requests that are counted in `usage`."""
         self._h3 = ServerH3Connection(quic, enable_webtransport=True)
         self.writer = Writer(quic, self._h3, service.limits, usage, transmit_soon)
         self._streams: dict[int, Stream] = {}
         self._sessions: dict[int, RenderSession] = {}
         self._unfinished: dict[int, float] = {}
-        """Since when each stream without a complete first frame has waited for it, the oldest first."""
+        """Since when each stream has been waiting for the rest of its first frame, oldest first."""
         self._next_request = 0
         self._goaway: int | None = None
         self._idle: asyncio.Future[None] | None = None
         self._is_away = False
 
     def go_away(self) -> None:
-        """Tell the client to send no further requests here; open ones are still answered."""
+        """Ask the client to send no further requests on this connection; open ones are still answered."""
         if self._goaway is None:
             self._goaway = self._next_request
             frame = encode_frame(FrameType.GOAWAY, encode_uint_var(self._goaway))
@@ -116,7 +116,7 @@ class Router:
         self.writer.close()
 
     async def end_tasks(self) -> None:
-        """Cancel the tasks that have not ended by themselves, and wait for them."""
+        """Cancel the tasks that are still running, and wait for them."""
         tasks = [stream.task for stream in self._streams.values() if stream.task is not None]
         for task in tasks:
             task.cancel()
@@ -124,7 +124,7 @@ class Router:
             await asyncio.wait(tasks)
 
     def set_away(self, is_away: bool) -> None:
-        """Count the sessions of a client that has vanished, perhaps for good, as viewers no more until it is back."""
+        """Stop counting the sessions of a client that seems to be gone as viewers, until it is back."""
         if is_away != self._is_away:
             self._is_away = is_away
             self._service.load.viewers += -len(self._sessions) if is_away else len(self._sessions)
@@ -132,7 +132,7 @@ class Router:
     def received(self, event: QuicEvent, arrived: float) -> None:
         """Dispatch an event to its request or session.
 
-        A request counts as received with the datagram that completes it.
+        arrived: when the event's datagram arrived; a request arrives with the datagram that completes it.
         """
         for h3_event in self._h3.handle_event(event):
             self._received(h3_event, arrived)
@@ -159,26 +159,26 @@ class Router:
     def _data(self, stream_id: int, data: bytes, ended: bool, arrived: float) -> None:
         if (stream := self._streams.get(stream_id)) is not None:
             stream.data_received(data, ended, arrived)
-        elif ended:  # of a session only its end matters: no capsule needs an answer
+        elif ended:  # the end of a session's own stream; its capsules need no answer
             self._close_session(stream_id)
 
     def _cancelled(self, stream_id: int) -> None:
-        """The client reads no more of a stream, or has reset its side."""
+        """Handle a stream that the client has stopped reading or reset."""
         if (stream := self._streams.get(stream_id)) is not None:
             stream.cancelled()
         elif stream_id in self._sessions:
             self._close_session(stream_id)
-        else:  # its answer is queued in QUIC; the request is no longer known
+        else:  # the answer is already queued in QUIC, so its session is no longer known
             for session in self._sessions.values():
                 session.stopped()
 
     @property
     def deadline(self) -> float | None:
-        """When `end_late` is to be called next."""
+        """When to call `end_late` next."""
         return next((since + self._service.limits.request_timeout for since in self._unfinished.values()), None)
 
     def end_late(self, now: float) -> None:
-        """End the streams with an overdue first frame, however often something arrives."""
+        """End the streams with an overdue first frame, even if parts of it keep arriving."""
         while (deadline := self.deadline) is not None and deadline <= now:
             stream_id = next(iter(self._unfinished))
             del self._unfinished[stream_id]
@@ -189,13 +189,13 @@ class Router:
         self._count()
 
     def watch(self, stream_ids: Collection[int], arrived: float) -> None:
-        """Record streams with received data, perhaps without their first frame."""
+        """Watch streams that have received data but perhaps not their whole first frame."""
         for stream_id in stream_ids:
             self._watch(stream_id, arrived)
 
     def _watch(self, stream_id: int, arrived: float) -> None:
-        """Record whether a stream's first frame is complete, which makes it a request, a session, or a session's
-        stream.
+        """Record whether a stream is still waiting for its whole first frame, which makes it a request, a session, or
+        a session's stream.
         """
         if stream_id % 4 != 0:
             waits = self._h3.is_cut(stream_id) or self._quic.has_gap(stream_id)
@@ -232,7 +232,7 @@ class Router:
         self._start(request)
 
     def _refusal(self, pseudo: Mapping[bytes, bytes]) -> ASGIApp | None:
-        """Responder for requests that do not reach the application."""
+        """The application that refuses a request, if the service's own must not receive it."""
         if (overload := self._overload()) is not None:
             return refusal(503, overload)
         method = pseudo[b":method"]
@@ -240,7 +240,7 @@ class Router:
         return None if is_idempotent or self._quic.is_established else refusal(425, TOO_EARLY)  # RFC 8470
 
     def _overload(self) -> str | None:
-        """Return the reason to refuse a further request now, if any."""
+        """Return the reason, if any, to refuse another request now."""
         self._count()
         return self._usage.request_refusal(self._service.limits, self._counted)
 
@@ -297,7 +297,7 @@ class Router:
             if session is None or event.stream_id % 4 != 0 or self._goaway is not None:
                 outlet.abort(BUFFERED_STREAM_REJECTED)
                 return
-            if not outlet.is_open:  # answered already; the client is still sending
+            if not outlet.is_open:  # already answered, while the client is still sending
                 return
             self._start(WebTransportStream(outlet, session, self._overload()))
         if (stream := self._streams.get(event.stream_id)) is not None:

@@ -1,4 +1,4 @@
-"""The HTTP/3 server: one UDP socket, its connections, its certificate."""
+"""The HTTP/3 server: its UDP sockets, connections and certificate."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ from tigas_render.transport.shared_port import LONG_HEADER, Edge, Share
 from tigas_render.transport.stateless import Retries, StatelessResets, refusal
 
 MAX_DATAGRAM_SIZE = 1452
-"""Bytes of UDP payload that fit an Ethernet frame over IPv6 (1500 − 40 − 8), and over IPv4."""
+"""Bytes of UDP payload that fit in an Ethernet frame over IPv6 (1500 − 40 − 8), and over IPv4."""
 CID_LENGTH = 8
 TURNS_S = 0.001
-"""Seconds of handling datagrams at a time: the resulting work may take several times as long."""
+"""Seconds spent on handling datagrams at a time; the resulting work may take several times as long."""
 PART = 8
-"""With several addresses, a turn handles at most an eighth of each one's waiting datagrams, and at least one. So one
-address does not hold up the others, and hundreds of viewers behind one gateway do not wait for a turn each.
+"""With several addresses, a round handles at least one datagram of each address, and about an eighth of its waiting
+ones. So no address holds up the others, and hundreds of viewers behind one gateway do not need a round each.
 """
 
 
 class Http3Server:
-    """Serves an ASGI application and WebTransport sessions. An async context manager."""
+    """An HTTP/3 server of an ASGI application and WebTransport sessions; an async context manager."""
 
     def __init__(
         self,
@@ -63,11 +63,10 @@ class Http3Server:
         share: Share | None = None,
         load: Load | None = None,
     ) -> None:
-        """`host` may be `::` for every address of both families; port 0 takes any free one.
-
-        With the `reset_key` and the port of an earlier server, its clients learn that it has ended. `origins` limits
-        the pages that may open sessions; HTTP requests are checked by `app`. One of several edges has a `share` of a
-        bound port. `load` is measured by its owner.
+        """host: `::` for all addresses of both families. port: 0 for any free port. reset_key: with the key and port of
+        an earlier server, that server's clients learn that it has ended. origins: the pages that may open sessions;
+        HTTP requests are checked by `app`. share: one edge's share of a port that is already bound. load: measured by
+        the caller.
         """
         self._share = share or Share()
         self._limits = limits or Limits()
@@ -82,12 +81,12 @@ class Http3Server:
         self._inbox = Inbox()
         self._next_turns: asyncio.Handle | None = None
         self._endpoints: dict[int, UdpEndpoint] = {}
-        """By the length of the addresses that they give, which differs between IPv4 and IPv6."""
+        """Sockets by the length of their address tuples, which differs between IPv4 and IPv6."""
         self._address: tuple[str, int] = (host, port)
         self._closing = False
 
     async def __aenter__(self) -> Self:
-        """Bind and serve. Raises OSError if the address cannot be bound."""
+        """Bind the sockets and start serving. Raises OSError if the address cannot be bound."""
         for sock in self._share.sockets or bind_all(*self._address):
             self._address = sock.getsockname()[:2]
             self._endpoints[len(sock.getsockname())] = UdpEndpoint(
@@ -100,7 +99,7 @@ class Http3Server:
         await self.close()
 
     async def close(self) -> None:
-        """Stop taking requests, give running ones a moment to finish (`Limits.grace`), and close every connection."""
+        """Refuse new requests, give running ones time to finish (`Limits.grace`), and close all connections."""
         if not self._endpoints:
             return
         self._closing = True
@@ -127,7 +126,7 @@ class Http3Server:
 
     @property
     def port(self) -> int:
-        """The UDP port that it listens on."""
+        """The UDP port of the server."""
         return self._address[1]
 
     @property
@@ -135,7 +134,7 @@ class Http3Server:
         return len(self._connections)
 
     def replace_certificate(self, certificate: Certificate) -> None:
-        """Show new connections another certificate; existing ones go on."""
+        """Use another certificate for new connections; existing ones continue."""
         self._configuration = self._configure(certificate)
 
     def _configure(self, certificate: Certificate) -> QuicConfiguration:
@@ -165,7 +164,7 @@ class Http3Server:
             self._take_turns()
 
     def _take_turns(self) -> None:
-        """Handle received datagrams for a time slice, and the rest after the event loop has done the resulting work."""
+        """Handle received datagrams for a time slice; the rest once the event loop has done the resulting work."""
         self._next_turns = None
         until = (now := time.monotonic()) + TURNS_S
         handled: Counter[str] = Counter()
@@ -194,10 +193,10 @@ class Http3Server:
             self._send([(found, datagram.address)])
 
     def _connection_for(self, data: bytes, address: Address) -> Connection | bytes | None:
-        """The connection of a datagram, a new one if it opens one; or the answer without one, or None to drop it."""
+        """The existing or new connection of a datagram; a stateless answer to it; or None to drop it."""
         if len(data) <= CID_LENGTH:
             return None
-        if not data[0] & LONG_HEADER:  # no new connection begins with a short one
+        if not data[0] & LONG_HEADER:  # new connections begin with a long header
             cid = data[1 : 1 + CID_LENGTH]
             known = self._connections.by_cid.get(cid)
             return known or self._resets.packet(len(data), cid, asyncio.get_running_loop().time())
@@ -220,7 +219,7 @@ class Http3Server:
         return self._open(header, address)
 
     def _open(self, header: QuicHeader, address: Address) -> Connection | bytes | None:
-        """As `_connection_for`, for a first packet."""
+        """Like `_connection_for`, for the first packet of a connection."""
         original, retry_source = header.destination_cid, None
         now = asyncio.get_running_loop().time()
         network = client_network(str(address[0]))
@@ -255,7 +254,7 @@ class Http3Server:
         return connection
 
     def _emptier_edge(self) -> Edge | None:
-        """The edge that new clients are sent to, if it is not this one."""
+        """The edge to which new clients should go, if it is not this one."""
         share = self._share
         number = None if share.counts is None else share.counts.emptier()
         return None if number is None else Edge(number, share.edge.of)

@@ -1,7 +1,7 @@
-"""One UDP port shared by several edges (SO_REUSEPORT): the owner of each datagram, and secrets known to all.
+"""One UDP port shared by several edges (SO_REUSEPORT): the owner of each datagram, and the secrets that edges share.
 
-The first byte of a connection id, modulo the number of edges, is the owner, so that datagrams from any address find
-it. A client's first packet has a random id, and so opens a connection at the edge named by it.
+The first byte of a connection id, modulo the number of edges, identifies its edge, so that datagrams from any address
+find it. A client's first packet has a random connection id, and so goes to a random edge.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from aioquic.tls import SessionTicket
 
 LONG_HEADER = 0x80
 LONG_HEADER_CID = 1 + 4 + 1
-"""Where the destination connection id begins behind a long header's first byte, version and length (RFC 8999, 5.1)."""
+"""Offset of the destination connection id, after a long header's first byte, version and length (RFC 8999, 5.1)."""
 SHORT_HEADER_CID = 1
 
 SO_ATTACH_REUSEPORT_CBPF = 51
@@ -29,29 +29,29 @@ LOAD_BYTE, JUMP, JUMP_IF_SET, MODULO, RETURN = 0x30, 0x05, 0x45, 0x94, 0x16
 MAX_TICKETS = 1024
 
 MOST_AHEAD = 1
-"""Connections that an edge may have beyond another's and still take new clients: a Retry costs them a round trip."""
+"""Tolerated lead in connections over another edge before new clients are sent there: a Retry costs a round trip."""
 COUNT_BYTES = 4
-"""Of a count, which is read and written as a whole."""
+"""Size of a count, which is read and written atomically."""
 
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """One of the processes that share a port; alone by default."""
+    """One of the processes that share a port; by default the only one."""
 
     number: int = 0
     of: int = 1
 
     def named(self, cid: bytes) -> bytes:
-        """The connection id, changed so that it names this edge."""
+        """Return the connection id, changed to identify this edge."""
         first = cid[0] - cid[0] % self.of + self.number
         return bytes((first if first < 256 else first - self.of,)) + cid[1:]
 
 
 def steer(sock: socket.socket, edges: int) -> bool:
-    """Make the kernel deliver each datagram to its owner, by a classic BPF program (bpf(4), socket(7)).
+    """Make the kernel deliver each datagram to its edge, by a classic BPF program (bpf(4), socket(7)).
 
-    The sockets of this one's port are numbered in the order of binding. False if the kernel cannot (Linux before 4.5,
-    gVisor).
+    A port's sockets are numbered in the order in which they were bound. Returns False if the kernel does not support
+    this (Linux before 4.5, gVisor).
     """
     program = b"".join(
         struct.pack("@HBBI", *instruction)
@@ -76,7 +76,7 @@ def steer(sock: socket.socket, edges: int) -> bool:
 
 @contextmanager
 def counts_file(edges: int) -> Iterator[int]:
-    """The memory for some edges' counts, as a file descriptor without a name, until the context ends."""
+    """Shared memory for the counts of all edges, as a context manager that yields its file descriptor."""
     fd = os.memfd_create("tigas edges", os.MFD_CLOEXEC)
     try:
         os.ftruncate(fd, COUNT_BYTES * edges)
@@ -86,22 +86,22 @@ def counts_file(edges: int) -> Iterator[int]:
 
 
 class EdgeCounts:
-    """One edge's view of all edges' numbers of connections.
+    """One edge's view of the number of connections of every edge.
 
-    New clients fall on edges at random, and the fullest edge is the first that is too busy. So an edge with more
-    connections than another sends new clients there, by a Retry.
+    New clients reach edges at random, and the fullest edge is the first to be overloaded. An edge with more connections
+    than another therefore sends new clients there, with a Retry.
     """
 
     def __init__(self, fd: int, number: int, edges: int) -> None:
-        """fd: from `counts_file`; it is not needed afterwards. number: of this edge, which begins without connections;
-        edges: the number of all.
+        """fd: from `counts_file`, not needed afterwards. number: this edge's, which starts without connections. edges:
+        the total number of edges.
         """
         self._number = number
         self._counts = memoryview(mmap.mmap(fd, COUNT_BYTES * edges)).cast("I")
         self.update(0)
 
     def update(self, connections: int) -> None:
-        """Tell the others the number of this edge's connections."""
+        """Publish the number of this edge's connections."""
         self._counts[self._number] = connections
 
     def emptier(self) -> int | None:
@@ -112,9 +112,9 @@ class EdgeCounts:
 
 
 class TicketStore:
-    """Session tickets, so that a client that comes back sends its first request with its first packet (0-RTT).
+    """The newest session tickets, which let a returning client send a request with its first packet (0-RTT).
 
-    Each of the newest is good for one resumption, so that a recorded first flight cannot be played again.
+    Each ticket is valid for one resumption, so that a recorded first flight cannot be replayed.
     """
 
     def __init__(self, capacity: int = MAX_TICKETS) -> None:
@@ -125,13 +125,13 @@ class TicketStore:
         return iter(self._tickets.values())
 
     def add(self, ticket: SessionTicket) -> None:
-        """Keep a ticket that was issued; the oldest makes room."""
+        """Store an issued ticket, dropping the oldest one if the store is full."""
         self._tickets[ticket.ticket] = ticket
         while len(self._tickets) > self._capacity:
             self._tickets.popitem(last=False)
 
     def take(self, label: bytes) -> SessionTicket | None:
-        """The ticket that a client presents, once."""
+        """Remove and return the ticket that a client presents; None if it is unknown or used."""
         return self._tickets.pop(label, None)
 
 
@@ -141,10 +141,10 @@ class Share:
 
     edge: Edge = Edge()
     sockets: tuple[socket.socket, ...] = ()
-    """Bound, and the edge's to close: one, or one for each of two families. Without any, the server binds its own."""
+    """Bound sockets, one for each address family, which the edge closes. If empty, the server binds its own."""
     retry_key: bytes | None = None
-    """The same for all edges, so that each takes the others' tokens."""
+    """The same key for all edges, so that each accepts the others' tokens."""
     tickets: TicketStore = field(default_factory=TicketStore)
     """Session tickets of all edges."""
     counts: EdgeCounts | None = None
-    """Connections of all edges; None: new clients stay where they come."""
+    """Number of connections of all edges; None if new clients stay at the edge that they reach."""

@@ -1,4 +1,4 @@
-"""Answers to packets without a connection, and the tokens in them; none leaves any state."""
+"""Stateless answers to packets that belong to no connection, and the tokens in them."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ from tigas_common.udp import Address
 from tigas_render.transport.shared_port import Edge
 
 RETRY_TOKEN_S = 10.0
-"""Seconds for a client to return."""
+"""Seconds in which a client must return with its token."""
 RETRY_CID_LENGTH = 8
 RETRY_KEY_LENGTH = 16
 NONCE_LENGTH = 12
 
 RESET_TOKEN_LENGTH = 16
 MIN_RESET = 5 + RESET_TOKEN_LENGTH
-"""Bytes of the shortest reset: it looks like a packet with a short header."""
+"""Minimum length in bytes of a reset, which must look like a packet with a short header."""
 MAX_RESET = 43
-"""Maximum length; more has no benefit."""
+"""Maximum length in bytes; a longer reset has no benefit."""
 RESETS_PER_S = 100
 
 
 class Retries:
-    """Retry packets (RFC 9000, 8.1.2), whose tokens prove that a client receives at the address that it sends from.
+    """Retry packets (RFC 9000, 8.1.2), with tokens by which a client proves that it can receive at its address.
 
-    A server that a flood of first packets keeps busy asks for one before it spends memory on a handshake. Servers with
-    the same key accept each other's.
+    A server under a flood of first packets requires a token before it spends memory on a handshake. Servers with the
+    same key accept each other's tokens.
     """
 
     def __init__(self, key: bytes | None = None) -> None:
-        """key: of RETRY_KEY_LENGTH bytes; a new one by default."""
+        """key: RETRY_KEY_LENGTH bytes; random by default."""
         self._aead = AESGCM(key or os.urandom(RETRY_KEY_LENGTH))
 
     def packet(self, header: QuicHeader, address: Address, now: float, edge: Edge | None = None) -> bytes:
-        """The answer to the first packet with this header. edge: where the client is to come next; None: anywhere."""
+        """The Retry packet for a first packet with this header. edge: the one to return to; None for any."""
         source_cid = os.urandom(RETRY_CID_LENGTH)
         if edge is not None:
             source_cid = edge.named(source_cid)
@@ -56,12 +56,12 @@ class Retries:
         )
 
     def token(self, address: Address, original_cid: bytes, retry_cid: bytes, now: float) -> bytes:
-        """A token for one client's next first packet."""
+        """The token that a client must send with its next first packet."""
         nonce = os.urandom(NONCE_LENGTH)
         return nonce + self._aead.encrypt(nonce, struct.pack("!d", now) + original_cid, _bound(address, retry_cid))
 
     def validate(self, token: bytes, address: Address, retry_cid: bytes, now: float) -> bytes | None:
-        """The connection id that the client chose at first, or None if the token is not for it or too old."""
+        """The connection id that the client chose originally; None if the token is invalid for it or too old."""
         try:
             content = self._aead.decrypt(token[:NONCE_LENGTH], token[NONCE_LENGTH:], _bound(address, retry_cid))
         except (InvalidTag, ValueError):
@@ -75,10 +75,10 @@ def _bound(address: Address, retry_cid: bytes) -> bytes:
 
 
 class StatelessResets:
-    """Resets (RFC 9000, 10.3), by which a restarted server tells its earlier clients that their connections are lost.
+    """Stateless resets (RFC 9000, 10.3), by which a restarted server ends the lost connections of earlier clients.
 
-    Without one, a client keeps sending until its idle timeout. The tokens are derived from the key, the port and the
-    connection id; the port is included so that two servers with one key cannot end each other's connections.
+    Without a reset, a client keeps sending until its idle timeout. Tokens are derived from the key, the port and the
+    connection id; the port prevents two servers with the same key from ending each other's connections.
     """
 
     def __init__(self, key: bytes, port: int) -> None:
@@ -87,13 +87,12 @@ class StatelessResets:
         self._sent = 0
 
     def token(self, cid: bytes) -> bytes:
-        """Proof that a reset of the connection with this id comes from the server."""
+        """The reset token of a connection id, which proves that a reset comes from this server."""
         return hmac.digest(self._key, cid, "sha256")[:RESET_TOKEN_LENGTH]
 
     def packet(self, size: int, cid: bytes, now: float) -> bytes | None:
-        """The answer to a packet of `size` bytes for an unknown connection; None if there have been too many.
-
-        It is shorter than that packet, so that two endpoints that do not know each other fall silent.
+        """The reset for a packet of `size` bytes for an unknown connection; None for a very short packet, or if there
+        have been too many. It is shorter than the packet, so that two endpoints cannot keep resetting each other.
         """
         length = min(size - 1, MAX_RESET)
         if length < MIN_RESET:
@@ -111,7 +110,7 @@ class StatelessResets:
 def refusal(header: QuicHeader, reason: str) -> bytes:
     """The Initial packet that refuses a connection, with CONNECTION_REFUSED and a short reason (RFC 9000, 5.2.2).
 
-    It is far smaller than the first packet, which has this header.
+    header: of the client's first packet, which is far larger than the refusal.
     """
     version, text = header.version, reason.encode()
     assert version is not None

@@ -1,7 +1,7 @@
 """A fast path for a frame server's most common work: packets full of one stream's data.
 
 aioquic's packet writer examines every limit, every stream and every kind of frame for each packet. It still writes
-everything rare; stream data, acknowledgements and limits are written straight into packets, a batch at a time.
+rare frames; stream data, acknowledgements and limits are written directly into packets, a batch at a time.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from tigas_render.transport.aioquic_ext.receiving import ReceivingQuicConnection
 from tigas_render.transport.aioquic_ext.recovery import BatchRecovery, CopyPacket, StreamPacket
 
 SHORT_HEADER = 1 + PACKET_NUMBER_SEND_SIZE + 16
-"""Bytes of a 1-RTT packet around its frames, without the connection id: first byte, packet number, AEAD tag."""
+"""Overhead of a 1-RTT packet in bytes, without the connection id: first byte, packet number and AEAD tag."""
 _STREAM = bytes([QuicFrameType.STREAM_BASE | 0x04])
-"""The type of a STREAM frame with an offset that lasts to the end of its packet."""
+"""The type of a STREAM frame with an offset that extends to the end of its packet."""
 _STREAM_FIN = bytes([QuicFrameType.STREAM_BASE | 0x05])
-"""The same of a stream's last one."""
+"""The same for the last frame of a stream."""
 PREAMBLE = 600
-"""The most bytes of acknowledgements and limits that go before a packet's stream data."""
+"""Maximum size in bytes of the acknowledgements and limits ahead of a packet's stream data."""
 
 Piece = tuple[QuicStreamSender, int, int, bool]
-"""A packet's part of a stream: its sender, start and end offsets, and whether the stream ends."""
+"""The part of a stream that a packet carries: sender, start and end offsets, and whether the stream ends."""
 
 
 class Preamble:
-    """Frames that aioquic writes before a packet's stream data; to it, this is a QuicPacketBuilder."""
+    """Frames that aioquic writes before a packet's stream data. It passes for a QuicPacketBuilder."""
 
     def __init__(self, packet_number: int) -> None:
         self.packet_number = packet_number
@@ -58,7 +58,7 @@ class Preamble:
         handler: QuicDeliveryHandler | None = None,
         handler_args: Sequence[Any] = (),
     ) -> Buffer:
-        """Like QuicPacketBuilder's, with room for everything written."""
+        """Start a frame, like QuicPacketBuilder; there is room for all frames that are written here."""
         self._buffer.push_uint_var(frame_type)
         self.asks_for_ack |= frame_type != QuicFrameType.ACK
         if handler is not None:
@@ -71,7 +71,7 @@ class Preamble:
 
 
 class BulkQuicConnection(ReceivingQuicConnection):
-    """A connection that writes stream data in bulk, the oldest stream first, so that frames arrive one by one."""
+    """A connection that writes stream data in bulk, oldest stream first, so that frames arrive one after the other."""
 
     def __init__(self, **arguments: Any) -> None:
         super().__init__(**arguments)
@@ -109,7 +109,7 @@ class BulkQuicConnection(ReceivingQuicConnection):
         )
 
     def _has_rare_frames(self) -> bool:
-        """Whether there may be frames other than stream data, acknowledgements and connection limits to write."""
+        """Whether frames other than stream data, acknowledgements and connection limits may have to be written."""
         return bool(
             not self._can_write_in_bulk()
             or self._network_paths[0].remote_challenges
@@ -125,14 +125,14 @@ class BulkQuicConnection(ReceivingQuicConnection):
         )
 
     def _can_probe(self, path: QuicNetworkPath) -> bool:
-        """Whether aioquic has something to write on a path that is not in use, and a connection id for it."""
+        """Whether aioquic has something to write on an inactive path, and a connection id for it."""
         return bool(
             (path.remote_challenges or not (path.is_validated or path.local_challenge_sent))
             and (path.peer_cid or self._peer_cid_available)
         )
 
     def _has_control_frames(self, stream: QuicStream) -> bool:
-        """Whether a stream may have frames other than its data to write."""
+        """Whether frames other than data may have to be written for a stream."""
         return stream.receiver.stop_pending or stream.sender.reset_pending
 
     def _write_application(self, builder: QuicPacketBuilder, network_path: QuicNetworkPath, now: float) -> None:
@@ -147,7 +147,7 @@ class BulkQuicConnection(ReceivingQuicConnection):
             self._streams_queue = queue
 
     def _discard_finished_streams(self, now: float) -> None:
-        """Forget them, and let the client open as many new ones (RFC 9000, 4.6)."""
+        """Forget finished streams, and let the client open as many new ones (RFC 9000, 4.6)."""
         for stream in [stream for stream in self._streams_queue if stream.is_finished]:
             self._streams_queue.remove(stream)
             stream_id = _stream_id(stream)
@@ -160,7 +160,7 @@ class BulkQuicConnection(ReceivingQuicConnection):
         self._stream_limit(stream_id).value += 1
 
     def _write_in_bulk(self, now: float) -> list[Datagram]:
-        """As many packets as may leave now, the first with pending acknowledgements."""
+        """Write as many packets as may leave now, with pending acknowledgements in the first."""
         loss = self._loss
         window = (loss.congestion_window - loss.bytes_in_flight) // self._max_datagram_size
         sending = [
@@ -192,7 +192,7 @@ class BulkQuicConnection(ReceivingQuicConnection):
         return self._seal_and_register(payloads, pieces, preamble, now) if payloads else []
 
     def _write_copies(self, now: float) -> list[Datagram]:
-        """Second copies of packets that have left, once no other data may leave."""
+        """Write second copies of sent packets, once all other data has been sent."""
         if not self._copies or any(not stream.sender.buffer_is_empty for stream in self._streams_queue):
             return []
         taken = self._copies.take(now)
@@ -229,7 +229,7 @@ class BulkQuicConnection(ReceivingQuicConnection):
         )
 
     def _cut(self, stream: QuicStream, most: int, ahead: bytes, pieces: list[Piece], payloads: list[bytes]) -> None:
-        """Add pieces of a stream for at most this many packets, with their contents; `ahead` goes into the first."""
+        """Add the pieces of a stream for at most `most` packets, and their payloads; `ahead` starts the first."""
         sender, pending = stream.sender, stream.sender._pending
         stream_id = _varint(_stream_id(stream))
         size = self._max_datagram_size - SHORT_HEADER - len(self._peer_cid.cid)
@@ -289,7 +289,7 @@ class BulkQuicConnection(ReceivingQuicConnection):
         return [(datagram, path.addr) for datagram in datagrams]
 
     def _seal(self, payloads: list[bytes]) -> tuple[int, list[bytes]]:
-        """The number of the first packet, and the packets."""
+        """Seal payloads. Returns the number of the first packet, and the packets."""
         crypto, number = self._cryptos[Epoch.ONE_RTT], self._packet_number
         if crypto._update_key_requested:
             crypto._update_key("local_update")
@@ -304,7 +304,7 @@ def _stream_id(stream: QuicStream) -> int:
 
 
 def _varint(value: int) -> bytes:
-    """QUIC's variable-length integer (RFC 9000, 16) in four or eight bytes."""
+    """Encode a variable-length integer (RFC 9000, 16) in four or eight bytes."""
     if value < 1 << 30:
         return (value | 0x8000_0000).to_bytes(4, "big")
     return (value | 0xC000_0000_0000_0000).to_bytes(8, "big")

@@ -1,8 +1,8 @@
-"""How much may be on its way, and how fast it leaves.
+"""Congestion control and pacing for a server that is idle between frames.
 
-A frame server is idle between frames. aioquic's controllers grow the window with every acknowledgement even when the
-window was never full, so after a minute of small frames it is meaningless, and the first large frame leaves as one
-burst that a 5 Mbit/s link drops. RFC 9002, 7.8: a window that is not used does not grow.
+aioquic's controllers grow the window with every acknowledgement, even if it was never full. After a minute of small
+frames the window would therefore mean nothing, and the first large frame would leave in a single burst, which a
+5 Mbit/s link drops. Here an underused window does not grow, as RFC 9002, 7.8, requires.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ RENO = "tigas-reno"
 """The controller's name in aioquic's configuration."""
 
 GAIN = 1.25
-"""Pacing rate as a multiple of window / round trip, so that acknowledgements and not the pacer set the speed
+"""Pacing rate as a multiple of window / round trip, so that acknowledgements and not the pacer limit the speed
 (RFC 9002, 7.7)."""
 TICK = 0.001
-"""Seconds; the resolution of timers in uvloop and epoll, and the worth of one burst in Linux' TCP."""
+"""Timer resolution of uvloop and epoll in seconds. Linux' TCP also sends about this much at once."""
 MIN_BURST = 2
 MAX_BURST = 16
-"""Packets that may leave at once after a pause, at any rate, and that are worth a wake-up."""
+"""Limits on the number of packets that may leave at once after a pause; MAX_BURST packets are also worth a wake-up."""
 MAX_WAIT = 0.004
-"""The longest that a packet waits for others to leave with, in seconds."""
+"""Maximum time in seconds for which a packet waits so that others can leave with it."""
 
 
 class LimitedReno(RenoCongestionControl):
-    """NewReno (RFC 9002) with a window that grows only for packets sent while it was full; handles batches."""
+    """NewReno (RFC 9002) with a window that grows only for packets sent while it was full. Handles batches."""
 
     def __init__(self, *, max_datagram_size: int) -> None:
         super().__init__(max_datagram_size=max_datagram_size)
         self._full_at = -1  # number of the last packet that left no room for another
         self.round_trip = math.inf
-        """The latest one, in seconds, without the client's delay of the acknowledgement."""
+        """The latest round trip in seconds, without the client's acknowledgement delay."""
 
     def set_datagram_size(self, size: int) -> None:
-        """Grow and shrink the window in steps of another size."""
+        """Set the datagram size in bytes, in steps of which the window grows and shrinks."""
         self._max_datagram_size = size
 
     def wants_copies(self, now: float) -> bool:
@@ -51,7 +51,7 @@ class LimitedReno(RenoCongestionControl):
         return False
 
     def started_over(self, now: float) -> Self:
-        """A controller in the initial state, on which packets now in flight have no effect."""
+        """A controller in its initial state, which ignores the packets now in flight."""
         fresh = type(self)(max_datagram_size=self._max_datagram_size)
         fresh.bytes_in_flight = self.bytes_in_flight
         fresh._congestion_recovery_start_time = now
@@ -64,13 +64,13 @@ class LimitedReno(RenoCongestionControl):
         self.on_packets_acked((packet,), now)
 
     def on_packets_sent(self, packets: Sequence[QuicSentPacket]) -> None:
-        """Count packets, in the order of their numbers, and remember whether they fill the window."""
+        """Count packets, sorted by number, and remember whether they fill the window."""
         self.bytes_in_flight += sum(packet.sent_bytes for packet in packets)
         if self.bytes_in_flight + self._max_datagram_size > self.congestion_window:
             self._full_at = packets[-1].packet_number
 
     def on_packets_acked(self, packets: Sequence[QuicSentPacket], now: float) -> None:
-        """Grow the window for packets, in the order of their numbers, that were sent while it was full."""
+        """Grow the window for the packets, sorted by number, that were sent while it was full."""
         first_spare = bisect_right(packets, self._full_at, key=attrgetter("packet_number"))
         for packet in packets[:first_spare]:
             super().on_packet_acked(now=now, packet=packet)
@@ -81,10 +81,10 @@ register_congestion_control(RENO, LimitedReno)
 
 
 class TickPacer(QuicPacketPacer):
-    """Releases the packets of a time slice at once.
+    """Releases all packets of a time slice at once.
 
-    aioquic's own pacer allows 16 packets and then asks for a wake-up for the next one: with timers of a millisecond
-    that is a ceiling of about 180 Mbit/s, and batches are too small for segmentation offload.
+    aioquic's own pacer allows 16 packets and then asks to be woken for each further one. With timers of a millisecond
+    that limits the rate to about 180 Mbit/s, and batches are too small for segmentation offload.
     """
 
     def next_send_time(self, now: float) -> float | None:  # type: ignore[override]  # aioquic's returns None as well
@@ -95,19 +95,19 @@ class TickPacer(QuicPacketPacer):
         return None
 
     def allowance(self, now: float, most: int) -> int:
-        """How many of `most` packets `next_send_time` lets out now, one after the other."""
+        """The number of packets, up to `most`, that consecutive calls of `next_send_time` would release now."""
         if self.packet_time is None:
             return most
         self.update_bucket(now=now)
         return min(most, max(0, math.ceil(self.bucket_time / self.packet_time)))
 
     def next_burst(self, now: float, waiting: int) -> float:
-        """Time to continue with this many waiting packets once `allowance` is used up: the last of them is not late."""
+        """When to send again once `allowance` is used up, given the number of waiting packets."""
         assert self.packet_time is not None
         return now + max(TICK, min(min(waiting, MAX_BURST) * self.packet_time, MAX_WAIT))
 
     def update_after_sends(self, count: int) -> None:
-        """Like `update_after_send` for this many packets released by `allowance`."""
+        """Like `update_after_send`, for `count` packets released by `allowance`."""
         if self.packet_time is not None:
             self.bucket_time = max(0.0, self.bucket_time - count * self.packet_time)
 

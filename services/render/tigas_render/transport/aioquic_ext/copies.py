@@ -1,7 +1,7 @@
 """Second copies of a frame's packets on a path that loses packets at random.
 
-A lost packet makes its frame a round trip late. While the path has no queue, every packet is therefore sent once more,
-behind all other data. The copies leave as fast as their originals, and stop with the first sign of a queue.
+A lost packet delays its frame by a round trip. While the path has no queue, every packet is therefore sent a second
+time, after all other data. Copies leave at the same rate as their originals, and stop at the first sign of a queue.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from tigas_render.transport.aioquic_ext.congestion import TickPacer
 from tigas_render.transport.aioquic_ext.recovery import BatchRecovery, StreamPacket
 
 MOST = 256
-"""Packets that may wait; older ones are forgotten."""
+"""Maximum number of packets waiting to be copied; older ones are dropped."""
 
 
 class Copies:
-    """Packets on their way that are worth a second copy."""
+    """The packets in flight that are worth a second copy."""
 
     def __init__(self, loss: BatchRecovery, pacer: TickPacer) -> None:
-        """pacer: of the originals."""
+        """pacer: the pacer of the originals."""
         self._loss = loss
         self._originals = pacer
         self._pacer = TickPacer(max_datagram_size=pacer._max_datagram_size)
@@ -30,12 +30,12 @@ class Copies:
         return bool(self._waiting)
 
     def add(self, packets: Iterable[StreamPacket], now: float) -> None:
-        """Note packets that leave now."""
+        """Add packets that are being sent now."""
         if self._loss.wants_copies(now):
             self._waiting.extend(packets)
 
     def take(self, now: float) -> list[StreamPacket]:
-        """Packets to send a second time now."""
+        """Return the packets to send a second time now."""
         if not self._loss.wants_copies(now):
             self._waiting.clear()
         waiting, pacer, pace = self._waiting, self._pacer, self._originals
@@ -51,5 +51,5 @@ class Copies:
         return taken
 
     def due(self, now: float) -> float | None:
-        """Time to go on, if any wait."""
+        """When to send the next copies; None if no packets are waiting."""
         return self._pacer.next_burst(now, len(self._waiting)) if self._waiting else None

@@ -10,19 +10,19 @@ from aioquic.h3.events import H3Event, Headers, WebTransportStreamDataReceived
 from aioquic.quic.events import QuicEvent, StreamDataReceived
 
 MAX_FIELD_SECTION = 8 * 1024
-"""Bytes of a request's fields, names and values, and 32 for each (RFC 9114, 4.2.2); browsers send about 1,500."""
+"""Maximum bytes of a request's headers, counting 32 extra for each (RFC 9114, 4.2.2); browsers send about 1,500."""
 FRAME_LIMITS = {int(FrameType.HEADERS): MAX_FIELD_SECTION, int(FrameType.SETTINGS): 1024, int(FrameType.MAX_PUSH_ID): 8}
-"""Bytes of the frames that are kept until they are complete; all others are passed on or skipped as they arrive."""
+"""Maximum bytes of the frame types that are buffered until complete; others are passed on or skipped as they arrive."""
 MAX_ENCODER_TABLE = 4096
-"""Limit of our dynamic table for outgoing fields in bytes, whatever the client allows."""
+"""Maximum size in bytes of our dynamic table for outgoing headers, even if the client allows more."""
 
 
 WEBTRANSPORT_STREAM = b"\x40\x41"
-"""First bytes of a WebTransport session's bidirectional stream; the session's id follows."""
+"""First bytes of a bidirectional WebTransport stream; the session's id follows."""
 
 
 class ExcessiveLoad(ProtocolError):
-    """The client sends more than anybody needs to; ends its connection."""
+    """The client sends more than any legitimate client needs to. Ends its connection."""
 
     error_code = ErrorCode.H3_EXCESSIVE_LOAD
 
@@ -31,7 +31,7 @@ class ServerH3Connection(H3Connection):
     """A server's HTTP/3 connection."""
 
     def _init_connection(self) -> None:
-        # Without a dynamic table a byte expands to about a hundred bytes at most; with one, to the size of its entries
+        # With a dynamic table, a byte from the client could expand to a whole entry; without, to about a hundred bytes
         self._max_table_capacity = self._blocked_streams = 0
         self._decoder = type(self._decoder)(0, 0)
         super()._init_connection()
@@ -60,7 +60,7 @@ class ServerH3Connection(H3Connection):
         return headers
 
     def handle_event(self, event: QuicEvent) -> list[H3Event]:
-        """Like aioquic's; a WebTransport stream that arrives whole, as requests do, leaves no state."""
+        """Like aioquic's method, but keeps no state for WebTransport streams that arrive whole, as requests do."""
         if (
             isinstance(event, StreamDataReceived)
             and event.end_stream
@@ -77,7 +77,7 @@ class ServerH3Connection(H3Connection):
         return super().handle_event(event)
 
     def finished(self, stream_id: int) -> None:
-        """Forget a stream that was ended below HTTP/3, as WebTransport's are; aioquic would keep its state."""
+        """Forget a stream that was ended below HTTP/3, like WebTransport streams; aioquic would keep its state."""
         stream = self._stream.get(stream_id)
         if stream is not None:
             stream.sending_ended = True
@@ -85,7 +85,7 @@ class ServerH3Connection(H3Connection):
                 del self._stream[stream_id]
 
     def is_cut(self, stream_id: int) -> bool:
-        """Whether a stream holds an incomplete frame or header."""
+        """Whether a stream has an incomplete frame or frame header."""
         stream = self._stream.get(stream_id)
         return stream is not None and (bool(stream.buffer) or stream.frame_type in FRAME_LIMITS)
 
@@ -97,6 +97,6 @@ class ServerH3Connection(H3Connection):
 
 
 def _check_size(frame_type: int, stream: H3Stream) -> None:
-    """Refuses a frame by its header."""
+    """Raise ExcessiveLoad if a frame's header announces too large a frame."""
     if stream.frame_size is not None and stream.frame_size > FRAME_LIMITS.get(frame_type, stream.frame_size):
         raise ExcessiveLoad(f"A frame of type {frame_type} has more than {FRAME_LIMITS[frame_type]} bytes")

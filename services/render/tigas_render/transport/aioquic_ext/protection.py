@@ -1,4 +1,4 @@
-"""Packet protection of 1-RTT packets (RFC 9001, 5) with little Python for each: a batch is sealed in one go."""
+"""Protection of 1-RTT packets (RFC 9001, 5) in batches, with little Python code per packet."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from aioquic.quic.packet import decode_packet_number
 from cryptography.exceptions import InvalidTag
 
 NUMBER_BYTES = 2
-"""Bytes of a packet number that we send."""
+"""Bytes of the packet numbers that we send."""
 SAMPLE_BYTES = 16
 _SAMPLE = slice(4 - NUMBER_BYTES, 4 - NUMBER_BYTES + SAMPLE_BYTES)
 _MASK = struct.Struct("!BH13x")
@@ -19,7 +19,7 @@ KEY_PHASE = 0x04
 
 
 def seal(crypto: CryptoContext, first: int, cid: bytes, number: int, payloads: Sequence[bytes]) -> list[bytes]:
-    """Packets with consecutive numbers. `first` is their first byte before protection."""
+    """Seal payloads as packets with consecutive numbers from `number`. first: the first byte before protection."""
     assert crypto.aead is not None
     assert crypto.hp is not None
     header = struct.Struct(f"!B{len(cid)}sH").pack
@@ -38,7 +38,7 @@ def seal(crypto: CryptoContext, first: int, cid: bytes, number: int, payloads: S
 
 
 def _masks(crypto: CryptoContext, samples: Sequence[bytes]) -> bytes:
-    """Masks of the samples, 16 bytes each, of which the first five are used."""
+    """Header protection masks of the samples, 16 bytes each, of which the first five are used."""
     assert crypto.hp is not None
     if crypto.hp._is_chacha20:
         return b"".join(crypto.hp._mask(sample).ljust(SAMPLE_BYTES) for sample in samples)
@@ -46,7 +46,7 @@ def _masks(crypto: CryptoContext, samples: Sequence[bytes]) -> bytes:
 
 
 def open_packet(crypto: CryptoContext, data: bytes, cid_bytes: int, expected: int) -> tuple[int, bytes, int] | None:
-    """The first byte, the payload and the number of a packet; None if it is in another key phase.
+    """The first byte, payload and number of a packet; None if it is in another key phase.
 
     Raises CryptoError if it was not sealed with this key.
     """

@@ -20,38 +20,38 @@ from tigas_render.transport.aioquic_ext.bulk import SHORT_HEADER, BulkQuicConnec
 from tigas_render.transport.shared_port import Edge
 
 DATAGRAM_HEADER = 1 + 2
-"""Bytes of a DATAGRAM frame before its data: type and length."""
+"""Header of a DATAGRAM frame in bytes: type and length."""
 BLACK_HOLE_PROBES = 2
-"""Probe timeouts in a row after which datagrams above QUIC's minimum size are suspected of being lost on the way."""
+"""Probe timeouts in a row after which the path is suspected of losing datagrams above QUIC's minimum size."""
 AWAY_S = 5.0
-"""Seconds of silence after which a client with pending acknowledgements counts as lost."""
+"""Seconds of silence after which a client that owes acknowledgements counts as gone."""
 RAISE_S = 60.0
-"""Seconds after which the full size is tried again."""
+"""Seconds after which the full datagram size is tried again."""
 
 REQUESTS_PER_S = 120.0
-"""Of a viewer with a fast display."""
+"""Request rate of a viewer with a fast display."""
 SERVICE_S = 0.1
-"""Until a request is answered, and the client acknowledges that, in seconds."""
+"""Seconds to answer a request, including the client's acknowledgement delay."""
 MIN_STREAMS, MAX_STREAMS = 16, 128
 
 
 def stream_window(round_trip_s: float) -> int:
-    """Streams that a client may have open at a time: enough to send a request at any time, and not hundreds.
+    """Maximum number of a client's open streams: enough to send a request at any time, but not hundreds.
 
     A stream counts from its first packet until both sides have finished it and the client has acknowledged the whole
-    answer; the next MAX_STREAMS frame takes as long again to arrive, and is delayed until half of the credit is used,
-    to be worth a frame. That makes three round trips, plus the server's time and a delayed acknowledgement.
+    answer. The next MAX_STREAMS frame takes as long again to arrive, and is delayed until half of the credit is used,
+    so that it is worth sending. That makes three round trips, plus the server's time and a delayed acknowledgement.
     """
     return max(MIN_STREAMS, min(MAX_STREAMS, math.ceil(REQUESTS_PER_S * (3 * round_trip_s + SERVICE_S))))
 
 
 class StreamCredit(Limit):
-    """aioquic's limit, which grows by one with each finished stream, and with the round trip. It never shrinks below
+    """A stream limit that grows by one with each finished stream, and with the round trip, and that never falls below
     the announced value.
     """
 
     def __init__(self, limit: Limit, round_trip_s: Callable[[], float]) -> None:
-        """limit: aioquic's own, which this replaces."""
+        """limit: aioquic's limit, which this one replaces."""
         self.frame_type, self.name = limit.frame_type, limit.name
         self.used = self._finished = 0
         self._round_trip_s = round_trip_s
@@ -59,7 +59,7 @@ class StreamCredit(Limit):
 
     @property
     def value(self) -> int:
-        """How many streams the client may have opened in all."""
+        """The total number of streams that the client may have opened so far."""
         return max(self.sent, self._finished + stream_window(self._round_trip_s()))
 
     @value.setter
@@ -68,7 +68,7 @@ class StreamCredit(Limit):
 
 
 class ServerQuicConnection(BulkQuicConnection):
-    """A server's connection."""
+    """The server's side of a connection, with bounded memory."""
 
     def __init__(
         self,
@@ -78,9 +78,9 @@ class ServerQuicConnection(BulkQuicConnection):
         reset_delay: Callable[[float], float] = lambda now: 0.0,
         **arguments: Any,
     ) -> None:
-        """Connection ids name the `edge`, and `reset_token` gives their tokens of stateless resets. `reset_delay` is
-        called before the client may open another stream in place of one that was reset, and returns seconds to wait; 0
-        counts. The rest is aioquic's.
+        """edge: named by all connection ids. reset_token: returns the stateless reset token of a connection id.
+        reset_delay: returns the seconds to wait before the client may open a stream in place of one that was reset; a
+        result of 0 counts as a replacement. arguments: aioquic's.
         """
         super().__init__(**arguments)
         self._edge = edge
@@ -89,14 +89,14 @@ class ServerQuicConnection(BulkQuicConnection):
         self.host_cid = self._local_initial_source_connection_id = self._host_cids[0].cid
         self._begun: set[int] = set()
         self._unread: dict[int, int] = {}
-        """Bytes of streams that were received in order and wait for the application."""
+        """Bytes received in order that wait for the application, by stream."""
         self._raise_at = math.inf
         """When to try the full datagram size again."""
         self._reset_delay = reset_delay
         self._withheld: deque[Limit] = deque()
-        """The limits that grow late, once for each stream that was reset."""
+        """The limits to grow later, once for each stream that was reset."""
         self._credit_at: float | None = None
-        """When the next of them grows."""
+        """When the next of these limits grows."""
         self._local_max_streams_bidi = StreamCredit(self._local_max_streams_bidi, lambda: self._loss._rtt_smoothed)
 
     def _replenish_connection_ids(self) -> None:
@@ -109,7 +109,7 @@ class ServerQuicConnection(BulkQuicConnection):
             connection_id.stateless_reset_token = self._reset_token(connection_id.cid)
 
     def _finished(self, stream_id: int, stream: QuicStream) -> None:
-        """Streams without a whole answer, which cost more than they are worth, are replaced at a limited rate."""
+        """Allow another stream in place of a finished one; at a limited rate if that was reset before its answer."""
         self._unread.pop(stream_id, None)
         if stream.sender._reset_error_code is None and stream_id % 4 == 0:
             super()._finished(stream_id, stream)
@@ -126,7 +126,7 @@ class ServerQuicConnection(BulkQuicConnection):
             self._withheld.popleft().value += 1
 
     def get_timer(self) -> float | None:
-        """As aioquic's, and when the client may open another stream; None once the connection has ended."""
+        """aioquic's timer, or the time when the client may open another stream, whichever is first; None at the end."""
         due = super().get_timer()
         return due if due is None or self._credit_at is None else min(due, self._credit_at)
 
@@ -137,20 +137,20 @@ class ServerQuicConnection(BulkQuicConnection):
         return stream
 
     def take_begun(self) -> set[int]:
-        """Streams with received data whose first byte was missing before; each once.
+        """Return, once each, the streams that received data while their first byte was missing.
 
-        aioquic does not report data kept for a stream until that byte has arrived.
+        aioquic does not report a stream's data until its first byte has arrived.
         """
         begun, self._begun = self._begun, set()
         return begun
 
     def has_gap(self, stream_id: int) -> bool:
-        """Whether a stream's first byte has not come."""
+        """Whether a stream's first byte has not arrived yet."""
         stream = self._streams.get(stream_id)
         return stream is not None and not stream.receiver.starting_offset() and not stream.receiver.is_finished
 
     def set_unread(self, stream_id: int, size: int) -> None:
-        """Count bytes of a stream that wait for the application: the client's window opens when they are read."""
+        """Set the number of a stream's bytes that wait for the application; reading them opens the client's window."""
         if size:
             self._unread[stream_id] = size
         else:
@@ -162,9 +162,9 @@ class ServerQuicConnection(BulkQuicConnection):
         )
 
     def _window_to_announce(self, stream: QuicStream) -> int:
-        """A client may be one window ahead of the data that the application has read.
+        """The stream's limit, up to one window ahead of the data that the application has read.
 
-        Only streams are limited so: a window of the connection would let uploads that wait hold up requests for frames.
+        The connection as a whole has no such limit, with which waiting uploads would hold up requests for frames.
         """
         window = self._configuration.max_stream_data
         assert stream.stream_id is not None
@@ -180,8 +180,8 @@ class ServerQuicConnection(BulkQuicConnection):
     def _write_stream_limits(self, builder: QuicPacketBuilder, space: QuicPacketSpace, stream: QuicStream) -> None:
         """Announce a stream's window.
 
-        aioquic doubles the window whenever half of it was *reached*, so that a few bytes sent at ever higher offsets
-        make it allocate without bound.
+        aioquic doubles the window whenever its middle is *reached*, so a few bytes sent at ever higher offsets would
+        make it allocate memory without bound.
         """
         assert stream.stream_id is not None
         stream.max_stream_data_local = self._window_to_announce(stream)
@@ -197,12 +197,12 @@ class ServerQuicConnection(BulkQuicConnection):
             stream.max_stream_data_local_sent = stream.max_stream_data_local
 
     def unsent(self, stream_id: int) -> int:
-        """Bytes of a stream that wait to be sent for the first time."""
+        """Bytes of a stream that have not been sent yet."""
         stream = self._streams.get(stream_id)
         return 0 if stream is None else stream.sender._buffer_stop - stream.sender.highest_offset
 
     def unsent_total(self) -> tuple[int, int]:
-        """Bytes of all streams that wait: for the network, and for the network or a client that does not read."""
+        """Unsent bytes of all streams: those that wait only for the network, and the total, including slow readers'."""
         network = total = 0
         for stream in self._streams.values():
             sender = stream.sender
@@ -215,12 +215,12 @@ class ServerQuicConnection(BulkQuicConnection):
 
     @property
     def has_room(self) -> bool:
-        """Whether the congestion window has room for more than all streams have to send."""
+        """Whether the congestion window has room for all unsent data and one more packet."""
         waiting, _ = self.unsent_total()
         return self._loss.bytes_in_flight + waiting + self._max_datagram_size <= self._loss.congestion_window
 
     def can_write(self, stream_id: int) -> bool:
-        """Whether a stream accepts data: it is open, not finished, and neither side has reset it."""
+        """Whether a stream accepts data: it is open, unfinished, and neither side has reset it."""
         stream = self._streams.get(stream_id)
         return (
             stream is not None
@@ -236,9 +236,9 @@ class ServerQuicConnection(BulkQuicConnection):
 
     @property
     def max_datagram_payload(self) -> int:
-        """The longest data that fits in a DATAGRAM frame of one packet, in bytes; 0 if the client takes none.
+        """Maximum bytes of data in a DATAGRAM frame that fits in one packet; 0 if the client accepts no datagrams.
 
-        A longer one would stay at the head of aioquic's queue for ever and hold up all others.
+        Longer data would stay at the head of aioquic's queue forever, and block it.
         """
         remote = self._remote_max_datagram_frame_size or 0
         packet = self._max_datagram_size - SHORT_HEADER - len(self._peer_cid.cid)
@@ -246,12 +246,12 @@ class ServerQuicConnection(BulkQuicConnection):
 
     @property
     def datagram_room(self) -> int:
-        """Number of full datagrams that can be handed over now without waiting in an irrevocable queue."""
+        """Number of full datagrams that can leave at once; others would wait in a queue and could not be withdrawn."""
         room = (self._loss.congestion_window - self._loss.bytes_in_flight) // self._max_datagram_size
         return max(0, room - len(self._datagrams_pending))
 
     def handle_timer(self, now: float) -> None:
-        """Like aioquic's, falling back to the datagram size of every QUIC path when all packets are lost."""
+        """Like aioquic's method; when all packets are lost, falls back to the size that every QUIC path supports."""
         super().handle_timer(now)
         if self._loss._pto_count >= BLACK_HOLE_PROBES and self._max_datagram_size > SMALLEST_MAX_DATAGRAM_SIZE:
             self._set_datagram_size(SMALLEST_MAX_DATAGRAM_SIZE)
@@ -262,7 +262,7 @@ class ServerQuicConnection(BulkQuicConnection):
             self._datagrams_pending.extend(fitting)
 
     def datagrams_to_send(self, now: float) -> list[Datagram]:
-        """As aioquic's, now and then with a probe of the full size after a fall-back."""
+        """Like aioquic's method; after a fallback, occasionally adds a probe of the full datagram size."""
         datagrams = super().datagrams_to_send(now)
         if datagrams and now >= self._raise_at and self._can_write_in_bulk():
             self._raise_at = now + RAISE_S
@@ -270,10 +270,10 @@ class ServerQuicConnection(BulkQuicConnection):
         return datagrams
 
     def _probe_full_size(self, now: float) -> Datagram:
-        """A padding packet of full size to probe the path (RFC 8899).
+        """A padded packet of full size that probes the path (RFC 8899).
 
-        Loss recovery treats it as neither in flight nor ack-eliciting: its loss says nothing about congestion (RFC
-        9000, 14.4), and nothing waits for it.
+        Loss recovery treats it as neither in flight nor ack-eliciting, because its loss says nothing about congestion
+        (RFC 9000, 14.4), and nothing waits for it.
         """
         size = self._configuration.max_datagram_size
         payload = bytes([QuicFrameType.PING]).ljust(size - SHORT_HEADER - len(self._peer_cid.cid), b"\0")
@@ -298,7 +298,7 @@ class ServerQuicConnection(BulkQuicConnection):
         self._loss.set_datagram_size(size)
 
     def is_away(self, now: float) -> bool:
-        """Whether packets are unacknowledged and nothing else has arrived for AWAY_S."""
+        """Whether packets are unacknowledged and nothing has arrived for AWAY_S."""
         heard = self._spaces[Epoch.ONE_RTT].largest_received_time
         return self._loss._pto_count > 0 and heard is not None and now - heard > AWAY_S
 

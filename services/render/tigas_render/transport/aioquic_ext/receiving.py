@@ -1,6 +1,6 @@
-"""A fast path for a client's most common packets: 1-RTT packets on the active path.
+"""A fast path for a client's most common packets, 1-RTT packets on the active path.
 
-aioquic still handles their frames, and all other packets.
+aioquic still handles the frames in them, and all other packets.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from tigas_render.transport.aioquic_ext.protection import open_packet
 from tigas_render.transport.aioquic_ext.recovery import BatchRecovery
 
 ACK_DELAY = 0.015
-"""Seconds that a request's acknowledgement waits to be sent along with the frame; below the 25 ms that QUIC clients
-assume by default (RFC 9000, 18.2).
+"""Seconds for which a request's acknowledgement waits to be sent together with the frame: less than the 25 ms that
+QUIC clients assume by default (RFC 9000, 18.2).
 """
 LONG_HEADER, RESERVED, SPIN = 0x80, 0x18, 0x20
 KEY_PACKETS = 1 << 22
-"""Packets that we seal with one key: half of the limit for AES-GCM (RFC 9001, 6.6)."""
+"""Number of packets sealed with one key: half the limit for AES-GCM (RFC 9001, 6.6)."""
 
 
 class ReceivingQuicConnection(QuicConnection):
-    """A server's connection that opens usual packets itself."""
+    """A connection that opens common packets without aioquic."""
 
     _loss: BatchRecovery
 
     def __init__(self, **arguments: Any) -> None:
         super().__init__(**arguments)
         self._moved_from: QuicNetworkPath | None = None
-        """The active path until a client moved to one that is not validated yet."""
+        """The previous path of a client that has moved to a path not validated yet."""
         self._secret: bytes | None = None
         self._secret_since = 0
-        """The number of the first packet sealed with keys of this secret."""
+        """Number of the first packet sealed with this secret's keys."""
         self._old_keys: CryptoContext | None = None
         self._old_keys_until = 0.0
 
@@ -68,9 +68,10 @@ class ReceivingQuicConnection(QuicConnection):
             self._opened(first, payload, number, space, now)
 
     def _renew_keys(self, now: float) -> None:
-        """Start a key update when it is due and the client has acknowledged the present keys (RFC 9001, 6.1).
+        """Start a key update when one is due and the client has acknowledged the current keys (RFC 9001, 6.1).
 
-        aioquic drops the old keys at once, although the client uses them until it learns of the update.
+        The old keys are kept because aioquic drops them at once, although the client uses them until it learns of the
+        update.
         """
         crypto = self._cryptos[Epoch.ONE_RTT]
         if crypto.send.secret is not self._secret:
@@ -104,7 +105,7 @@ class ReceivingQuicConnection(QuicConnection):
         )
 
     def _receive_unusual(self, data: bytes, addr: Any, now: float) -> None:
-        """Let aioquic handle a datagram, and complete the client's move to another path once that is validated."""
+        """Let aioquic handle a datagram, and complete the client's move to another path once the path is validated."""
         before = self._network_paths[0] if self._network_paths else None
         super().receive_datagram(data, addr, now)
         if before is not None and before.is_validated and before is not self._network_paths[0]:
@@ -114,7 +115,7 @@ class ReceivingQuicConnection(QuicConnection):
             self._moved_from = None
 
     def _complete_move(self, old: QuicNetworkPath, now: float) -> None:
-        """Drop the other paths, and the old one's measurements if the client has another address.
+        """Drop all other paths, and the old path's measurements if the client's address has changed.
 
         A change of the port alone is a NAT rebinding: the route is the same, so the congestion window and the round
         trip are kept (RFC 9000, 9.4).
@@ -127,7 +128,7 @@ class ReceivingQuicConnection(QuicConnection):
             self._loss.start_over(now)
 
     def _opened(self, first: int, payload: bytes, number: int, space: QuicPacketSpace, now: float) -> None:
-        """aioquic's handling of a packet that is neither a duplicate nor from another path."""
+        """Do what aioquic does with a packet that is neither a duplicate nor from another path."""
         in_order = number == space.largest_received_packet + 1
         if number > space.expected_packet_number:
             space.expected_packet_number = number + 1
@@ -160,5 +161,5 @@ class ReceivingQuicConnection(QuicConnection):
         if len(space.ack_queue) > MAX_ACK_RANGES:
             space.ack_queue.shift()
         if is_ack_eliciting:
-            # At once for every second packet, and for one that reveals a gap (RFC 9000, 13.2.1 and 2)
+            # Immediately for every second packet, and for a packet that reveals a gap (RFC 9000, 13.2.1 and 13.2.2)
             space.ack_at = now + ACK_DELAY if in_order and space.ack_at is None else now

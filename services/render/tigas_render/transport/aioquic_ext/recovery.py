@@ -1,4 +1,4 @@
-"""aioquic's loss recovery, which takes packets of stream data by the batch, when they are sent and acknowledged."""
+"""aioquic's loss recovery, extended to handle batches of stream packets when they are sent and acknowledged."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Handlers = Sequence[tuple[QuicDeliveryHandler, Any]]
 
 @dataclass(slots=True, eq=False)
 class StreamPacket:
-    """A packet of one stream's data on its way, as aioquic's QuicSentPacket."""
+    """A packet in flight with one stream's data. A lighter equivalent of aioquic's QuicSentPacket."""
 
     epoch: ClassVar = Epoch.ONE_RTT
     in_flight: ClassVar = True
@@ -35,11 +35,11 @@ class StreamPacket:
     sent_bytes: int
     sender: QuicStreamSender
     start: int
-    """Of its part of the stream."""
+    """Offset of the first byte in the stream; `stop` is the end."""
     stop: int
     fin: bool
     others: Handlers = ()
-    """Delivery handlers of its other frames."""
+    """Delivery handlers of the packet's other frames."""
 
     @property
     def delivery_handlers(self) -> Handlers:
@@ -47,7 +47,7 @@ class StreamPacket:
 
     @property
     def is_outstanding(self) -> bool:
-        """Whether its data has neither arrived, as far as known, nor been declared lost or withdrawn."""
+        """Whether its data has been neither acknowledged, nor declared lost, nor withdrawn by a reset."""
         sender = self.sender
         return (
             sender._reset_error_code is None
@@ -57,16 +57,16 @@ class StreamPacket:
 
 
 class CopyPacket(StreamPacket):
-    """A second copy of a part of a stream."""
+    """A second copy of a stream packet's data."""
 
     __slots__ = ()
     in_flight: ClassVar = False
 
 
 def deliver(delivery: QuicDeliveryState, sender: QuicStreamSender, start: int, stop: int, fin: bool) -> None:
-    """Tell a stream that a part of it has arrived or is lost; parts may have been sent twice.
+    """Notify a stream that a part of it was acknowledged or lost, where the part may have been sent twice.
 
-    aioquic's sender takes each byte's arrival once, and sends what is lost without a look at what has arrived.
+    aioquic's sender expects one acknowledgement per byte, and resends lost bytes even if their copy has arrived.
     """
     fin = fin and not sender._acked_fin
     start = max(start, sender._buffer_start)
@@ -86,16 +86,16 @@ def deliver(delivery: QuicDeliveryState, sender: QuicStreamSender, start: int, s
 
 
 Sent = QuicSentPacket | StreamPacket
-"""aioquic's own code treats both alike, but mentions only the first."""
+"""aioquic's code works with both, but its annotations mention only the first."""
 
 
 class BatchRecovery(QuicPacketRecovery):
-    """Loss recovery with a congestion controller of `congestion`."""
+    """Loss recovery with a batch-aware congestion controller, LimitedReno or a subclass."""
 
     _cc: LimitedReno
 
     def set_datagram_size(self, size: int) -> None:
-        """Count windows and pace packets in datagrams of another size."""
+        """Set the datagram size in bytes, for the window and the pacer."""
         self._cc.set_datagram_size(size)
         self._pacer._max_datagram_size = size
         if self._pacer.packet_time is not None:
@@ -106,19 +106,19 @@ class BatchRecovery(QuicPacketRecovery):
         return self._cc.wants_copies(now)
 
     def on_copies_sent(self, packets: Sequence[CopyPacket], space: QuicPacketSpace) -> None:
-        """Note second copies: they elicit acknowledgements, but say nothing about congestion."""
+        """Record second copies, which elicit acknowledgements but say nothing about congestion."""
         space.sent_packets.update((packet.packet_number, packet) for packet in packets)  # type: ignore[misc]
         space.ack_eliciting_in_flight += len(packets)
 
     def start_over(self, now: float) -> None:
-        """Forget the congestion window and the round trip, as on a new path."""
+        """Reset the congestion window and the round trip, as on a new path."""
         self._cc = self._cc.started_over(now)
         self._pacer.packet_time = None
         self._rtt_initialized, self._rtt_min = False, math.inf
         self._pto_count = 0
 
     def on_stream_packets_sent(self, packets: Sequence[StreamPacket], space: QuicPacketSpace) -> None:
-        """As `on_packet_sent` for each of them, once the handshake is confirmed."""
+        """Like `on_packet_sent` for each packet, after the handshake is confirmed."""
         space.sent_packets.update((packet.packet_number, packet) for packet in packets)  # type: ignore[misc]
         space.ack_eliciting_in_flight += len(packets)
         self._time_of_last_sent_ack_eliciting_packet = packets[-1].sent_time
@@ -127,7 +127,7 @@ class BatchRecovery(QuicPacketRecovery):
     def on_other_packet_sent(
         self, number: int, now: float, size: int, handlers: Handlers, space: QuicPacketSpace, *, is_ack_eliciting: bool
     ) -> None:
-        """Like `on_packet_sent` for a packet without stream data, in flight only if it elicits an acknowledgement."""
+        """Like `on_packet_sent`, for a packet without stream data. Only ack-eliciting packets count as in flight."""
         packet = QuicSentPacket(
             epoch=Epoch.ONE_RTT,
             in_flight=is_ack_eliciting,
@@ -142,7 +142,7 @@ class BatchRecovery(QuicPacketRecovery):
         self.on_packet_sent(packet=packet, space=space)
 
     def on_ack_received(self, *, ack_rangeset: RangeSet, ack_delay: float, now: float, space: QuicPacketSpace) -> None:
-        """As aioquic's, which only gets to see the newest packets: from them it learns the round trip."""
+        """Handle acknowledged packets in a batch, and leave only the newest to aioquic, for the round trip."""
         acked = _acked(space, ack_rangeset)
         while acked and not acked.pop().is_ack_eliciting:
             pass
@@ -159,7 +159,7 @@ class BatchRecovery(QuicPacketRecovery):
 
 
 def _acked(space: QuicPacketSpace, ranges: RangeSet) -> list[Sent]:
-    """The packets on their way that are acknowledged now, the oldest first."""
+    """The packets in flight that these ranges acknowledge, oldest first."""
     numbers = list(space.sent_packets)
     return [
         space.sent_packets[number]
@@ -169,7 +169,7 @@ def _acked(space: QuicPacketSpace, ranges: RangeSet) -> list[Sent]:
 
 
 def _tell(packets: Sequence[Sent]) -> None:
-    """Call the handlers of acknowledged packets, once for consecutive parts of a stream."""
+    """Call the handlers of acknowledged packets, with consecutive parts of a stream combined into one call."""
     run: StreamPacket | None = None
     start = 0
     for packet in packets:

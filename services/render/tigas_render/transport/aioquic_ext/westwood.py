@@ -1,14 +1,14 @@
-"""Congestion control that tolerates random loss: NewReno with the path's capacity as the least window.
+"""Congestion control that tolerates random loss: NewReno with the path's capacity as the minimum window.
 
-NewReno halves its window at each loss, so 1 % of random loss on a path of 100 ms holds it at 12 packets (Mathis et al.,
-1997), whatever the link carries. After a loss this controller keeps
+NewReno halves its window at each loss, so a random loss of 1 % keeps it at 12 packets (Mathis et al., 1997), however
+fast the link is. After a loss this controller keeps
 
-    max(window / 2, min(window, bandwidth · least round trip))
+    max(window / 2, min(window, bandwidth · minimum round trip))
 
 as TCP Westwood does (Mascolo et al., MobiCom 2001), with the delivery rate of BBR (draft-ietf-ccwg-bbr, 4.5.2) as the
-bandwidth. With a full queue that is the capacity of the link, so the queue drains. Without a queue a loss is
-random: the window stays, and data is worth sending twice (copies.py). Growth, and therefore the share of other flows,
-is NewReno's.
+bandwidth. If there is a full queue, that is the capacity of the link, so the queue drains. If there is no queue, the
+loss is random: the window stays, and data is worth sending twice (copies.py). The window grows as in NewReno, so other
+flows get the same share.
 """
 
 from __future__ import annotations
@@ -26,36 +26,36 @@ from tigas_render.transport.aioquic_ext.congestion import LimitedReno
 WESTWOOD = "tigas-westwood"
 """The controller's name in aioquic's configuration."""
 BANDWIDTH_S = 2.0
-"""Seconds for which a delivery rate is evidence of the bandwidth."""
+"""Window in seconds of the maximum delivery rate, which estimates the bandwidth."""
 ROUND_TRIP_S = 10.0
-"""Seconds for which a round trip is evidence of the path without queues. Gaps between frames drain queues."""
+"""Window in seconds of the minimum round trip. Gaps between frames drain queues, so it has no queueing delay."""
 LEAST_INTERVAL_S = 0.002
-"""Rates over shorter intervals are timer noise."""
+"""Minimum interval in seconds for a delivery rate; over shorter ones it is timer noise."""
 MOST_LOSS = 0.06
-"""Share of lost packets above which loss means congestion, as at a policer or a very short queue."""
+"""Share of lost packets above which loss means congestion, for example at a policer or a very short queue."""
 MEMORY = 500
-"""Packets over which that share is averaged, about."""
+"""Approximate number of packets over which that share is averaged."""
 LEAST_PACKETS = 50
-"""Acknowledged packets after which the share is known."""
+"""Number of acknowledged packets after which that share is meaningful."""
 LOSSY_S = 2.0
 """Seconds after a loss for which data is sent twice."""
 QUEUE = 1.25
-"""Round trips this many times as long as the least one mean a queue."""
+"""Multiple of the minimum round trip above which a round trip reveals a queue."""
 
 
 class _Burst(NamedTuple):
-    """State at the time when packets were sent together."""
+    """The delivery state when a burst of packets was sent."""
 
     number: int
-    """Of its first packet."""
+    """Number of its first packet."""
     delivered: int
-    """Bytes delivered before."""
+    """Bytes delivered before it."""
     delivered_at: float
     first_sent_at: float
 
 
 class DeliveryRate:
-    """Bytes per second that the network delivers, sampled per acknowledgement."""
+    """The network's delivery rate in bytes per second, sampled with each acknowledgement."""
 
     def __init__(self) -> None:
         self._bursts: deque[_Burst] = deque()
@@ -64,13 +64,13 @@ class DeliveryRate:
         self._first_sent_at = 0.0
 
     def sent(self, number: int, now: float, idle: bool) -> None:
-        """Note a burst. number: of its first packet; idle: nothing was in flight before it."""
+        """Record a burst. number: its first packet's. idle: whether nothing was in flight before it."""
         if idle:
             self._delivered_at = self._first_sent_at = now
         self._bursts.append(_Burst(number, self._delivered, self._delivered_at, self._first_sent_at))
 
     def acknowledged(self, newest: QuicSentPacket, size: int, now: float) -> float | None:
-        """The rate from the newest of the packets that are acknowledged now, `size` bytes together."""
+        """A sample of the rate, from the newest of the packets acknowledged now, which have `size` bytes in total."""
         self._delivered += size
         self._delivered_at = now
         bursts = self._bursts
@@ -86,7 +86,7 @@ class DeliveryRate:
 
 
 class _Recent:
-    """The greatest value of the last seconds, in amortised constant time."""
+    """A sliding maximum over the last seconds, in amortised constant time."""
 
     def __init__(self, seconds: float) -> None:
         self._seconds = seconds
@@ -112,19 +112,19 @@ class Westwood(LimitedReno):
         super().__init__(max_datagram_size=max_datagram_size)
         self._rate = DeliveryRate()
         self._bandwidth = _Recent(BANDWIDTH_S)
-        self._shortest = _Recent(ROUND_TRIP_S)  # negative round trips: the greatest is the least
+        self._shortest = _Recent(ROUND_TRIP_S)  # of negative round trips, so the maximum is the minimum
         self._acked = self._lost = 0.0
         self._lost_at = -math.inf
 
     def on_packets_sent(self, packets: Sequence[QuicSentPacket]) -> None:
-        """As NewReno; also starts a sample of the delivery rate."""
+        """Like NewReno's, but also starts a sample of the delivery rate."""
         first = packets[0]
         assert first.sent_time is not None
         self._rate.sent(first.packet_number, first.sent_time, idle=not self.bytes_in_flight)
         super().on_packets_sent(packets)
 
     def on_packets_acked(self, packets: Sequence[QuicSentPacket], now: float) -> None:
-        """As NewReno; also takes a sample of the delivery rate."""
+        """Like NewReno's, but also takes a sample of the delivery rate."""
         if not packets:
             return
         rate = self._rate.acknowledged(packets[-1], sum(packet.sent_bytes for packet in packets), now)
@@ -136,14 +136,14 @@ class Westwood(LimitedReno):
         super().on_packets_acked(packets, now)
 
     def on_rtt_measurement(self, *, now: float, rtt: float) -> None:
-        """As NewReno; also keeps the least round trip, in seconds."""
+        """Like NewReno's, but also tracks the minimum round trip, in seconds."""
         self._shortest.add(-rtt, now)
         super().on_rtt_measurement(now=now, rtt=rtt)
 
     def on_packets_lost(self, *, now: float, packets: Iterable[QuicSentPacket]) -> None:
-        """Shrink the window to the path's capacity, or to half of it if more is lost than a radio loses.
+        """Shrink the window to the path's capacity, or to half of itself if the loss is too high to be random.
 
-        Without a queue the window stays: the estimate of the capacity is too low while frames do not fill the link.
+        Without a queue the window stays, because the capacity is underestimated while frames do not fill the link.
         """
         packets = list(packets)
         self._lost += len(packets)
@@ -160,7 +160,7 @@ class Westwood(LimitedReno):
             self.congestion_window = self.ssthresh = max(self.congestion_window, min(before[0], capacity))
 
     def wants_copies(self, now: float) -> bool:
-        """Whether data is worth sending twice: packets were lost lately, though the path has no queue."""
+        """Whether data is worth sending twice: packets were lost recently although the path has no queue."""
         return now - self._lost_at < LOSSY_S and not self._has_queue and not self._is_congested
 
     @property
